@@ -1,0 +1,327 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Blueprint: the one thing that every grammar writes and all the physics reads.
+
+A blueprint holds *parts* (what moves as one piece) and *bonds* (what ties two parts, or a part and
+the ground) as flat numpy arrays. Row i of every part array is part i, for life.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from enum import IntEnum
+
+import numpy as np
+
+from procphys_ros import rotation
+
+GROUND = -1  # stands in `Blueprint.bonds` for the ground
+
+
+class Shape(IntEnum):
+    """Shape of a part; its frame sits at the centre of mass."""
+
+    CAPSULE = 0  # axis along the part's z; size = diameter, diameter, length over the round ends
+    BOX = 1      # size = full extents along the part's x, y, z
+
+
+class Law(IntEnum):
+    """How a bond resists and fails."""
+
+    HINGE = 0   # elastic branch joint, row of `Blueprint.hinges`
+    MORTAR = 1  # rigid until it breaks, row of `Blueprint.mortar`
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Columns of equal length that can be selected and chained."""
+
+    def __len__(self) -> int:
+        return len(getattr(self, fields(self)[0].name))
+
+    def take(self, rows: np.ndarray) -> '_Table':
+        """Select rows, (K,) indices or a mask."""
+        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+
+def _column(dtype: type = float, width: int = 0):
+    shape = (0, width) if width else (0,)
+    return field(default_factory=lambda: np.zeros(shape, dtype))
+
+
+@dataclass(frozen=True)
+class Hinges(_Table):
+    """
+    Elastic joints, one row per bond whose law is `Law.HINGE`, in the order of the bonds.
+
+    The joint frame is the bond's frame: z along the child segment at rest, x and y the swing axes.
+
+    Attributes:
+        swing_limit: largest bend [rad], (H,).
+        swing_stiffness: bending spring [N·m/rad], (H,).
+        swing_damping: bending damper [N·m·s/rad], (H,); NaN = from `damping_ratio`.
+        damping_ratio: damping ratio of the lowest bending mode of the branch, (H,).
+        twist_stiffness: torsion spring [N·m/rad], (H,); inf = locked.
+        twist_damping: torsion damper [N·m·s/rad], (H,).
+        stretch_stiffness: axial spring [N/m], (H,); inf = locked.
+        stretch_damping: axial damper [N·s/m], (H,).
+        break_force: transmitted force that destroys the joint [N], (H,); inf = never.
+        break_torque: twisting moment that destroys the joint [N·m], (H,); inf = never.
+        strength: bending stress that breaks the wood [Pa], (H,); inf = never.
+
+    """
+
+    swing_limit: np.ndarray = _column()
+    swing_stiffness: np.ndarray = _column()
+    swing_damping: np.ndarray = _column()
+    damping_ratio: np.ndarray = _column()
+    twist_stiffness: np.ndarray = _column()
+    twist_damping: np.ndarray = _column()
+    stretch_stiffness: np.ndarray = _column()
+    stretch_damping: np.ndarray = _column()
+    break_force: np.ndarray = _column()
+    break_torque: np.ndarray = _column()
+    strength: np.ndarray = _column()
+
+
+@dataclass(frozen=True)
+class Mortar(_Table):
+    """
+    Brittle contacts, one row per bond whose law is `Law.MORTAR`, in the order of the bonds.
+
+    The bond frame sits at the centroid of the contact patch, z along the normal from the first
+    part to the second, x and y along the patch (`Blueprint.bond_extent`).
+
+    Attributes:
+        tension: tensile strength [Pa], (K,).
+        cohesion: shear strength without compression [Pa], (K,).
+        friction: rise of shear strength with compression, (K,).
+        compression: compressive strength [Pa], (K,).
+        normal_stiffness: spring normal to the patch [Pa/m], (K,).
+        shear_stiffness: spring along the patch [Pa/m], (K,).
+
+    """
+
+    tension: np.ndarray = _column()
+    cohesion: np.ndarray = _column()
+    friction: np.ndarray = _column()
+    compression: np.ndarray = _column()
+    normal_stiffness: np.ndarray = _column()
+    shear_stiffness: np.ndarray = _column()
+
+
+@dataclass(frozen=True)
+class Leaves(_Table):
+    """
+    Leaves fixed to parts: each is drawn as two crossed quads and takes wind by its area.
+
+    Attributes:
+        part: part that carries the leaf, (L,) int.
+        pose: petiole in the part's frame, z along the leaf, (L, 7).
+        size: length of the quads [m], (L,).
+        texture: index into `Blueprint.textures`, (L,) int.
+
+    """
+
+    part: np.ndarray = _column(np.int32)
+    pose: np.ndarray = _column(float, 7)
+    size: np.ndarray = _column()
+    texture: np.ndarray = _column(np.int16)
+
+
+@dataclass(frozen=True)
+class Ornaments(_Table):
+    """
+    Triangles that are drawn with a part but carry no physics (polygons, boneless segments).
+
+    Attributes:
+        part: part that carries the triangle, (T,) int.
+        triangle: corners in the part's frame [m], (T, 9) as x y z three times.
+        texture: index into `Blueprint.textures`, (T,) int.
+
+    """
+
+    part: np.ndarray = _column(np.int32)
+    triangle: np.ndarray = _column(float, 9)
+    texture: np.ndarray = _column(np.int16)
+
+
+@dataclass(frozen=True)
+class Blueprint:
+    """
+    Parts and bonds of one or many objects, at rest.
+
+    Attributes:
+        shape: `Shape` of each part, (N,) uint8.
+        size: collision extents in the part's frame [m], (N, 3); for a capsule the bone.
+        visual_size: what is drawn [m], (N, 3): for a capsule base diameter, tip diameter and full
+            segment length; for a box its extents.
+        density: [kg/m³], (N,).
+        mass: [kg], (N,).
+        inertia: principal moments about the centre of mass, along the part's axes [kg·m²], (N, 3).
+        poses: centre of mass and attitude, x y z qx qy qz qw [m], (N, 7).
+        kind: index into `kinds`, (N,) int16.
+        material: index into `materials`, (N,) int16.
+        texture: index into `textures`, (N,) int16.
+        leaf_area: one-sided leaf area that catches wind [m²], (N,).
+        bonds: pairs of parts, (M, 2) int32; `GROUND` (-1) may stand first. Branch joints name the
+            parent first.
+        bond_law: `Law` of each bond, (M,) uint8.
+        bond_frame: contact pose, in the same frame as `poses` [m], (M, 7); see `Hinges`, `Mortar`.
+        bond_extent: patch along the bond frame's x and y [m], (M, 2); hinges: diameter twice.
+        bond_area: [m²], (M,).
+        hinges: one row per hinge bond, in bond order.
+        mortar: one row per mortar bond, in bond order.
+        leaves: leaves fixed to parts.
+        ornaments: triangles drawn with parts.
+        kinds, materials, textures: names that the index columns refer to.
+
+    """
+
+    shape: np.ndarray = _column(np.uint8)
+    size: np.ndarray = _column(float, 3)
+    visual_size: np.ndarray = _column(float, 3)
+    density: np.ndarray = _column()
+    mass: np.ndarray = _column()
+    inertia: np.ndarray = _column(float, 3)
+    poses: np.ndarray = _column(float, 7)
+    kind: np.ndarray = _column(np.int16)
+    material: np.ndarray = _column(np.int16)
+    texture: np.ndarray = _column(np.int16)
+    leaf_area: np.ndarray = _column()
+    bonds: np.ndarray = _column(np.int32, 2)
+    bond_law: np.ndarray = _column(np.uint8)
+    bond_frame: np.ndarray = _column(float, 7)
+    bond_extent: np.ndarray = _column(float, 2)
+    bond_area: np.ndarray = _column()
+    hinges: Hinges = field(default_factory=Hinges)
+    mortar: Mortar = field(default_factory=Mortar)
+    leaves: Leaves = field(default_factory=Leaves)
+    ornaments: Ornaments = field(default_factory=Ornaments)
+    kinds: tuple[str, ...] = ()
+    materials: tuple[str, ...] = ()
+    textures: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in _PART_COLUMNS:
+            if len(getattr(self, name)) != len(self.shape):
+                raise ValueError(f'{name} has {len(getattr(self, name))} rows for '
+                                 f'{len(self.shape)} parts')
+        for name in _BOND_COLUMNS:
+            if len(getattr(self, name)) != len(self.bonds):
+                raise ValueError(f'{name} has {len(getattr(self, name))} rows for '
+                                 f'{len(self.bonds)} bonds')
+        for law, table in ((Law.HINGE, self.hinges), (Law.MORTAR, self.mortar)):
+            if np.count_nonzero(self.bond_law == law) != len(table):
+                raise ValueError(f'{len(table)} {law.name.lower()} rows for '
+                                 f'{np.count_nonzero(self.bond_law == law)} bonds of that law')
+
+    def __len__(self) -> int:
+        return len(self.shape)
+
+    @property
+    def part_names(self) -> list[str]:
+        """Names of the parts inside their object, `<kind>_<index>`."""
+        return [f'{self.kinds[kind]}_{i}' for i, kind in enumerate(self.kind)]
+
+    def placed(self, position: Sequence[float], yaw: float = 0.0) -> 'Blueprint':
+        """
+        Move the whole blueprint.
+
+        Args:
+            position: where its origin goes [m], (3,).
+            yaw: turn about the vertical [rad].
+        """
+        frame = np.concatenate([np.asarray(position, float), rotation.from_yaw(yaw)])
+        return replace(self, poses=rotation.compose(frame, self.poses),
+                       bond_frame=rotation.compose(frame, self.bond_frame))
+
+
+_PART_COLUMNS = ('size', 'visual_size', 'density', 'mass', 'inertia', 'poses', 'kind', 'material',
+                 'texture', 'leaf_area')
+_BOND_COLUMNS = ('bond_law', 'bond_frame', 'bond_extent', 'bond_area')
+
+
+def box_inertia(mass: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """
+    Give the principal moments of solid boxes [kg·m²], (N, 3).
+
+    Args:
+        mass: [kg], (N,).
+        size: full extents [m], (N, 3).
+    """
+    square = np.asarray(size, float) ** 2
+    return np.asarray(mass)[:, None] / 12.0 * (square.sum(axis=1, keepdims=True) - square)
+
+
+def cylinder_inertia(mass: np.ndarray, diameter: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """
+    Give the principal moments of solid cylinders along z [kg·m²], (N, 3).
+
+    Args:
+        mass: [kg], (N,).
+        diameter: [m], (N,).
+        length: [m], (N,).
+    """
+    radius_square = (0.5 * np.asarray(diameter, float)) ** 2
+    across = mass * (3.0 * radius_square + np.asarray(length, float) ** 2) / 12.0
+    return np.column_stack([across, across, 0.5 * mass * radius_square])
+
+
+def chain(blueprints: Sequence[Blueprint]) -> Blueprint:
+    """
+    Put blueprints behind each other: parts, bonds and names renumbered, nothing else changed.
+
+    Args:
+        blueprints: already placed, in the order their parts are to take.
+    """
+    if not blueprints:
+        return Blueprint()
+    columns: dict = {}
+    for name in ('shape', *_PART_COLUMNS, *_BOND_COLUMNS):
+        columns[name] = np.concatenate([getattr(b, name) for b in blueprints])
+    starts = np.cumsum([0] + [len(b) for b in blueprints[:-1]])
+    columns['bonds'] = np.concatenate([
+        np.where(b.bonds == GROUND, GROUND, b.bonds + start).astype(np.int32)
+        for b, start in zip(blueprints, starts)])
+    for name, table in (('hinges', Hinges), ('mortar', Mortar), ('leaves', Leaves),
+                        ('ornaments', Ornaments)):
+        columns[name] = table(**{
+            f.name: np.concatenate([getattr(getattr(b, name), f.name) for b in blueprints])
+            for f in fields(table)})
+    for name in ('leaves', 'ornaments'):
+        part = np.concatenate([getattr(b, name).part + start
+                               for b, start in zip(blueprints, starts)]).astype(np.int32)
+        columns[name] = replace(columns[name], part=part)
+    return Blueprint(**_merge_names(blueprints, columns))
+
+
+def _merge_names(blueprints: Sequence[Blueprint], columns: dict) -> dict:
+    """Bring the index columns of several blueprints onto common name tuples."""
+    for names, column in (('kinds', 'kind'), ('materials', 'material'),
+                          ('textures', 'texture')):
+        common = tuple(dict.fromkeys(n for b in blueprints for n in getattr(b, names)))
+        lookup = {name: i for i, name in enumerate(common)}
+        maps = [np.array([lookup[n] for n in getattr(b, names)] or [0], np.int16)
+                for b in blueprints]
+        columns[names] = common
+        columns[column] = np.concatenate([
+            m[getattr(b, column)] for m, b in zip(maps, blueprints)])
+        if names == 'textures':
+            for table in ('leaves', 'ornaments'):
+                texture = np.concatenate([m[getattr(b, table).texture]
+                                          for m, b in zip(maps, blueprints)])
+                columns[table] = replace(columns[table], texture=texture)
+    return columns

@@ -1,0 +1,67 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Errors that a user can cause; each message is one readable line with the remedy in it."""
+
+from collections.abc import Iterable
+import difflib
+
+
+class ProcPhysError(Exception):
+    """Base of every error caused by input; `str(error)` is fit to be shown to a user."""
+
+
+class GrammarError(ProcPhysError):
+    """
+    A grammar text that cannot be read, or cannot be derived within its bounds.
+
+    Args:
+        message: what is wrong, and what to do about it.
+        source: name of the file, or of the parameter the text came from.
+        line: 1-based line, 0 when the whole text is meant.
+        column: 1-based column, 0 when the whole line is meant.
+    """
+
+    def __init__(self, message: str, source: str = '<text>', line: int = 0, column: int = 0):
+        self.message = message
+        self.source = source
+        self.line = line
+        self.column = column
+        place = source
+        if line:
+            place += f':{line}'
+            if column:
+                place += f':{column}'
+        super().__init__(f'{place}: {message}')
+
+
+class SceneError(ProcPhysError):
+    """A scene that cannot be built: an unknown key, a missing file, a value out of range."""
+
+
+class CommandError(ProcPhysError):
+    """A command that is refused (unknown part, NaN, paused): the simulation is unchanged."""
+
+
+def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
+    """
+    Say which known names look most like the one given, for use inside an error message.
+
+    Args:
+        name: the name that was not found.
+        known: the names that exist.
+        limit: how many to offer.
+    """
+    close = difflib.get_close_matches(name, list(known), n=limit, cutoff=0.5)
+    return f'; did you mean {", ".join(close)}?' if close else ''
