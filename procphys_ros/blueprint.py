@@ -68,19 +68,17 @@ class Hinges(_Table):
 
     The joint frame is the bond's frame: z along the child segment at rest, x and y the swing axes.
 
-    Attributes:
-        swing_limit: largest bend [rad], (H,).
-        swing_stiffness: bending spring [N·m/rad], (H,).
-        swing_damping: bending damper [N·m·s/rad], (H,); NaN = from `damping_ratio`.
-        damping_ratio: damping ratio of the lowest bending mode of the branch, (H,).
-        twist_stiffness: torsion spring [N·m/rad], (H,); inf = locked.
-        twist_damping: torsion damper [N·m·s/rad], (H,).
-        stretch_stiffness: axial spring [N/m], (H,); inf = locked.
-        stretch_damping: axial damper [N·s/m], (H,).
-        break_force: transmitted force that destroys the joint [N], (H,); inf = never.
-        break_torque: twisting moment that destroys the joint [N·m], (H,); inf = never.
-        strength: bending stress that breaks the wood [Pa], (H,); inf = never.
-
+    :ivar swing_limit: largest bend [rad], (H,).
+    :ivar swing_stiffness: bending spring [N·m/rad], (H,).
+    :ivar swing_damping: bending damper [N·m·s/rad], (H,); NaN = from `damping_ratio`.
+    :ivar damping_ratio: damping ratio of the lowest bending mode of the branch, (H,).
+    :ivar twist_stiffness: torsion spring [N·m/rad], (H,); inf = locked.
+    :ivar twist_damping: torsion damper [N·m·s/rad], (H,).
+    :ivar stretch_stiffness: axial spring [N/m], (H,); inf = locked.
+    :ivar stretch_damping: axial damper [N·s/m], (H,).
+    :ivar break_force: transmitted force that destroys the joint [N], (H,); inf = never.
+    :ivar break_torque: twisting moment that destroys the joint [N·m], (H,); inf = never.
+    :ivar strength: bending stress that breaks the wood [Pa], (H,); inf = never.
     """
 
     swing_limit: np.ndarray = _column()
@@ -104,14 +102,12 @@ class Mortar(_Table):
     The bond frame sits at the centroid of the contact patch, z along the normal from the first
     part to the second, x and y along the patch (`Blueprint.bond_extent`).
 
-    Attributes:
-        tension: tensile strength [Pa], (K,).
-        cohesion: shear strength without compression [Pa], (K,).
-        friction: rise of shear strength with compression, (K,).
-        compression: compressive strength [Pa], (K,).
-        normal_stiffness: spring normal to the patch [Pa/m], (K,).
-        shear_stiffness: spring along the patch [Pa/m], (K,).
-
+    :ivar tension: tensile strength [Pa], (K,).
+    :ivar cohesion: shear strength without compression [Pa], (K,).
+    :ivar friction: rise of shear strength with compression, (K,).
+    :ivar compression: compressive strength [Pa], (K,).
+    :ivar normal_stiffness: spring normal to the patch [Pa/m], (K,).
+    :ivar shear_stiffness: spring along the patch [Pa/m], (K,).
     """
 
     tension: np.ndarray = _column()
@@ -127,12 +123,10 @@ class Leaves(_Table):
     """
     Leaves fixed to parts: each is drawn as two crossed quads and takes wind by its area.
 
-    Attributes:
-        part: part that carries the leaf, (L,) int.
-        pose: petiole in the part's frame, z along the leaf, (L, 7).
-        size: length of the quads [m], (L,).
-        texture: index into `Blueprint.textures`, (L,) int.
-
+    :ivar part: part that carries the leaf, (L,) int.
+    :ivar pose: petiole in the part's frame, z along the leaf, (L, 7).
+    :ivar size: length of the quads [m], (L,).
+    :ivar texture: index into `Blueprint.textures`, (L,) int.
     """
 
     part: np.ndarray = _column(np.int32)
@@ -146,11 +140,9 @@ class Ornaments(_Table):
     """
     Triangles that are drawn with a part but carry no physics (polygons, boneless segments).
 
-    Attributes:
-        part: part that carries the triangle, (T,) int.
-        triangle: corners in the part's frame [m], (T, 9) as x y z three times.
-        texture: index into `Blueprint.textures`, (T,) int.
-
+    :ivar part: part that carries the triangle, (T,) int.
+    :ivar triangle: corners in the part's frame [m], (T, 9) as x y z three times.
+    :ivar texture: index into `Blueprint.textures`, (T,) int.
     """
 
     part: np.ndarray = _column(np.int32)
@@ -163,31 +155,29 @@ class Blueprint:
     """
     Parts and bonds of one or many objects, at rest.
 
-    Attributes:
-        shape: `Shape` of each part, (N,) uint8.
-        size: collision extents in the part's frame [m], (N, 3); for a capsule the bone.
-        visual_size: what is drawn [m], (N, 3): for a capsule base diameter, tip diameter and full
-            segment length; for a box its extents.
-        density: [kg/m³], (N,).
-        mass: [kg], (N,).
-        inertia: principal moments about the centre of mass, along the part's axes [kg·m²], (N, 3).
-        poses: centre of mass and attitude, x y z qx qy qz qw [m], (N, 7).
-        kind: index into `kinds`, (N,) int16.
-        material: index into `materials`, (N,) int16.
-        texture: index into `textures`, (N,) int16.
-        leaf_area: one-sided leaf area that catches wind [m²], (N,).
-        bonds: pairs of parts, (M, 2) int32; `GROUND` (-1) may stand first. Branch joints name the
-            parent first.
-        bond_law: `Law` of each bond, (M,) uint8.
-        bond_frame: contact pose, in the same frame as `poses` [m], (M, 7); see `Hinges`, `Mortar`.
-        bond_extent: patch along the bond frame's x and y [m], (M, 2); hinges: diameter twice.
-        bond_area: [m²], (M,).
-        hinges: one row per hinge bond, in bond order.
-        mortar: one row per mortar bond, in bond order.
-        leaves: leaves fixed to parts.
-        ornaments: triangles drawn with parts.
-        kinds, materials, textures: names that the index columns refer to.
-
+    :ivar shape: `Shape` of each part, (N,) uint8.
+    :ivar size: collision extents in the part's frame [m], (N, 3); for a capsule the bone.
+    :ivar visual_size: what is drawn [m], (N, 3): for a capsule base diameter, tip diameter and
+        full segment length; for a box its extents.
+    :ivar density: [kg/m³], (N,).
+    :ivar mass: [kg], (N,).
+    :ivar inertia: principal moments about the centre of mass, in the part's axes [kg·m²], (N, 3).
+    :ivar poses: centre of mass and attitude, x y z qx qy qz qw [m], (N, 7).
+    :ivar kind: index into `kinds`, (N,) int16.
+    :ivar material: index into `materials`, (N,) int16.
+    :ivar texture: index into `textures`, (N,) int16.
+    :ivar leaf_area: one-sided leaf area that catches wind [m²], (N,).
+    :ivar bonds: pairs of parts, (M, 2) int32; `GROUND` (-1) may stand first. Branch joints name
+        the parent first.
+    :ivar bond_law: `Law` of each bond, (M,) uint8.
+    :ivar bond_frame: contact pose in the frame of `poses` [m], (M, 7); see `Hinges`, `Mortar`.
+    :ivar bond_extent: patch along the bond frame's x and y [m], (M, 2); hinges: diameter twice.
+    :ivar bond_area: [m²], (M,).
+    :ivar hinges: one row per hinge bond, in bond order.
+    :ivar mortar: one row per mortar bond, in bond order.
+    :ivar leaves: leaves fixed to parts.
+    :ivar ornaments: triangles drawn with parts.
+    :ivar kinds, materials, textures: names that the index columns refer to.
     """
 
     shape: np.ndarray = _column(np.uint8)
@@ -240,9 +230,8 @@ class Blueprint:
         """
         Move the whole blueprint.
 
-        Args:
-            position: where its origin goes [m], (3,).
-            yaw: turn about the vertical [rad].
+        :param position: where its origin goes [m], (3,).
+        :param yaw: turn about the vertical [rad].
         """
         frame = np.concatenate([np.asarray(position, float), rotation.from_yaw(yaw)])
         return replace(self, poses=rotation.compose(frame, self.poses),
@@ -258,9 +247,8 @@ def box_inertia(mass: np.ndarray, size: np.ndarray) -> np.ndarray:
     """
     Give the principal moments of solid boxes [kg·m²], (N, 3).
 
-    Args:
-        mass: [kg], (N,).
-        size: full extents [m], (N, 3).
+    :param mass: [kg], (N,).
+    :param size: full extents [m], (N, 3).
     """
     square = np.asarray(size, float) ** 2
     return np.asarray(mass)[:, None] / 12.0 * (square.sum(axis=1, keepdims=True) - square)
@@ -270,10 +258,9 @@ def cylinder_inertia(mass: np.ndarray, diameter: np.ndarray, length: np.ndarray)
     """
     Give the principal moments of solid cylinders along z [kg·m²], (N, 3).
 
-    Args:
-        mass: [kg], (N,).
-        diameter: [m], (N,).
-        length: [m], (N,).
+    :param mass: [kg], (N,).
+    :param diameter: [m], (N,).
+    :param length: [m], (N,).
     """
     radius_square = (0.5 * np.asarray(diameter, float)) ** 2
     across = mass * (3.0 * radius_square + np.asarray(length, float) ** 2) / 12.0
@@ -284,8 +271,7 @@ def chain(blueprints: Sequence[Blueprint]) -> Blueprint:
     """
     Put blueprints behind each other: parts, bonds and names renumbered, nothing else changed.
 
-    Args:
-        blueprints: already placed, in the order their parts are to take.
+    :param blueprints: already placed, in the order their parts are to take.
     """
     if not blueprints:
         return Blueprint()

@@ -26,11 +26,10 @@ class GrammarError(ProcPhysError):
     """
     A grammar text that cannot be read, or cannot be derived within its bounds.
 
-    Args:
-        message: what is wrong, and what to do about it.
-        source: name of the file, or of the parameter the text came from.
-        line: 1-based line, 0 when the whole text is meant.
-        column: 1-based column, 0 when the whole line is meant.
+    :param message: what is wrong, and what to do about it.
+    :param source: name of the file, or of the parameter the text came from.
+    :param line: 1-based line, 0 when the whole text is meant.
+    :param column: 1-based column, 0 when the whole line is meant.
     """
 
     def __init__(self, message: str, source: str = '<text>', line: int = 0, column: int = 0):
@@ -58,10 +57,9 @@ def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     """
     Say which known names look most like the one given, for use inside an error message.
 
-    Args:
-        name: the name that was not found.
-        known: the names that exist.
-        limit: how many to offer.
+    :param name: the name that was not found.
+    :param known: the names that exist.
+    :param limit: how many to offer.
     """
     close = difflib.get_close_matches(name, list(known), n=limit, cutoff=0.5)
     return f'; did you mean {", ".join(close)}?' if close else ''

@@ -23,9 +23,8 @@ def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """
     Compose rotations: the result turns by b first, then by a.
 
-    Args:
-        a: (..., 4) unit quaternions.
-        b: (..., 4) unit quaternions, broadcast against a.
+    :param a: (..., 4) unit quaternions.
+    :param b: (..., 4) unit quaternions, broadcast against a.
     """
     ax, ay, az, aw = np.moveaxis(np.asarray(a, float), -1, 0)
     bx, by, bz, bw = np.moveaxis(np.asarray(b, float), -1, 0)
@@ -46,9 +45,8 @@ def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """
     Turn vectors by unit quaternions.
 
-    Args:
-        q: (..., 4) unit quaternions.
-        v: (..., 3) vectors, broadcast against q.
+    :param q: (..., 4) unit quaternions.
+    :param v: (..., 3) vectors, broadcast against q.
     """
     q = np.asarray(q, float)
     v = np.asarray(v, float)
@@ -102,9 +100,8 @@ def from_axis_angle(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """
     Build quaternions that turn by an angle about an axis.
 
-    Args:
-        axis: (..., 3) unit vectors.
-        angle: (...) angles [rad].
+    :param axis: (..., 3) unit vectors.
+    :param angle: (...) angles [rad].
     """
     half = 0.5 * np.asarray(angle, float)[..., None]
     return np.concatenate([np.asarray(axis, float) * np.sin(half), np.cos(half)], axis=-1)
@@ -119,9 +116,8 @@ def compose(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
     """
     Chain poses: express `inner`, given in the frame `outer`, in the frame of `outer` itself.
 
-    Args:
-        outer: (..., 7) poses x y z qx qy qz qw.
-        inner: (..., 7) poses in the frame of outer.
+    :param outer: (..., 7) poses x y z qx qy qz qw.
+    :param inner: (..., 7) poses in the frame of outer.
     """
     outer = np.asarray(outer, float)
     inner = np.asarray(inner, float)
