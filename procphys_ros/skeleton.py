@@ -14,9 +14,30 @@
 
 """Skeleton: turn an explicit branch structure into bones and joints (paper, section 3.1)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import (
+    Blueprint,
+    cylinder_inertia,
+    GROUND,
+    Hinges,
+    Law,
+    Leaves,
+    Ornaments,
+    Shape,
+)
+from procphys_ros.errors import SceneError
+
+# Fresh leaf mass per one-sided area [kg/m²]: about 75 g/m² dry for deciduous trees (Poorter et al.
+# 2009, New Phytologist 182:565) at about 60 % water.
+LEAF_AREAL_DENSITY = 0.2
+
+_BARE = Leaves()
+_PLAIN = Ornaments()
 
 
 @dataclass(frozen=True)
@@ -40,7 +61,7 @@ class Branches:
     :ivar swing_damping: [N·m·s/rad], (S,); NaN = from damping_ratio.
     :ivar damping_ratio: of the lowest bending mode of the branch, (S,).
     :ivar twist_stiffness, stretch_stiffness: [N·m/rad], [N/m], (S,); NaN = locked.
-    :ivar twist_damping, stretch_damping: [N·m·s/rad], [N·s/m], (S,).
+    :ivar twist_damping, stretch_damping: [N·m·s/rad], [N·s/m], (S,); NaN = from damping_ratio.
     :ivar break_force, break_torque: [N], [N·m], (S,); inf = never.
     :ivar texture: index into the texture names, (S,) int16.
     """
@@ -70,3 +91,179 @@ class Branches:
 
     def __len__(self) -> int:
         return len(self.parent)
+
+
+def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PLAIN,
+          textures: Sequence[str] = (), material: str = 'wood') -> Blueprint:
+    """
+    Turn segments into capsule bones joined by elastic hinges; part i is segment i.
+
+    A part's frame sits at the middle of its segment. It weighs as a solid cylinder of the base
+    width over the full length plus its leaves, which count as spread along the segment.
+
+    :param branches: segments, each parent before its children.
+    :param leaves: with `part` = segment and poses in the frame of the part.
+    :param ornaments: likewise.
+    :param textures: names that the texture indices refer to.
+    :param material: name of the wood.
+    :raises SceneError: when a segment is impossible; names the first one.
+    """
+    _check(branches, leaves, ornaments)
+    count = len(branches)
+    axis = rotation.rotate(branches.attitude, np.array([0.0, 0.0, 1.0]))
+    middle = branches.base + 0.5 * branches.length[:, None] * axis
+    area = 0.25 * np.pi * branches.width ** 2
+    leaf_area = np.bincount(leaves.part, leaves.size ** 2, minlength=count)
+    mass = branches.density * area * branches.length + LEAF_AREAL_DENSITY * leaf_area
+    bone = branches.bone_ratio * branches.length
+    thickness = np.minimum(branches.width, bone)
+    return Blueprint(
+        shape=np.full(count, Shape.CAPSULE, np.uint8),
+        size=np.column_stack([thickness, thickness, bone]),
+        visual_size=np.column_stack([branches.width, branches.tip_width, branches.length]),
+        density=branches.density, mass=mass,
+        inertia=cylinder_inertia(mass, branches.width, branches.length),
+        poses=np.column_stack([middle, branches.attitude]),
+        kind=np.zeros(count, np.int16), material=np.zeros(count, np.int16),
+        texture=branches.texture.astype(np.int16), leaf_area=leaf_area,
+        bonds=np.column_stack([branches.parent, np.arange(count)]).astype(np.int32),
+        bond_law=np.full(count, Law.HINGE, np.uint8),
+        bond_frame=np.column_stack([branches.base, branches.attitude]),
+        bond_extent=np.column_stack([branches.width, branches.width]), bond_area=area,
+        hinges=_hinges(branches), leaves=leaves, ornaments=ornaments,
+        kinds=('segment',), materials=(material,), textures=tuple(textures))
+
+
+def bending_stiffness(branches: Branches) -> np.ndarray:
+    """
+    Give the swing stiffness of every joint from beam theory [N·m/rad], (S,).
+
+    A joint stands for the bending of the two half segments beside it, in series: E·I/L between
+    equal segments. Where a segment starts clamped (at the ground, or sideways on its parent) only
+    its own half bends, so 2·E·I/L; with it a ten-segment cantilever's first frequency is within
+    0.5 % of the Euler-Bernoulli beam, without it 9 % low.
+    """
+    half = 0.5 * branches.length / (
+        branches.modulus * np.pi * branches.width ** 4 / 64.0)  # [rad/(N·m)]
+    follows = (branches.parent >= 0) & ~branches.lateral
+    return 1.0 / (half + np.where(follows, half[branches.parent], 0.0))
+
+
+def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
+               density: float = 900.0, modulus: float = 8e9, strength: float = 60e6,
+               damping_ratio: float = 0.05, swing_limit: float = np.pi / 3.0,
+               break_force: float = np.inf, break_torque: float = np.inf,
+               bone_ratio: float = 0.9, material: str = 'wood') -> Blueprint:
+    """
+    Build a skeleton from points and their parents: one segment per node that has a parent.
+
+    At a fork the thickest child carries the axis on and starts as wide as the fork's node; every
+    other child is a side branch and keeps its own width over its first segment. The physical
+    values are those of green hardwood unless given.
+
+    :param nodes: points [m], (K, 3).
+    :param parents: index of each node's parent, -1 for a node on the ground, (K,).
+    :param radii: wood radius at the nodes [m], (K,).
+    :raises SceneError: when a node is impossible; names the first one.
+    """
+    nodes, radii, parents = np.asarray(nodes, float), np.asarray(radii, float), np.asarray(parents)
+    _check_nodes(nodes, parents, radii)
+    tip = np.flatnonzero(parents >= 0)
+    start = parents[tip]
+    segment = np.full(len(nodes), GROUND)
+    segment[tip] = np.arange(len(tip))
+    thickest_first = np.lexsort((tip, -radii[tip], start))
+    lateral = np.ones(len(tip), bool)
+    lateral[thickest_first[np.unique(start[thickest_first], return_index=True)[1]]] = False
+    along = nodes[tip] - nodes[start]
+    same = np.ones(len(tip))
+    return build(Branches(
+        parent=segment[start], lateral=lateral, base=nodes[start],
+        attitude=_shortest_turn(along), length=np.linalg.norm(along, axis=1),
+        width=2.0 * radii[np.where(lateral, tip, start)], tip_width=2.0 * radii[tip],
+        density=density * same, modulus=modulus * same, strength=strength * same,
+        bone_ratio=bone_ratio * same, swing_limit=swing_limit * same,
+        swing_stiffness=np.nan * same, swing_damping=np.nan * same,
+        damping_ratio=damping_ratio * same, twist_stiffness=np.nan * same,
+        twist_damping=np.nan * same, stretch_stiffness=np.nan * same,
+        stretch_damping=np.nan * same, break_force=break_force * same,
+        break_torque=break_torque * same, texture=np.zeros(len(tip), np.int16)),
+        material=material)
+
+
+def _hinges(branches: Branches) -> Hinges:
+    def default(given: np.ndarray, value: np.ndarray | float) -> np.ndarray:
+        return np.where(np.isnan(given), value, given)
+
+    return Hinges(
+        swing_limit=branches.swing_limit,
+        swing_stiffness=default(branches.swing_stiffness, bending_stiffness(branches)),
+        swing_damping=branches.swing_damping, damping_ratio=branches.damping_ratio,
+        twist_stiffness=default(branches.twist_stiffness, np.inf),
+        twist_damping=branches.twist_damping,
+        stretch_stiffness=default(branches.stretch_stiffness, np.inf),
+        stretch_damping=branches.stretch_damping, break_force=branches.break_force,
+        break_torque=branches.break_torque, strength=branches.strength)
+
+
+def _shortest_turn(direction: np.ndarray) -> np.ndarray:
+    """Give the attitudes (S, 4) that turn z onto directions (S, 3) on the shortest way."""
+    x, y, z = (direction / np.linalg.norm(direction, axis=1, keepdims=True)).T
+    q = np.column_stack([-y, x, np.zeros_like(x), 1.0 + z])
+    q[1.0 + z < 1e-12] = (1.0, 0.0, 0.0, 0.0)  # straight down: any half turn will do
+    return q / np.linalg.norm(q, axis=1, keepdims=True)
+
+
+def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
+    """Refuse what has no physical meaning, naming the first segment at fault."""
+    index = np.arange(len(branches))
+    _demand((branches.parent >= GROUND) & (branches.parent < index), 'segment', 'parent',
+            branches.parent, 'an earlier segment, or -1 for the ground')
+    for name in ('length', 'width', 'density', 'modulus'):
+        value = getattr(branches, name)
+        _demand(np.isfinite(value) & (value > 0.0), 'segment', name, value,
+                'finite and above zero')
+    _demand(branches.tip_width >= 0.0, 'segment', 'tip width', branches.tip_width,
+            'zero or more')
+    _demand((branches.bone_ratio > 0.0) & (branches.bone_ratio <= 1.0), 'segment', 'bone ratio',
+            branches.bone_ratio, 'above 0 and at most 1')
+    for name in ('strength', 'swing_limit', 'break_force', 'break_torque'):
+        _demand(getattr(branches, name) > 0.0, 'segment', name.replace('_', ' '),
+                getattr(branches, name), 'above zero')
+    _demand(~(branches.swing_stiffness <= 0.0) & ~np.isinf(branches.swing_stiffness), 'segment',
+            'swing stiffness', branches.swing_stiffness, 'finite and above zero')
+    for name in ('twist_stiffness', 'stretch_stiffness'):
+        _demand(~(getattr(branches, name) <= 0.0), 'segment', name.replace('_', ' '),
+                getattr(branches, name), 'above zero')
+    for name in ('swing_damping', 'twist_damping', 'stretch_damping', 'damping_ratio'):
+        value = getattr(branches, name)
+        _demand(~(value < 0.0) & ~np.isinf(value), 'segment', name.replace('_', ' '), value,
+                'finite and not below zero')
+    known = np.isnan(branches.swing_damping) & np.isnan(branches.damping_ratio)
+    _demand(~known, 'segment', 'damping ratio', branches.damping_ratio,
+            'given where swing damping is not')
+    for name in ('base', 'attitude'):
+        value = getattr(branches, name)
+        _demand(np.isfinite(value).all(axis=1), 'segment', name, value, 'finite')
+    for name, carried in (('leaf', leaves), ('ornament', ornaments)):
+        _demand((carried.part >= 0) & (carried.part < len(branches)), name, 'part', carried.part,
+                f'a segment, 0 to {len(branches) - 1}')
+
+
+def _check_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray) -> None:
+    if nodes.ndim != 2 or nodes.shape[1:] != (3,) or not (
+            len(nodes) == len(parents) == len(radii)):
+        raise SceneError(f'nodes {nodes.shape}, parents {parents.shape} and radii {radii.shape} '
+                         'do not fit; they must be (K, 3), (K,) and (K,)')
+    _demand(np.isfinite(nodes).all(axis=1), 'node', 'position', nodes, 'finite')
+    _demand(np.isfinite(radii) & (radii > 0.0), 'node', 'radius', radii, 'finite and above zero')
+    _demand((parents >= GROUND) & (parents < np.arange(len(nodes))), 'node', 'parent', parents,
+            'an earlier node, or -1 for the ground')
+    apart = np.where(parents >= 0, np.linalg.norm(nodes - nodes[parents], axis=1), 1.0)
+    _demand(apart > 0.0, 'node', 'distance from its parent', apart, 'above zero')
+
+
+def _demand(good: np.ndarray, what: str, name: str, value: np.ndarray, allowed: str) -> None:
+    if not good.all():
+        first = int(np.argmin(good))
+        raise SceneError(f'{what} {first}: {name} is {value[first]}, but must be {allowed}')

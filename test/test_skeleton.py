@@ -1,0 +1,158 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Skeletons: bones, joints and stiffness from explicit branches, and refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from procphys_ros import rotation, skeleton
+from procphys_ros.blueprint import Leaves
+from procphys_ros.errors import SceneError
+
+
+def _fork() -> dict:
+    """Describe a trunk of two segments with a side branch that leaves at the middle node."""
+    return {'nodes': [[0, 0, 0], [0, 0, 1], [0, 0, 2], [1, 0, 1]], 'parents': [-1, 0, 1, 1],
+            'radii': [0.1, 0.09, 0.08, 0.04]}
+
+
+def _branches(count: int = 3, **changes: np.ndarray) -> skeleton.Branches:
+    """Build a straight vertical axis of equal segments."""
+    ones = np.ones(count)
+    base = np.zeros((count, 3))
+    base[:, 2] = 0.5 * np.arange(count)
+    columns = dict(
+        parent=np.arange(count) - 1, lateral=np.zeros(count, bool), base=base,
+        attitude=np.tile(rotation.IDENTITY, (count, 1)), length=0.5 * ones, width=0.1 * ones,
+        tip_width=0.08 * ones, density=800.0 * ones, modulus=8e9 * ones, strength=60e6 * ones,
+        bone_ratio=0.9 * ones, swing_limit=ones, swing_stiffness=np.nan * ones,
+        swing_damping=np.nan * ones, damping_ratio=0.05 * ones, twist_stiffness=np.nan * ones,
+        twist_damping=np.nan * ones, stretch_stiffness=np.nan * ones,
+        stretch_damping=np.nan * ones, break_force=np.inf * ones, break_torque=np.inf * ones,
+        texture=np.zeros(count, np.int16))
+    return skeleton.Branches(**{**columns, **changes})
+
+
+def test_joint_stiffness_follows_beam_theory():
+    """Expect E·I/L between equal segments and 2·E·I/L where a beam is clamped."""
+    beam = 8e9 * np.pi * 0.1 ** 4 / 64 / 0.5
+    stiffness = skeleton.build(_branches()).hinges.swing_stiffness
+    assert np.allclose(stiffness, [2 * beam, beam, beam], rtol=1e-12)
+
+
+def test_unequal_halves_bend_in_series():
+    """Expect the flexibility of a joint to be the sum of its two half segments."""
+    branches = _branches(2, width=np.array([0.1, 0.05]), modulus=np.array([8e9, 6e9]))
+    parts = 0.25 / (branches.modulus * np.pi * branches.width ** 4 / 64)
+    assert np.isclose(skeleton.build(branches).hinges.swing_stiffness[1], 1 / parts.sum())
+
+
+def test_side_branch_is_clamped_on_its_parent():
+    """Expect a lateral start to bend over its own half only, twist and stretch locked."""
+    hinges = skeleton.build(_branches(lateral=np.array([False, False, True]))).hinges
+    assert np.isclose(hinges.swing_stiffness[2], hinges.swing_stiffness[0])
+    assert np.isinf(hinges.twist_stiffness).all() and np.isinf(hinges.stretch_stiffness).all()
+
+
+def test_given_stiffness_is_kept():
+    """Expect numbers of the grammar to win over beam theory."""
+    given = np.array([5.0, np.nan, 7.0])
+    hinges = skeleton.build(_branches(swing_stiffness=given, twist_stiffness=given)).hinges
+    assert hinges.swing_stiffness[0] == 5.0 and hinges.swing_stiffness[2] == 7.0
+    assert list(hinges.twist_stiffness) == [5.0, np.inf, 7.0]
+
+
+def test_parts_weigh_as_cylinders_with_leaves():
+    """Expect mass from density, base width, full length and leaf area."""
+    leaves = Leaves(part=np.array([2, 2]), pose=np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1)),
+                    size=np.array([0.2, 0.1]), texture=np.zeros(2, np.int16))
+    blueprint = skeleton.build(_branches(), leaves)
+    wood = 800.0 * np.pi / 4 * 0.1 ** 2 * 0.5
+    assert np.allclose(blueprint.leaf_area, [0, 0, 0.05])
+    assert np.allclose(blueprint.mass,
+                       wood + skeleton.LEAF_AREAL_DENSITY * np.array([0, 0, 0.05]))
+    assert np.allclose(blueprint.size, [0.1, 0.1, 0.45])
+    assert np.allclose(blueprint.poses[:, 2], [0.25, 0.75, 1.25])
+
+
+def test_stout_bone_keeps_its_length():
+    """Expect a segment thicker than long to get a ball no longer than its bone."""
+    size = skeleton.build(_branches(width=np.full(3, 0.7))).size
+    assert np.allclose(size, 0.45)
+
+
+def test_nodes_become_segments():
+    """Expect bonds, side branches, widths and attitudes from nodes and parents."""
+    blueprint = skeleton.from_nodes(**_fork())
+    assert blueprint.bonds.tolist() == [[-1, 0], [0, 1], [0, 2]]
+    assert np.allclose(blueprint.visual_size[:, 0], [0.2, 0.18, 0.08])
+    assert np.allclose(blueprint.visual_size[:, 1], [0.18, 0.16, 0.08])
+    axis = rotation.rotate(blueprint.poses[:, 3:], np.array([0.0, 0.0, 1.0]))
+    assert np.allclose(axis, [[0, 0, 1], [0, 0, 1], [1, 0, 0]])
+    assert np.allclose(blueprint.bond_frame[:, :3], [[0, 0, 0], [0, 0, 1], [0, 0, 1]])
+
+
+def test_segment_may_hang_straight_down():
+    """Expect a finite attitude for the direction opposite to z."""
+    poses = skeleton.from_nodes([[0, 0, 2], [0, 0, 1]], [-1, 0], [0.1, 0.1]).poses
+    assert np.allclose(rotation.rotate(poses[:, 3:], np.array([0.0, 0.0, 1.0])), [0, 0, -1])
+
+
+def test_several_roots_stand_side_by_side():
+    """Expect one clamped tree per node without a parent."""
+    blueprint = skeleton.from_nodes([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]], [-1, -1, 0, 1],
+                                    [0.1] * 4)
+    assert blueprint.bonds.tolist() == [[-1, 0], [-1, 1]]
+
+
+@pytest.mark.parametrize('column, value, words', [
+    ('width', -0.1, 'segment 1: width is -0.1'), ('length', 0.0, 'segment 1: length is 0.0'),
+    ('density', np.nan, 'segment 1: density is nan'), ('modulus', np.inf, 'modulus is inf'),
+    ('bone_ratio', 1.5, 'bone ratio'), ('swing_stiffness', 0.0, 'swing stiffness'),
+    ('twist_stiffness', -1.0, 'twist stiffness'), ('swing_damping', -1.0, 'swing damping'),
+    ('damping_ratio', np.nan, 'damping ratio'), ('strength', 0.0, 'strength'),
+    ('tip_width', -1.0, 'tip width'), ('parent', 1, 'segment 1: parent is 1'),
+    ('attitude', np.nan, 'attitude'),
+])
+def test_impossible_segments_are_refused(column: str, value: float, words: str):
+    """Expect the first bad segment, its value and the remedy in the message."""
+    branches = _branches()
+    bad = getattr(branches, column).copy()
+    bad[1] = value
+    with pytest.raises(SceneError, match=words):
+        skeleton.build(replace(branches, **{column: bad}))
+
+
+@pytest.mark.parametrize('changes, words', [
+    ({'radii': [0.1, 0.0, 0.1, 0.1]}, 'node 1: radius'),
+    ({'parents': [-1, 2, 1, 1]}, 'node 1: parent is 2'),
+    ({'nodes': [[0, 0, 0], [0, 0, 0], [0, 0, 2], [1, 0, 1]]}, 'node 1: distance'),
+    ({'radii': [0.1]}, 'do not fit'),
+])
+def test_impossible_nodes_are_refused(changes: dict, words: str):
+    """Expect the first bad node in the message."""
+    with pytest.raises(SceneError, match=words):
+        skeleton.from_nodes(**{**_fork(), **changes})
+
+
+def test_leaf_on_a_missing_segment_is_refused():
+    """Expect the leaf and the allowed range in the message."""
+    leaf = Leaves(part=np.array([3]), pose=np.zeros((1, 7)), size=np.ones(1),
+                  texture=np.zeros(1, np.int16))
+    with pytest.raises(SceneError, match='leaf 0: part is 3, but must be a segment, 0 to 2'):
+        skeleton.build(_branches(), leaf)
