@@ -1,0 +1,60 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+from glob import glob
+from pathlib import Path
+import re
+
+from setuptools import find_packages, setup
+
+PACKAGE = 'procphys_ros'
+_SOURCE = (Path(__file__).parent / PACKAGE / '__init__.py').read_text(encoding='utf-8')
+VERSION = re.search(r"__version__ = '([^']+)'", _SOURCE)[1]
+
+setup(
+    name=PACKAGE,
+    version=VERSION,
+    description='Procedural trees and buildings that carry their physics, on ROS 2 topics',
+    long_description=Path(__file__).with_name('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    maintainer='The procphys_ros authors',
+    maintainer_email='procphys_ros@example.org',
+    license='Apache-2.0',
+    packages=find_packages(include=[PACKAGE, f'{PACKAGE}.*']),
+    package_data={'': ['*.lark']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        (f'share/{PACKAGE}/config', sorted(glob('config/*'))),
+        (f'share/{PACKAGE}/grammars', sorted(glob('grammars/*'))),
+        # pip ignores setup.cfg's install_scripts; `ros2 run` looks here in both installs.
+        (f'lib/{PACKAGE}', sorted(glob('scripts/*'))),
+    ],
+    zip_safe=False,
+    python_requires='>=3.11',
+    install_requires=['setuptools', 'numpy', 'numba', 'scipy', 'lark', 'pybullet', 'pyyaml'],
+    extras_require={
+        # On a ROS machine these come with ROS itself, so they are no hard requirements.
+        'wheels': ['ros-rclpy[fastrtps]~=7.1.6', 'ros-jazzy-common-interfaces'],
+        'render': ['pyvista'],
+        'test': ['pytest', 'ruff', 'mypy', 'types-PyYAML', 'ros-ament-flake8', 'ros-ament-pep257'],
+    },
+    entry_points={
+        'console_scripts': [
+            'sim = procphys_ros.ros.sim:main',
+            'render = procphys_ros.render.command:main',
+        ],
+    },
+)
