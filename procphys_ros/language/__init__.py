@@ -11,3 +11,23 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+
+"""Language: arithmetic, places and error messages that both grammar languages share."""
+
+from procphys_ros.language.defines import read_overrides, resolve_defines
+from procphys_ros.language.expressions import compile_expression, Expression
+from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
+from procphys_ros.language.place import Place
+from procphys_ros.language.syntax import syntax_error
+
+__all__ = [
+    'EXPRESSION_GRAMMAR',
+    'EXPRESSION_WORDS',
+    'Expression',
+    'Place',
+    'compile_expression',
+    'read_overrides',
+    'resolve_defines',
+    'syntax_error',
+]

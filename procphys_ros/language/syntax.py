@@ -1,0 +1,70 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Turn what lark could not read into an error in the user's words."""
+
+from collections.abc import Iterable, Mapping
+
+from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
+from lark.lexer import LexerThread
+from lark.parsers.lalr_interactive_parser import InteractiveParser
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.language.grammar import EXPRESSION_WORDS
+
+
+def _accepted(problem: UnexpectedCharacters) -> Iterable[str]:
+    """Keep of the terminals that the lexer tried those that the parser could have used."""
+    if not hasattr(problem.state, 'parse_conf'):  # raised outside the LALR parser
+        return problem.allowed or ()
+    return InteractiveParser(None, problem.state, LexerThread(None, None)).accepts()
+
+
+def _expected_words(names: Iterable[str], words: Mapping[str, str]) -> str:
+    table = {**EXPRESSION_WORDS, **words}
+    names = set(names)
+    if 'NUMBER' in names:  # where a value may begin, these are signs of that value
+        names -= {'_PLUS', '_MINUS', '_NOT'}
+    said = sorted({table.get(name, name.strip('_').lower()) for name in names})
+    if not said:
+        return 'nothing more'
+    return ' or '.join([', '.join(said[:-1]), said[-1]] if len(said) > 1 else said)
+
+
+def syntax_error(problem: UnexpectedInput, source: str, first_line: int = 1,
+                 words: Mapping[str, str] | None = None) -> GrammarError:
+    """
+    Explain an input that does not fit the grammar: what was found, what was expected.
+
+    :param problem: what lark raised.
+    :param source: name of the file or parameter.
+    :param first_line: line of the file on which the parsed text began.
+    :param words: what a user calls the terminals of the grammar; those of expressions are known.
+    """
+    expected: Iterable[str] = ()
+    found, line, column = 'the end', 0, 0
+    if isinstance(problem, UnexpectedCharacters):
+        found = f'"{problem.char}"'
+        expected, line, column = _accepted(problem), problem.line, problem.column
+    elif isinstance(problem, UnexpectedToken):
+        if problem.token.type != '$END':
+            found = f'"{problem.token}"' if str(problem.token).strip() else 'the end of the line'
+        expected = problem.accepts or problem.expected
+        line, column = problem.token.line or problem.line, problem.token.column or problem.column
+    elif isinstance(problem, UnexpectedEOF):
+        expected = problem.expected
+    line = line + first_line - 1 if line and line > 0 else first_line
+    message = f'found {found}, expected {_expected_words(expected, words or {})}'
+    return GrammarError(message, source, line, max(column or 0, 0))
