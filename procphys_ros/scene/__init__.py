@@ -11,3 +11,10 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""Scenes: grammars instanced and placed in the world."""
+
+from procphys_ros.scene.scene import Scene, SceneObject
+from procphys_ros.scene.settings import Settings
+
+__all__ = ['Scene', 'SceneObject', 'Settings']

@@ -1,0 +1,137 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Scene: blueprints placed in the world, in the part order that holds from here to ROS."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.errors import SceneError
+from procphys_ros.scene.layout import places
+from procphys_ros.scene.objects import ObjectSpec, read_objects
+from procphys_ros.scene.settings import read_settings, Settings
+from procphys_ros.scene.sources import load_grammar, parse_grammar
+from procphys_ros.scene.yaml_file import read_yaml
+
+
+@dataclass(frozen=True)
+class SceneObject:
+    """
+    One placed instance.
+
+    :ivar name: unique in the scene.
+    :ivar first: index of its first part.
+    :ivar count: number of its parts.
+    """
+
+    name: str
+    first: int
+    count: int
+
+
+class Scene:
+    """
+    Placed objects and the settings of the world they stand in.
+
+    :ivar objects: instances in part order.
+    :ivar settings: gravity, time step, seed, wind and gust.
+    """
+
+    def __init__(self, settings: Settings | None = None):
+        self.settings = settings or Settings()
+        self.objects: list[SceneObject] = []
+        self._blueprints: list[Blueprint] = []
+        self._chained: Blueprint | None = None
+
+    @classmethod
+    def from_yaml(cls, path: str | Path) -> 'Scene':
+        """
+        Read a scene file, which is a ROS parameter file of the node.
+
+        :param path: the file.
+        :raises SceneError: naming the file, the key and what is allowed.
+        :raises GrammarError: when a grammar of the scene cannot be read or derived.
+        """
+        parameters = read_yaml(Path(path))
+        try:
+            return cls.from_parameters(parameters)
+        except SceneError as error:
+            raise SceneError(f'{path}: {error}') from error
+
+    @classmethod
+    def from_parameters(cls, parameters: Mapping[str, Any]) -> 'Scene':
+        """
+        Build a scene from a nested mapping of parameters.
+
+        :param parameters: as in the `ros__parameters` of a parameter file.
+        :raises SceneError: naming the key and what is allowed.
+        :raises GrammarError: when a grammar cannot be read or derived.
+        """
+        scene = cls(read_settings(parameters))
+        for number, spec in enumerate(read_objects(parameters)):
+            scene._add_object(spec, number)
+        return scene
+
+    @property
+    def blueprint(self) -> Blueprint:
+        """All parts and bonds of the scene in the world frame."""
+        if self._chained is None:
+            self._chained = chain(self._blueprints)
+        return self._chained
+
+    def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
+            yaw: float = 0.0, name: str = '') -> SceneObject:
+        """
+        Place a blueprint.
+
+        :param blueprint: what to place; it is not changed.
+        :param position: where its origin goes [m], (3,), world frame.
+        :param yaw: turn about the vertical [rad].
+        :param name: unique name, `object_<n>` when left out.
+        :raises SceneError: when the name is taken, or the place is not finite.
+        """
+        name = name or f'object_{len(self.objects)}'
+        if any(o.name == name for o in self.objects):
+            raise SceneError(f'there are two objects called "{name}"')
+        if not np.all(np.isfinite([*position, yaw])):
+            raise SceneError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
+        first = self.objects[-1].first + self.objects[-1].count if self.objects else 0
+        placed = SceneObject(name, first, len(blueprint))
+        self._blueprints.append(blueprint.placed(position, yaw))
+        self._chained = None
+        self.objects.append(placed)
+        return placed
+
+    def _add_object(self, spec: ObjectSpec, number: int) -> None:
+        """Build and place all instances of one object; number makes its default seed its own."""
+        key = f'{spec.name}.grammar'
+        grammar = (load_grammar(spec.grammar, key) if spec.grammar
+                   else parse_grammar(spec.grammar_text, f'{key}_text'))
+        seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
+        names = spec.instance_names
+        points, headings = places(spec.layout, len(names), spec.spacing,
+                                  np.random.default_rng([seed, number]))
+        variants = min(spec.variants or len(names), len(names))
+        built = [grammar.build(seed=seed + i, **spec.numbers) for i in range(variants)]
+        turn = np.array([[np.cos(spec.yaw), np.sin(spec.yaw)],
+                         [-np.sin(spec.yaw), np.cos(spec.yaw)]])
+        for i, name in enumerate(names):
+            x, y = points[i] @ turn
+            position = np.asarray(spec.origin) + np.array([x, y, 0.0])
+            self.add(built[i % variants], position, spec.yaw + headings[i], name)

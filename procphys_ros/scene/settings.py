@@ -1,0 +1,77 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Settings of the world that a scene stands in."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+import numbers
+from typing import Any, TypeVar
+
+from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.physics.wind import Gust, WindSettings
+from procphys_ros.physics.wind.settings import check_number
+
+_Group = TypeVar('_Group')
+
+
+@dataclass(frozen=True)
+class Settings:
+    """
+    What holds for the whole scene.
+
+    :ivar seed: seed of everything random.
+    :ivar time_step: [s].
+    :ivar gravity: downward acceleration [m/s²].
+    :ivar wind: mean wind and turbulence.
+    :ivar gust: what `gust` starts when nothing else is said.
+    :raises SceneError: when a value is out of its range; the message names key and range.
+    """
+
+    seed: int = 0
+    time_step: float = 1.0 / 60.0
+    gravity: float = 9.81
+    wind: WindSettings = field(default_factory=WindSettings)
+    gust: Gust = field(default_factory=Gust)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.seed, bool) or not isinstance(self.seed, numbers.Integral) \
+                or not 0 <= self.seed < 2**62:
+            raise SceneError(f'seed is {self.seed!r}, it must be a whole number from 0 to 2^62')
+        check_number('time_step', self.time_step, 1e-4, 0.1)
+        check_number('gravity', self.gravity, 0.0, 100.0)
+
+
+def read_settings(parameters: Mapping[str, Any]) -> Settings:
+    """
+    Read the settings of a scene.
+
+    :param parameters: nested mapping as a ROS parameter file holds it.
+    :raises SceneError: naming the key, the value and what is allowed.
+    """
+    own = {key: parameters[key] for key in ('seed', 'time_step', 'gravity') if key in parameters}
+    return Settings(**own, wind=_group(parameters, 'wind', WindSettings),
+                    gust=_group(parameters, 'gust', Gust))
+
+
+def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:
+    given = parameters.get(name, {})
+    known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
+    if not isinstance(given, Mapping):
+        raise SceneError(f'{name} is {given!r}, it must be a group of {", ".join(known)}')
+    for key in given:
+        if key not in known:
+            raise SceneError(f'{name}.{key}: there is no such key'
+                             f'{nearest_names(str(key), known)} (known: {", ".join(known)})')
+    return kind(**given)

@@ -1,0 +1,76 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Read the parameters of the node from a ROS parameter file, without ROS."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from procphys_ros.errors import SceneError
+
+_NODE_KEYS = ('/**', '/*', 'sim', '/sim')  # sections that apply to a node called sim
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """
+    Read the parameters that a parameter file holds for the node `sim`.
+
+    :param path: the file.
+    :returns: nested mapping; dotted keys are opened up into nested ones.
+    :raises SceneError: when the file is missing, no YAML, or holds nothing for the node.
+    """
+    try:
+        text = path.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'it is not UTF-8 text'
+        raise SceneError(f'{path}: cannot be read: {reason}') from error
+    try:
+        document = yaml.safe_load(text)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f':{mark.line + 1}:{mark.column + 1}' if mark else ''
+        raise SceneError(f'{path}{place}: not valid YAML: {error.problem}') from error
+    except yaml.YAMLError as error:
+        raise SceneError(f'{path}: not valid YAML: {error}') from error
+    sections = [document[key]['ros__parameters'] for key in _NODE_KEYS
+                if isinstance(document, Mapping) and isinstance(document.get(key), Mapping)
+                and isinstance(document[key].get('ros__parameters'), Mapping)]
+    if not sections:
+        raise SceneError(f'{path}: no parameters for the node; the file must begin with '
+                         '"/**:" (or "sim:") and "ros__parameters:" below it')
+    merged: dict[str, Any] = {}
+    for section in sections:
+        _merge(merged, section)
+    return merged
+
+
+def _merge(into: dict[str, Any], section: Mapping[str, Any]) -> None:
+    for key, value in section.items():
+        *groups, last = str(key).split('.')
+        target = into
+        for group in groups:
+            inner = target.setdefault(group, {})
+            if not isinstance(inner, dict):
+                raise SceneError(f'{key}: "{group}" is both a value and a group')
+            target = inner
+        if isinstance(value, Mapping):
+            inner = target.setdefault(last, {})
+            if not isinstance(inner, dict):
+                raise SceneError(f'{key}: it is both a value and a group')
+            _merge(inner, value)
+        else:
+            target[last] = value

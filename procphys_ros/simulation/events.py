@@ -1,0 +1,107 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Record of bonds that broke: where, which, why, and how far beyond its strength."""
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Cause(IntEnum):
+    """What broke a bond."""
+
+    FORCE = 0        # transmitted force above the joint's limit
+    TWIST = 1        # twisting moment above the joint's limit
+    BENDING = 2      # bending stress above the strength of the wood
+    TENSION = 3      # mortar pulled apart
+    SHEAR = 4        # mortar sheared off
+    COMPRESSION = 5  # mortar or unit crushed
+    IMPACT = 6       # struck by a projectile or by debris
+    BLAST = 7        # torn out by an explosion
+    DEMOLITION = 8   # cut by a timed charge
+
+
+EVENT = np.dtype([
+    ('time', 'f8'),           # simulation time [s]
+    ('position', 'f8', 3),    # contact point, world frame [m]
+    ('bond', 'i4'),           # row in Blueprint.bonds
+    ('part_a', 'i4'),         # first part of the bond, -1 for the ground
+    ('part_b', 'i4'),         # second part
+    ('cause', 'u1'),          # `Cause`
+    ('load', 'f4'),           # load over strength at the moment of breaking
+])
+
+_CAPACITY = 200_000  # rows kept when nobody takes them; the oldest are let go and counted
+
+
+class EventLog:
+    """
+    Collects break events until somebody takes them.
+
+    :ivar total: number of events ever recorded since the last clear.
+    :ivar forgotten: number of events dropped because nobody took them.
+    """
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything, counters included."""
+        self.total = 0
+        self.forgotten = 0
+        self._chunks: list[np.ndarray] = []
+        self._held = 0
+
+    def record(self, time: float, position: np.ndarray, bond: np.ndarray, pairs: np.ndarray,
+               cause: np.ndarray | int, load: np.ndarray) -> None:
+        """
+        Add events.
+
+        :param time: simulation time [s].
+        :param position: contact points [m], (K, 3), world frame.
+        :param bond: bond rows, (K,).
+        :param pairs: the two parts of each bond, (K, 2).
+        :param cause: `Cause` of all, or of each, (K,).
+        :param load: load over strength, (K,).
+        """
+        rows = np.zeros(len(bond), EVENT)
+        rows['time'] = time
+        rows['position'] = position
+        rows['bond'] = bond
+        rows['part_a'] = pairs[:, 0]
+        rows['part_b'] = pairs[:, 1]
+        rows['cause'] = cause
+        rows['load'] = load
+        self._chunks.append(rows)
+        self._held += len(rows)
+        self.total += len(rows)
+        while self._held > _CAPACITY and len(self._chunks) > 1:
+            lost = len(self._chunks.pop(0))
+            self._held -= lost
+            self.forgotten += lost
+
+    @property
+    def rows(self) -> np.ndarray:
+        """All events held, oldest first, as an array of dtype `EVENT`."""
+        if len(self._chunks) > 1:
+            self._chunks = [np.concatenate(self._chunks)]
+        return self._chunks[0] if self._chunks else np.zeros(0, EVENT)
+
+    def take(self) -> np.ndarray:
+        """Hand out all events held and forget them; the counters stay."""
+        rows = self.rows
+        self._chunks = []
+        self._held = 0
+        return rows
