@@ -11,3 +11,13 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+
+"""Wind: mean profile, turbulence with a real spectrum, discrete gusts."""
+
+from procphys_ros.physics.wind.settings import (
+    extreme_operating_amplitude, Gust, GUST_KINDS, PROFILES, SPECTRA, WindSettings)
+from procphys_ros.physics.wind.wind import Reference, Wind
+
+__all__ = ['GUST_KINDS', 'Gust', 'PROFILES', 'Reference', 'SPECTRA', 'Wind', 'WindSettings',
+           'extreme_operating_amplitude']

@@ -1,0 +1,147 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Boxes of frozen turbulence, periodic in all directions.
+
+For each wave number along the wind the coherence across the wind is a covariance on a torus, which
+the Fourier transform diagonalises: white noise times the roots of its eigenvalues has exactly the
+one-point spectrum and the coherence wanted (Shinozuka & Deodatis 1991; the eigenvalues replace the
+Cholesky factors of Veers 1988). One inverse transform gives the box.
+
+Coherence falls off within a twelfth of a wavelength, so short waves need a fine grid and long ones
+a large one: two boxes share the spectrum. Each is interpolated with its own compensation of the
+variance that interpolation loses, which is exact for every position within a cell.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import fft
+
+from procphys_ros.physics.wind.spectra import Spectrum
+
+_SPLIT = 16.5 / 512.0  # [cycles/m] waves longer than 31 m go to the large box
+_FOLDS = 8             # images of the spectrum that fold back at the grid's Nyquist wave number
+
+
+@dataclass(frozen=True)
+class Eddies:
+    """
+    A box of turbulence, all standard deviations of the whole spectrum being their IEC ratios.
+
+    :ivar field: air velocities (nx, ny, nz, 3) float32, each n a power of two.
+    :ivar spacing: of the nodes [m], (3,).
+    :ivar lags: covariance of nodes one step apart along the axes over the variance,
+        (3, 2, 2, 2): component, steps along x, y, z.
+    """
+
+    field: np.ndarray
+    spacing: np.ndarray
+    lags: np.ndarray
+
+
+def make_large(spectrum: Spectrum, rng: np.random.Generator) -> Eddies:
+    """Draw the waves longer than 31 m in a box of 2048 x 256 x 64 m."""
+    return _draw(spectrum, (512, 128, 32), (4.0, 2.0, 2.0), (0.0, _SPLIT), rng)
+
+
+def make_small(spectrum: Spectrum, rng: np.random.Generator) -> Eddies:
+    """Draw the waves shorter than 31 m in a box of 512 x 64 x 32 m."""
+    return _draw(spectrum, (1024, 64, 32), (0.5, 1.0, 1.0), (_SPLIT, np.inf), rng)
+
+
+def _draw(spectrum: Spectrum, shape: tuple[int, int, int], spacing: tuple[float, float, float],
+          band: tuple[float, float], rng: np.random.Generator) -> Eddies:
+    field = np.empty(shape + (3,), np.float32)
+    lags = np.empty((3, 2, 2, 2))
+    wave_numbers = np.arange(shape[0] // 2 + 1) / (shape[0] * spacing[0])
+    for component in range(3):
+        variances = _bin_variances(spectrum, component, wave_numbers, band)
+        used = np.flatnonzero(variances)
+        rates = spectrum.decay(component, wave_numbers[used])
+        shares = _cross_wind_shares(rates, shape[1:], spacing[1:])
+        field[..., component] = spectrum.ratios[component] * _transform(
+            variances[used], shares, used, shape, rng)
+        lags[component] = _lag_table(variances[used], shares, used, shape[0])
+    return Eddies(field, np.array(spacing), lags)
+
+
+def _bin_variances(spectrum: Spectrum, component: int, wave_numbers: np.ndarray,
+                   band: tuple[float, float]) -> np.ndarray:
+    """
+    Share the variance within a band among the wave numbers of a grid.
+
+    What lies beyond the Nyquist wave number folds back, as it does in point samples of any
+    field; then the nodes have the whole variance.
+    """
+    step = wave_numbers[1]
+    period = 2.0 * wave_numbers[-1]
+    below = spectrum.variance_below
+
+    def between(centre: np.ndarray) -> np.ndarray:
+        low, high = (np.clip(centre + side * step, *band) for side in (-0.5, 0.5))
+        return below(component, high) - below(component, low)
+
+    variances = between(wave_numbers)
+    for fold in range(1, _FOLDS if band[1] > period else 1):
+        variances += between(fold * period + wave_numbers)
+        variances[1:-1] += between(fold * period - wave_numbers[1:-1])
+    variances[1] += variances[0]  # the mean over the box is the mean wind's affair
+    variances[0] = 0.0
+    ends = below(component, np.minimum(band, 1e9))
+    return variances * ((ends[1] - ends[0]) / variances.sum())
+
+
+def _cross_wind_shares(rates: np.ndarray, counts: tuple[int, ...],
+                       spacing: tuple[float, ...]) -> np.ndarray:
+    """Split each wave along the wind among waves across it, (rates, ny, nz), sums 1."""
+    y, z = (step * np.minimum(np.arange(n), n - np.arange(n))
+            for n, step in zip(counts, spacing))
+    distance = np.hypot(y[:, None], z[None, :]).astype(np.float32)
+    coherence = np.exp(-rates.astype(np.float32)[:, None, None] * distance)
+    shares = np.maximum(fft.fft2(coherence).real, 0.0)
+    return shares / shares.sum(axis=(1, 2), keepdims=True)
+
+
+def _transform(variances: np.ndarray, shares: np.ndarray, used: np.ndarray,
+               shape: tuple[int, int, int], rng: np.random.Generator) -> np.ndarray:
+    """Turn noise of the given variances into a real field (nx, ny, nz)."""
+    noise = rng.standard_normal(shares.shape + (2,), np.float32)
+    amplitude = np.sqrt(0.25 * variances.astype(np.float32)[:, None, None] * shares)
+    waves = np.zeros((shape[0] // 2 + 1,) + shape[1:], np.complex64)
+    waves[used] = noise.view(np.complex64)[..., 0] * amplitude
+    if used[-1] == shape[0] // 2:
+        # A real field keeps the real part of its Nyquist wave, and that only once.
+        waves[-1] *= 2.0
+    plane = fft.ifft2(waves, norm='forward')
+    return fft.irfft(plane, shape[0], axis=0, norm='forward')
+
+
+def _lag_table(variances: np.ndarray, shares: np.ndarray, used: np.ndarray,
+               count: int) -> np.ndarray:
+    """Compute covariance over variance of nodes 0 or 1 step apart along each axis, (2, 2, 2)."""
+    weights = variances[:, None, None] * shares / variances.sum()
+    along = np.cos(2.0 * np.pi * used / count)
+    table = np.empty((2, 2, 2))
+    ny, nz = shares.shape[1:]
+    for j in range(2):
+        for k in range(2):
+            across = (np.cos(2.0 * np.pi * j * np.arange(ny) / ny)[:, None]
+                      * np.cos(2.0 * np.pi * k * np.arange(nz) / nz))
+            waves = (weights * across).sum(axis=(1, 2))
+            table[0, j, k] = waves.sum()
+            table[1, j, k] = waves @ along
+    return table

@@ -1,0 +1,209 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The wind over a scene: mean, turbulence and gusts as one function of place and time."""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros.errors import CommandError
+from procphys_ros.physics.wind import kernel, spectra
+from procphys_ros.physics.wind.eddies import Eddies, make_large, make_small
+from procphys_ros.physics.wind.settings import Gust, GUST_KINDS, PROFILES, WindSettings
+
+_DRIFT = 0.0125   # sideways drift of the eddies over their way: the wind does not come back the same
+_GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is forgotten
+
+
+class Reference(NamedTuple):
+    """
+    Wind at the reference height above the scene origin, each (3,) [m/s], world.
+
+    :ivar mean: the mean wind.
+    :ivar turbulence: what the eddies add.
+    :ivar gust: what discrete gusts add.
+    """
+
+    mean: np.ndarray
+    turbulence: np.ndarray
+    gust: np.ndarray
+
+
+class _Stretch(NamedTuple):
+    """A stretch of time with constant mean wind; `travelled` is the eddies' way at its start."""
+
+    start: float
+    velocity: tuple[float, float, float]
+    travelled: float
+
+
+class Wind:
+    """
+    Air velocity anywhere, at any time.
+
+    Frozen eddies (Taylor's hypothesis) are carried through the scene with the mean wind at the
+    reference height; standard deviations are the same at all heights (IEC 61400-1, normal
+    turbulence model). The answer depends on place, time and the commands given, never on the
+    calls made before: going back in time gives the same wind again.
+
+    :ivar settings: what the wind was set up with.
+    :ivar enabled: False = still air everywhere; eddies and gusts travel on meanwhile.
+    """
+
+    def __init__(self, settings: WindSettings, seed: int = 0):
+        self._seed = seed
+        self._draw_eddies(settings)
+        self.settings = settings
+        self.enabled = True
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every command: the mean wind of the settings from the start, no gusts."""
+        self.enabled = True
+        self._stretches = [_Stretch(0.0, tuple(self.settings.velocity), 0.0)]
+        self._gusts = np.empty((0, kernel.GUST_COLUMNS))
+
+    def change(self, settings: WindSettings, time: float) -> None:
+        """
+        Go over to other settings; only another spectrum or reference height takes new eddies.
+
+        :param settings: the new ones; their velocity blows from now on.
+        :param time: now [s].
+        """
+        old = self.settings
+        if (settings.spectrum, settings.reference_height) != (old.spectrum, old.reference_height):
+            self._draw_eddies(settings)
+        self.set_velocity(settings.velocity, time)
+        self.settings = settings
+
+    def set_velocity(self, velocity: Sequence[float], time: float) -> None:
+        """
+        Change the mean wind; the eddies keep their place and travel on from there.
+
+        :param velocity: (3,) at the reference height [m/s], world, the direction it blows to.
+        :param time: now [s]; commands given for later times are forgotten.
+        :raises SceneError: when the velocity is not finite or out of range.
+        """
+        velocity = tuple(replace(self.settings, velocity=velocity).velocity)
+        before = self._stretch(time)
+        travelled = _travelled(before, time)
+        kept = [s for s in self._stretches if s.start < time]
+        self._stretches = kept + [_Stretch(time, velocity, travelled)]
+
+    def start_gust(self, gust: Gust, time: float) -> None:
+        """
+        Let a gust go: its front starts upwind of the scene and travels with the mean wind.
+
+        In still air it travels at its own amplitude.
+
+        :param gust: its shape.
+        :param time: now [s].
+        :raises CommandError: when it has no direction of its own and there is no mean wind.
+        """
+        mean = np.asarray(self._stretch(time).velocity)
+        speed = float(np.linalg.norm(mean))
+        if gust.direction is None and speed == 0.0:
+            raise CommandError('a gust in still air needs gust.direction, for there is no mean '
+                               'wind to take it from')
+        direction = mean / speed if gust.direction is None else np.asarray(gust.direction)
+        # A gust across a mean wind is still carried by it; the front moves at that speed.
+        travel = speed if speed > 0.0 else max(abs(gust.amplitude), 0.1)
+        row = [*(gust.amplitude * direction), *direction, travel, time, gust.upwind,
+               gust.duration, gust.rise, float(GUST_KINDS.index(gust.kind))]
+        gone = time - self._gusts[:, 7] > (
+            self._gusts[:, 9] + (self._gusts[:, 8] + _GUST_REACH) / self._gusts[:, 6])
+        self._gusts = np.vstack([self._gusts[~gone], row])
+
+    def velocity(self, points: np.ndarray, time: float,
+                 out: np.ndarray | None = None) -> np.ndarray:
+        """
+        Return the air velocity at points.
+
+        :param points: (N, 3) [m], world; the ground is z = 0.
+        :param time: [s].
+        :param out: (N, 3) array to write to.
+        :returns: (N, 3) [m/s], world.
+        """
+        points = np.ascontiguousarray(points, float)
+        out = np.empty_like(points) if out is None else out
+        if self.enabled:
+            self._fill(points, time, out, self.settings.turbulence_intensity, self._gusts)
+        else:
+            out[:] = 0.0
+        return out
+
+    def at_reference(self, time: float) -> Reference:
+        """
+        Return mean, turbulence and gust at the reference height above the scene origin.
+
+        :param time: [s].
+        """
+        if not self.enabled:
+            return Reference(np.zeros(3), np.zeros(3), np.zeros(3))
+        point = np.array([[0.0, 0.0, self.settings.reference_height]])
+        intensity = self.settings.turbulence_intensity
+        none = self._gusts[:0]
+        mean, turbulent, gusty = (
+            self._fill(point, time, np.empty((1, 3)), strength, gusts)[0]
+            for strength, gusts in ((0.0, none), (intensity, none), (0.0, self._gusts)))
+        return Reference(mean, turbulent - mean, gusty - mean)
+
+    def _draw_eddies(self, settings: WindSettings) -> None:
+        spectrum = spectra.make(settings.spectrum, settings.reference_height)
+        rng = np.random.default_rng(self._seed)
+        self._large = _for_kernel(make_large(spectrum, rng))
+        self._small = _for_kernel(make_small(spectrum, rng))
+
+    def _stretch(self, time: float) -> _Stretch:
+        later = bisect_right(self._stretches, time, key=lambda stretch: stretch.start)
+        return self._stretches[max(later - 1, 0)]
+
+    def _fill(self, points: np.ndarray, time: float, out: np.ndarray, intensity: float,
+              gusts: np.ndarray) -> np.ndarray:
+        s = self.settings
+        stretch = self._stretch(time)
+        mean = np.asarray(stretch.velocity)
+        speed = float(np.linalg.norm(mean))
+        way = _travelled(stretch, time)
+        parameter = s.roughness_length if s.profile == 'log' else s.exponent
+        profile = (PROFILES.index(s.profile), s.reference_height, parameter)
+        kernel.fill(points, out, float(time), _wind_axes(mean, speed), speed, profile,
+                    (way, _DRIFT * way), intensity * speed, self._large, self._small, gusts)
+        return out
+
+
+def _travelled(stretch: _Stretch, time: float) -> float:
+    return stretch.travelled + float(np.linalg.norm(stretch.velocity)) * (time - stretch.start)
+
+
+def _wind_axes(mean: np.ndarray, speed: float) -> np.ndarray:
+    """Return rows along the wind, across it (level) and up from it; any frame in still air."""
+    if speed == 0.0:
+        return np.eye(3)
+    along = mean / speed
+    across = np.array([-along[1], along[0], 0.0])
+    level = np.linalg.norm(across)
+    across = across / level if level > 1e-9 else np.array([0.0, 1.0, 0.0])
+    return np.array([along, across, np.cross(along, across)])
+
+
+def _for_kernel(eddies: Eddies) -> tuple:
+    log2_shape = tuple(int(n).bit_length() - 1 for n in eddies.field.shape[:3])
+    return (eddies.field.reshape(-1), log2_shape, eddies.lags.reshape(3, 8),
+            tuple(1.0 / eddies.spacing))
