@@ -11,3 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+
+"""Render: pictures of scenes without a display; needs `pip install procphys_ros[render]`."""
+
+from procphys_ros.render.backend import RenderUnavailableError
+from procphys_ros.render.picture import draw
+
+__all__ = ['RenderUnavailableError', 'draw']

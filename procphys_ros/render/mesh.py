@@ -1,0 +1,155 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Meshes: many parts as one set of triangles, built without a loop over the parts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros import rotation
+
+_SIDES = 10  # columns of faces around a branch
+# Profile of a branch from pole to pole: height of each ring on its half sphere, and its radius,
+# both over the end radius. Round ends close the gap that opens when a joint bends.
+_RING_HEIGHT = np.array([-1.0, -0.7071, 0.0, 0.0, 0.7071, 1.0])
+_RING_RADIUS = np.array([0.0, 0.7071, 1.0, 1.0, 0.7071, 0.0])
+_RING_AT_TIP = np.array([0, 0, 0, 1, 1, 1])
+_BARK_TILE = np.array([0.25, 0.5])  # [m] around and along the branch that one image covers
+_BRICK_TILE = 0.6  # [m] of wall that one image covers
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """
+    Triangles with everything that shading needs, per vertex.
+
+    :ivar points: [m], world, (V, 3).
+    :ivar triangles: vertex indices, (F, 3).
+    :ivar normals: unit, world, (V, 3).
+    :ivar uv: image coordinates, 1 = one whole image, (V, 2).
+    :ivar piece: row of the input that each vertex came from, (V,).
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    normals: np.ndarray
+    uv: np.ndarray
+    piece: np.ndarray
+
+
+def branches(poses: np.ndarray, visual_size: np.ndarray) -> Mesh:
+    """
+    Build tapered cylinders with round ends.
+
+    :param poses: segment midpoints, z along the segment, world, (N, 7).
+    :param visual_size: base diameter, tip diameter, length [m], (N, 3).
+    """
+    count, rings, columns = len(poses), len(_RING_HEIGHT), _SIDES + 1
+    radius = 0.5 * visual_size[:, _RING_AT_TIP]
+    length = visual_size[:, 2:3]
+    along = (_RING_AT_TIP - 0.5) * length + _RING_HEIGHT * radius
+    turn = np.linspace(0.0, 2.0 * np.pi, columns)
+    circle = np.stack([np.cos(turn), np.sin(turn), np.zeros(columns)], axis=-1)
+    local = (radius * _RING_RADIUS)[:, :, None, None] * circle
+    local[..., 2] = along[:, :, None]
+    normal = np.broadcast_to(_RING_RADIUS[:, None, None] * circle, local.shape).copy()
+    normal[..., 2] = _RING_HEIGHT[:, None]
+    repeats = np.maximum(1, np.round(np.pi * visual_size[:, 0] / _BARK_TILE[0]))
+    uv = np.empty(local.shape[:3] + (2,))
+    uv[..., 0] = repeats[:, None, None] * turn / (2.0 * np.pi)
+    uv[..., 1] = along[:, :, None] / _BARK_TILE[1]
+    grid = np.arange(rings * columns).reshape(rings, columns)
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
+                            np.stack([a, c, d], -1).reshape(-1, 3)])
+    vertices = rings * columns
+    return _place(poses, local.reshape(count, vertices, 3), normal.reshape(count, vertices, 3),
+                  uv.reshape(count, vertices, 2), faces)
+
+
+def boxes(poses: np.ndarray, size: np.ndarray) -> Mesh:
+    """
+    Build boxes with flat faces.
+
+    :param poses: centres and attitudes, world, (N, 7).
+    :param size: full extents [m], (N, 3).
+    """
+    corners, normals, axes = [], [], []
+    for axis in range(3):
+        across, up = (axis + 1) % 3, (axis + 2) % 3
+        for side in (-1.0, 1.0):
+            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                corner = np.zeros(3)
+                corner[[axis, across, up]] = side, side * u, v
+                corners.append(0.5 * corner)
+                normals.append(side * np.eye(3)[axis])
+                axes.append((across, up))
+    count = len(poses)
+    local = np.asarray(corners) * size[:, None]
+    uv = np.take_along_axis(local, np.broadcast_to(np.asarray(axes), (count, 24, 2)), 2)
+    shift = np.random.default_rng(0).random((count, 1, 2))  # no two bricks show the same grain
+    quads = 4 * np.arange(6)[:, None]
+    faces = np.concatenate([quads + [0, 1, 2], quads + [0, 2, 3]])
+    return _place(poses, local, np.broadcast_to(np.asarray(normals), local.shape),
+                  uv / _BRICK_TILE + shift, faces)
+
+
+def crossed_quads(poses: np.ndarray, size: np.ndarray, aspect: float) -> Mesh:
+    """
+    Build two crossed quads per leaf; the normals point along the leaf.
+
+    :param poses: petioles, z along the leaf, world, (L, 7).
+    :param size: length of the quads [m], (L,).
+    :param aspect: width over length.
+    """
+    square = np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0], [-0.5, 1.0]])
+    shape = np.zeros((8, 3))
+    shape[:4, 0] = shape[4:, 1] = aspect * square[:, 0]
+    shape[:, 2] = np.tile(square[:, 1], 2)
+    local = shape * size[:, None, None]
+    normal = np.broadcast_to([0.0, 0.0, 1.0], local.shape)
+    uv = np.broadcast_to(np.tile(square + [0.5, 0.0], (2, 1)), (len(poses), 8, 2))
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    return _place(poses, local, normal, uv, faces)
+
+
+def loose_triangles(poses: np.ndarray, corners: np.ndarray) -> Mesh:
+    """
+    Build free triangles, one normal each.
+
+    :param poses: frames that carry them, world, (T, 7).
+    :param corners: in those frames [m], (T, 9).
+    """
+    local = corners.reshape(-1, 3, 3)
+    normal = np.cross(local[:, 1] - local[:, 0], local[:, 2] - local[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    uv = np.broadcast_to([[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]], (len(local), 3, 2))
+    return _place(poses, local, np.repeat(normal[:, None], 3, axis=1), uv,
+                  np.array([[0, 1, 2]]))
+
+
+def _place(poses: np.ndarray, local: np.ndarray, normals: np.ndarray, uv: np.ndarray,
+           faces: np.ndarray) -> Mesh:
+    """Put copies (N, V, 3) of one topology at their poses and string them together."""
+    count, vertices = local.shape[:2]
+    attitude = poses[:, None, 3:]
+    starts = vertices * np.arange(count)[:, None, None]
+    return Mesh(
+        points=(poses[:, None, :3] + rotation.rotate(attitude, local)).reshape(-1, 3),
+        triangles=(starts + faces).reshape(-1, 3),
+        normals=rotation.rotate(attitude, normals).reshape(-1, 3),
+        uv=uv.reshape(-1, 2),
+        piece=np.repeat(np.arange(count), vertices))

@@ -1,0 +1,150 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Pictures: any blueprint at any poses, drawn off-screen into an image file."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, GROUND, Shape
+from procphys_ros.palette import Look, look
+from procphys_ros.render import camera as view
+from procphys_ros.render import light, mesh, texture
+from procphys_ros.render.backdrop import ground, SKY_BOTTOM, SKY_TOP
+from procphys_ros.render.canvas import Canvas
+
+_LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
+
+
+@dataclass(frozen=True)
+class _Item:
+    """One mesh to draw, with the row (of parts, leaves or ornaments) behind every piece."""
+
+    mesh: mesh.Mesh
+    look: Look
+    row: np.ndarray
+    outward: np.ndarray | None = None  # of leaves, per vertex
+
+
+def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
+         camera: Sequence[float] | None = None, size: tuple[int, int] = (1280, 720),
+         exists: np.ndarray | None = None) -> None:
+    """
+    Draw a blueprint as a picture; needs no display.
+
+    :param blueprint: what to draw.
+    :param poses: where its parts are, world, (N, 7).
+    :param path: image file to write; its suffix chooses the format.
+    :param camera: position and target x y z tx ty tz [m]; the whole scene when not given.
+    :param size: width and height [px].
+    :param exists: parts to draw, (N,) bool; all when not given.
+    :raises RenderUnavailableError: when PyVista or OpenGL is not installed.
+    """
+    poses = np.asarray(poses, float)
+    shown = np.ones(len(blueprint), bool) if exists is None else np.asarray(exists, bool)
+    items = [item for item in _items(blueprint, poses, shown) if len(item.row)]
+    canvas = Canvas(size, SKY_BOTTOM, SKY_TOP)
+    if items:
+        points = np.concatenate([item.mesh.points for item in items])
+        low, high = points.min(axis=0), points.max(axis=0)
+    else:
+        low, high = np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.0])
+    low[2] = min(low[2], 0.0)
+    centres, area = _leaf_cloud(blueprint, poses, shown)
+    for item in items:
+        image = texture.image(item.look.pattern)
+        canvas.add(item.mesh, _colours(item, centres, area), image, item.look.rgba[3])
+        canvas.add_shadow(item.mesh, image)
+    for surface, colours in ground(low, high):
+        canvas.add(surface, colours)
+    if camera is None:
+        place = view.frame(low, high, size)
+    else:
+        place = tuple(camera[:3]), tuple(camera[3:]), (0.0, 0.0, 1.0)
+    canvas.write(path, place, view.FIELD_OF_VIEW)
+
+
+def _items(blueprint: Blueprint, poses: np.ndarray, shown: np.ndarray) -> Iterator[_Item]:
+    """Turn the parts, leaves and ornaments into one mesh per texture and kind."""
+    crowns = _crown_middles(blueprint, poses)
+    for index, name in enumerate(blueprint.textures or ('',)):
+        appearance = look(name)
+        for shape, build in ((Shape.CAPSULE, mesh.branches), (Shape.BOX, mesh.boxes)):
+            row = np.flatnonzero(
+                shown & (blueprint.texture == index) & (blueprint.shape == shape))
+            yield _Item(build(poses[row], blueprint.visual_size[row]), appearance, row)
+        leaves = blueprint.leaves
+        row = np.flatnonzero(shown[leaves.part] & (leaves.texture == index))
+        frames = rotation.compose(poses[leaves.part[row]], leaves.pose[row])
+        quads = mesh.crossed_quads(frames, leaves.size[row], appearance.aspect)
+        away = quads.points - crowns[leaves.part[row]][quads.piece]
+        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+        yield _Item(quads, appearance, row, away)
+        ornaments = blueprint.ornaments
+        row = np.flatnonzero(shown[ornaments.part] & (ornaments.texture == index))
+        yield _Item(mesh.loose_triangles(poses[ornaments.part[row]], ornaments.triangle[row]),
+                    appearance, row)
+
+
+def _crown_middles(blueprint: Blueprint, poses: np.ndarray) -> np.ndarray:
+    """
+    Give for every part the middle of the crown of its plant [m], (N, 3).
+
+    Leaves are lit as if their crown were one rounded body, which shows its volume; the normals of
+    single leaves would be noise.
+    """
+    held = blueprint.bonds[blueprint.bonds[:, 0] != GROUND]
+    count = len(blueprint)
+    links = coo_array((np.ones(len(held)), (held[:, 0], held[:, 1])), shape=(count, count))
+    plant = connected_components(links, directed=False)[1]
+    carrier = blueprint.leaves.part
+    weight = np.bincount(plant[carrier], minlength=count)
+    total = np.stack([np.bincount(plant[carrier], poses[carrier, axis], minlength=count)
+                      for axis in range(3)], axis=-1)
+    return (total / np.maximum(weight, 1)[:, None])[plant]
+
+
+def _leaf_cloud(blueprint: Blueprint, poses: np.ndarray,
+                shown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give centre [m] and area [m²] of every leaf that is shown."""
+    leaves = blueprint.leaves.take(shown[blueprint.leaves.part])
+    frames = rotation.compose(poses[leaves.part], leaves.pose)
+    half = np.zeros((len(leaves), 3))
+    half[:, 2] = 0.5 * leaves.size
+    return (frames[:, :3] + rotation.rotate(frames[:, 3:], half),
+            _LEAF_SHARE * leaves.size ** 2)
+
+
+def _colours(item: _Item, leaves: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """Give the lit colour of every vertex, (V, 3), each 0 to 1."""
+    points = item.mesh.points
+    sun = light.shade(points, leaves, area, light.SUN)
+    sky = light.shade(points, leaves, area, np.array([0.0, 0.0, 1.0]))
+    if item.outward is None:
+        lit = light.on_surfaces(item.mesh.normals, sun, sky)
+    else:
+        lit = light.on_leaves(item.outward, sun, sky)
+    rng = np.random.default_rng(1)
+    last = int(item.row.max()) + 1  # numbered by row, so that a piece keeps its tone for life
+    tone = 1.0 + item.look.variation * rng.uniform(-1.0, 1.0, (last, 1))
+    warmth = 1.0 + 0.4 * item.look.variation * rng.uniform(-1.0, 1.0, (last, 1)) * [1, 0, -1]
+    own = np.asarray(item.look.rgba[:3]) * tone * warmth / texture.mean_light(item.look.pattern)
+    return np.clip(own[item.row[item.mesh.piece]] * lit, 0.0, 1.0)
