@@ -4,7 +4,8 @@ PYTHON ?= python3
 VENV := .venv
 SCENE ?= config/demo.yaml
 BIN := $(VENV)/bin
-PACKAGE_FILES := setup.py setup.cfg package.xml $(wildcard scripts/*)
+SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts config grammars -type f \
+  -not -name '*.pyc' -not -name '*.nb?')
 
 .PHONY: run test lint types pytest bench clean
 
@@ -30,13 +31,15 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip
 
-# Editable: edited code, grammars and scenes take effect at once.
-$(VENV)/.installed-run: $(PACKAGE_FILES) | $(BIN)/python
-	$(BIN)/pip install --quiet --editable '.[wheels]'
+# Installed anew when any source has changed; what it depends on is then there already.
+$(VENV)/.installed-run: $(SOURCES) | $(BIN)/python
+	rm -rf build
+	$(BIN)/pip install --quiet '.[wheels]'
 	@touch $@
 
-$(VENV)/.installed-test: $(PACKAGE_FILES) | $(BIN)/python
-	$(BIN)/pip install --quiet --editable '.[wheels,render,test]'
+$(VENV)/.installed-test: $(SOURCES) | $(BIN)/python
+	rm -rf build
+	$(BIN)/pip install --quiet '.[wheels,render,test]'
 	@touch $@ $(VENV)/.installed-run
 
 clean:

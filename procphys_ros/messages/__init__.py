@@ -11,3 +11,15 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+
+"""Bytes of ROS messages written straight from numpy arrays; nothing here needs ROS."""
+
+from procphys_ros.messages.cdr import stamp
+from procphys_ros.messages.markers import SceneMarkers
+from procphys_ros.messages.points import break_rows, point_cloud
+from procphys_ros.messages.poses import pose_array
+from procphys_ros.messages.scene_description import scene_description
+
+__all__ = ['break_rows', 'point_cloud', 'pose_array', 'scene_description', 'SceneMarkers',
+           'stamp']

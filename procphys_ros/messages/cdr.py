@@ -1,0 +1,88 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Common Data Representation, the bytes that ROS 2 messages travel as (OMG DDS-XTypes, XCDR1).
+
+Little endian; every primitive is aligned to its own size, counted from the end of the four bytes
+that head the message. Only what the simulator publishes is here.
+"""
+
+import struct
+
+import numpy as np
+
+ENCAPSULATION = b'\x00\x01\x00\x00'  # plain CDR, little endian, no options
+
+Stamp = tuple[int, int]  # seconds and nanoseconds of simulation time
+
+
+def stamp(time: float) -> Stamp:
+    """Split a time [s] into whole seconds and nanoseconds, as builtin_interfaces/Time has them."""
+    nanoseconds = round(time * 1e9)
+    return nanoseconds // 10**9, nanoseconds % 10**9
+
+
+class Writer:
+    """
+    Append primitives with the padding that CDR asks for.
+
+    :param position: bytes that stand before this writer's first one, after the encapsulation.
+    """
+
+    def __init__(self, position: int = 0):
+        self._start = position
+        self._buffer = bytearray()
+
+    @property
+    def position(self) -> int:
+        """Offset of the next byte, counted from the end of the encapsulation."""
+        return self._start + len(self._buffer)
+
+    def align(self, size: int) -> int:
+        """Pad to a multiple of `size` bytes and give the offset inside this writer's bytes."""
+        self._buffer += bytes(-self.position % size)
+        return len(self._buffer)
+
+    def numbers(self, code: str, *values: float) -> int:
+        """
+        Write numbers of one kind; give the offset of the first inside this writer's bytes.
+
+        :param code: format character of `struct`: i, I, f, d, B or ?.
+        """
+        offset = self.align(struct.calcsize(code))
+        self._buffer += struct.pack(f'<{len(values)}{code}', *values)
+        return offset
+
+    def string(self, text: str) -> None:
+        """Write a string: its length with the closing NUL, then its UTF-8 bytes."""
+        encoded = text.encode() + b'\0'
+        self.numbers('I', len(encoded))
+        self._buffer += encoded
+
+    def header(self, at: Stamp, frame_id: str) -> int:
+        """Write a std_msgs/Header; give the offset of its stamp inside this writer's bytes."""
+        offset = self.numbers('i', at[0])
+        self.numbers('I', at[1])
+        self.string(frame_id)
+        return offset
+
+    def raw(self, data: bytes | np.ndarray) -> None:
+        """Write bytes as they are."""
+        self._buffer += data if isinstance(data, bytes) else data.tobytes()
+
+    def getvalue(self) -> bytes:
+        """Give all bytes written so far, without encapsulation."""
+        return bytes(self._buffer)

@@ -1,0 +1,147 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Bytes of single markers: rows of one layout that numpy fills many at a time.
+
+In a MarkerArray the first marker starts four bytes after the encapsulation. Every marker written
+here is as long as a multiple of eight bytes, so each of them starts at the same alignment and
+they can be put together in any order. The filling goes into the field `text`, which RViz reads
+for text markers only.
+"""
+
+from enum import IntEnum
+import struct
+
+import numpy as np
+
+from procphys_ros.messages.cdr import ENCAPSULATION, Stamp, Writer
+
+Colour = tuple[float, float, float, float]
+
+_NO_TIME: Stamp = (0, 0)
+_START = 4  # alignment of every marker: behind the count of the array
+
+
+class Kind(IntEnum):
+    """Marker.type, as far as it is used."""
+
+    CUBE = 1
+    SPHERE = 2
+    CYLINDER = 3
+    TRIANGLE_LIST = 11
+
+
+class Action(IntEnum):
+    """Marker.action."""
+
+    ADD = 0
+    DELETE = 2
+    DELETEALL = 3
+
+
+def row_layout(namespace_bytes: int, frame_id: str) -> tuple[np.dtype, bytes]:
+    """
+    Lay out a marker without points for all namespaces of one length.
+
+    :param namespace_bytes: length of `ns` in UTF-8.
+    :param frame_id: frame of the markers.
+    :returns: dtype with the fields that differ, as long as the marker; and the marker's bytes
+        with those fields empty.
+    """
+    namespace = 'x' * namespace_bytes
+    head, offsets = _head(namespace, frame_id, Kind.CUBE, (0.0, 0.0, 0.0, 0.0))
+    head.numbers('I', 0)  # no points
+    data = _finish(head)
+    formats = {'stamp': ('<u4', 2), 'ns': ('u1', namespace_bytes), 'id': '<i4', 'type': '<i4',
+               'action': '<i4', 'pose': ('<f8', 7), 'scale': ('<f8', 3), 'color': ('<f4', 4)}
+    layout = np.dtype({'names': list(formats), 'formats': list(formats.values()),
+                       'offsets': [offsets[name] for name in formats], 'itemsize': len(data)})
+    return layout, data
+
+
+class TriangleList:
+    """
+    One TRIANGLE_LIST marker whose corners change.
+
+    :param namespace: `ns` of the marker.
+    :param number: `id` of the marker.
+    :param frame_id: frame of the corners.
+    :param rgba: colour of all triangles.
+    """
+
+    def __init__(self, namespace: str, number: int, frame_id: str, rgba: Colour):
+        head, offsets = _head(namespace, frame_id, Kind.TRIANGLE_LIST, rgba, number)
+        self._count_at = head.numbers('I', 0)
+        head.align(8)
+        self._before = bytearray(head.getvalue())
+        self._behind = _finish(head)[len(self._before):]
+        self._stamp_at = offsets['stamp']
+
+    def write(self, corners: np.ndarray, at: Stamp) -> bytes:
+        """
+        Write the marker.
+
+        :param corners: three for each triangle [m], (3·T, 3).
+        :param at: stamp of the marker.
+        """
+        struct.pack_into('<iI', self._before, self._stamp_at, *at)
+        struct.pack_into('<I', self._before, self._count_at, len(corners))
+        return b''.join((self._before, np.ascontiguousarray(corners, '<f8').tobytes(),
+                         self._behind))
+
+
+def marker_array(chunks: list[bytes], count: int) -> bytes:
+    """Put markers, whole rows or single ones, into a visualization_msgs/MarkerArray."""
+    return b''.join((ENCAPSULATION, np.uint32(count).tobytes(), *chunks))
+
+
+def _head(namespace: str, frame_id: str, kind: Kind, rgba: Colour,
+          number: int = 0) -> tuple[Writer, dict[str, int]]:
+    """Write a marker up to its points; give the offsets of its fields."""
+    writer = Writer(_START)
+    offsets = {'stamp': writer.header(_NO_TIME, frame_id)}
+    writer.string(namespace)
+    offsets['ns'] = len(writer.getvalue()) - 1 - len(namespace.encode())
+    offsets['id'] = writer.numbers('i', number)
+    offsets['type'] = writer.numbers('i', kind)
+    offsets['action'] = writer.numbers('i', Action.ADD)
+    offsets['pose'] = writer.numbers('d', 0, 0, 0, 0, 0, 0, 1)
+    offsets['scale'] = writer.numbers('d', 1, 1, 1)
+    offsets['color'] = writer.numbers('f', *rgba)
+    writer.numbers('I', 0, 0)  # lifetime: for ever
+    writer.numbers('?', False)  # not locked to a moving frame
+    return writer, offsets
+
+
+def _finish(head: Writer) -> bytes:
+    """Write what follows the points, filled up to a multiple of eight bytes."""
+    for filling in range(8):
+        writer = Writer(_START)
+        writer.raw(head.getvalue())
+        writer.numbers('I', 0)  # colours
+        writer.string('')  # texture_resource
+        writer.header(_NO_TIME, '')  # texture: header, format, data
+        writer.string('')
+        writer.numbers('I', 0)
+        writer.numbers('I', 0)  # uv_coordinates
+        writer.string(' ' * filling)  # text
+        writer.string('')  # mesh_resource
+        writer.string('')  # mesh_file: filename, data
+        writer.numbers('I', 0)
+        writer.numbers('?', False)  # mesh_use_embedded_materials
+        if writer.align(4) % 8 == 0:
+            return writer.getvalue()
+    raise AssertionError('a string of 0 to 7 blanks reaches every alignment')

@@ -1,0 +1,226 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The bytes that are written by hand are read back by ROS itself, field by field."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from geometry_msgs.msg import PoseArray
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import Marker, MarkerArray
+
+from procphys_ros import messages
+from procphys_ros.blueprint import Blueprint, Leaves, Ornaments, Shape
+from procphys_ros.palette import look
+from procphys_ros.rotation import compose, rotate
+
+AT = (12, 345_678_900)
+FRAMES = ['', 'w', 'ma', 'map', 'odom', 'world', 'a/very/long/frame_id', 'wörld']
+
+
+def random_poses(count: int, seed: int = 0) -> np.ndarray:
+    """Draw poses with unit quaternions."""
+    rng = np.random.default_rng(seed)
+    poses = rng.normal(size=(count, 7)) * 10
+    poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    return poses
+
+
+def mixed_blueprint(segments: int = 5, bricks: int = 4) -> Blueprint:
+    """Make capsules and boxes without bonds, with leaves and ornaments on some of them."""
+    count = segments + bricks
+    rng = np.random.default_rng(1)
+    shape = np.repeat([Shape.CAPSULE, Shape.BOX], [segments, bricks]).astype(np.uint8)
+    part = np.array([0, 2, 2, 3], np.int32)[:max(0, segments)]
+    return Blueprint(
+        shape=shape, size=rng.uniform(0.1, 1, (count, 3)),
+        visual_size=rng.uniform(0.1, 1, (count, 3)), density=np.full(count, 800.0),
+        mass=rng.uniform(1, 2, count), inertia=np.ones((count, 3)),
+        poses=random_poses(count), kind=shape.astype(np.int16),
+        material=shape.astype(np.int16), texture=shape.astype(np.int16),
+        leaf_area=np.zeros(count),
+        leaves=Leaves(part, random_poses(len(part), 3), np.full(len(part), 0.2),
+                      np.array([2, 2, 3, 2], np.int16)[:len(part)]),
+        ornaments=Ornaments(np.array([1], np.int32), rng.normal(size=(1, 9)),
+                            np.array([3], np.int16)),
+        kinds=('segment', 'brick'), materials=('wood', 'clay'),
+        textures=('bark_oak', 'brick_red', 'leaf_oak', 'flower'))
+
+
+def objects_of(*named: tuple[str, int, int]) -> list[SimpleNamespace]:
+    """Make owners from name, first part and count."""
+    return [SimpleNamespace(name=n, first=f, count=c) for n, f, c in named]
+
+
+def read_markers(data: bytes) -> dict[tuple[str, int], Marker]:
+    """Read a MarkerArray by namespace and id, and check that no key comes twice."""
+    markers = deserialize_message(data, MarkerArray).markers
+    found = {(m.ns, m.id): m for m in markers if m.action != Marker.DELETEALL}
+    assert len(found) == sum(m.action != Marker.DELETEALL for m in markers)
+    return found
+
+
+def pose_of(message) -> list[float]:
+    """Read a pose as seven numbers."""
+    p, q = message.position, message.orientation
+    return [p.x, p.y, p.z, q.x, q.y, q.z, q.w]
+
+
+@pytest.mark.parametrize('frame', FRAMES)
+@pytest.mark.parametrize('count', [0, 1, 17])
+def test_pose_array_is_read_back(frame, count):
+    """Read every field of a PoseArray back, whatever the alignment of its frame_id."""
+    poses = random_poses(count)
+    message = deserialize_message(messages.pose_array(poses, AT, frame), PoseArray)
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == AT
+    assert message.header.frame_id == frame
+    np.testing.assert_array_equal(np.array([pose_of(p) for p in message.poses]).reshape(-1, 7),
+                                  poses)
+
+
+@pytest.mark.parametrize('frame', FRAMES)
+def test_pose_array_has_the_length_that_ros_gives_it(frame):
+    """Leave nothing behind the last pose: the length equals that of ROS' own serialisation."""
+    data = messages.pose_array(random_poses(3), AT, frame)
+    assert len(data) == len(serialize_message(deserialize_message(data, PoseArray)))
+
+
+@pytest.mark.parametrize('frame', FRAMES)
+@pytest.mark.parametrize('names', [('oak', 'wall'), ('a', 'bcdef'), ('trèe_12', 'x' * 40)])
+def test_whole_marker_set_is_read_back(frame, names):
+    """Read back markers of parts and leaves for namespaces of several lengths."""
+    blueprint = mixed_blueprint()
+    scene = messages.SceneMarkers(blueprint, objects_of((names[0], 0, 5), (names[1], 5, 4)),
+                                  frame)
+    data = scene.whole(blueprint.poses, AT)
+    assert deserialize_message(data, MarkerArray).markers[0].action == Marker.DELETEALL
+    found = read_markers(data)
+    assert len(found) == 9 + 2
+    for part in range(9):
+        marker = found[names[part >= 5], part]
+        assert marker.header.frame_id == frame
+        assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == AT
+        assert marker.action == Marker.ADD
+        assert marker.type == (Marker.CYLINDER if part < 5 else Marker.CUBE)
+        np.testing.assert_array_equal(pose_of(marker.pose), blueprint.poses[part])
+        size = blueprint.visual_size[part].copy()
+        if part < 5:
+            size[:2] = size[:2].mean()
+        np.testing.assert_array_equal([marker.scale.x, marker.scale.y, marker.scale.z], size)
+        assert marker.color.a == 1.0
+        assert not marker.points and not marker.mesh_resource and not marker.text.strip()
+        assert marker.lifetime.sec == marker.lifetime.nanosec == 0
+
+
+def test_leaves_and_ornaments_ride_on_their_parts():
+    """Place corners by the poses of the parts, one marker per texture."""
+    blueprint = mixed_blueprint()
+    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world')
+    poses = random_poses(9, seed=5)
+    found = read_markers(scene.whole(poses, AT))
+    oak, flower = found['oak/leaves', 2], found['oak/leaves', 3]
+    assert oak.type == flower.type == Marker.TRIANGLE_LIST
+    assert len(oak.points) == 3 * 6 and len(flower.points) == 6 + 3
+    assert oak.color.g == pytest.approx(look('leaf_oak').rgba[1])
+    petiole = compose(poses[0], blueprint.leaves.pose[0])
+    corners = np.array([[p.x, p.y, p.z] for p in oak.points])
+    np.testing.assert_allclose(corners[[0, 3]], [petiole[:3]] * 2, atol=1e-12)
+    tip = petiole[:3] + rotate(petiole[3:], [0, 0, 0.2])
+    np.testing.assert_allclose(corners[[1, 2]].mean(axis=0), tip, atol=1e-12)
+    triangle = blueprint.ornaments.triangle.reshape(3, 3)
+    expected = poses[1, :3] + rotate(poses[1, 3:], triangle)
+    np.testing.assert_allclose([[p.x, p.y, p.z] for p in flower.points[6:]], expected,
+                               atol=1e-12)
+
+
+def test_only_what_moved_is_sent_again():
+    """Send nothing for what stands still, and a moved part with the leaves on it."""
+    blueprint = mixed_blueprint()
+    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 5), ('wall', 5, 4)), 'world')
+    poses = blueprint.poses.copy()
+    scene.whole(poses, AT)
+    assert scene.changes(poses, AT) is None
+    poses[7, 0] += 0.01
+    assert set(read_markers(scene.changes(poses, AT))) == {('wall', 7)}
+    poses[3, 2] += 0.01
+    assert set(read_markers(scene.changes(poses, AT))) == {('oak', 3), ('oak/leaves', 2)}
+    assert scene.changes(poses, AT) is None
+
+
+def test_slow_creep_is_not_lost():
+    """Compare with what was sent, so that many small moves add up to one that is sent."""
+    blueprint = mixed_blueprint()
+    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world')
+    poses = blueprint.poses.copy()
+    scene.whole(poses, AT)
+    sent = 0
+    for _ in range(100):
+        poses[8, 1] += 1e-5
+        sent += scene.changes(poses, AT) is not None
+    assert 5 <= sent <= 10
+
+
+def test_vanished_part_is_deleted_once_and_can_return():
+    """Delete the marker of a part without a pose; add it again when it has one."""
+    blueprint = mixed_blueprint()
+    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world')
+    poses = blueprint.poses.copy()
+    scene.whole(poses, AT)
+    poses[6] = np.nan
+    gone = read_markers(scene.changes(poses, AT))
+    assert gone.keys() == {('oak', 6)} and gone['oak', 6].action == Marker.DELETE
+    assert scene.changes(poses, AT) is None
+    assert len(read_markers(scene.whole(poses, AT))) == 8 + 2
+    poses[6] = blueprint.poses[6]
+    assert read_markers(scene.changes(poses, AT))['oak', 6].action == Marker.ADD
+
+
+@pytest.mark.parametrize('frame', FRAMES)
+@pytest.mark.parametrize('count', [0, 1, 5])
+def test_breaks_are_read_back(frame, count):
+    """Read a PointCloud2 of break events back, data and description."""
+    events = np.zeros(count, [('time', 'f8'), ('position', 'f8', 3), ('bond', 'i4'),
+                              ('part_a', 'i4'), ('part_b', 'i4'), ('cause', 'u1'),
+                              ('load', 'f4')])
+    events['position'] = np.arange(3 * count).reshape(-1, 3)
+    events['bond'], events['part_a'] = np.arange(count) + 7, -1
+    events['cause'], events['load'] = 3, 1.25
+    rows = messages.break_rows(events)
+    message = deserialize_message(messages.point_cloud(rows, AT, frame), PointCloud2)
+    assert message.header.frame_id == frame and message.is_dense and not message.is_bigendian
+    assert (message.height, message.width) == (1, count)
+    assert [f.name for f in message.fields] == ['x', 'y', 'z', 'bond', 'part_a', 'part_b',
+                                                'cause', 'load']
+    assert message.row_step == message.point_step * count == len(message.data)
+    layout = np.dtype({'names': [f.name for f in message.fields],
+                       'formats': ['f4', 'f4', 'f4', 'i4', 'i4', 'i4', 'u4', 'f4'],
+                       'offsets': [f.offset for f in message.fields],
+                       'itemsize': message.point_step})
+    assert [f.datatype for f in message.fields] == [7, 7, 7, 5, 5, 5, 6, 7]
+    np.testing.assert_array_equal(np.frombuffer(bytes(message.data), layout), rows)
+    assert np.all(rows['part_a'] == -1) and np.all(rows['y'] == np.arange(count) * 3 + 1)
+
+
+@pytest.mark.parametrize(('time', 'expected'), [
+    (0.0, (0, 0)), (1.5, (1, 500_000_000)), (2.9999999999, (3, 0)), (1e-9, (0, 1))])
+def test_stamp_never_reaches_a_whole_second(time, expected):
+    """Split times so that nanoseconds stay below one second."""
+    assert messages.stamp(time) == expected
