@@ -11,3 +11,15 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""Everything that collides: ground, fragments, bricks, projectiles, and how they come to rest."""
+
+from procphys_ros.physics.world.assembly import expand, rigid_sum, RigidSum
+from procphys_ros.physics.world.bodies import Bodies, State
+from procphys_ros.physics.world.contacts import Contacts
+from procphys_ros.physics.world.merging import merge_boxes
+from procphys_ros.physics.world.population import solid_inertia
+from procphys_ros.physics.world.world import World
+
+__all__ = ['Bodies', 'Contacts', 'expand', 'merge_boxes', 'rigid_sum', 'RigidSum',
+           'solid_inertia', 'State', 'World']

@@ -1,0 +1,64 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Compounds: the URDF text of a rigid body made of boxes and capsules."""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Shape
+
+# One line per shape: PyBullet reads files line by line into 1024 characters.
+_HEAD = ('<robot name="f">\n<link name="b">\n'
+         '<visual><geometry><box size="0.01 0.01 0.01"/></geometry></visual>\n'
+         '<inertial><mass value="%.17g"/><inertia ixx="%.17g" ixy="0" ixz="0" iyy="%.17g" '
+         'iyz="0" izz="%.17g"/></inertial>\n')
+_ORIGIN = '<collision><origin xyz="%.12g %.12g %.12g" rpy="%.12g %.12g %.12g"/><geometry>'
+_BOX = _ORIGIN + '<box size="%.9g %.9g %.9g"/></geometry></collision>'
+_CAPSULE = _ORIGIN + '<capsule radius="%.9g" length="%.9g"/></geometry></collision>'
+_TAIL = '\n</link>\n</robot>\n'
+_SHORTEST = 1e-4  # [m], cylinder between the round ends of a capsule that is nearly a sphere
+
+
+def describe(mass: float, inertia: np.ndarray, shapes: np.ndarray, sizes: np.ndarray,
+             local_poses: np.ndarray) -> str:
+    """
+    Write a rigid body in its principal frame as URDF.
+
+    :param mass: [kg].
+    :param inertia: principal moments [kg·m²], (3,).
+    :param shapes: `Shape` of each piece, (P,).
+    :param sizes: as in `Blueprint.size` [m], (P, 3).
+    :param local_poses: of the pieces in the principal frame, (P, 7).
+    """
+    turns = roll_pitch_yaw(local_poses[:, 3:])
+    rows = np.column_stack([local_poses[:, :3], turns]).tolist()
+    lines = []
+    for shape, size, row in zip(shapes, sizes.tolist(), rows):
+        if shape == Shape.BOX:
+            lines.append(_BOX % (*row, *size))
+        else:
+            lines.append(_CAPSULE % (*row, 0.5 * size[0], max(size[2] - size[0], _SHORTEST)))
+    return _HEAD % (mass, *inertia) + '\n'.join(lines) + _TAIL
+
+
+def roll_pitch_yaw(quaternions: np.ndarray) -> np.ndarray:
+    """Give the turns about fixed x, then y, then z [rad], (P, 3), as URDF has them."""
+    m = rotation.to_matrix(quaternions)
+    flat = np.hypot(m[:, 0, 0], m[:, 1, 0])
+    upright = flat < 1e-7  # pitch ±90°: only roll ∓ yaw is determined, so yaw is set to zero
+    roll = np.where(upright, np.arctan2(-m[:, 1, 2], m[:, 1, 1]),
+                    np.arctan2(m[:, 2, 1], m[:, 2, 2]))
+    yaw = np.where(upright, 0.0, np.arctan2(m[:, 1, 0], m[:, 0, 0]))
+    return np.column_stack([roll, np.arctan2(-m[:, 2, 0], flat), yaw])

@@ -1,0 +1,85 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Merging: fewer, larger boxes for a block of bricks, so that it collides at a fraction."""
+
+from numba import njit
+import numpy as np
+
+from procphys_ros import rotation
+
+JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
+_ALIGNED = 1e-3  # largest deviation of a rotation matrix from a quarter turn
+
+
+def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = 2e-3
+                ) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Join boxes that lie end to end into larger ones: along x, then z, then y of the first box.
+
+    Boxes that are turned against the first by other than quarter turns are kept as they are.
+
+    :param poses: (P, 7).
+    :param sizes: full extents [m], (P, 3).
+    :param tolerance: how far faces that should be flush may be apart [m]; half a brick's length
+        also joins the toothed courses of a bond into one box.
+    :returns: poses (K, 7) and sizes (K, 3), K ≤ P.
+    """
+    frame = poses[0].copy()
+    turns = rotation.to_matrix(rotation.multiply(rotation.conjugate(frame[3:]), poses[:, 3:]))
+    aligned = (np.abs(turns - np.round(turns)) < _ALIGNED).all(axis=(1, 2))
+    extent = np.einsum('pij,pj->pi', np.abs(np.round(turns[aligned])), sizes[aligned])
+    centre = rotation.relative(frame, poses[aligned])[:, :3]
+    bounds = np.stack([centre - 0.5 * extent, centre + 0.5 * extent], axis=1)
+    for axis in (0, 2, 1):
+        bounds = _merge_along(bounds, axis, tolerance)
+    local = np.concatenate([bounds.mean(axis=1),
+                            np.tile(rotation.IDENTITY, (len(bounds), 1))], axis=1)
+    return (np.concatenate([rotation.compose(frame, local), poses[~aligned]]),
+            np.concatenate([bounds[:, 1] - bounds[:, 0], sizes[~aligned]]))
+
+
+def _merge_along(bounds: np.ndarray, axis: int, tolerance: float) -> np.ndarray:
+    """Join neighbours along one axis whose faces across are flush, (K, 2, 3) -> fewer."""
+    across = [a for a in range(3) if a != axis]
+    # Sort into lanes of equal faces; lanes are told apart by neighbouring values, not by
+    # rounding, so that values at the edge of a rounding cell stay together.
+    lanes = [_clusters(bounds[:, side, a], tolerance) for a in across for side in (0, 1)]
+    order = np.lexsort([bounds[:, 0, axis], *lanes])
+    bounds = bounds[order]
+    breaks = np.zeros(len(bounds), bool)
+    for lane in lanes:
+        breaks[1:] |= np.diff(lane[order]) != 0
+    gap = bounds[1:, 0, axis] - bounds[:-1, 1, axis]
+    breaks[1:] |= (gap > JOINT) | (gap < -JOINT)
+    breaks[0] = True
+    start = np.flatnonzero(breaks)
+    count = np.diff(np.append(start, len(bounds)))
+    merged = np.add.reduceat(bounds, start, axis=0) / count[:, None, None]
+    merged[:, 0, axis] = np.minimum.reduceat(bounds[:, 0, axis], start)
+    merged[:, 1, axis] = np.maximum.reduceat(bounds[:, 1, axis], start)
+    return merged
+
+
+@njit(cache=True)
+def _clusters(values, tolerance):
+    """Label the groups of values that lie within the tolerance of their group's least."""
+    order = np.argsort(values)
+    label = np.empty(len(values), np.int64)
+    current, least = -1, -np.inf
+    for i in order:
+        if values[i] - least > tolerance:
+            current, least = current + 1, values[i]
+        label[i] = current
+    return label

@@ -1,0 +1,191 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Settling: which loose bodies have come to rest, and which resting ones must move again."""
+
+from numba import njit
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.world.bodies import Bodies, State
+from procphys_ros.physics.world.contacts import Contacts
+
+REST_SPEED = 0.15  # [m/s], slower than this at the centre of mass counts as quiet
+REST_SPIN = 0.6  # [rad/s], for bodies up to REST_RADIUS; the rim speed limits larger ones
+REST_RADIUS = 0.15  # [m], about half a brick's diagonal
+REST_TIME = 0.5  # [s], how long a body is quiet before it comes to rest
+CHECK_INTERVAL = 0.1  # [s] between looks at the quiet bodies; reading contacts is dear
+STUCK_TIME = 3.0  # [s], a body that is quiet for so long is held by more than the check sees
+WAKE_SPEED = 0.3  # [m/s], speed change by a hit that sets a resting body free
+SUPPORT_SHIFT = 0.01  # [m], move of a support that sets free what rests on it
+_TOUCH = 2e-3  # [m], gap below which a contact counts as touching
+_STANCE = 0.01  # [m], how far the centre of mass may lie outside what carries it
+_BESIDE = -0.5  # least upward part of the normal of a contact that can hold a body up
+_BELOW = 0.1  # least upward part of the normal of a contact that carries a body
+
+
+class Supports:
+    """
+    Who rests on whom: one row per contact that a resting body had when it came to rest.
+
+    :ivar support: id of the body that carries, (E,) int.
+    :ivar resting: id of the body that is carried, (E,) int.
+    :ivar local: contact point in the axes of the support [m], (E, 3).
+    :ivar point: contact point in the world when it was recorded [m], (E, 3).
+    """
+
+    def __init__(self) -> None:
+        self.support = np.zeros(0, np.intp)
+        self.resting = np.zeros(0, np.intp)
+        self.local = np.zeros((0, 3))
+        self.point = np.zeros((0, 3))
+
+    def add(self, bodies: Bodies, contacts: Contacts, rests: np.ndarray) -> None:
+        """Record what carries the bodies that come to rest now, (K,) ids."""
+        chosen = np.zeros(len(bodies.state), bool)
+        chosen[rests] = True
+        keep = (chosen[contacts.body_a] & (bodies.state[contacts.body_b] != State.GROUND)
+                & (contacts.normal[:, 2] > _BESIDE) & _touching(contacts))
+        support, point = contacts.body_b[keep], contacts.point[keep]
+        frame = bodies.poses[support]
+        local = rotation.rotate(rotation.conjugate(frame[:, 3:]), point - frame[:, :3])
+        self.support = np.concatenate([self.support, support])
+        self.resting = np.concatenate([self.resting, contacts.body_a[keep]])
+        self.local = np.concatenate([self.local, local])
+        self.point = np.concatenate([self.point, point])
+
+    def drop(self, state: np.ndarray) -> None:
+        """Forget what no longer rests."""
+        keep = state[self.resting] == State.RESTING
+        if not keep.all():
+            self.support, self.resting = self.support[keep], self.resting[keep]
+            self.local, self.point = self.local[keep], self.point[keep]
+
+    def carried_by(self, support: np.ndarray) -> np.ndarray:
+        """List the bodies that rest on any of the given ids."""
+        return np.unique(self.resting[np.isin(self.support, support)])
+
+    def lost(self, bodies: Bodies) -> np.ndarray:
+        """List the bodies one of whose supports has moved away."""
+        state = bodies.state[self.support]
+        row = np.flatnonzero((state != State.RESTING) & (state != State.HELD))
+        if not len(row):
+            return row
+        frame = bodies.poses[self.support[row]]
+        now = frame[:, :3] + rotation.rotate(frame[:, 3:], self.local[row])
+        moved = ((now - self.point[row]) ** 2).sum(axis=1) > SUPPORT_SHIFT ** 2
+        return np.unique(self.resting[row[moved]])
+
+
+def count_quiet(bodies: Bodies, awake: np.ndarray, time_step: float) -> None:
+    """Add the step to the quiet time of slow bodies, restart the clock of the others."""
+    velocity = bodies.velocities[awake]
+    speed = np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
+    spin = np.sqrt((velocity[:, 3:] ** 2).sum(axis=1))
+    reach = np.maximum(bodies.radius[awake] / REST_RADIUS, 1.0)
+    slow = (speed < REST_SPEED) & (spin * reach < REST_SPIN)
+    bodies.quiet[awake] = np.where(slow, bodies.quiet[awake] + time_step, 0.0)
+
+
+def at_rest(bodies: Bodies, quiet: np.ndarray, contacts: Contacts) -> np.ndarray:
+    """
+    Choose the quiet bodies that can stand where they are.
+
+    A body stands when its centre of mass lies over the polygon of what it touches; a slab that
+    starts to topple is slow, too, but does not.
+
+    :param quiet: ids of the bodies that have been slow long enough, (K,).
+    :param contacts: of the last step, each listed both ways.
+    :returns: ids, (R,).
+    """
+    index = np.full(len(bodies.state), -1)
+    index[quiet] = np.arange(len(quiet))
+    candidate = index[contacts.body_a]
+    keep = (candidate >= 0) & _touching(contacts)
+    order = np.argsort(candidate[keep], kind='stable')
+    row = np.flatnonzero(keep)[order]
+    start = np.searchsorted(candidate[row], np.arange(len(quiet) + 1))
+    stands = _stands(start, contacts.point[row], contacts.normal[row],
+                     bodies.poses[quiet, :2], _STANCE + 0.02 * bodies.radius[quiet])
+    return quiet[stands | ((bodies.quiet[quiet] > STUCK_TIME) & (np.diff(start) > 0))]
+
+
+def _touching(contacts: Contacts) -> np.ndarray:
+    return (contacts.distance < _TOUCH) | (contacts.normal_impulse > 0.0)
+
+
+@njit(cache=True)
+def _stands(start, points, normals, centre, reach):
+    """
+    Tell for each body whether no half plane through its centre is free of contacts.
+
+    Each contact is widened to a square of the given reach, so that bodies balanced on a line or
+    on a point as exactly as rounding allows count as standing.
+    """
+    result = np.zeros(len(centre), np.bool_)
+    for k in range(len(centre)):
+        count = start[k + 1] - start[k]
+        angles = np.empty(4 * count)
+        carried = False
+        for i in range(count):
+            j = start[k] + i
+            carried |= normals[j, 2] > _BELOW
+            for corner in range(4):
+                dx = points[j, 0] - centre[k, 0] + reach[k] * (2 * (corner & 1) - 1)
+                dy = points[j, 1] - centre[k, 1] + reach[k] * (2 * (corner >> 1) - 1)
+                angles[4 * i + corner] = np.arctan2(dy, dx)
+        if carried:
+            angles.sort()
+            widest = angles[0] + 2.0 * np.pi - angles[-1]
+            for i in range(1, len(angles)):
+                widest = max(widest, angles[i] - angles[i - 1])
+            result[k] = widest <= np.pi
+    return result
+
+
+def about_to_be_hit(bodies: Bodies, resting: np.ndarray, moving: np.ndarray,
+                    moving_bounds: np.ndarray, time_step: float) -> np.ndarray:
+    """
+    List the resting bodies that a moving one reaches in this step with force enough to move them.
+
+    Freeing them *before* the step lets the contact solver share the momentum exactly; against an
+    immovable body it would be lost.
+
+    :param moving: ids, (K,).
+    :param moving_bounds: their axis-aligned bounds now [m], (K, 6).
+    """
+    velocity = bodies.velocities[moving]
+    shift = velocity[:, :3] * time_step
+    low = moving_bounds[:, :3] + np.minimum(shift, 0.0)
+    high = moving_bounds[:, 3:] + np.maximum(shift, 0.0)
+    speed = (np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
+             + np.sqrt((velocity[:, 3:] ** 2).sum(axis=1)) * bodies.radius[moving])
+    mass = np.where(bodies.state[moving] == State.DRIVEN, np.inf, bodies.mass[moving])
+    hit = _reached(low, high, speed, mass, bodies.bounds[resting], bodies.mass[resting])
+    return resting[hit]
+
+
+@njit(cache=True)
+def _reached(low, high, speed, mass, bounds, resting_mass):
+    """Test every moving box against every resting one."""
+    hit = np.zeros(len(bounds), np.bool_)
+    for r in range(len(bounds)):
+        for m in range(len(low)):
+            if (low[m, 0] <= bounds[r, 3] and high[m, 0] >= bounds[r, 0]
+                    and low[m, 1] <= bounds[r, 4] and high[m, 1] >= bounds[r, 1]
+                    and low[m, 2] <= bounds[r, 5] and high[m, 2] >= bounds[r, 2]
+                    and speed[m] > WAKE_SPEED * (1.0 + resting_mass[r] / mass[m])):
+                hit[r] = True
+                break
+    return hit

@@ -1,0 +1,121 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The world in which everything that is loose collides, falls and comes to rest."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros.physics.world import settling
+from procphys_ros.physics.world.bodies import State
+from procphys_ros.physics.world.contacts import Contacts
+from procphys_ros.physics.world.population import FRICTION, GRAVITY, Population
+
+_DEPTH = 0.02  # [m] under the ground from which a body is put back to where it touched it
+
+
+class World(Population):
+    """
+    Bodies in time; several worlds may live side by side.
+
+    :param gravity: [m/s²], (3,).
+    :param friction: of the ground (as between two bodies that have this value).
+    """
+
+    def __init__(self, gravity: Sequence[float] = GRAVITY, friction: float = FRICTION):
+        super().__init__(gravity, friction)
+        self._time_step = 1.0 / 60.0
+        self._contacts: Contacts | None = None
+        self._since_check = 0.0
+
+    def contacts(self) -> Contacts:
+        """Give the contacts of the last step; ask before bodies are changed."""
+        if self._contacts is None:
+            moving = self._bodies.state >= State.LOOSE
+            table = self._engine.contacts() if moving.any() else np.zeros((0, 13))
+            self._contacts = Contacts.of(table, self._time_step)
+        return self._contacts
+
+    def step(self, time_step: float) -> None:
+        """
+        Let time pass: set free what is about to be hit, move and collide, bring to rest.
+
+        :param time_step: [s].
+        """
+        self._time_step = time_step
+        self._contacts = None
+        self._free_what_is_hit(time_step)
+        self._engine.step(time_step)
+        self._read()
+        self._lift_to_ground(time_step)
+        self._settle(time_step)
+
+    def _free_what_is_hit(self, time_step: float) -> None:
+        bodies = self._bodies
+        resting = np.flatnonzero(bodies.state == State.RESTING)
+        moving = np.flatnonzero(bodies.state >= State.LOOSE)
+        if not len(resting) or not len(moving):
+            return
+        speed = np.abs(bodies.velocities[moving]).max(axis=1)
+        moving = moving[speed > settling.WAKE_SPEED]
+        bounds = self._engine.bounds(moving.tolist())
+        self.thaw(settling.about_to_be_hit(bodies, resting, moving, bounds, time_step))
+
+    def _read(self) -> None:
+        moving = np.flatnonzero(self._bodies.state >= State.LOOSE)
+        if len(moving):
+            poses, velocities = self._engine.read(moving.tolist())
+            self._bodies.poses[moving] = poses
+            self._bodies.velocities[moving] = velocities
+
+    def _lift_to_ground(self, time_step: float) -> None:
+        """
+        Put bodies that ran deep into the ground back to where they touched it.
+
+        They get the speed they had there, from the energy of the fall between; the next step's
+        contact does the rest. Without this a fast body is thrown out by the penetration recovery.
+        """
+        bodies, awake = self._bodies, self.awake
+        height, speed = bodies.poses[awake, 2], bodies.velocities[awake, 2]
+        deep = (height < 0.0) | ((height < bodies.radius[awake]) & (-speed * time_step > _DEPTH))
+        if not deep.any():
+            return
+        chosen = awake[deep]
+        depth = -self._engine.bounds(chosen.tolist())[:, 2]
+        chosen, depth = chosen[depth > _DEPTH], depth[depth > _DEPTH]
+        if not len(chosen):
+            return
+        poses, velocities = bodies.poses[chosen], bodies.velocities[chosen]
+        poses[:, 2] += depth
+        fall = np.minimum(velocities[:, 2], 0.0)
+        energy = fall ** 2 - 2.0 * np.abs(self._gravity[2]) * depth
+        velocities[:, 2] = np.where(velocities[:, 2] > 0.0, velocities[:, 2],
+                                    -np.sqrt(np.maximum(energy, 0.0)))
+        self.set_poses(chosen, poses)
+        self.set_velocities(chosen, velocities)
+
+    def _settle(self, time_step: float) -> None:
+        bodies, awake = self._bodies, self.awake
+        settling.count_quiet(bodies, awake, time_step)
+        self._since_check += time_step
+        if self._since_check > settling.CHECK_INTERVAL - 1e-9:
+            self._since_check = 0.0
+            quiet = awake[bodies.quiet[awake] > settling.REST_TIME - 1e-9]
+            if len(quiet):
+                contacts = self.contacts().both_ways()
+                rests = settling.at_rest(bodies, quiet, contacts)
+                self._supports.add(bodies, contacts, rests)
+                self._hold(rests, State.RESTING)
+        self.thaw(self._supports.lost(bodies))
