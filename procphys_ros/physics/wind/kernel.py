@@ -18,64 +18,97 @@
 from numba import njit
 import numpy as np
 
-LOG, POWER, UNIFORM = 0, 1, 2  # profile codes, in the order of settings.PROFILES
+LOG, POWER, UNIFORM = 0, 1, 2  # profile codes
 GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, duration, rise, kind
+_BLOCK = 128   # points that are worked on together, so that the arithmetic vectorises
+_U = np.uint64  # unsigned indices spare the test for negative ones
 
 
-@njit(cache=True)
-def profile_factor(height: float, code: int, reference: float, parameter: float) -> float:
+def profile_terms(name: str, reference: float, roughness: float, exponent: float) -> tuple:
     """
-    Return the mean speed at a height over that at the reference height.
+    Prepare what `profile_factor` needs.
 
-    :param height: above ground [m].
-    :param code: LOG, POWER or UNIFORM.
-    :param reference: reference height [m].
-    :param parameter: roughness length [m] (LOG) or exponent (POWER).
+    :param name: 'log', 'power' or 'uniform'.
+    :param reference: height at which the factor is 1 [m].
+    :param roughness: roughness length of the log profile [m].
+    :param exponent: of the power profile.
+    :returns: code, length by which heights are divided [m], scale or exponent.
     """
-    if code == UNIFORM:
-        return 1.0
+    if name == 'log':
+        return LOG, roughness, 1.0 / np.log(reference / roughness)
+    return (POWER, reference, exponent) if name == 'power' else (UNIFORM, 1.0, 1.0)
+
+
+@njit(cache=True, error_model='numpy', fastmath=True)
+def profile_factor(height: float, code: int, length: float, number: float) -> float:
+    """Return the mean speed at a height over that at the reference height."""
+    relative = height / length
+    if code == LOG:
+        return number * np.log(relative) if relative > 1.0 else 0.0
     if code == POWER:
-        return (height / reference) ** parameter if height > 0.0 else 0.0
-    if height <= parameter:
-        return 0.0
-    return np.log(height / parameter) / np.log(reference / parameter)
+        return relative ** number if relative > 0.0 else 0.0
+    return 1.0
 
 
-@njit(cache=True, inline='always')
-def _add_eddies(flat, log2_shape, lags, x, y, z, sums):
+@njit(cache=True, error_model='numpy', fastmath=True)
+def _locate(points, first, count, axes, travelled, density, cells, fractions):
+    """Write the cell, and the place within it, of each point of a block."""
+    ax, ay, az = axes[0]
+    bx, by, bz = axes[1]
+    cx, cy, cz = axes[2]
+    for i in range(count):
+        x, y, z = points[first + i, 0], points[first + i, 1], points[first + i, 2]
+        a = density[0] * (ax * x + ay * y + az * z - travelled[0])
+        b = density[1] * (bx * x + by * y + bz * z - travelled[1])
+        c = density[2] * (cx * x + cy * y + cz * z)
+        a0, b0, c0 = np.floor(a), np.floor(b), np.floor(c)
+        cells[0, i], cells[1, i], cells[2, i] = np.int32(a0), np.int32(b0), np.int32(c0)
+        fractions[0, i], fractions[1, i], fractions[2, i] = a - a0, b - b0, c - c0
+
+
+@njit(cache=True, error_model='numpy', fastmath=True)
+def _find_scales(fractions, count, lags, sigma, scales):
     """
-    Add one box's velocity, interpolated at node coordinates x, y, z, to `sums`.
+    Write by how much to multiply the interpolated velocities of a block, (3, count).
 
     The variance of a tri-linear mean of correlated nodes is itself tri-linear in the lag
     covariances, with 2 f (1 - f) in the place of the fraction f: dividing by its root restores
     the variance at every place within a cell.
     """
-    x0, y0, z0 = np.floor(x), np.floor(y), np.floor(z)
-    fx, fy, fz = x - x0, y - y0, z - z0
-    mx, my, mz = (1 << log2_shape[0]) - 1, (1 << log2_shape[1]) - 1, (1 << log2_shape[2]) - 1
-    ix, iy, iz = np.int64(x0) & mx, np.int64(y0) & my, np.int64(z0) & mz
-    xa, xb = ix << log2_shape[1], ((ix + 1) & mx) << log2_shape[1]
-    ya, yb = iy, (iy + 1) & my
-    za, zb = 3 * iz, 3 * ((iz + 1) & mz)
-    aa, ab = 3 * ((xa + ya) << log2_shape[2]), 3 * ((xa + yb) << log2_shape[2])
-    ba, bb = 3 * ((xb + ya) << log2_shape[2]), 3 * ((xb + yb) << log2_shape[2])
-    waa, wab = (1.0 - fx) * (1.0 - fy), (1.0 - fx) * fy
-    wba, wbb = fx * (1.0 - fy), fx * fy
-    gx, gy, gz = 2.0 * fx * (1.0 - fx), 2.0 * fy * (1.0 - fy), 2.0 * fz * (1.0 - fz)
-    vaa, vab = (1.0 - gx) * (1.0 - gy), (1.0 - gx) * gy
-    vba, vbb = gx * (1.0 - gy), gx * gy
     for c in range(3):
-        low = (waa * flat[np.uint64(aa + za + c)] + wab * flat[np.uint64(ab + za + c)]
-               + wba * flat[np.uint64(ba + za + c)] + wbb * flat[np.uint64(bb + za + c)])
-        high = (waa * flat[np.uint64(aa + zb + c)] + wab * flat[np.uint64(ab + zb + c)]
-                + wba * flat[np.uint64(ba + zb + c)] + wbb * flat[np.uint64(bb + zb + c)])
-        kept = ((1.0 - gz) * (vaa * lags[c, 0] + vab * lags[c, 2]
-                              + vba * lags[c, 4] + vbb * lags[c, 6])
-                + gz * (vaa * lags[c, 1] + vab * lags[c, 3] + vba * lags[c, 5] + vbb * lags[c, 7]))
-        sums[c] += (low + fz * (high - low)) / np.sqrt(kept)
+        l0, l1, l2, l3, l4, l5, l6, l7 = lags[c]
+        for i in range(count):
+            x, y, z = fractions[0, i], fractions[1, i], fractions[2, i]
+            x, y, z = 2.0 * x * (1.0 - x), 2.0 * y * (1.0 - y), 2.0 * z * (1.0 - z)
+            near = l0 + z * (l1 - l0) + y * (l2 - l0 + z * (l3 - l2 - l1 + l0))
+            far = l4 + z * (l5 - l4) + y * (l6 - l4 + z * (l7 - l6 - l5 + l4))
+            scales[c, i] = sigma / np.sqrt(near + x * (far - near))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model='numpy', fastmath=True)
+def _interpolate(flat, bits, cells, fractions, count, sums):
+    """Write the tri-linear mean of the nodes around each point of a block, (3, count)."""
+    mx, my, mz = (1 << bits[0]) - 1, (1 << bits[1]) - 1, (1 << bits[2]) - 1
+    row, column = bits[1] + bits[2], bits[2]
+    for i in range(count):
+        ix, iy, iz = np.int64(cells[0, i]), np.int64(cells[1, i]), np.int64(cells[2, i])
+        xa, xb = (ix & mx) << row, ((ix + 1) & mx) << row
+        ya, yb = (iy & my) << column, ((iy + 1) & my) << column
+        za, zb = iz & mz, (iz + 1) & mz
+        n0, n1 = _U(3 * (xa + ya + za)), _U(3 * (xa + yb + za))
+        n2, n3 = _U(3 * (xb + ya + za)), _U(3 * (xb + yb + za))
+        f0, f1 = _U(3 * (xa + ya + zb)), _U(3 * (xa + yb + zb))
+        f2, f3 = _U(3 * (xb + ya + zb)), _U(3 * (xb + yb + zb))
+        x, y, z = fractions[0, i], fractions[1, i], fractions[2, i]
+        w0, w1, w2, w3 = (1.0 - x) * (1.0 - y), (1.0 - x) * y, x * (1.0 - y), x * y
+        for c in range(3):
+            k = _U(c)
+            low = w0 * flat[n0 + k] + w1 * flat[n1 + k] + w2 * flat[n2 + k] + w3 * flat[n3 + k]
+            high = w0 * flat[f0 + k] + w1 * flat[f1 + k] + w2 * flat[f2 + k] + w3 * flat[f3 + k]
+            sums[c, i] = low + z * (high - low)
+
+
+@njit(cache=True, error_model='numpy', fastmath=True)
 def gust_strength(gust: np.ndarray, x: float, y: float, z: float, time: float) -> float:
     """
     Return the present share of a gust's velocity at a point.
@@ -96,40 +129,55 @@ def gust_strength(gust: np.ndarray, x: float, y: float, z: float, time: float) -
     return 0.5 - 0.5 * np.cos(np.pi * min(t / rise, (duration - t) / rise, 1.0))
 
 
-@njit(cache=True)
-def fill(points: np.ndarray, out: np.ndarray, time: float, axes: np.ndarray, speed: float,
-         profile: tuple, travelled: tuple, sigma: float,
-         large: tuple, small: tuple, gusts: np.ndarray) -> None:
+@njit(cache=True, error_model='numpy', fastmath=True)
+def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
+              profile: tuple) -> None:
     """
-    Write the air velocity at every point.
+    Write the mean air velocity at every point.
 
     :param points: (N, 3) [m], world.
     :param out: (N, 3) [m/s], world.
-    :param time: [s].
-    :param axes: rows along the mean wind, across it and up from it, (3, 3), world.
-    :param speed: mean speed at the reference height [m/s].
-    :param profile: code, reference height, parameter as in `profile_factor`.
+    :param along: unit vector of the mean wind, world.
+    :param speed: at the reference height [m/s].
+    :param profile: from `profile_terms`.
+    """
+    for i in range(len(points)):
+        u = speed * profile_factor(points[i, 2], profile[0], profile[1], profile[2])
+        out[i, 0], out[i, 1], out[i, 2] = u * along[0], u * along[1], u * along[2]
+
+
+@njit(cache=True, error_model='numpy', fastmath=True)
+def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tuple,
+               sigma: float, box: tuple) -> None:
+    """
+    Add the velocity of one box of eddies at every point, block by block.
+
+    :param axes: unit vectors along the mean wind, across it and up from it, world.
     :param travelled: how far the eddies have moved along and across [m].
     :param sigma: standard deviation along the wind [m/s].
-    :param large, small: flat field, log2 of its shape, lags (3, 8), nodes per metre (3).
-    :param gusts: (G, GUST_COLUMNS).
+    :param box: flat field, log2 of its shape, lags (3, 8), nodes per metre (3).
     """
-    sums = np.empty(3)
+    flat, bits, lags, density = box
+    cells = np.empty((3, _BLOCK), np.int32)
+    fractions, scales, sums = (np.empty((3, _BLOCK)), np.empty((3, _BLOCK)),
+                               np.empty((3, _BLOCK)))
+    for first in range(0, len(points), _BLOCK):
+        count = min(_BLOCK, len(points) - first)
+        _locate(points, first, count, axes, travelled, density, cells, fractions)
+        _find_scales(fractions, count, lags, sigma, scales)
+        _interpolate(flat, bits, cells, fractions, count, sums)
+        for i in range(count):
+            u, v, w = (sums[0, i] * scales[0, i], sums[1, i] * scales[1, i],
+                       sums[2, i] * scales[2, i])
+            for k in range(3):
+                out[first + i, k] += u * axes[0][k] + v * axes[1][k] + w * axes[2][k]
+
+
+@njit(cache=True, error_model='numpy', fastmath=True)
+def add_gusts(points: np.ndarray, out: np.ndarray, gusts: np.ndarray, time: float) -> None:
+    """Add the velocity of gusts, rows of GUST_COLUMNS numbers, at every point."""
     for i in range(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        factor = speed * profile_factor(z, profile[0], profile[1], profile[2])
-        sums[0] = sums[1] = sums[2] = 0.0
-        if sigma > 0.0:
-            a = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z - travelled[0]
-            b = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z - travelled[1]
-            c = axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
-            for box in (large, small):
-                _add_eddies(box[0], box[1], box[2],
-                            a * box[3][0], b * box[3][1], c * box[3][2], sums)
-        u, v, w = factor + sigma * sums[0], sigma * sums[1], sigma * sums[2]
-        for k in range(3):
-            out[i, k] = u * axes[0, k] + v * axes[1, k] + w * axes[2, k]
         for g in range(len(gusts)):
-            share = gust_strength(gusts[g], x, y, z, time)
+            share = gust_strength(gusts[g], points[i, 0], points[i, 1], points[i, 2], time)
             for k in range(3):
                 out[i, k] += share * gusts[g, k]

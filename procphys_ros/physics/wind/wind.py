@@ -25,7 +25,7 @@ import numpy as np
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.wind import kernel, spectra
 from procphys_ros.physics.wind.eddies import Eddies, make_large, make_small
-from procphys_ros.physics.wind.settings import Gust, GUST_KINDS, PROFILES, WindSettings
+from procphys_ros.physics.wind.settings import Gust, GUST_KINDS, WindSettings
 
 _DRIFT = 0.0125   # sideways drift of the eddies over their way: the wind does not come back the same
 _GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is forgotten
@@ -101,10 +101,10 @@ class Wind:
         :raises SceneError: when the velocity is not finite or out of range.
         """
         velocity = tuple(replace(self.settings, velocity=velocity).velocity)
-        before = self._stretch(time)
-        travelled = _travelled(before, time)
-        kept = [s for s in self._stretches if s.start < time]
-        self._stretches = kept + [_Stretch(time, velocity, travelled)]
+        travelled = _travelled(self._stretch(time), time)
+        self._stretches = [s for s in self._stretches if s.start < time]
+        if not self._stretches or self._stretches[-1].velocity != velocity:
+            self._stretches.append(_Stretch(time, velocity, travelled))
 
     def start_gust(self, gust: Gust, time: float) -> None:
         """
@@ -167,8 +167,10 @@ class Wind:
     def _draw_eddies(self, settings: WindSettings) -> None:
         spectrum = spectra.make(settings.spectrum, settings.reference_height)
         rng = np.random.default_rng(self._seed)
-        self._large = _for_kernel(make_large(spectrum, rng))
-        self._small = _for_kernel(make_small(spectrum, rng))
+        large = make_large(spectrum, rng)
+        self._boxes = (_for_kernel(large), _for_kernel(make_small(spectrum, rng)))
+        # The small box fits into the large one a whole number of times, so this is their period.
+        self._period = large.spacing * large.field.shape[:3]
 
     def _stretch(self, time: float) -> _Stretch:
         later = bisect_right(self._stretches, time, key=lambda stretch: stretch.start)
@@ -181,10 +183,17 @@ class Wind:
         mean = np.asarray(stretch.velocity)
         speed = float(np.linalg.norm(mean))
         way = _travelled(stretch, time)
-        parameter = s.roughness_length if s.profile == 'log' else s.exponent
-        profile = (PROFILES.index(s.profile), s.reference_height, parameter)
-        kernel.fill(points, out, float(time), _wind_axes(mean, speed), speed, profile,
-                    (way, _DRIFT * way), intensity * speed, self._large, self._small, gusts)
+        profile = kernel.profile_terms(s.profile, s.reference_height, s.roughness_length,
+                                       s.exponent)
+        axes = _wind_axes(mean, speed)
+        kernel.fill_mean(points, out, axes[0], speed, profile)
+        sigma = intensity * speed
+        if sigma > 0.0:
+            travelled = (way % self._period[0], (_DRIFT * way) % self._period[1])
+            for box in self._boxes:
+                kernel.add_eddies(points, out, axes, travelled, sigma, box)
+        if len(gusts):
+            kernel.add_gusts(points, out, gusts, float(time))
         return out
 
 
@@ -192,18 +201,16 @@ def _travelled(stretch: _Stretch, time: float) -> float:
     return stretch.travelled + float(np.linalg.norm(stretch.velocity)) * (time - stretch.start)
 
 
-def _wind_axes(mean: np.ndarray, speed: float) -> np.ndarray:
-    """Return rows along the wind, across it (level) and up from it; any frame in still air."""
-    if speed == 0.0:
-        return np.eye(3)
-    along = mean / speed
+def _wind_axes(mean: np.ndarray, speed: float) -> tuple:
+    """Return unit vectors along the wind, across it (level) and up from it."""
+    along = mean / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
     across = np.array([-along[1], along[0], 0.0])
     level = np.linalg.norm(across)
     across = across / level if level > 1e-9 else np.array([0.0, 1.0, 0.0])
-    return np.array([along, across, np.cross(along, across)])
+    return tuple(tuple(axis.tolist()) for axis in (along, across, np.cross(along, across)))
 
 
 def _for_kernel(eddies: Eddies) -> tuple:
     log2_shape = tuple(int(n).bit_length() - 1 for n in eddies.field.shape[:3])
     return (eddies.field.reshape(-1), log2_shape, eddies.lags.reshape(3, 8),
-            tuple(1.0 / eddies.spacing))
+            tuple((1.0 / eddies.spacing).tolist()))
