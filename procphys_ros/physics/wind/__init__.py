@@ -16,7 +16,13 @@
 """Wind: mean profile, turbulence with a real spectrum, discrete gusts."""
 
 from procphys_ros.physics.wind.settings import (
-    extreme_operating_amplitude, Gust, GUST_KINDS, PROFILES, SPECTRA, WindSettings)
+    extreme_operating_amplitude,
+    Gust,
+    GUST_KINDS,
+    PROFILES,
+    SPECTRA,
+    WindSettings,
+)
 from procphys_ros.physics.wind.wind import Reference, Wind
 
 __all__ = ['GUST_KINDS', 'Gust', 'PROFILES', 'Reference', 'SPECTRA', 'Wind', 'WindSettings',

@@ -72,6 +72,7 @@ def _draw(spectrum: Spectrum, shape: tuple[int, int, int], spacing: tuple[float,
         variances = _bin_variances(spectrum, component, wave_numbers, band)
         used = np.flatnonzero(variances)
         rates = spectrum.decay(component, wave_numbers[used])
+        variances[used] = _emphasise(variances[used], rates, wave_numbers[used], spacing)
         shares = _cross_wind_shares(rates, shape[1:], spacing[1:])
         field[..., component] = spectrum.ratios[component] * _transform(
             variances[used], shares, used, shape, rng)
@@ -103,6 +104,22 @@ def _bin_variances(spectrum: Spectrum, component: int, wave_numbers: np.ndarray,
     variances[0] = 0.0
     ends = below(component, np.minimum(band, 1e9))
     return variances * ((ends[1] - ends[0]) / variances.sum())
+
+
+def _emphasise(variances: np.ndarray, rates: np.ndarray, wave_numbers: np.ndarray,
+               spacing: tuple[float, float, float]) -> np.ndarray:
+    """
+    Raise the waves that tri-linear interpolation damps most; the sum stays.
+
+    Averaged over a cell, a wave along the wind keeps sinc^4 of its power, and across the wind two
+    nodes of a pair count 1/3 each alone and 1/3 together.
+    """
+    kept = np.sinc(wave_numbers * spacing[0]) ** 4
+    y, z = spacing[1:]
+    kept = kept * (4.0 + 2.0 * np.exp(-rates * y) + 2.0 * np.exp(-rates * z)
+                   + np.exp(-rates * np.hypot(y, z))) / 9.0
+    raised = variances / kept
+    return raised * (variances.sum() / raised.sum())
 
 
 def _cross_wind_shares(rates: np.ndarray, counts: tuple[int, ...],

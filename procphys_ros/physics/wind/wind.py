@@ -27,7 +27,7 @@ from procphys_ros.physics.wind import kernel, spectra
 from procphys_ros.physics.wind.eddies import Eddies, make_large, make_small
 from procphys_ros.physics.wind.settings import Gust, GUST_KINDS, WindSettings
 
-_DRIFT = 0.0125   # sideways drift of the eddies over their way: the wind does not come back the same
+_DRIFT = 0.0125  # sideways over forward way of the eddies, lest the same wind come back
 _GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is forgotten
 
 
@@ -49,7 +49,7 @@ class _Stretch(NamedTuple):
     """A stretch of time with constant mean wind; `travelled` is the eddies' way at its start."""
 
     start: float
-    velocity: tuple[float, float, float]
+    velocity: tuple[float, ...]
     travelled: float
 
 

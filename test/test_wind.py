@@ -1,0 +1,319 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Statistics of the wind against the IEC spectra, and its behaviour under commands."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy import ndimage, signal
+
+from procphys_ros.errors import SceneError
+from procphys_ros.physics.wind import eddies, spectra, Wind, WindSettings
+
+SPEED = 10.0      # [m/s] mean wind of most tests
+INTENSITY = 0.2
+RATIOS = {'kaimal': (1.0, 0.8, 0.5), 'von_karman': (1.0, 1.0, 1.0)}
+
+
+def _settings(**changes):
+    return WindSettings(**{'velocity': (SPEED, 0.0, 0.0), 'turbulence_intensity': INTENSITY,
+                           'profile': 'uniform', **changes})
+
+
+@pytest.fixture(scope='module', params=['kaimal', 'von_karman'])
+def wind(request):
+    """Set up a wind along x with each spectrum."""
+    return Wind(_settings(spectrum=request.param), seed=3)
+
+
+@pytest.fixture
+def steered():
+    """Set up a wind that a test may command."""
+    return Wind(_settings(), seed=5)
+
+
+def _records(wind, points, times):
+    """Return fluctuations (times, points, 3)."""
+    return np.array([wind.velocity(points, t) for t in times]) - [SPEED, 0.0, 0.0]
+
+
+def _scattered(count, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform((-100.0, -128.0, 0.0), (100.0, 128.0, 64.0), (count, 3))
+
+
+def test_variance_is_that_of_the_settings(wind):
+    """Compare the standard deviations with TI·U times the IEC ratios."""
+    found = _records(wind, _scattered(4000), np.arange(0.0, 400.0, 7.3)).std(axis=(0, 1))
+    wanted = INTENSITY * SPEED * np.array(RATIOS[wind.settings.spectrum])
+    np.testing.assert_allclose(found, wanted, rtol=0.03)
+
+
+def test_variance_does_not_depend_on_the_place_in_a_cell(wind):
+    """Compare nodes of both grids with the middles of their cells, where most is averaged."""
+    rng = np.random.default_rng(1)
+    nodes = rng.integers(-500, 500, (6000, 3)) * [4.0, 2.0, 2.0]
+    middles = nodes + [2.25, 1.5, 1.5]
+    deviations = []
+    for points in (nodes, middles):
+        deviations.append(_records(wind, points, np.arange(0.0, 200.0, 8.0)).std(axis=(0, 1)))
+    np.testing.assert_allclose(deviations[0], deviations[1], rtol=0.04)
+
+
+def test_spectrum_at_a_point_is_the_target(wind):
+    """
+    Compare spectra of time series, averaged over places, with the target band by band.
+
+    Bands reach from 0.02 Hz to 4 Hz, wavelengths of 500 m to 2.5 m at 10 m/s; the grid's finest
+    waves are 1 m long.
+    """
+    rate = 20.0
+    records = _records(wind, _scattered(300), np.arange(0.0, 400.0, 1.0 / rate))
+    frequency, found = signal.welch(records, rate, nperseg=4000, axis=0)
+    target = spectra.make(wind.settings.spectrum, 10.0)
+    for component in range(3):
+        sigma = INTENSITY * SPEED * target.ratios[component]
+        wanted = sigma ** 2 * target.density(component, frequency / SPEED) / SPEED
+        for low, high in itertools.pairwise([0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0]):
+            band = (frequency >= low) & (frequency < high)
+            ratio = found[band, :, component].mean() / wanted[band].mean()
+            assert ratio == pytest.approx(1.0, abs=0.18), (component, low, high)
+
+
+def _assert_coherence(wind, near, axis, distance, tolerance):
+    """Compare the coherence of pairs of places with the standard, in bands of an octave."""
+    rate = 5.0
+    far = near + distance * np.eye(3)[axis]
+    a, b = (_records(wind, points, np.arange(0.0, 400.0, 1.0 / rate))[..., 0]
+            for points in (near, far))
+    frequency, cross = signal.csd(a, b, rate, nperseg=250, axis=0)
+    power = [signal.welch(x, rate, nperseg=250, axis=0)[1].mean(axis=1) for x in (a, b)]
+    found = cross.mean(axis=1).real / np.sqrt(power[0] * power[1])
+    length = spectra.make(wind.settings.spectrum, 10.0).lengths[0]
+    wanted = np.exp(-12.0 * np.hypot(frequency * distance / SPEED, 0.12 * distance / length))
+    for low, high in itertools.pairwise([0.03, 0.07, 0.15, 0.3, 0.6, 1.2, 2.4]):
+        band = (frequency >= low) & (frequency < high)
+        assert found[band].mean() == pytest.approx(wanted[band].mean(), abs=tolerance)
+
+
+@pytest.mark.parametrize(('distance', 'tolerance'), [
+    (2.0, 0.16), (4.0, 0.13), (8.0, 0.09), (16.0, 0.07)])
+@pytest.mark.parametrize('axis', [1, 2])
+def test_coherence_anywhere_is_near_that_of_the_standard(wind, axis, distance, tolerance):
+    """Allow for interpolation, which makes places within a cell somewhat too much alike."""
+    _assert_coherence(wind, _scattered(200), axis, distance, tolerance)
+
+
+@pytest.mark.parametrize('distance', [2.0, 4.0, 8.0, 16.0])
+def test_coherence_at_nodes_is_that_of_the_standard(wind, distance):
+    """Compare exp(-12 hypot(f d/U, 0.12 d/L)) for places above each other on the grid."""
+    nodes = np.round(_scattered(200) / 4.0) * 4.0
+    _assert_coherence(wind, nodes, 2, distance, 0.07)
+
+
+def test_kernel_interpolates_as_scipy_does(wind):
+    """Compare with tri-linear map_coordinates on the periodic boxes, variance restored."""
+    rng = np.random.default_rng(wind._seed)
+    spectrum = spectra.make(wind.settings.spectrum, 10.0)
+    points = np.random.default_rng(9).uniform(-3000.0, 3000.0, (500, 3))
+    wanted = np.zeros((500, 3))
+    for box in (eddies.make_large(spectrum, rng), eddies.make_small(spectrum, rng)):
+        place = (points / box.spacing).T
+        fraction = place - np.floor(place)
+        for c in range(3):
+            mean = ndimage.map_coordinates(box.field[..., c].astype(float), place, order=1,
+                                           mode='grid-wrap')
+            kept = ndimage.map_coordinates(box.lags[c], 2 * fraction * (1 - fraction), order=1)
+            wanted[:, c] += mean / np.sqrt(kept)
+    found = wind.velocity(points, 0.0) - [SPEED, 0.0, 0.0]
+    np.testing.assert_allclose(found, INTENSITY * SPEED * wanted, atol=1e-5)
+
+
+def test_boxes_have_no_seam(wind):
+    """Step over the borders of both boxes and find no jump."""
+    away = _scattered(200)
+    for axis, border in ((0, 0.0), (0, 512.0), (0, 2048.0), (1, 64.0), (1, 256.0), (2, 32.0),
+                         (2, 64.0)):
+        sides = []
+        for side in (-1e-5, 1e-5):
+            points = away.copy()
+            points[:, axis] = border + side
+            sides.append(wind.velocity(points, 0.0))
+        np.testing.assert_allclose(sides[0], sides[1], atol=2e-3)
+
+
+def test_eddies_travel_with_the_mean_wind(wind):
+    """Find a front again 40 m downwind, 4 s later, by cross-correlation."""
+    rate = 20.0
+    points = np.repeat(_scattered(40), 2, axis=0)
+    points[1::2, 0] = points[::2, 0] + 40.0
+    records = _records(wind, points, np.arange(0.0, 200.0, 1.0 / rate))[..., 0]
+    lags = np.arange(0, 161)
+    count = len(records) - lags[-1]
+    rise = [(records[:count, ::2] * records[lag:lag + count, 1::2]).mean() for lag in lags]
+    assert lags[np.argmax(rise)] / rate == pytest.approx(4.0, abs=0.06)
+    assert max(rise) > 0.9 * (records ** 2).mean()
+
+
+def test_wind_does_not_come_back_the_same_after_a_box():
+    """Compare a record with the one a box length later."""
+    wind = Wind(_settings(), seed=3)
+    points = _scattered(400)
+    first = wind.velocity(points, 0.0)[:, 0] - SPEED
+    again = wind.velocity(points, 204.8)[:, 0] - SPEED
+    assert np.corrcoef(first, again)[0, 1] < 0.5
+
+
+@pytest.mark.parametrize(('profile', 'wanted'), [
+    ('log', lambda z: np.log(np.maximum(z, 0.1) / 0.1) / np.log(12.0 / 0.1)),
+    ('power', lambda z: (z / 12.0) ** 0.14),
+    ('uniform', np.ones_like),
+])
+def test_mean_profile_is_exact(profile, wanted):
+    """Compare the mean wind at several heights with the formulas."""
+    velocity = np.array([3.0, -4.0, 0.5])
+    wind = Wind(WindSettings(velocity, turbulence_intensity=0.0, profile=profile, exponent=0.14,
+                             roughness_length=0.1, reference_height=12.0))
+    heights = np.array([0.0, 0.05, 0.1, 1.0, 6.0, 12.0, 40.0])
+    points = np.column_stack([heights, heights, heights])
+    expected = wanted(heights)[:, None] * velocity
+    np.testing.assert_allclose(wind.velocity(points, 7.0), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_wind_from_any_direction_has_the_same_eddies():
+    """Turn the wind and the points together: the velocities turn along."""
+    points = _scattered(300)
+    turned = points[:, [1, 0, 2]] * [-1.0, 1.0, 1.0]
+    along_x = Wind(_settings(), seed=2).velocity(points, 3.0)
+    along_y = Wind(_settings(velocity=(0.0, SPEED, 0.0)), seed=2).velocity(turned, 3.0)
+    np.testing.assert_allclose(along_y, along_x[:, [1, 0, 2]] * [-1.0, 1.0, 1.0], atol=1e-9)
+
+
+def test_seed_decides():
+    """Get the same wind from the same seed and another from another."""
+    points = _scattered(50)
+    one, same, other = (Wind(_settings(), seed).velocity(points, 1.0) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one, same)
+    assert np.abs(one - other).max() > 1.0
+
+
+def test_speed_change_keeps_the_phase(steered):
+    """Double the speed: the eddies stay where they are, then travel twice as fast."""
+    points = _scattered(50)
+    before = steered.velocity(points, 10.0) - [SPEED, 0.0, 0.0]
+    steered.set_velocity((2.0 * SPEED, 0.0, 0.0), 10.0)
+    after = steered.velocity(points, 10.0) - [2.0 * SPEED, 0.0, 0.0]
+    np.testing.assert_allclose(after, 2.0 * before, rtol=1e-9, atol=1e-9)
+    later = steered.velocity(points, 15.0) - [2.0 * SPEED, 0.0, 0.0]
+    unchanged = Wind(_settings(), seed=5).velocity(points, 20.0) - [SPEED, 0.0, 0.0]
+    np.testing.assert_allclose(later, 2.0 * unchanged, rtol=1e-7, atol=1e-7)
+
+
+def test_going_back_in_time_gives_the_same_wind(steered):
+    """Ask for earlier times after commands and later times, and after a reset."""
+    points = _scattered(50)
+    early = steered.velocity(points, 2.0)
+    steered.set_velocity((3.0, 4.0, 0.0), 5.0)
+    late = steered.velocity(points, 8.0)
+    np.testing.assert_array_equal(steered.velocity(points, 2.0), early)
+    np.testing.assert_array_equal(steered.velocity(points, 8.0), late)
+    steered.reset()
+    np.testing.assert_array_equal(steered.velocity(points, 2.0), early)
+    assert np.abs(steered.velocity(points, 8.0) - late).max() > 1.0
+
+
+def test_still_air_has_no_turbulence(steered):
+    """Set the mean wind to zero and find every velocity zero, and the wind back afterwards."""
+    points = _scattered(20)
+    steered.set_velocity((0.0, 0.0, 0.0), 4.0)
+    np.testing.assert_array_equal(steered.velocity(points, 6.0), 0.0)
+    steered.set_velocity((SPEED, 0.0, 0.0), 9.0)
+    resumed = Wind(_settings(), seed=5).velocity(points, 5.0)
+    np.testing.assert_allclose(steered.velocity(points, 10.0), resumed, atol=1e-9)
+
+
+def test_wind_can_be_switched_off(steered):
+    """Disable the wind: still air; enable it: as if nothing had been."""
+    points = _scattered(20)
+    blowing = steered.velocity(points, 4.0)
+    steered.enabled = False
+    out = np.full((20, 3), 7.0)
+    assert steered.velocity(points, 4.0, out) is out
+    np.testing.assert_array_equal(out, 0.0)
+    assert not np.any(steered.at_reference(4.0))
+    steered.enabled = True
+    np.testing.assert_array_equal(steered.velocity(points, 4.0), blowing)
+
+
+def test_reference_is_the_wind_at_its_height(steered):
+    """Add mean, turbulence and gust up to the velocity at the point."""
+    reference = steered.at_reference(3.0)
+    np.testing.assert_allclose(reference.mean, [SPEED, 0.0, 0.0])
+    np.testing.assert_array_equal(reference.gust, 0.0)
+    at_point = steered.velocity(np.array([[0.0, 0.0, 10.0]]), 3.0)[0]
+    np.testing.assert_allclose(sum(reference), at_point, atol=1e-12)
+
+
+def test_settings_change_while_it_blows(steered):
+    """Go over to other settings: new strength at once, new eddies only when they must be."""
+    points = _scattered(50)
+    before = steered.velocity(points, 4.0) - [SPEED, 0.0, 0.0]
+    steered.change(_settings(turbulence_intensity=0.1), 4.0)
+    after = steered.velocity(points, 4.0) - [SPEED, 0.0, 0.0]
+    np.testing.assert_allclose(after, 0.5 * before, atol=1e-9)
+    steered.change(_settings(spectrum='von_karman'), 4.0)
+    other = steered.velocity(points, 4.0) - [SPEED, 0.0, 0.0]
+    assert np.abs(other - before).max() > 1.0
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'velocity': (1.0, float('nan'), 0.0)}, ['wind.velocity', 'nan', 'finite']),
+    ({'velocity': (1.0, 2.0)}, ['wind.velocity', 'three']),
+    ({'velocity': (1e4, 0.0, 0.0)}, ['wind.velocity', '150']),
+    ({'velocity': 'west'}, ['wind.velocity', 'west']),
+    ({'velocity': 5.0}, ['wind.velocity', '5.0', 'three']),
+    ({'turbulence_intensity': 1.5}, ['wind.turbulence_intensity', '1.5', '0 to 1']),
+    ({'turbulence_intensity': float('nan')}, ['wind.turbulence_intensity', 'nan']),
+    ({'turbulence_intensity': None}, ['wind.turbulence_intensity', 'None']),
+    ({'profile': 'logg'}, ['wind.profile', 'logg', 'log, power, uniform']),
+    ({'spectrum': 'karman'}, ['wind.spectrum', 'kaimal, von_karman']),
+    ({'profile': 'log', 'roughness_length': 3.0, 'reference_height': 2.0},
+     ['wind.roughness_length', 'wind.reference_height']),
+    ({'reference_height': -1.0}, ['wind.reference_height', '-1']),
+    ({'exponent': '0.2'}, ['wind.exponent', "'0.2'"]),
+])
+def test_bad_settings_are_refused(changes, words):
+    """Name the key, the value and what is allowed."""
+    with pytest.raises(SceneError) as caught:
+        _settings(**changes)
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+def test_bad_velocity_leaves_the_wind_as_it_was(steered):
+    """Refuse NaN and keep blowing."""
+    points = _scattered(5)
+    before = steered.velocity(points, 4.0)
+    with pytest.raises(SceneError):
+        steered.set_velocity((np.nan, 0.0, 0.0), 3.0)
+    np.testing.assert_array_equal(steered.velocity(points, 4.0), before)
+
+
+def test_integers_are_taken_for_numbers():
+    """Accept whole numbers wherever a number is wanted."""
+    settings = _settings(velocity=[5, 0, 0], turbulence_intensity=0, reference_height=10)
+    assert settings.velocity == (5.0, 0.0, 0.0)
+    assert isinstance(settings.reference_height, float)

@@ -1,0 +1,129 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Discrete gusts: their shape in time, and their way through the scene."""
+
+import numpy as np
+import pytest
+
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.physics.wind import extreme_operating_amplitude, Gust, Wind, WindSettings
+
+SPEED = 8.0    # [m/s]
+UPWIND = 40.0  # [m]
+
+
+@pytest.fixture
+def steady():
+    """Set up a steady wind along y."""
+    return Wind(WindSettings((0.0, SPEED, 0.0), turbulence_intensity=0.0, profile='uniform'))
+
+
+def _history(wind, point, times):
+    return np.array([wind.velocity(np.array([point]), t)[0] for t in times])
+
+
+def test_extreme_operating_gust_has_the_shape_of_the_standard(steady):
+    """Compare with U - 0.37 V sin(3 pi t/T)(1 - cos(2 pi t/T)) at the origin."""
+    steady.start_gust(Gust(5.0, 10.5, kind='eog', upwind=UPWIND), 2.0)
+    t = np.linspace(0.0, 10.5, 211)
+    found = _history(steady, (3.0, 0.0, 9.0), 2.0 + UPWIND / SPEED + t)
+    shape = -0.37 * 5.0 * np.sin(3 * np.pi * t / 10.5) * (1 - np.cos(2 * np.pi * t / 10.5))
+    np.testing.assert_allclose(found[:, 1], SPEED + shape, atol=1e-9)
+    np.testing.assert_allclose(found[:, [0, 2]], 0.0, atol=1e-12)
+    assert found[:, 1].max() == pytest.approx(SPEED + 0.74 * 5.0, rel=1e-6)
+
+
+def test_cosine_gust_rises_holds_and_falls(steady):
+    """Compare with half a cosine up in 2 s, 3 s of full strength, and down again."""
+    steady.start_gust(Gust(6.0, 7.0, rise=2.0, upwind=0.0), 0.0)
+    found = _history(steady, (0.0, 0.0, 5.0), [0.0, 1.0, 2.0, 3.5, 5.0, 6.0, 7.0])[:, 1] - SPEED
+    np.testing.assert_allclose(found, [0.0, 3.0, 6.0, 6.0, 6.0, 3.0, 0.0], atol=1e-9)
+
+
+def test_gust_without_rise_is_one_minus_cosine(steady):
+    """Compare with A/2 (1 - cos(2 pi t/T))."""
+    steady.start_gust(Gust(6.0, 4.0, upwind=0.0), 0.0)
+    t = np.linspace(0.0, 4.0, 81)
+    found = _history(steady, (0.0, 0.0, 5.0), t)[:, 1] - SPEED
+    np.testing.assert_allclose(found, 3.0 * (1.0 - np.cos(0.5 * np.pi * t)), atol=1e-9)
+
+
+def test_front_travels_with_the_mean_wind(steady):
+    """Find the peak at each place when the front has come there."""
+    steady.start_gust(Gust(6.0, 4.0, upwind=UPWIND), 1.0)
+    times = np.arange(0.0, 30.0, 0.01)
+    for y in (-30.0, 0.0, 50.0, 120.0):
+        peak = times[np.argmax(_history(steady, (17.0, y, 3.0), times)[:, 1])]
+        assert peak == pytest.approx(1.0 + (y + UPWIND) / SPEED + 2.0, abs=0.011)
+
+
+def test_gust_starts_smoothly_everywhere(steady):
+    """Find no jump at the start, even upwind of where the front sets out."""
+    steady.start_gust(Gust(6.0, 4.0, upwind=UPWIND), 1.0)
+    for y in (-500.0, -UPWIND, 0.0):
+        history = _history(steady, (0.0, y, 3.0), np.arange(0.0, 12.0, 0.01))[:, 1]
+        assert np.abs(np.diff(history)).max() < 0.06
+        assert history.max() == pytest.approx(SPEED + 6.0, abs=1e-3)
+
+
+def test_gusts_add_and_show_at_the_reference(steady):
+    """Let a gust across and a lull blow together."""
+    steady.start_gust(Gust(4.0, 6.0, direction=(2.0, 0.0, 0.0), upwind=0.0), 0.0)
+    steady.start_gust(Gust(-3.0, 6.0, upwind=0.0), 0.0)
+    reference = steady.at_reference(3.0)
+    np.testing.assert_allclose(reference.gust, [4.0, -3.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(reference.mean, [0.0, SPEED, 0.0])
+    steady.reset()
+    np.testing.assert_array_equal(steady.at_reference(3.0).gust, 0.0)
+
+
+def test_gusts_long_gone_are_forgotten(steady):
+    """Start many gusts over a long time and keep only those that may still be felt."""
+    for start in range(0, 100000, 1000):
+        steady.start_gust(Gust(4.0, 6.0), float(start))
+    assert len(steady._gusts) == 1
+
+
+def test_gust_in_still_air_needs_a_direction():
+    """Refuse a gust without direction in still air; take one with."""
+    wind = Wind(WindSettings())
+    with pytest.raises(CommandError, match='gust.direction'):
+        wind.start_gust(Gust(), 0.0)
+    wind.start_gust(Gust(5.0, 4.0, direction=(0.0, 0.0, 2.0), upwind=0.0), 0.0)
+    np.testing.assert_allclose(wind.velocity(np.zeros((1, 3)), 2.0), [[0.0, 0.0, 5.0]])
+
+
+def test_extreme_operating_amplitude_takes_the_smaller_bound():
+    """Compare with 1.35 (V_e1 - U) and 3.3 sigma / (1 + 0.1 D / Lambda)."""
+    assert extreme_operating_amplitude(10.0, 2.0) == pytest.approx(6.6)
+    assert extreme_operating_amplitude(10.0, 2.0, diameter=42.0) == pytest.approx(6.0)
+    assert extreme_operating_amplitude(55.0, 9.0) == pytest.approx(1.35)
+
+
+@pytest.mark.parametrize(('values', 'words'), [
+    ({'amplitude': float('nan')}, ['gust.amplitude', 'nan']),
+    ({'duration': 0.0}, ['gust.duration', '0.05']),
+    ({'duration': 4.0, 'rise': 3.0}, ['gust.rise', '3', '2']),
+    ({'kind': 'squall'}, ['gust.kind', 'eog, cosine']),
+    ({'direction': (0.0, 0.0, 0.0)}, ['gust.direction', 'length']),
+    ({'direction': (float('inf'), 0.0, 0.0)}, ['gust.direction', 'finite']),
+    ({'upwind': -1.0}, ['gust.upwind', '-1']),
+])
+def test_bad_gusts_are_refused(values, words):
+    """Name the key, the value and what is allowed."""
+    with pytest.raises(SceneError) as caught:
+        Gust(**values)
+    assert all(word in str(caught.value) for word in words), str(caught.value)
