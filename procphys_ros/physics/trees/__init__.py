@@ -11,3 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""Trees: an O(n) articulated kernel for swaying, bending and breaking branches."""
+
+from procphys_ros.physics.trees.breaks import Cause
+from procphys_ros.physics.trees.forest import Forest
+from procphys_ros.physics.trees.layout import AIR_DENSITY
+
+__all__ = ['AIR_DENSITY', 'Cause', 'Forest']

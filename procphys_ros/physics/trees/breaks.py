@@ -1,0 +1,68 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Breaks: which joints carry more than they can."""
+
+from enum import IntEnum
+import math
+
+from numba import njit
+import numpy as np
+
+
+class Cause(IntEnum):
+    """Why a branch joint breaks."""
+
+    FORCE = 0    # transmitted force beyond `break_force`; load in N
+    TWIST = 1    # twisting moment beyond `break_torque`; load in N·m
+    BENDING = 2  # bending stress M/Z beyond `strength`; load in Pa
+
+
+@njit(cache=True)
+def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out, load_out):
+    """
+    Fill in the overloaded rows with the cause that exceeds its capacity most.
+
+    :param rows: rows to test.
+    :param wrenches: force and moment at the joints [N], [N·m], (S, 6).
+    :param frame: frames with the segment axis last, (S, 12).
+    :param section: section modulus Z [m³], (S,).
+    :param capacity: break force [N], break torque [N·m], strength [Pa], (S, 3).
+    :returns: how many were found.
+    """
+    found = 0
+    for i in rows:
+        f = wrenches[i]
+        x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
+        twist = f[3] * x + f[4] * y + f[5] * z
+        square = f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
+        loads = (math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]), abs(twist),
+                 math.sqrt(max(0.0, square - twist * twist)) / section[i])
+        worst = 1.0
+        for j in range(3):
+            use = loads[j] / capacity[i, j]
+            if use > worst:
+                worst = use
+                row_out[found] = i
+                cause_out[found] = j
+                load_out[found] = loads[j]
+        if worst > 1.0:
+            found += 1
+    return found
+
+
+def section_modulus(width: np.ndarray) -> np.ndarray:
+    """Give Z = π·d³/32 of round sections of diameter d [m³]."""
+    return np.pi / 32.0 * width ** 3

@@ -1,0 +1,250 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Forest: all the trees of a scene as articulated bodies that sway, are hit, and break."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.trees import breaks, modes, passes, pose, response, state
+from procphys_ros.physics.trees.layout import (
+    ACROSS,
+    AIR_DENSITY,
+    ALONG,
+    arrange,
+    EXTRA_PRELOAD,
+    EXTRA_STIFFNESS,
+    EXTRA_STRIDE,
+    MASS,
+    PRELOAD_X,
+    PRELOAD_Y,
+    set_damping,
+    STIFFNESS,
+)
+
+_TIME_STEP = 1.0 / 60.0  # [s], for effective masses asked for before the first step
+
+
+class Forest:
+    """
+    Every part of a blueprint that hangs on a hinge, moved by an O(n) articulated kernel.
+
+    Rows are the segments in depth-first preorder: parents stand first, every subtree is a range.
+    A tree at rest is preloaded against its weight and stays exactly where it was authored. Poses
+    are those at the end of the last step; velocities are what segments carry into the next one.
+
+    :ivar parts: part index of each row, (S,).
+    :ivar bonds: bond index of each row's joint, (S,).
+    :ivar parents: row that each row hangs on, -1 for roots, (S,).
+    :ivar ends: one past the last row of each row's subtree, (S,).
+    :ivar active: rows that the kernel moves, (S,) bool.
+    :ivar poses: centre of mass and attitude xyzw [m], (S, 7), world; inactive rows stay put.
+    :ivar velocities: linear of the centre of mass and angular [m/s], [rad/s], (S, 6), world.
+    :ivar joint_wrenches: force and moment that the parent exerts on the segment at the joint in
+        the last step [N], [N·m], (S, 6), world.
+    """
+
+    def __init__(self, blueprint: Blueprint, gravity: Sequence[float] = (0.0, 0.0, -9.81),
+                 air_density: float = AIR_DENSITY) -> None:
+        """
+        Lay out the trees and balance them.
+
+        :param blueprint: may hold parts that are no trees; they are left out.
+        :param gravity: [m/s²], (3,).
+        :param air_density: [kg/m³]; 0 for a vacuum.
+        :raises SceneError: when the hinges do not form trees.
+        """
+        rows = arrange(blueprint, air_density)
+        self.parts, self.bonds, self.ends = rows.part, rows.bond, rows.end
+        self._gravity = np.asarray(gravity, float)
+        self._rooted = rows.parent.copy()
+        self._model = state.make_model(rows)
+        self._joints = self._model.joint.copy()
+        self._state = state.make_state(len(rows.part))
+        self._still = np.zeros((len(rows.part), 3))
+        hinges = blueprint.hinges.take(
+            np.searchsorted(np.flatnonzero(blueprint.bond_law == 0), rows.bond))
+        self._section = breaks.section_modulus(rows.width)
+        self._capacity = np.column_stack([hinges.break_force, hinges.break_torque,
+                                          hinges.strength])
+        self.reset()
+        set_damping(rows, modes.damping_rate(rows, hinges.damping_ratio, self._state.frame))
+        passes.balance(self._plan, self._model, self._state, self._scratch, self._gravity,
+                       _TIME_STEP)
+        self._rest_height = self.poses[:, :3] @ self._gravity
+
+    def __len__(self) -> int:
+        return len(self.parts)
+
+    @property
+    def poses(self) -> np.ndarray:
+        return self._state.poses
+
+    @property
+    def velocities(self) -> np.ndarray:
+        return self._state.velocities
+
+    @property
+    def joint_wrenches(self) -> np.ndarray:
+        return self._state.wrenches
+
+    def reset(self) -> None:
+        """Put everything back to rest and whole, bit for bit as it was first built."""
+        for column in self._state:
+            column[:] = 0.0
+        self._model.joint[:] = self._joints
+        self.parents = self._rooted.copy()
+        self.active = np.ones(len(self.parts), bool)
+        self._wind = self._still
+        self._time_step = _TIME_STEP
+        self._replan()
+        pose.place_all(self._plan, self._model, self._state)
+
+    def step(self, dt: float, wind: np.ndarray | None = None) -> None:
+        """
+        Advance all active rows.
+
+        :param dt: time step [s].
+        :param wind: air velocity at the centres of mass [m/s], (S, 3), world; None = still air.
+        """
+        if self._stale:
+            self._replan()
+        self._time_step = dt
+        self._wind = self._still if wind is None else wind
+        passes.step(self._plan, self._model, self._state, self._scratch, self._wind,
+                    self._gravity, dt)
+
+    def overloaded(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """
+        Find the joints that the last step loaded beyond what they can carry.
+
+        :returns: rows, causes (`Cause`), loads ([N], [N·m] or [Pa] by cause) and bond indices.
+        """
+        if self._stale:
+            self._replan()
+        row, cause, load = self._found
+        count = breaks.find_overloads(self._plan.row, self._state.wrenches, self._state.frame,
+                                      self._section, self._capacity, row, cause, load)
+        rows = row[:count].copy()
+        return rows, cause[:count].copy(), load[:count].copy(), self.bonds[rows]
+
+    def subtree(self, row: int) -> np.ndarray:
+        """Give the active rows that a row carries, itself included and first."""
+        rows = np.arange(row, self.ends[row])
+        rows = rows[self.active[rows]]
+        root = {row}
+        for i in rows[1:]:
+            if self.parents[i] in root:
+                root.add(i)
+        return np.array([i for i in rows if i in root], np.int64)
+
+    def detach(self, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """
+        Take a subtree out of the articulation; its rows become inactive and cost nothing.
+
+        :param row: first row of what comes off.
+        :returns: rows, poses (K, 7) and velocities (K, 6) as they are now.
+        """
+        rows = self.subtree(row)
+        taken = rows, self.poses[rows].copy(), self.velocities[rows].copy()
+        self.active[rows] = False
+        self._state.wrenches[rows] = 0.0
+        self._stale = True
+        return taken
+
+    def release(self, row: int) -> None:
+        """
+        Cut a row loose: its subtree goes on as a tree with a free root, momentum kept.
+
+        :param row: first row of what comes off.
+        """
+        self._model.joint[row] = state.Joint.FREE
+        self.parents[row] = -1
+        self._state.rate[row] = 0.0
+        self._state.stop[row] = 0.0
+        self._stale = True
+
+    def apply_impulse(self, row: int, point: Sequence[float] | None = None,
+                      linear: Sequence[float] = (0.0, 0.0, 0.0),
+                      angular: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+        """
+        Add momentum to a segment; the tree feels it exactly in the next step.
+
+        :param row: the segment that is hit.
+        :param point: where the linear impulse acts [m], (3,), world; None = centre of mass.
+        :param linear: [N·s], (3,), world.
+        :param angular: [N·m·s], (3,), world.
+        """
+        body, axis = self._model.body[row], self._state.frame[row, state.AXIS:]
+        turn = np.asarray(angular, float)
+        if point is not None:
+            turn = turn + np.cross(np.asarray(point, float) - self.poses[row, :3], linear)
+        spin = axis @ turn
+        self.velocities[row, :3] += np.asarray(linear, float) / body[MASS]
+        self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]
+
+    def effective_mass(self, row: int, point: Sequence[float],
+                       direction: Sequence[float]) -> float:
+        """
+        Give the mass that a point shows to an impulse, springs of the next step included [kg].
+
+        :param row: the segment that is hit.
+        :param point: [m], (3,), world.
+        :param direction: (3,), world; need not be a unit vector.
+        """
+        if self._stale:
+            self._replan()
+        plan = self._plan
+        entry = int(np.flatnonzero(plan.row == row)[0])
+        tree = int(np.searchsorted(plan.start, entry, side='right')) - 1
+        first, last = plan.start[tree], plan.start[tree + 1]
+        rows, above = plan.row[first:last], plan.above[first:last]
+        passes.factor(rows, above, self._model, self._state, self._scratch, self._wind,
+                      self._gravity, self._time_step, 1.0)
+        unit = np.asarray(direction, float) / np.linalg.norm(direction)
+        return 1.0 / response.yielding(entry - first, rows, above, self._model, self._state,
+                                       self._scratch, np.asarray(point, float), unit,
+                                       self._time_step)
+
+    def energy(self) -> float:
+        """Give the mechanical energy of the active rows above that of the rest pose [J]."""
+        moving = self.active
+        bend, (swing, extra) = self._state.bend[moving], (self._model.swing[moving],
+                                                          self._model.extra[moving])
+        body, v = self._model.body[moving], self.velocities[moving]
+        spin = np.einsum('ij,ij->i', v[:, 3:], self._state.frame[moving, state.AXIS:])
+        kinetic = (body[:, MASS] * (v[:, :3] ** 2).sum(axis=1)
+                   + body[:, ACROSS] * (v[:, 3:] ** 2).sum(axis=1)
+                   + (body[:, ALONG] - body[:, ACROSS]) * spin ** 2)
+        height = self.poses[moving, :3] @ self._gravity - self._rest_height[moving]
+        elastic = swing[:, STIFFNESS] * (bend[:, :2] ** 2).sum(axis=1)
+        preload = (swing[:, [PRELOAD_X, PRELOAD_Y]] * bend[:, :2]).sum(axis=1)
+        for j, c in ((2, 0), (3, EXTRA_STRIDE)):
+            sprung = np.isfinite(extra[:, c + EXTRA_STIFFNESS])
+            q = np.where(sprung, bend[:, j], 0.0)
+            elastic += np.where(sprung, extra[:, c + EXTRA_STIFFNESS], 0.0) * q ** 2
+            preload += extra[:, c + EXTRA_PRELOAD] * q
+        held = self._model.joint[moving] != state.Joint.FREE
+        return float((0.5 * kinetic - body[:, MASS] * height).sum()
+                     + (0.5 * elastic - preload)[held].sum())
+
+    def _replan(self) -> None:
+        self._plan = state.make_plan(self.parents, self.active)
+        self._scratch = state.make_scratch(self._plan)
+        count = len(self._plan.row)
+        self._found = (np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
+        self._stale = False

@@ -1,0 +1,174 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Layout: order the hinged parts of a blueprint into rows that the kernel can walk."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, Law
+from procphys_ros.errors import SceneError
+
+# Columns of `Rows.body`, constants of a segment.
+MASS, ACROSS, ALONG, REACH, LENGTH, CROSS_FLOW, LEAF_FLOW = range(7)
+# Columns of `Rows.swing`, constants of its two bending degrees of freedom.
+STIFFNESS, DAMPING, THETA, LIMIT, PRELOAD_X, PRELOAD_Y = range(6)
+# Columns of `Rows.extra`: the same for twist (first) and stretch (from EXTRA_STRIDE on).
+EXTRA_STIFFNESS, EXTRA_DAMPING, EXTRA_THETA, EXTRA_PRELOAD, EXTRA_STRIDE = range(5)
+
+AIR_DENSITY = 1.225  # [kg/m³], standard atmosphere at sea level (ISO 2533)
+# Drag of a long cylinder across the wind, subcritical (Hoerner 1965, Fluid-Dynamic Drag, 3-9).
+_CYLINDER_DRAG = 1.1  # [-]
+# Drag of foliage per one-sided leaf area up to 10 m/s: canopy models use F = 0.2·ρ·a·u² (Shaw and
+# Schumann 1992, Boundary-Layer Meteorology 61:47, take 0.15), hence 0.4 with the usual 1/2.
+_LEAF_DRAG = 0.4  # [-]
+# Below this ratio of damping to stiffness the step must be fully implicit: with less, a violent
+# shock leaves a buzz that does not die out.
+_THETA_RATIO = 0.005  # [s]
+_THETA = 0.6  # [-], implicitness where damping suffices; its numerical damping is (θ-1/2)·ω·dt
+_MISFIT = 1e-9  # [m] and [-], rounding allowed between a part's frame and its joint's
+
+
+@dataclass
+class Rows:
+    """
+    Constants of the forest, one row per segment in depth-first preorder.
+
+    :ivar part: part index, (S,) int.
+    :ivar bond: bond index, (S,) int.
+    :ivar parent: row of the parent, -1 for a clamped start, (S,) int.
+    :ivar end: one past the last row of the subtree, (S,) int.
+    :ivar axis: first row of the branch (axis) that the row belongs to, (S,) int.
+    :ivar mount: joint frame in the parent's joint frame (world for a root) [m], (S, 7).
+    :ivar body: see the column names above; SI, drag as force per speed squared, (S, 7).
+    :ivar swing: see the column names above, (S, 6).
+    :ivar extra: twist and stretch springs, inf where locked, (S, 8).
+    :ivar width: diameter at the joint [m], (S,).
+    """
+
+    part: np.ndarray
+    bond: np.ndarray
+    parent: np.ndarray
+    end: np.ndarray
+    axis: np.ndarray
+    mount: np.ndarray
+    body: np.ndarray
+    swing: np.ndarray
+    extra: np.ndarray
+    width: np.ndarray
+
+
+def arrange(blueprint: Blueprint, air_density: float) -> Rows:
+    """
+    Lay out every part that is the child of a hinge.
+
+    :param blueprint: may hold other parts too; a hinge on such a part counts as clamped.
+    :param air_density: [kg/m³].
+    :raises SceneError: when hinges do not form trees or a segment is not symmetric about them.
+    """
+    bond = np.flatnonzero(blueprint.bond_law == Law.HINGE)
+    child = blueprint.bonds[bond, 1]
+    hinge_of = np.full(len(blueprint) + 1, -1)  # the last entry stands for the ground
+    hinge_of[child] = np.arange(len(bond))
+    if len(np.unique(child)) < len(child) or (child < 0).any():
+        raise SceneError('hinge bonds must name the parent first, and each part hangs on one '
+                         'hinge only')
+    order, parent, end = _preorder(hinge_of[blueprint.bonds[bond, 0]])
+    part, bond = child[order], bond[order]
+    frame = blueprint.bond_frame[bond]
+    inner = rotation.relative(frame, blueprint.poses[part])
+    inertia = blueprint.inertia[part]
+    if (np.abs(inner[:, [0, 1, 3, 4, 5]]) > _MISFIT).any() or not np.allclose(
+            inertia[:, 0], inertia[:, 1], rtol=_MISFIT):
+        raise SceneError('a hinged part must be symmetric about the z axis of its joint')
+    mount = np.where(parent[:, None] < 0, frame, rotation.relative(frame[parent], frame))
+    width = blueprint.bond_extent[bond, 0]
+    length = blueprint.visual_size[part, 2]
+    body = np.column_stack([
+        blueprint.mass[part], inertia[:, 0], inertia[:, 2], inner[:, 2], length,
+        0.5 * air_density * _CYLINDER_DRAG * width * length,
+        0.5 * air_density * _LEAF_DRAG * blueprint.leaf_area[part]])
+    swing, extra = _springs(blueprint, order)
+    return Rows(part, bond, parent, end, _axes(parent, width, frame), mount, body, swing, extra,
+                width)
+
+
+def set_damping(rows: Rows, rate: np.ndarray) -> None:
+    """
+    Fill in dampers that were not given, c = rate·k, and choose how implicit each joint is.
+
+    :param rows: changed in place.
+    :param rate: [s], (S,).
+    """
+    columns = [(rows.swing, STIFFNESS, DAMPING, THETA)]
+    for start in (0, EXTRA_STRIDE):
+        columns.append((rows.extra, start + EXTRA_STIFFNESS, start + EXTRA_DAMPING,
+                        start + EXTRA_THETA))
+    for table, k, c, theta in columns:
+        stiffness = np.where(np.isinf(table[:, k]), 0.0, table[:, k])
+        table[:, c] = np.where(np.isnan(table[:, c]), rate * stiffness, table[:, c])
+        table[:, theta] = np.where(table[:, c] >= _THETA_RATIO * stiffness, _THETA, 1.0)
+
+
+def _springs(blueprint: Blueprint, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    hinges = blueprint.hinges.take(order)
+    nothing = np.zeros(len(order))
+    swing = np.column_stack([hinges.swing_stiffness, hinges.swing_damping, nothing,
+                             hinges.swing_limit, nothing, nothing])
+    extra = np.column_stack([hinges.twist_stiffness, hinges.twist_damping, nothing, nothing,
+                             hinges.stretch_stiffness, hinges.stretch_damping, nothing, nothing])
+    return swing, extra
+
+
+def _preorder(parent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sort hinges depth first; return their order, parent rows and subtree ends."""
+    children: list[list[int]] = [[] for _ in parent]
+    for hinge in range(len(parent) - 1, -1, -1):
+        if parent[hinge] >= 0:
+            children[parent[hinge]].append(hinge)
+    waiting = [hinge for hinge in range(len(parent) - 1, -1, -1) if parent[hinge] < 0]
+    order = []
+    while waiting:
+        order.append(waiting.pop())
+        waiting.extend(children[order[-1]])
+    if len(order) < len(parent):
+        raise SceneError(f'{len(parent) - len(order)} hinges form a ring; branches must be trees')
+    sequence = np.array(order, np.int64)
+    row = np.empty(len(parent) + 1, np.int64)
+    row[sequence] = np.arange(len(parent))
+    row[-1] = -1
+    parents = row[parent[sequence]]
+    end = np.arange(1, len(parent) + 1)
+    for i in range(len(parent) - 1, -1, -1):
+        if parents[i] >= 0:
+            end[parents[i]] = max(end[parents[i]], end[i])
+    return sequence, parents, end
+
+
+def _axes(parent: np.ndarray, width: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """Follow each branch: its widest child carries an axis on, the straightest of equals."""
+    direction = rotation.rotate(frame[:, 3:], np.array([0.0, 0.0, 1.0]))
+    straight = np.einsum('ij,ij->i', direction, direction[parent])
+    best = np.lexsort((-straight, -width, parent))
+    best = best[parent[best] >= 0]
+    heir = best[np.unique(parent[best], return_index=True)[1]]
+    follows = np.zeros(len(parent), bool)
+    follows[heir] = True
+    axis = np.arange(len(parent))
+    for i in np.flatnonzero(follows):
+        axis[i] = axis[parent[i]]
+    return axis

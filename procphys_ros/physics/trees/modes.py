@@ -1,0 +1,131 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Modes: the fundamental frequency of branches, from which damping ratios become dampers."""
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.trees.layout import (
+    ACROSS,
+    ALONG,
+    EXTRA_STIFFNESS,
+    EXTRA_STRIDE,
+    MASS,
+    REACH,
+    Rows,
+    STIFFNESS,
+)
+
+_ITERATIONS = 6  # inverse iteration gains (ω1/ω2)² ≈ 1/39 per turn on a uniform cantilever
+
+
+def damping_rate(rows: Rows, ratio: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """
+    Give β = 2ζ/ω1 so that dampers c = β·k damp the first mode of each branch with ratio ζ.
+
+    A branch is an axis with all it carries, clamped at its base. All joints of an axis share the
+    axis's frequency; ζ is taken joint by joint.
+
+    :param rows: the forest.
+    :param ratio: damping ratio ζ, (S,); NaN where a damper is given.
+    :param frame: rest frames as of the kernel, (S, 12).
+    :returns: [s], (S,).
+    """
+    bases = np.unique(rows.axis)
+    omega = np.empty(len(rows.part))
+    omega[bases] = _fundamental(bases, rows.end, rows.parent, rows.body, rows.swing, rows.extra,
+                                frame)
+    return 2.0 * np.nan_to_num(ratio) / omega[rows.axis]
+
+
+@njit(cache=True)
+def _fundamental(bases, end, parent, body, swing, extra, frame):
+    """Find the lowest angular frequency [rad/s] of the branch that starts at each base row."""
+    count = len(parent)
+    load = np.empty((count, 6))
+    motion = np.empty((count, 6))
+    omega = np.empty(len(bases))
+    for b in range(len(bases)):
+        first, last = bases[b], end[bases[b]]
+        for i in range(first, last):  # start from a push across the base, skew to both axes
+            for j in range(3):
+                motion[i, j] = 0.0
+                motion[i, 3 + j] = frame[first, 3 + j] + 0.7 * frame[first, 6 + j]
+        square = 0.0
+        for _ in range(_ITERATIONS):
+            scale = _weigh(first, last, body, frame, motion, load)
+            for i in range(first, last):
+                for j in range(6):
+                    load[i, j] *= scale
+            square = _deflect(first, last, parent, body, swing, extra, frame, load, motion)
+        omega[b] = np.sqrt(square)
+    return omega
+
+
+@njit(cache=True)
+def _weigh(first, last, body, frame, motion, load):
+    """Turn motions at the centres of mass into inertial loads; return 1/|motion|."""
+    size = 0.0
+    for i in range(first, last):
+        spin = 0.0
+        for j in range(3):
+            spin += motion[i, j] * frame[i, 9 + j]
+        for j in range(3):
+            load[i, j] = (body[i, ACROSS] * motion[i, j]
+                          + (body[i, ALONG] - body[i, ACROSS]) * spin * frame[i, 9 + j])
+            load[i, 3 + j] = body[i, MASS] * motion[i, 3 + j]
+            size += load[i, j] * motion[i, j] + load[i, 3 + j] * motion[i, 3 + j]
+    return 1.0 / np.sqrt(size)
+
+
+@njit(cache=True)
+def _deflect(first, last, parent, body, swing, extra, frame, load, motion):
+    """Bend the branch under the loads; return the Rayleigh quotient of the new motion."""
+    reaction = np.zeros((last - first, 6))
+    for i in range(last - 1, first - 1, -1):
+        k = i - first
+        reach = body[i, REACH] * frame[i, 9:12]
+        reaction[k, :3] += load[i, :3] + np.cross(reach, load[i, 3:])
+        reaction[k, 3:] += load[i, 3:]
+        if i > first:
+            arm = frame[i, :3] - frame[parent[i], :3]
+            reaction[parent[i] - first, :3] += reaction[k, :3] + np.cross(arm, reaction[k, 3:])
+            reaction[parent[i] - first, 3:] += reaction[k, 3:]
+    work = 0.0
+    energy = 0.0
+    anchor = np.zeros((last - first, 6))
+    for i in range(first, last):
+        k = i - first
+        if i > first:
+            p = parent[i] - first
+            anchor[k, :3] = anchor[p, :3]
+            anchor[k, 3:] = anchor[p, 3:] + np.cross(anchor[p, :3],
+                                                     frame[i, :3] - frame[parent[i], :3])
+        for start in (3, 6):
+            axis = frame[i, start:start + 3]
+            anchor[k, :3] += axis * (np.dot(axis, reaction[k, :3]) / swing[i, STIFFNESS])
+        axis = frame[i, 9:12]
+        anchor[k, :3] += axis * (np.dot(axis, reaction[k, :3]) / extra[i, EXTRA_STIFFNESS])
+        anchor[k, 3:] += axis * (np.dot(axis, reaction[k, 3:])
+                                 / extra[i, EXTRA_STRIDE + EXTRA_STIFFNESS])
+        motion[i, :3] = anchor[k, :3]
+        motion[i, 3:] = anchor[k, 3:] + np.cross(anchor[k, :3], body[i, REACH] * axis)
+        spin = np.dot(motion[i, :3], axis)
+        work += np.dot(load[i], motion[i])
+        energy += (body[i, MASS] * np.dot(motion[i, 3:], motion[i, 3:])
+                   + body[i, ACROSS] * np.dot(motion[i, :3], motion[i, :3])
+                   + (body[i, ALONG] - body[i, ACROSS]) * spin ** 2)
+    return work / energy

@@ -1,0 +1,249 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Passes of one step over one tree: load, give (tip to root), take (root to tip), integrate.
+
+Articulated bodies at velocity level in carry form: every segment keeps its own velocities from
+the last step, the passes project that momentum on the joints of the present pose and add what
+springs, dampers, weight and air do over the step, all of them implicit. A projection cannot add
+kinetic energy, so no velocity-product terms are needed and none can blow up. All motions are
+velocities over dt and all loads forces, so that a balanced tree stays exactly at rest.
+"""
+
+import math
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.trees import joints, pose
+from procphys_ros.physics.trees.layout import (
+    ACROSS,
+    ALONG,
+    CROSS_FLOW,
+    LEAF_FLOW,
+    LENGTH,
+    MASS,
+    REACH,
+)
+from procphys_ros.physics.trees.spatial import set_body, shift_add
+from procphys_ros.physics.trees.state import Joint
+
+_SPRUNG = int(Joint.SPRUNG)
+_FREE = int(Joint.FREE)
+_ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp takes the rest
+# Foliage streamlines: its drag coefficient falls as u^-0.85 from 10 to 20 m/s and is constant
+# outside (ForestGALES, broadleaved species: exponents 0.846 to 0.904, limit 20 m/s).
+_CALM, _STORM, _STREAMLINING = 10.0, 20.0, -0.85  # [m/s], [m/s], [-]
+
+
+@njit(cache=True, fastmath={'contract'})
+def step(plan, model, state, scratch, wind, gravity, dt):
+    """
+    Advance every tree by one time step.
+
+    :param wind: air velocity at the centres of mass [m/s], (S, 3).
+    :param gravity: [m/s²], (3,).
+    :param dt: [s].
+    """
+    for t in range(len(plan.start) - 1):
+        rows = plan.row[plan.start[t]:plan.start[t + 1]]
+        above = plan.above[plan.start[t]:plan.start[t + 1]]
+        for _ in range(_ATTEMPTS):
+            factor(rows, above, model, state, scratch, wind, gravity, dt, 1.0)
+            if not take(rows, above, model, state, scratch, dt):
+                break
+        integrate(rows, above, model, state, scratch, dt)
+
+
+@njit(cache=True, fastmath={'contract'})
+def factor(rows, above, model, state, scratch, wind, gravity, dt, gate):
+    """Load one tree and eliminate its joints from the tips to the root."""
+    for k in range(len(rows)):
+        load(rows[k], k, model.body, state, scratch.inertia, wind, gravity, dt)
+    frame = state.frame
+    for k in range(len(rows) - 1, -1, -1):
+        i = rows[k]
+        if model.joint[i] == _FREE:
+            continue
+        if model.joint[i] == _SPRUNG:
+            joints.give_extra(i, k, dt, gate, model, state, scratch)
+        joints.give_swing(i, k, dt, gate, model, state, scratch)
+        if above[k] >= 0:
+            p = rows[above[k]]
+            shift_add(scratch.inertia, k, above[k], frame[i, 0] - frame[p, 0],
+                      frame[i, 1] - frame[p, 1], frame[i, 2] - frame[p, 2])
+
+
+@njit(cache=True, fastmath={'contract'})
+def load(i, k, body, state, a, wind, gravity, dt):
+    """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
+    v, frame = state.velocities, state.frame
+    x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
+    cross, foliage, turning = drag(i, x, y, z, body, v, wind)
+    mass, h = body[i, MASS], body[i, REACH] + state.bend[i, 3]
+    air = cross + foliage
+    along = cross * (wind[i, 0] * x + wind[i, 1] * y + wind[i, 2] * z)
+    fx = mass * (v[i, 0] / dt + gravity[0]) + air * wind[i, 0] - along * x
+    fy = mass * (v[i, 1] / dt + gravity[1]) + air * wind[i, 1] - along * y
+    fz = mass * (v[i, 2] / dt + gravity[2]) + air * wind[i, 2] - along * z
+    set_body(a, k, (x, y, z), h, mass + dt * air, dt * cross, body[i, ACROSS] + dt * turning,
+             body[i, ALONG])
+    across = body[i, ACROSS] / dt
+    spin = (body[i, ALONG] / dt - across) * (v[i, 3] * x + v[i, 4] * y + v[i, 5] * z)
+    a[k, 21] = across * v[i, 3] + spin * x + h * (y * fz - z * fy)
+    a[k, 22] = across * v[i, 4] + spin * y + h * (z * fx - x * fz)
+    a[k, 23] = across * v[i, 5] + spin * z + h * (x * fy - y * fx)
+    a[k, 24] = fx
+    a[k, 25] = fy
+    a[k, 26] = fz
+
+
+@njit(cache=True, fastmath={'contract'})
+def drag(i, x, y, z, body, v, wind):
+    """
+    Give the drag of segment i per speed: wood across its axis, foliage, and turning.
+
+    Wood follows the cross-flow principle (Hoerner 1965): only the flow normal to the axis counts.
+    Turning integrates the same law along the segment, over the translation and over the spin.
+    """
+    ux, uy, uz = v[i, 0] - wind[i, 0], v[i, 1] - wind[i, 1], v[i, 2] - wind[i, 2]
+    square = ux * ux + uy * uy + uz * uz
+    along = ux * x + uy * y + uz * z
+    cross = body[i, CROSS_FLOW] * math.sqrt(max(0.0, square - along * along))
+    foliage = body[i, LEAF_FLOW]
+    if foliage > 0.0:
+        speed = math.sqrt(square)
+        foliage *= speed
+        if speed > _CALM:
+            foliage *= (min(speed, _STORM) / _CALM) ** _STREAMLINING
+    spin = v[i, 3] * x + v[i, 4] * y + v[i, 5] * z
+    turn = math.sqrt(max(0.0, v[i, 3] * v[i, 3] + v[i, 4] * v[i, 4] + v[i, 5] * v[i, 5]
+                         - spin * spin))
+    length = body[i, LENGTH]
+    turning = length * length * ((cross + foliage) / 12.0
+                                 + body[i, CROSS_FLOW] * turn * length / 32.0)
+    return cross, foliage, turning
+
+
+@njit(cache=True, fastmath={'contract'})
+def take(rows, above, model, state, scratch, dt):
+    """
+    Hand motion from the root to the tips and read the wrenches that the joints transmit.
+
+    :returns: True when a limit took hold or let go, so that the tree has to be solved again.
+    """
+    changed = False
+    m, frame = scratch.motion, state.frame
+    for k in range(len(rows)):
+        i = rows[k]
+        if model.joint[i] == _FREE:
+            joints.solve_free(k, scratch)
+            state.wrenches[i, :] = 0.0
+            continue
+        hand_on(k, above[k], i, rows[above[k]], frame, m)
+        transmit(k, i, scratch.inertia, m, state.wrenches)
+        joints.take_swing(i, k, dt, state, scratch)
+        if model.joint[i] == _SPRUNG:
+            joints.take_extra(i, k, dt, model, state, scratch)
+        if joints.limit_changed(i, k, dt, model, state, scratch):
+            changed = True
+    return changed
+
+
+@njit(cache=True, fastmath={'contract'})
+def hand_on(k, p, i, up, frame, m):
+    """Express the parent's motion at the joint point of row i; the ground does not move."""
+    if p < 0:
+        m[k, :] = 0.0
+        return
+    x, y, z = (frame[i, 0] - frame[up, 0], frame[i, 1] - frame[up, 1],
+               frame[i, 2] - frame[up, 2])
+    m[k, 0] = m[p, 0]
+    m[k, 1] = m[p, 1]
+    m[k, 2] = m[p, 2]
+    m[k, 3] = m[p, 3] + m[p, 1] * z - m[p, 2] * y
+    m[k, 4] = m[p, 4] + m[p, 2] * x - m[p, 0] * z
+    m[k, 5] = m[p, 5] + m[p, 0] * y - m[p, 1] * x
+
+
+@njit(cache=True, fastmath={'contract'})
+def transmit(k, i, a, m, wrenches):
+    """Read what the parent must exert on row i to move it so: force, then moment."""
+    x, y, z, u, v, w = m[k, 0], m[k, 1], m[k, 2], m[k, 3], m[k, 4], m[k, 5]
+    wrenches[i, 0] = (a[k, 6] * x + a[k, 9] * y + a[k, 12] * z
+                      + a[k, 15] * u + a[k, 16] * v + a[k, 17] * w - a[k, 24])
+    wrenches[i, 1] = (a[k, 7] * x + a[k, 10] * y + a[k, 13] * z
+                      + a[k, 16] * u + a[k, 18] * v + a[k, 19] * w - a[k, 25])
+    wrenches[i, 2] = (a[k, 8] * x + a[k, 11] * y + a[k, 14] * z
+                      + a[k, 17] * u + a[k, 19] * v + a[k, 20] * w - a[k, 26])
+    wrenches[i, 3] = (a[k, 0] * x + a[k, 1] * y + a[k, 2] * z
+                      + a[k, 6] * u + a[k, 7] * v + a[k, 8] * w - a[k, 21])
+    wrenches[i, 4] = (a[k, 1] * x + a[k, 3] * y + a[k, 4] * z
+                      + a[k, 9] * u + a[k, 10] * v + a[k, 11] * w - a[k, 22])
+    wrenches[i, 5] = (a[k, 2] * x + a[k, 4] * y + a[k, 5] * z
+                      + a[k, 12] * u + a[k, 13] * v + a[k, 14] * w - a[k, 23])
+
+
+@njit(cache=True, fastmath={'contract'})
+def integrate(rows, above, model, state, scratch, dt):
+    """Move joints and poses to the end of the step and carry the velocities along."""
+    frame, m = state.frame, scratch.motion
+    for k in range(len(rows)):
+        i = rows[k]
+        x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
+        h = model.body[i, REACH] + state.bend[i, 3]
+        if model.joint[i] == _FREE:
+            pose.advance_free(i, dt, m[k], model, state)
+        else:
+            pose.advance_bend(i, scratch.rate[k, 0], scratch.rate[k, 1], dt, model, state)
+            if model.joint[i] == _SPRUNG:
+                joints.advance_extra(i, k, dt, model, state, scratch)
+            pose.place(i, rows[above[k]] if above[k] >= 0 else -1, model, state)
+        carry(i, k, x, y, z, h, dt, frame, m, state.velocities)
+
+
+@njit(cache=True, fastmath={'contract'})
+def carry(i, k, x, y, z, h, dt, frame, m, v):
+    """
+    Store the velocities of segment i, its spin turned as the axis turned (from x, y, z).
+
+    Turning with the axis, not with the body, keeps the kinetic energy of a symmetric segment
+    just as well and follows its precession better.
+    """
+    wx, wy, wz = dt * m[k, 0], dt * m[k, 1], dt * m[k, 2]
+    v[i, 0] = dt * m[k, 3] + h * (wy * z - wz * y)
+    v[i, 1] = dt * m[k, 4] + h * (wz * x - wx * z)
+    v[i, 2] = dt * m[k, 5] + h * (wx * y - wy * x)
+    a, b, c = frame[i, 9], frame[i, 10], frame[i, 11]
+    sx, sy, sz = y * c - z * b, z * a - x * c, x * b - y * a
+    share = 1.0 / max(1e-12, 1.0 + x * a + y * b + z * c)
+    share *= sx * wx + sy * wy + sz * wz
+    cosine = x * a + y * b + z * c
+    v[i, 3] = cosine * wx + sy * wz - sz * wy + share * sx
+    v[i, 4] = cosine * wy + sz * wx - sx * wz + share * sy
+    v[i, 5] = cosine * wz + sx * wy - sy * wx + share * sz
+
+
+@njit(cache=True)
+def balance(plan, model, state, scratch, gravity, dt):
+    """Preload every joint with what the weight of the rest pose asks of it."""
+    still = np.zeros((len(state.poses), 3))
+    for t in range(len(plan.start) - 1):
+        rows = plan.row[plan.start[t]:plan.start[t + 1]]
+        above = plan.above[plan.start[t]:plan.start[t + 1]]
+        factor(rows, above, model, state, scratch, still, gravity, dt, 0.0)
+        for k in range(len(rows)):
+            joints.preload(rows[k], k, model, scratch)

@@ -1,0 +1,164 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Pose: where a segment stands, from its parent and the coordinates of its joint."""
+
+import math
+
+from numba import njit
+
+from procphys_ros.physics.trees.layout import LIMIT, REACH, THETA
+from procphys_ros.physics.trees.state import Joint
+
+_FREE = int(Joint.FREE)
+_SPRUNG = int(Joint.SPRUNG)
+
+
+@njit(cache=True, fastmath={'contract'})
+def multiply(a, b):
+    """Multiply quaternions xyzw given as four floats each."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    return (aw * bx + ax * bw + ay * bz - az * by, aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw, aw * bw - ax * bx - ay * by - az * bz)
+
+
+@njit(cache=True, fastmath={'contract'})
+def rotate(q, x, y, z):
+    """Turn a vector by a quaternion."""
+    qx, qy, qz, qw = q
+    tx = 2.0 * (qy * z - qz * y)
+    ty = 2.0 * (qz * x - qx * z)
+    tz = 2.0 * (qx * y - qy * x)
+    return (x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz,
+            z + qw * tz + qx * ty - qy * tx)
+
+
+@njit(cache=True, fastmath={'contract'})
+def place(i, p, model, state):
+    """
+    Set frame and pose of row i, hinged to row p (-1: to the world).
+
+    The joint turns about x, then about the turned y, then twists about the segment and slides
+    along it.
+    """
+    mount, bend, frame, poses = model.mount, state.bend, state.frame, state.poses
+    rest = (mount[i, 3], mount[i, 4], mount[i, 5], mount[i, 6])
+    x, y, z = mount[i, 0], mount[i, 1], mount[i, 2]
+    if p >= 0:
+        parent = (poses[p, 3], poses[p, 4], poses[p, 5], poses[p, 6])
+        x, y, z = rotate(parent, x, y, z + bend[p, 3])
+        x += frame[p, 0]
+        y += frame[p, 1]
+        z += frame[p, 2]
+        rest = multiply(parent, rest)
+    sx, cx = math.sin(0.5 * bend[i, 0]), math.cos(0.5 * bend[i, 0])
+    sy, cy = math.sin(0.5 * bend[i, 1]), math.cos(0.5 * bend[i, 1])
+    q = multiply(rest, (sx * cy, cx * sy, sx * sy, cx * cy))
+    set_frame(i, x, y, z, q, 1.0 - 2.0 * sy * sy, 2.0 * sy * cy, frame)
+    if model.joint[i] == _SPRUNG:
+        q = multiply(q, (0.0, 0.0, math.sin(0.5 * bend[i, 2]), math.cos(0.5 * bend[i, 2])))
+    reach = model.body[i, REACH] + bend[i, 3]
+    poses[i, 0] = x + reach * frame[i, 9]
+    poses[i, 1] = y + reach * frame[i, 10]
+    poses[i, 2] = z + reach * frame[i, 11]
+    poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6] = q
+
+
+@njit(cache=True, fastmath={'contract'})
+def set_frame(i, x, y, z, q, cosine, sine, frame):
+    """Write joint point and axes of row i; the first axis is the one before the second turn."""
+    qx, qy, qz, qw = q
+    ax = 2.0 * (qx * qz + qy * qw)
+    ay = 2.0 * (qy * qz - qx * qw)
+    az = 1.0 - 2.0 * (qx * qx + qy * qy)
+    frame[i, 0] = x
+    frame[i, 1] = y
+    frame[i, 2] = z
+    frame[i, 3] = cosine * (1.0 - 2.0 * (qy * qy + qz * qz)) + sine * ax
+    frame[i, 4] = cosine * 2.0 * (qx * qy + qz * qw) + sine * ay
+    frame[i, 5] = cosine * 2.0 * (qx * qz - qy * qw) + sine * az
+    frame[i, 6] = 2.0 * (qx * qy - qz * qw)
+    frame[i, 7] = 1.0 - 2.0 * (qx * qx + qz * qz)
+    frame[i, 8] = 2.0 * (qy * qz + qx * qw)
+    frame[i, 9] = ax
+    frame[i, 10] = ay
+    frame[i, 11] = az
+
+
+@njit(cache=True)
+def place_all(plan, model, state):
+    """Place every active row that hangs on a joint."""
+    for t in range(len(plan.start) - 1):
+        for k in range(plan.start[t], plan.start[t + 1]):
+            i = plan.row[k]
+            if model.joint[i] != _FREE:
+                p = plan.above[k]
+                place(i, plan.row[plan.start[t] + p] if p >= 0 else -1, model, state)
+
+
+@njit(cache=True, fastmath={'contract'})
+def advance_bend(i, first, second, dt, model, state):
+    """
+    Move the bend of row i on to the end of the step and stop it at its limit.
+
+    :param first: new rate about the first axis, `second` about the other [rad/s].
+    """
+    bend, rate, stop = state.bend, state.rate, state.stop
+    theta = model.swing[i, THETA]
+    x = bend[i, 0] + dt * ((1.0 - theta) * rate[i, 0] + theta * first)
+    y = bend[i, 1] + dt * ((1.0 - theta) * rate[i, 1] + theta * second)
+    limit = model.swing[i, LIMIT]
+    size = math.hypot(x, y)
+    if size > limit:
+        x *= limit / size
+        y *= limit / size
+        outward = max(0.0, first * x + second * y) / (limit * limit)
+        first -= outward * x
+        second -= outward * y
+    if (stop[i, 0] != 0.0 or stop[i, 1] != 0.0) and size > 0.0:
+        stop[i, 0] = x / min(size, limit)
+        stop[i, 1] = y / min(size, limit)
+    bend[i, 0] = x
+    bend[i, 1] = y
+    rate[i, 0] = first
+    rate[i, 1] = second
+
+
+@njit(cache=True, fastmath={'contract'})
+def advance_free(i, dt, motion, model, state):
+    """Move a free root on with the mean of its old and new velocity: exact in free fall."""
+    v, poses, frame = state.velocities, state.poses, state.frame
+    reach = model.body[i, REACH] + state.bend[i, 3]
+    x, y, z = frame[i, 9] * reach, frame[i, 10] * reach, frame[i, 11] * reach
+    wx, wy, wz = motion[0], motion[1], motion[2]
+    poses[i, 0] += 0.5 * dt * (v[i, 0] + dt * (motion[3] + wy * z - wz * y))
+    poses[i, 1] += 0.5 * dt * (v[i, 1] + dt * (motion[4] + wz * x - wx * z))
+    poses[i, 2] += 0.5 * dt * (v[i, 2] + dt * (motion[5] + wx * y - wy * x))
+    wx = 0.5 * (v[i, 3] + dt * wx)
+    wy = 0.5 * (v[i, 4] + dt * wy)
+    wz = 0.5 * (v[i, 5] + dt * wz)
+    speed = math.sqrt(wx * wx + wy * wy + wz * wz)
+    angle = 0.5 * dt * speed
+    share = math.sin(angle) / speed if speed > 1e-12 else 0.5 * dt
+    q = multiply((wx * share, wy * share, wz * share, math.cos(angle)),
+                 (poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6]))
+    size = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    q = (q[0] * size, q[1] * size, q[2] * size, q[3] * size)
+    poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6] = q
+    set_frame(i, 0.0, 0.0, 0.0, q, 1.0, 0.0, frame)
+    frame[i, 0] = poses[i, 0] - reach * frame[i, 9]
+    frame[i, 1] = poses[i, 1] - reach * frame[i, 10]
+    frame[i, 2] = poses[i, 2] - reach * frame[i, 11]

@@ -1,0 +1,122 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""State of the forest: the flat arrays that the passes of the kernel share."""
+
+from enum import IntEnum
+from typing import NamedTuple
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.trees import layout
+from procphys_ros.physics.trees.spatial import FACTOR_WIDTH, WIDTH
+
+# Columns of `State.frame`: joint point [m], first and second bending axis, segment axis.
+POINT, FIRST, SECOND, AXIS = 0, 3, 6, 9
+
+
+class Joint(IntEnum):
+    """What ties a segment to its parent."""
+
+    SWING = 0   # bends in two directions
+    SPRUNG = 1  # bends, and twists or stretches
+    FREE = 2    # nothing: root of a broken-off tree
+
+
+class Model(NamedTuple):
+    """Constants, one row per segment; columns named in `layout`."""
+
+    mount: np.ndarray   # (S, 7)
+    body: np.ndarray    # (S, 7)
+    swing: np.ndarray   # (S, 6)
+    extra: np.ndarray   # (S, 8)
+    joint: np.ndarray   # `Joint`, (S,); changes when a part is released
+
+
+class State(NamedTuple):
+    """What moves, one row per segment; world axes."""
+
+    bend: np.ndarray        # bends about the two axes, twist [rad], stretch [m], (S, 4)
+    rate: np.ndarray        # their rates in the last step [rad/s], [m/s], (S, 4)
+    stop: np.ndarray        # direction of a bend held at its limit, zero when free, (S, 2)
+    frame: np.ndarray       # see the column names above, (S, 12)
+    poses: np.ndarray       # centre of mass and attitude [m], (S, 7)
+    velocities: np.ndarray  # linear of the centre of mass, angular [m/s], [rad/s], (S, 6)
+    wrenches: np.ndarray    # force and moment from the parent at the joint [N], [N·m], (S, 6)
+
+
+class Scratch(NamedTuple):
+    """Workspace for one tree at a time, small enough to stay in the processor's cache."""
+
+    inertia: np.ndarray  # `spatial` rows, (n, 27)
+    factor: np.ndarray   # per degree of freedom, (n, 4, 8)
+    motion: np.ndarray   # angular and linear velocity over dt, at the joint point, (n, 6)
+    rate: np.ndarray     # new joint rates, (n, 4)
+    bound: np.ndarray    # rate at which a held bend just reaches its limit [rad/s], (n,)
+
+
+class Plan(NamedTuple):
+    """Which rows move, tree by tree, parents first."""
+
+    row: np.ndarray    # (A,) int
+    above: np.ndarray  # parent's place within its tree, -1 for a root, (A,) int
+    start: np.ndarray  # first entry of each tree, and the end, (T + 1,) int
+
+
+def make_model(rows: layout.Rows) -> Model:
+    """Share the arrays of the layout."""
+    locked = np.isinf(rows.extra[:, layout.EXTRA_STIFFNESS]) & np.isinf(
+        rows.extra[:, layout.EXTRA_STRIDE + layout.EXTRA_STIFFNESS])
+    joint = np.where(locked, Joint.SWING, Joint.SPRUNG).astype(np.uint8)
+    return Model(rows.mount, rows.body, rows.swing, rows.extra, joint)
+
+
+def make_state(count: int) -> State:
+    """Give a state of rest whose poses are still to be placed."""
+    return State(*(np.zeros((count, width)) for width in (4, 4, 2, 12, 7, 6, 6)))
+
+
+def make_scratch(plan: Plan) -> Scratch:
+    """Give a workspace that fits the largest tree."""
+    size = int(np.diff(plan.start).max(initial=1))
+    return Scratch(np.zeros((size, WIDTH)), np.zeros((size, 4, FACTOR_WIDTH)),
+                   np.zeros((size, 6)), np.zeros((size, 4)), np.zeros(size))
+
+
+def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
+    """
+    Gather the active rows by tree.
+
+    :param parent: row of the parent, -1 for roots; parents stand first, (S,).
+    :param active: (S,) bool; the parent of an active row is active.
+    """
+    row = np.flatnonzero(active)
+    row = row[np.argsort(_roots(parent)[row], kind='stable')]
+    place = np.empty(len(parent) + 1, np.int64)
+    place[row] = np.arange(len(row))
+    start = np.append(np.flatnonzero(parent[row] < 0), len(row))
+    first = np.repeat(start[:-1], np.diff(start))
+    above = np.where(parent[row] < 0, -1, place[parent[row]] - first)
+    return Plan(row, above, start)
+
+
+@njit(cache=True)
+def _roots(parent):
+    root = np.arange(len(parent))
+    for i in range(len(parent)):
+        if parent[i] >= 0:
+            root[i] = root[parent[i]]
+    return root
