@@ -11,3 +11,14 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+
+"""Masonry: rigid parts on mortar bonds, their stresses, and how they come apart."""
+
+from procphys_ros.physics.masonry.capacity import Resistance, tear_out
+from procphys_ros.physics.masonry.fracture import Failures, Fracture
+from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.solver import StressSolver
+from procphys_ros.physics.masonry.strength import Cause
+
+__all__ = ['BondGraph', 'Cause', 'Failures', 'Fracture', 'Resistance', 'StressSolver', 'tear_out']

@@ -1,0 +1,236 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The coarse space of the stress solver: aggregates of parts that move as rigid bodies.
+
+Aggregates tied by the bonds that cross between them are a bond graph again, only smaller, so the
+coarse matrix PᵀKP (P = 6 rigid modes per aggregate) is assembled from links as K itself would be.
+Two-level preconditioning by rigid body modes: Nicolaides 1987, SIAM J. Numer. Anal. 24(2);
+Vaněk, Mandel, Brezina 1996, Computing 56.
+"""
+
+from numba import njit
+import numpy as np
+from scipy.sparse import bsr_matrix, csc_matrix
+from scipy.sparse.linalg import splu
+
+from procphys_ros.physics.masonry import links
+from procphys_ros.physics.masonry.graph import BondGraph, HUB
+
+
+
+@njit(cache=True)
+def _aggregate(parts, start, incident, alive, first, second, size):
+    """
+    Grow breadth-first balls of about `size` parts; -1 marks parts that are not listed.
+
+    A hub is an aggregate by itself, otherwise it would fuse what it ties together.
+    """
+    count = len(start) - 1
+    owner = np.full(count + 1, -1, np.int32)  # the last entry is the ground
+    open_ = np.zeros(count, np.bool_)
+    for i in parts:
+        open_[i] = True
+    queue = np.empty(len(parts), np.int32)
+    seeds = np.empty(count + len(incident), np.int32)
+    made = 0
+    for source in parts:
+        seeds[0] = source
+        head, tail = 0, 1
+        while head < tail:
+            seed = seeds[head]
+            head += 1
+            if not open_[seed]:
+                continue
+            open_[seed] = False
+            owner[seed] = made
+            queue[0] = seed
+            filled, taken = 1, 0
+            while taken < filled:
+                i = queue[taken]
+                taken += 1
+                if start[i + 1] - start[i] > HUB and filled > 1:
+                    continue
+                for n in range(start[i], start[i + 1]):
+                    m = incident[n]
+                    if not alive[m]:
+                        continue
+                    j = second[m] if first[m] == i else first[m]
+                    if j == count or not open_[j]:
+                        continue
+                    hub = start[j + 1] - start[j] > HUB or start[i + 1] - start[i] > HUB
+                    if filled < size and not hub:
+                        open_[j] = False
+                        owner[j] = made
+                        queue[filled] = j
+                        filled += 1
+                    elif tail < len(seeds):
+                        seeds[tail] = j
+                        tail += 1
+            made += 1
+    return owner, made
+
+
+@njit(cache=True)
+def _merge_small(parts, owner, made, start, incident, alive, first, second, least):
+    """Give the parts of tiny aggregates to an aggregate beside them; renumber."""
+    population = np.zeros(made, np.int64)
+    hub = np.zeros(made, np.bool_)
+    for i in parts:
+        population[owner[i]] += 1
+        hub[owner[i]] |= start[i + 1] - start[i] > HUB
+    for i in parts:
+        old = owner[i]
+        if population[old] >= least or hub[old]:
+            continue
+        for n in range(start[i], start[i + 1]):
+            m = incident[n]
+            j = second[m] if first[m] == i else first[m]
+            if alive[m] and j < len(owner) - 1 and owner[j] != old and not hub[owner[j]]:
+                population[old] -= 1
+                population[owner[j]] += 1
+                owner[i] = owner[j]
+                break
+    number = np.full(made, -1, np.int32)
+    kept = 0
+    for i in parts:
+        if number[owner[i]] < 0:
+            number[owner[i]] = kept
+            kept += 1
+        owner[i] = number[owner[i]]
+    return kept
+
+
+@njit(cache=True)
+def _assemble(bonds, all_links, first, second, owner, centroid, middle, slot, blocks):
+    """Add the links that cross between aggregates to the 6x6 blocks; slot: four per bond."""
+    left = np.empty((3, 6))
+    right = np.empty((3, 6))
+    for k in range(len(bonds)):
+        m = bonds[k]
+        a, b = owner[first[m]], owner[second[m]]
+        if a == b:
+            continue
+        if a >= 0:
+            arm_a = centroid[m] - middle[a]
+            links.add_block(blocks[slot[k, 0]], all_links[m], arm_a, arm_a, 1.0, left, right)
+        if b >= 0:
+            arm_b = centroid[m] - middle[b]
+            links.add_block(blocks[slot[k, 1]], all_links[m], arm_b, arm_b, 1.0, left, right)
+        if a >= 0 and b >= 0:
+            links.add_block(blocks[slot[k, 2]], all_links[m], arm_a, arm_b, -1.0, left, right)
+            links.add_block(blocks[slot[k, 3]], all_links[m], arm_b, arm_a, -1.0, left, right)
+
+
+@njit(cache=True, fastmath=True)
+def solve(start, row, value, pivot, source, columns, b, work):
+    """
+    Solve L·D·Lᵀ x = b in place; L is unit lower triangular in columns without its diagonal.
+
+    :param source: row of b that each row of the factor stands for, (n,).
+    :param columns: columns of the factor to work on, ascending: whole islands.
+    :param b: right-hand side, overwritten by the solution, (n,).
+    :param work: scratch, (n,).
+    """
+    for c in columns:
+        work[c] = b[source[c]]
+    for c in columns:
+        x = work[c]
+        for k in range(start[c], start[c + 1]):
+            work[np.uint64(row[k])] -= value[k] * x
+    for n in range(len(columns) - 1, -1, -1):
+        c = columns[n]
+        x = work[c] / pivot[c]
+        for k in range(start[c], start[c + 1]):
+            x -= value[k] * work[np.uint64(row[k])]
+        work[c] = x
+        b[source[c]] = x
+
+
+class CoarseSpace:
+    """
+    Aggregates of a set of parts and the factored coarse matrix over them.
+
+    :param graph: the bond graph.
+    :param parts: supported parts, (P,) int.
+    :param size: parts per aggregate.
+
+    :ivar owner: aggregate of each part, -1 where not in the set and for the
+        ground, (N + 1,) int32.
+    :ivar arm: part centre relative to its aggregate's reference [m], (N, 3).
+    :ivar count: number of aggregates.
+    :ivar factor: arguments of `solve`: start, row, value, pivot, source.
+    """
+
+    def __init__(self, graph: BondGraph, parts: np.ndarray, size: int):
+        self.owner, made = _aggregate(parts, graph.start, graph.incident, graph.alive, graph.first,
+                                      graph.second, size)
+        self.count = _merge_small(parts, self.owner, made, graph.start, graph.incident,
+                                  graph.alive, graph.first, graph.second, max(size // 3, 1))
+        member = self.owner[parts]
+        population = np.bincount(member, minlength=self.count)
+        self.middle = np.column_stack([
+            np.bincount(member, graph.centre[parts, c], self.count) for c in range(3)])
+        self.middle /= np.maximum(population, 1)[:, None]
+        self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
+        self.factor = ()
+        self.refresh(graph, np.flatnonzero(graph.alive))
+
+    def columns(self, parts: np.ndarray) -> np.ndarray:
+        """List the columns of the factor that belong to the aggregates of some parts."""
+        wanted = np.zeros(self.count, bool)
+        wanted[self.owner[parts]] = True
+        return np.flatnonzero(wanted[self.factor[4] // 6])
+
+    def refresh(self, graph: BondGraph, bonds: np.ndarray) -> None:
+        """
+        Assemble and factor the coarse matrix.
+
+        :param bonds: living bonds of supported parts; the others would make it singular.
+        """
+        a, b = self.owner[graph.first[bonds]], self.owner[graph.second[bonds]]
+        crossing = a != b
+        bonds, a, b = bonds[crossing], a[crossing], b[crossing]
+        n = self.count
+        everyone = np.arange(n)
+        key = np.concatenate([a * n + a, b * n + b, a * n + b, b * n + a]).astype(np.int64)
+        real = np.concatenate([a >= 0, b >= 0, (a >= 0) & (b >= 0), (a >= 0) & (b >= 0)])
+        unique = np.unique(np.concatenate([key[real], everyone * n + everyone]))
+        slot = np.searchsorted(unique, key).reshape(4, -1).T
+        blocks = np.zeros((len(unique), 6, 6))
+        _assemble(bonds, graph.links, graph.first, graph.second, self.owner, graph.centroid,
+                  self.middle, np.ascontiguousarray(slot), blocks)
+        diagonal = blocks[np.searchsorted(unique, everyone * n + everyone)]
+        start = np.searchsorted(unique, np.arange(n + 1) * n)
+        matrix = bsr_matrix((blocks, unique % n, start), shape=(6 * n, 6 * n)).tocsc()
+        self.factor = _factor(matrix, np.trace(diagonal, axis1=1, axis2=2))
+
+
+def _factor(matrix: csc_matrix, trace: np.ndarray) -> tuple:
+    """Factor a symmetric positive definite matrix; rows without stiffness become identity."""
+    empty = np.repeat(trace <= 0.0, 6).astype(float)
+    shift = csc_matrix((empty, (np.arange(len(empty)), np.arange(len(empty)))), matrix.shape)
+    lu = splu((matrix + shift).tocsc(), permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
+              options=dict(SymmetricMode=True))
+    if np.any(lu.perm_r != lu.perm_c):
+        raise FloatingPointError('coarse matrix is not positive definite')
+    lower = lu.L
+    lower.sort_indices()
+    start = lower.indptr.astype(np.int64)
+    off = np.ones(lower.nnz, bool)
+    off[start[:-1]] = False  # the unit diagonal leads every column
+    return (start - np.arange(len(start)), lower.indices[off].astype(np.int32), lower.data[off],
+            lu.U.diagonal(), np.argsort(lu.perm_r))

@@ -1,0 +1,81 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What hangs together: connected components of the bond graph, and which of them stand."""
+
+from numba import njit
+import numpy as np
+
+
+@njit(cache=True)
+def _root(parent, i):
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]  # path halving (Tarjan & van Leeuwen 1984)
+        i = parent[i]
+    return i
+
+
+@njit(cache=True)
+def _label(count, first, second, alive):
+    parent = np.arange(count)
+    held = np.zeros(count, np.bool_)
+    for m in range(len(first)):
+        if not alive[m]:
+            continue
+        i, j = first[m], second[m]
+        if i == count or j == count:
+            held[_root(parent, min(i, j))] = True
+            continue
+        i, j = _root(parent, i), _root(parent, j)
+        if i != j:
+            low, high = min(i, j), max(i, j)
+            parent[high] = low  # the lowest part names its component
+            held[low] = held[low] or held[high]
+    labels = np.empty(count, np.int32)
+    supported = np.empty(count, np.bool_)
+    for i in range(count):
+        root = _root(parent, i)
+        labels[i] = root
+        supported[i] = held[root]
+    return labels, supported
+
+
+def label(count: int, first: np.ndarray, second: np.ndarray,
+          alive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Find the components that living bonds make; the ground joins nothing, it only supports.
+
+    Union-find over all bonds: linear, about a millisecond for 15,000 parts and 45,000 bonds.
+
+    :param count: number of parts N.
+    :param first, second: parts per bond, N for the ground, (M,).
+    :param alive: bonds that hold, (M,) bool.
+    :returns: label of each part, the lowest part of its component, (N,) int32, and whether its
+        component holds on to the ground, (N,) bool.
+    """
+    return _label(count, first, second, alive)
+
+
+def groups(labels: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:
+    """
+    List the components among the chosen parts, each as ascending part indices.
+
+    :param labels: from `label`, (N,).
+    :param chosen: parts of interest, (N,) mask, such as `~supported`.
+    """
+    parts = np.flatnonzero(chosen)
+    order = np.argsort(labels[parts], kind='stable')
+    parts = parts[order]
+    return np.split(parts, np.flatnonzero(np.diff(labels[parts])) + 1) if len(parts) else []

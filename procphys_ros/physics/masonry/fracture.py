@@ -1,0 +1,111 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Progressive failure: solve, break the worst bonds, solve again, until nothing breaks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.physics.masonry import strength
+from procphys_ros.physics.masonry.solver import StressSolver
+from procphys_ros.physics.masonry.strength import Cause
+
+_BAND = 0.7  # of the worst utilisation; see `strength.worst_first`
+
+
+@dataclass(frozen=True)
+class Failures:
+    """
+    Bonds that failed in one round, one row each.
+
+    :ivar bond: row of the graph, (K,).
+    :ivar cause: `strength.Cause`, (K,) uint8.
+    :ivar utilisation: demand over capacity at failure, (K,).
+    :ivar broken: True where the bond is gone, False where it only opened, (K,) bool.
+    """
+
+    bond: np.ndarray
+    cause: np.ndarray
+    utilisation: np.ndarray
+    broken: np.ndarray
+
+
+class Fracture:
+    """
+    Judge bonds whenever the stresses have converged, never before.
+
+    :param solver: loads are set there; bonds break there.
+    :param dynamic_factor: of bonds that break by overload, see `StressSolver.cut`.
+    """
+
+    def __init__(self, solver: StressSolver, dynamic_factor: float = 1.0):
+        self.solver = solver
+        self.dynamic_factor = dynamic_factor
+        self._judged = None
+
+    @property
+    def stable(self) -> bool:
+        """Whether the present loads are carried and the last judgement broke nothing."""
+        return self.solver.converged and not self.solver.sudden and self._is_judged()
+
+    def advance(self, iterations: int) -> list[Failures]:
+        """
+        Spend some iterations; break what is overloaded each time that equilibrium is reached.
+
+        :param iterations: largest number, over all rounds.
+        :returns: one entry per round that broke something.
+        """
+        solver, graph, rounds = self.solver, self.solver.graph, []
+        while iterations > 0 and not self.stable:
+            before = solver.spent
+            solver.iterate(iterations)
+            iterations -= max(solver.spent - before, 1)
+            adrift = solver.mechanisms()
+            if not (solver.converged or len(adrift)):
+                break
+            failures = self._judge(adrift)
+            if len(failures.bond):
+                rounds.append(failures)
+            elif solver.sudden:
+                solver.forget_sudden()  # the peak has been survived
+            elif solver.converged:
+                self._judged = solver.state
+            else:  # out of patience without a weak bond to blame: what has no balance falls
+                solver.cut(graph.boundary(solver.unbalanced()))
+        return rounds
+
+    def _is_judged(self) -> bool:
+        return self._judged == self.solver.state
+
+    def _judge(self, adrift: np.ndarray) -> Failures:
+        solver = self.solver
+        graph = solver.graph
+        wrench = solver.wrenches()
+        share, cause = strength.utilisation(graph, wrench)
+        if len(adrift):  # no equilibrium to redistribute to: all that is overloaded goes at once
+            moving = np.zeros(graph.count + 1, bool)
+            moving[adrift] = True
+            moving = moving[graph.first] | moving[graph.second]
+            bonds = np.flatnonzero(moving & (share > 1.0))
+            cause[bonds] = Cause.MECHANISM
+        else:
+            bonds = strength.worst_first(graph, share, _BAND)
+        stays, low, high = strength.opening(graph, bonds, wrench[bonds])
+        stays &= cause[bonds] == Cause.TENSION
+        if np.any(stays):
+            solver.open(bonds[stays], low[stays], high[stays])
+        solver.cut(bonds[~stays], self.dynamic_factor)
+        return Failures(bonds, cause[bonds], share[bonds], ~stays)

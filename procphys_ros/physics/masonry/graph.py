@@ -1,0 +1,131 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The bond graph: rigid parts joined by springs spread over their contact patches."""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, GROUND, Law
+from procphys_ros.physics.masonry import links
+
+HUB = 24  # bonds; a part with more of them (a slab) is long compared with what it ties together
+
+class BondGraph:
+    """
+    Mortar bonds of a blueprint as flat arrays, in the frame of its poses.
+
+    A bond is a bed of springs over its patch: relative displacement of the two parts at the
+    centroid meets k_n·A along the normal and k_s·A along the patch, relative rotation meets
+    k_n·I_x, k_n·I_y (bending) and k_s·(I_x + I_y) (twist), with I_x = A·e_y²/12.
+
+    :ivar count: number of parts of the blueprint, N.
+    :ivar rows: row of each bond in `Blueprint.bonds`, (M,).
+    :ivar first, second: parts that the bond joins, the normal points from first to second;
+        N is the ground, (M,) int32.
+    :ivar alive: bonds that still hold, (M,) bool.
+    :ivar centroid: middle of the patch [m], (M, 3).
+    :ivar axes: bond frame, columns are x, y along the patch and z the normal, (M, 3, 3).
+    :ivar area: of the patch [m²], (M,).
+    :ivar extent: patch along its x and y [m], (M, 2).
+    :ivar spring: stiffness along x, y, z [N/m] and about x, y, z [N·m/rad], (M, 6).
+    :ivar mortar: strengths and stiffnesses, one row per bond.
+    :ivar mass: of the parts [kg], (N,).
+    :ivar centre: centres of mass [m], (N, 3).
+    :ivar reach: half of the longest side of a part, the lever that makes its residual moment
+        comparable to a force [m], (N,).
+    :ivar start, incident: bonds of part i are incident[start[i]:start[i + 1]].
+    """
+
+    def __init__(self, blueprint: Blueprint):
+        self.rows = np.flatnonzero(blueprint.bond_law == Law.MORTAR)
+        self.count = len(blueprint)
+        self.mass = np.array(blueprint.mass, float)
+        self.centre = np.array(blueprint.poses[:, :3], float)
+        self.reach = np.maximum(0.5 * np.max(blueprint.size, axis=1, initial=0.0), 1e-3)
+        self.mortar = blueprint.mortar
+        pair = blueprint.bonds[self.rows].astype(np.int32)
+        if np.any(pair[:, 0] == pair[:, 1]):
+            raise ValueError('a bond must join two different parts')
+        pair[pair == GROUND] = self.count
+        self.first = np.ascontiguousarray(pair[:, 0])
+        self.second = np.ascontiguousarray(pair[:, 1])
+        self.centroid = np.array(blueprint.bond_frame[self.rows, :3], float)
+        self.axes = rotation.to_matrix(blueprint.bond_frame[self.rows, 3:])
+        self.area = np.array(blueprint.bond_area[self.rows], float)
+        self.extent = np.array(blueprint.bond_extent[self.rows], float)
+        self.spring = np.empty((len(self), 6))
+        self.links = np.empty((len(self), 18))
+        self.alive = np.ones(len(self), bool)
+        self.start, self.incident = links.incidence(self.count, self.first, self.second)
+        self._rest = (self.centroid.copy(), self.area.copy(), self.extent.copy())
+        self._spread(np.arange(len(self)))
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def _spread(self, bonds: np.ndarray) -> None:
+        """Spread the springs of the mortar over the patches of some bonds."""
+        normal = self.mortar.normal_stiffness[bonds] * self.area[bonds]
+        shear = self.mortar.shear_stiffness[bonds] * self.area[bonds]
+        x_square, y_square = (self.extent[bonds] ** 2 / 12.0).T
+        self.spring[bonds] = np.column_stack([
+            shear, shear, normal, normal * y_square, normal * x_square,
+            shear * (x_square + y_square)])
+        self.links[bonds] = links.build(self.first[bonds], self.second[bonds],
+                                        self.centroid[bonds], self.centre, self.axes[bonds],
+                                        self.spring[bonds])
+
+    def cut(self, bonds: np.ndarray) -> None:
+        """Break bonds: they carry nothing any more."""
+        self.alive[bonds] = False
+        self.links[bonds, 6:] = 0.0
+
+    def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+        """
+        Leave only a part of the patch of some bonds: the rest has opened.
+
+        :param low, high: what remains, in the bond frame from the present centroid [m], (K, 2).
+        """
+        middle = 0.5 * (low + high)
+        share = (high - low) / self.extent[bonds]
+        self.centroid[bonds] += np.einsum('kij,kj->ki', self.axes[bonds][:, :, :2], middle)
+        self.area[bonds] *= share.prod(axis=1)
+        self.extent[bonds] = high - low
+        self._spread(bonds)
+
+    def restore(self) -> None:
+        """Make every bond whole again."""
+        self.alive[:] = True
+        self.centroid, self.area, self.extent = (a.copy() for a in self._rest)
+        self._spread(np.arange(len(self)))
+
+    def neighbours(self, parts: np.ndarray) -> np.ndarray:
+        """Give the bonds that touch any of the parts, dead ones included, sorted."""
+        return np.unique(np.concatenate(
+            [self.incident[self.start[p]:self.start[p + 1]] for p in np.atleast_1d(parts)]
+            or [np.zeros(0, np.int32)]))
+
+    def boundary(self, parts: np.ndarray) -> np.ndarray:
+        """Give the living bonds that tie a set of parts to anything outside it."""
+        inside = np.zeros(self.count + 1, bool)  # the last entry is the ground
+        inside[parts] = True
+        bonds = self.neighbours(parts)
+        crossing = inside[self.first[bonds]] != inside[self.second[bonds]]
+        return bonds[crossing & self.alive[bonds]]
+
+    def grounded(self) -> np.ndarray:
+        """Mark the living bonds that hold on to the ground, (M,) bool."""
+        return self.alive & ((self.first == self.count) | (self.second == self.count))

@@ -1,0 +1,190 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Springs between rigid bodies, packed for the numerical kernels.
+
+A link is a row of 18 numbers: the arm from the first body's reference point to the patch, the arm
+from the second's, and the upper triangles (xx xy xz yy yz zz) of the 3x3 stiffness against
+displacement and against rotation, all in world axes. With q = (u, φ) of a body, its material point
+at the patch moves by u + φ × arm, so every link couples two rows of 6 unknowns.
+"""
+
+from numba import njit
+import numpy as np
+
+_UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
+
+
+def build(first: np.ndarray, second: np.ndarray, centroid: np.ndarray, centre: np.ndarray,
+          axes: np.ndarray, spring: np.ndarray) -> np.ndarray:
+    """
+    Pack springs into links.
+
+    :param first, second: bodies, N is the ground, (M,).
+    :param centroid: of the patches [m], (M, 3).
+    :param centre: reference points of the bodies [m], (N, 3).
+    :param axes: bond frames, (M, 3, 3).
+    :param spring: along and about the frame's axes [N/m, N·m/rad], (M, 6).
+    :returns: (M, 18).
+    """
+    packed = np.empty((len(first), 18))
+    for column, body in ((0, first), (3, second)):
+        on_ground = body == len(centre)
+        arm = centroid - centre[np.where(on_ground, 0, body)]
+        packed[:, column:column + 3] = np.where(on_ground[:, None], 0.0, arm)
+    for column, part in ((6, spring[:, :3]), (12, spring[:, 3:])):
+        full = np.einsum('mij,mj,mkj->mik', axes, part, axes)
+        packed[:, column:column + 6] = full[:, _UPPER[0], _UPPER[1]]
+    return packed
+
+
+def incidence(count: int, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    List the bonds of every part.
+
+    :returns: start (N + 1,) and bond (K,) int32, the bonds of part i in ascending order.
+    """
+    part = np.concatenate([first, second])
+    bond = np.tile(np.arange(len(first), dtype=np.int32), 2)
+    real = part < count
+    part, bond = part[real], bond[real]
+    order = np.lexsort((bond, part))
+    start = np.concatenate([[0], np.cumsum(np.bincount(part, minlength=count))])
+    return start.astype(np.int64), bond[order]
+
+
+@njit(cache=True, fastmath=True)
+def _pull(link, m, q, i, j):
+    """Give the force and moment with which j pulls i at the patch, world axes."""
+    d, e, f = q[i, 3], q[i, 4], q[i, 5]
+    a, b, c = q[j, 3], q[j, 4], q[j, 5]
+    x = (q[j, 0] + b * link[m, 5] - c * link[m, 4]) - (q[i, 0] + e * link[m, 2] - f * link[m, 1])
+    y = (q[j, 1] + c * link[m, 3] - a * link[m, 5]) - (q[i, 1] + f * link[m, 0] - d * link[m, 2])
+    z = (q[j, 2] + a * link[m, 4] - b * link[m, 3]) - (q[i, 2] + d * link[m, 1] - e * link[m, 0])
+    a -= d
+    b -= e
+    c -= f
+    return (link[m, 6] * x + link[m, 7] * y + link[m, 8] * z,
+            link[m, 7] * x + link[m, 9] * y + link[m, 10] * z,
+            link[m, 8] * x + link[m, 10] * y + link[m, 11] * z,
+            link[m, 12] * a + link[m, 13] * b + link[m, 14] * c,
+            link[m, 13] * a + link[m, 15] * b + link[m, 16] * c,
+            link[m, 14] * a + link[m, 16] * b + link[m, 17] * c)
+
+
+@njit(cache=True, fastmath=True)
+def add_pulls(bonds, links, first, second, q, out, sign):
+    """
+    Add sign times the forces of the listed links under the displacements q to the bodies.
+
+    sign = -1 adds K·q.
+
+    :param bonds: rows of links, (K,).
+    :param q: displacements and rotations [m, rad], (N + 1, 6).
+    :param out: forces and moments at the reference points [N, N·m], (N + 1, 6), changed in place.
+    """
+    for k in range(len(bonds)):
+        m = np.uint64(bonds[k])   # unsigned: spares the test for negative indices
+        i = np.uint64(first[m])
+        j = np.uint64(second[m])
+        x, y, z, a, b, c = _pull(links, m, q, i, j)
+        x, y, z, a, b, c = sign * x, sign * y, sign * z, sign * a, sign * b, sign * c
+        out[i, 0] += x
+        out[i, 1] += y
+        out[i, 2] += z
+        out[i, 3] += a + links[m, 1] * z - links[m, 2] * y
+        out[i, 4] += b + links[m, 2] * x - links[m, 0] * z
+        out[i, 5] += c + links[m, 0] * y - links[m, 1] * x
+        out[j, 0] -= x
+        out[j, 1] -= y
+        out[j, 2] -= z
+        out[j, 3] -= a + links[m, 4] * z - links[m, 5] * y
+        out[j, 4] -= b + links[m, 5] * x - links[m, 3] * z
+        out[j, 5] -= c + links[m, 3] * y - links[m, 4] * x
+
+
+@njit(cache=True)
+def pulls(bonds, links, axes, first, second, q, out):
+    """Write force and moment with which second pulls first, in the bond frame, per listed bond."""
+    for k in range(len(bonds)):
+        m = np.uint64(bonds[k])
+        w = _pull(links, m, q, np.uint64(first[m]), np.uint64(second[m]))
+        for c in range(3):
+            out[k, c] = w[0] * axes[m, 0, c] + w[1] * axes[m, 1, c] + w[2] * axes[m, 2, c]
+            out[k, 3 + c] = w[3] * axes[m, 0, c] + w[4] * axes[m, 1, c] + w[5] * axes[m, 2, c]
+
+
+@njit(cache=True, inline='always')
+def _lever(arm, jacobian):
+    """Write the 3x6 map from (u, φ) of a body to the motion of its point at arm."""
+    for r in range(3):
+        for c in range(6):
+            jacobian[r, c] = 0.0
+        jacobian[r, r] = 1.0
+    jacobian[0, 4], jacobian[0, 5] = arm[2], -arm[1]
+    jacobian[1, 3], jacobian[1, 5] = -arm[2], arm[0]
+    jacobian[2, 3], jacobian[2, 4] = arm[1], -arm[0]
+
+
+@njit(cache=True)
+def add_block(block, link, left, right, sign, jacobian_left, jacobian_right):
+    """
+    Add sign·(J_leftᵀ K J_right), one 6x6 coupling of a link, to block.
+
+    :param left, right: arms of the two bodies [m], (3,).
+    :param jacobian_left, jacobian_right: scratch, (3, 6).
+    """
+    _lever(left, jacobian_left)
+    _lever(right, jacobian_right)
+    k = ((link[6], link[7], link[8]), (link[7], link[9], link[10]), (link[8], link[10], link[11]))
+    t = ((link[12], link[13], link[14]), (link[13], link[15], link[16]),
+         (link[14], link[16], link[17]))
+    for c in range(6):
+        x, y, z = jacobian_right[0, c], jacobian_right[1, c], jacobian_right[2, c]
+        f = (k[0][0] * x + k[0][1] * y + k[0][2] * z,
+             k[1][0] * x + k[1][1] * y + k[1][2] * z,
+             k[2][0] * x + k[2][1] * y + k[2][2] * z)
+        for r in range(6):
+            block[r, c] += sign * (jacobian_left[0, r] * f[0] + jacobian_left[1, r] * f[1]
+                                   + jacobian_left[2, r] * f[2])
+    for r in range(3):
+        for c in range(3):
+            block[3 + r, 3 + c] += sign * t[r][c]
+
+
+@njit(cache=True)
+def diagonal_inverses(parts, start, incident, alive, links, first, out):
+    """
+    Invert the 6x6 diagonal blocks of K of the listed parts into out, (N, 6, 6).
+
+    Parts without a living bond get zeros: they take no part in the solution.
+    """
+    left = np.empty((3, 6))
+    right = np.empty((3, 6))
+    for k in range(len(parts)):
+        i = parts[k]
+        block = np.zeros((6, 6))
+        held = False
+        for n in range(start[i], start[i + 1]):
+            m = incident[n]
+            if alive[m]:
+                held = True
+                arm = links[m, 0:3] if first[m] == i else links[m, 3:6]
+                add_block(block, links[m], arm, arm, 1.0, left, right)
+        if held:
+            out[i] = np.linalg.inv(block)
+        else:
+            out[i] = 0.0

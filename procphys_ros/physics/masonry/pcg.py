@@ -1,0 +1,131 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Conjugate gradients preconditioned by blocks and rigid aggregates, resumable at any iteration."""
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.masonry import coarse, links
+
+
+@njit(cache=True, fastmath=True)
+def residual_size(parts, residual, reach):
+    """Give the largest nodal residual [N]: its force, or its moment over the part's reach."""
+    worst = 0.0
+    for i in parts:
+        r = residual[i]
+        force = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+        moment = (r[3] * r[3] + r[4] * r[4] + r[5] * r[5]) / (reach[i] * reach[i])
+        worst = max(worst, force, moment)
+    return worst ** 0.5
+
+
+def residual_sizes(residual: np.ndarray, reach: np.ndarray) -> np.ndarray:
+    """Give the nodal residuals [N], (N,): force, or moment over the part's reach."""
+    force = np.linalg.norm(residual[:-1, :3], axis=1)
+    return np.maximum(force, np.linalg.norm(residual[:-1, 3:], axis=1) / reach)
+
+
+@njit(cache=True, fastmath=True)
+def _precondition(parts, residual, blocks, owner, arm, factor, columns, rigid, work, z):
+    """Write z = block-Jacobi + coarse correction of the residual; return residual·z."""
+    flat = rigid.ravel()
+    for c in columns:
+        flat[factor[4][c]] = 0.0
+    for i in parts:
+        a = owner[i]
+        r = residual[i]
+        rigid[a, 0] += r[0]
+        rigid[a, 1] += r[1]
+        rigid[a, 2] += r[2]
+        rigid[a, 3] += r[3] + arm[i, 1] * r[2] - arm[i, 2] * r[1]
+        rigid[a, 4] += r[4] + arm[i, 2] * r[0] - arm[i, 0] * r[2]
+        rigid[a, 5] += r[5] + arm[i, 0] * r[1] - arm[i, 1] * r[0]
+    coarse.solve(factor[0], factor[1], factor[2], factor[3], factor[4], columns, flat, work)
+    product = 0.0
+    for i in parts:
+        a = owner[i]
+        r0, r1, r2 = residual[i, 0], residual[i, 1], residual[i, 2]
+        r3, r4, r5 = residual[i, 3], residual[i, 4], residual[i, 5]
+        for c in range(6):
+            b = blocks[i, c]
+            z[i, c] = (b[0] * r0 + b[1] * r1 + b[2] * r2 + b[3] * r3 + b[4] * r4 + b[5] * r5
+                       + rigid[a, c])
+        z[i, 0] += rigid[a, 4] * arm[i, 2] - rigid[a, 5] * arm[i, 1]
+        z[i, 1] += rigid[a, 5] * arm[i, 0] - rigid[a, 3] * arm[i, 2]
+        z[i, 2] += rigid[a, 3] * arm[i, 1] - rigid[a, 4] * arm[i, 0]
+        product += (r0 * z[i, 0] + r1 * z[i, 1] + r2 * z[i, 2]
+                    + r3 * z[i, 3] + r4 * z[i, 4] + r5 * z[i, 5])
+    return product
+
+
+@njit(cache=True, fastmath=True)
+def _turn(parts, z, beta, p, q):
+    """Choose the next search direction p and clear q for K·p."""
+    for i in parts:
+        for c in range(6):
+            p[i, c] = z[i, c] + beta * p[i, c]
+            q[i, c] = 0.0
+
+
+@njit(cache=True, fastmath=True)
+def _dot(parts, p, q):
+    product = 0.0
+    for i in parts:
+        for c in range(6):
+            product += p[i, c] * q[i, c]
+    return product
+
+
+@njit(cache=True, fastmath=True)
+def _go(parts, step, x, residual, p, q):
+    """Move along p."""
+    for i in parts:
+        for c in range(6):
+            x[i, c] += step * p[i, c]
+            residual[i, c] -= step * q[i, c]
+
+
+@njit(cache=True)
+def iterate(parts, bonds, graph, preconditioner, state, reach, old, tolerance, limit):
+    """
+    Run conjugate gradients (Saad 2003, algorithm 9.1) until the largest nodal residual is small.
+
+    :param parts, bonds: what is solved, indices.
+    :param graph: links, first, second.
+    :param preconditioner: blocks, owner, arm, factor, columns, rigid, work.
+    :param state: x, residual, z, p, q, each (N + 1, 6); all but z and q are kept between
+        calls.
+    :param old: residual·z of the last iteration, 0 starts anew.
+    :param tolerance: [N].
+    :param limit: largest number of iterations.
+    :returns: iterations done, residual·z, largest nodal residual [N].
+    """
+    all_links, first, second = graph
+    blocks, owner, arm, factor, columns, rigid, work = preconditioner
+    x, residual, z, p, q = state
+    worst = residual_size(parts, residual, reach)
+    done = 0
+    while done < limit and worst > tolerance:
+        product = _precondition(parts, residual, blocks, owner, arm, factor, columns, rigid, work, z)
+        beta = product / old if old > 0.0 else 0.0
+        old = product
+        _turn(parts, z, beta, p, q)
+        links.add_pulls(bonds, all_links, first, second, p, q, -1.0)
+        _go(parts, product / _dot(parts, p, q), x, residual, p, q)
+        worst = residual_size(parts, residual, reach)
+        done += 1
+    return done, old, worst

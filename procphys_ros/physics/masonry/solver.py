@@ -1,0 +1,289 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Stresses in a bond graph: static equilibrium of rigid parts on elastic bonds, K·u = f."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros.physics.masonry import components, links, pcg, strength
+from procphys_ros.physics.masonry.coarse import CoarseSpace
+from procphys_ros.physics.masonry.graph import BondGraph
+
+_AGGREGATE = 12      # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
+_TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
+_STALE_AFTER = 20    # iterations since a change; slower than that, the coarse factor is renewed
+_PATIENCE = 2000     # iterations since a change after which an island counts as a mechanism
+_ADRIFT = 0.05       # [m] displacement at which an island counts as a mechanism; sound masonry
+#                      moves by less than a millimetre
+_STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
+
+
+class StressSolver:
+    """
+    Resumable equilibrium of the supported islands of a bond graph.
+
+    The residual f - K·u is kept exactly through every change (loads, cuts), so what must be worked
+    on is simply where it is too large: islands whose largest nodal residual exceeds the tolerance.
+    The others cost nothing. Parts without a path of bonds to the ground are falling: excluded.
+
+    :param graph: the bonds; the solver is their only owner and changes them by `cut`.
+    :param gravity: [m/s²], (3,).
+    :param tolerance: largest nodal residual of a converged state [N], the force on a part or its
+        moment over `BondGraph.reach`; default a tenth of the median part's weight.
+
+    :ivar displacement: of the parts, u and φ [m, rad], world, (N, 6); last row is the ground.
+    :ivar iterations: spent on each part so far, (N,) int.
+    :ivar spent: iterations done since the last reset.
+    :ivar state: changes with every change of bonds or displacements, never comes back.
+    :ivar residual: largest nodal residual of the last look [N].
+    :ivar labels: component of each part, see `components.label`, (N,).
+    :ivar supported: parts that hold on to the ground, (N,) bool.
+    """
+
+    def __init__(self, graph: BondGraph, gravity: Sequence[float] = (0.0, 0.0, -9.81),
+                 tolerance: float | None = None):
+        self.graph = graph
+        count = graph.count
+        bonded = np.diff(graph.start) > 0
+        weight = graph.mass[bonded] * _STANDARD_GRAVITY
+        self.tolerance = tolerance or _TOLERANCE * float(np.median(weight if len(weight) else 1.0))
+        self._weight = np.zeros((count + 1, 6))
+        self._weight[:-1, :3] = graph.mass[:, None] * np.asarray(gravity, float)
+        self._search = np.zeros((3, count + 1, 6))  # z, p, q of the conjugate gradients
+        self._blocks = np.empty((count, 6, 6))
+        self.state = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Return to whole bonds, no loads but the weight, and no displacement."""
+        graph = self.graph
+        graph.restore()
+        self.displacement = np.zeros((graph.count + 1, 6))
+        self._given = np.zeros((graph.count + 1, 6))
+        self._sudden = np.zeros((graph.count + 1, 6))
+        self._residual = self._weight.copy()
+        self.iterations = np.zeros(graph.count, np.int64)
+        self.spent = self._patience = 0
+        self.state += 1
+        self._bonds_changed(np.arange(graph.count))
+        self._relabel()
+        self._coarse = CoarseSpace(graph, np.flatnonzero(self.supported), _AGGREGATE)
+        self._coarse_fresh = True
+        self._look()
+
+    def set_loads(self, force: np.ndarray, moment: np.ndarray | None = None) -> None:
+        """
+        Replace the loads that act besides the weight: wind, blast, impacts, what rests on parts.
+
+        :param force: at the centres of mass, world [N], (N, 3).
+        :param moment: about the centres of mass, world [N·m], (N, 3).
+        """
+        new = np.zeros_like(self._given)
+        new[:-1, :3] = force
+        if moment is not None:
+            new[:-1, 3:] = moment
+        if not np.all(np.isfinite(new)):
+            raise ValueError('loads must be finite')
+        self._add_loads(new - self._given)
+        self._given = new
+
+    def _add_loads(self, change: np.ndarray) -> None:
+        change[:-1][~self.supported] = 0.0
+        if np.any(change[:-1]):
+            self._residual += change
+            self._stale_view = True
+
+    def cut(self, bonds: np.ndarray, dynamic_factor: float = 1.0) -> None:
+        """
+        Break bonds; what they carried becomes residual and is redistributed by later iterations.
+
+        :param bonds: rows of the graph, (K,).
+        :param dynamic_factor: how many times the released forces count until `forget_sudden`: 2
+            is the peak of an undamped structure whose support vanishes at once (Biggs 1964,
+            Introduction to Structural Dynamics, section 2.3), 1 is slow release.
+        """
+        graph = self.graph
+        bonds = np.asarray(bonds)
+        bonds = bonds[graph.alive[bonds]]
+        if not len(bonds):
+            return
+        released = np.zeros_like(self._residual)
+        links.add_pulls(bonds, graph.links, graph.first, graph.second, self.displacement,
+                        released, -1.0)
+        graph.cut(bonds)
+        self._residual += dynamic_factor * released
+        self._sudden += (dynamic_factor - 1.0) * released
+        self._after_change(bonds)
+
+    def open(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+        """Crack bonds partly, see `strength.opening` and `BondGraph.narrow`."""
+        graph = self.graph
+        for sign, change in ((-1.0, lambda: graph.narrow(bonds, low, high)), (1.0, None)):
+            links.add_pulls(bonds, graph.links, graph.first, graph.second, self.displacement,
+                            self._residual, sign)
+            if change:
+                change()
+        self._after_change(bonds)
+
+    def remove_parts(self, parts: np.ndarray, dynamic_factor: float = 2.0) -> np.ndarray:
+        """
+        Take parts out at once; their neighbours feel it with the dynamic factor of `cut`.
+
+        :returns: the bonds that this cut.
+        """
+        bonds = self.graph.neighbours(parts)
+        bonds = bonds[self.graph.alive[bonds]]
+        self.cut(bonds, dynamic_factor)
+        return bonds
+
+    def forget_sudden(self, share: float = 1.0) -> None:
+        """
+        Let the dynamic part of released forces die away, as damping does.
+
+        :param share: how much of it goes, 1 all; 1 - exp(-dt/T) for a decay with time constant T.
+        """
+        if np.any(self._sudden):
+            self._add_loads(-share * self._sudden)
+            self._sudden *= 1.0 - share
+
+    @property
+    def sudden(self) -> bool:
+        """Whether dynamic loads of released forces still act."""
+        return bool(np.any(self._sudden))
+
+    def _after_change(self, bonds: np.ndarray) -> None:
+        graph = self.graph
+        touched = np.unique(np.concatenate([graph.first[bonds], graph.second[bonds]]))
+        self._bonds_changed(touched[touched < graph.count])
+        self._coarse_fresh = False
+        self._topology_old = True
+        self._stale_view = True
+        self._patience = 0
+        self.state += 1
+
+    def _bonds_changed(self, parts: np.ndarray) -> None:
+        graph = self.graph
+        links.diagonal_inverses(parts, graph.start, graph.incident, graph.alive, graph.links,
+                                graph.first, self._blocks)
+
+    def _relabel(self) -> None:
+        """Find the islands; those that lost the ground leave the system."""
+        graph = self.graph
+        self.labels, self.supported = components.label(graph.count, graph.first, graph.second,
+                                                       graph.alive)
+        for array in (self.displacement, self._residual, self._sudden):
+            array[:-1][~self.supported] = 0.0
+        self._topology_old = False
+
+    def _look(self) -> None:
+        """Find the islands out of equilibrium: the active parts and bonds."""
+        graph = self.graph
+        if self._topology_old:
+            self._relabel()
+        size = pcg.residual_sizes(self._residual, graph.reach)
+        self.residual = float(size.max(initial=0.0))
+        active = np.zeros(graph.count + 1, bool)
+        if self.residual > self.tolerance:
+            restless = np.zeros(graph.count, bool)
+            restless[self.labels[size > self.tolerance]] = True
+            active[:-1] = restless[self.labels] & self.supported
+        self._parts = np.flatnonzero(active)
+        self._bonds = np.flatnonzero(graph.alive & (active[graph.first] | active[graph.second]))
+        self._columns = self._coarse.columns(self._parts)
+        self._stale_view = False
+        self._product = 0.0
+
+    @property
+    def converged(self) -> bool:
+        """Whether every supported part is in equilibrium within the tolerance."""
+        if self._stale_view:
+            self._look()
+        return self.residual <= self.tolerance
+
+    def iterate(self, limit: int) -> float:
+        """
+        Work on the islands out of equilibrium.
+
+        :param limit: largest number of iterations.
+        :returns: the largest nodal residual [N].
+        """
+        while limit > 0 and not self.converged:
+            stale = not self._coarse_fresh
+            if stale and self._patience >= _STALE_AFTER:
+                self._refresh()
+                continue
+            now = min(limit, _STALE_AFTER - self._patience) if stale else limit
+            done = self._run(now)
+            limit -= max(done, 1)
+        return self.residual
+
+    def _run(self, limit: int) -> int:
+        graph, coarse = self.graph, self._coarse
+        preconditioner = (self._blocks, coarse.owner, coarse.arm, coarse.factor, self._columns,
+                          np.empty((coarse.count, 6)), np.empty(6 * coarse.count))
+        state = (self.displacement, self._residual, *self._search)
+        done, self._product, self.residual = pcg.iterate(
+            self._parts, self._bonds, (graph.links, graph.first, graph.second), preconditioner,
+            state, graph.reach, self._product, self.tolerance, limit)
+        self.iterations[self._parts] += done
+        self.spent += done
+        self.state += 1
+        self._patience = 0 if self.residual <= self.tolerance else self._patience + done
+        return done
+
+    def _refresh(self) -> None:
+        graph = self.graph
+        supported = np.append(self.supported, False)
+        self._coarse.refresh(graph, np.flatnonzero(
+            graph.alive & (supported[graph.first] | supported[graph.second])))
+        self._coarse_fresh = True
+        self._look()
+
+    def wrenches(self) -> np.ndarray:
+        """
+        Give force and moment with which the second part pulls the first, in the bond frames.
+
+        Tension is positive along z [N, N·m], (M, 6); zero for dead bonds and falling islands.
+        """
+        graph = self.graph
+        out = np.empty((len(graph), 6))
+        links.pulls(np.arange(len(graph)), graph.links, graph.axes, graph.first, graph.second,
+                    self.displacement, out)
+        return out
+
+    def utilisation(self) -> tuple[np.ndarray, np.ndarray]:
+        """Give utilisation and `strength.Cause` of every bond, see `strength.utilisation`."""
+        return strength.utilisation(self.graph, self.wrenches())
+
+    def unbalanced(self) -> np.ndarray:
+        """List the parts whose nodal residual exceeds the tolerance."""
+        size = pcg.residual_sizes(self._residual, self.graph.reach)
+        return np.flatnonzero((size > self.tolerance) & self.supported)
+
+    def mechanisms(self) -> np.ndarray:
+        """
+        List the parts of islands that found no static equilibrium worth the name.
+
+        An island is a mechanism when a part of it is displaced by 5 cm, or when the iterations
+        since the last change have run out of patience while it is still out of balance.
+        """
+        far = np.max(np.abs(self.displacement[:-1, :3]), axis=1, initial=0.0) > _ADRIFT
+        if self._patience >= _PATIENCE and not self.converged:
+            far[self._parts] = True
+        adrift = np.zeros(self.graph.count, bool)
+        adrift[self.labels[far]] = True
+        return np.flatnonzero(adrift[self.labels] & self.supported)

@@ -1,0 +1,147 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Strength of mortar bonds: Mohr-Coulomb with a tension cut-off and a compression cap.
+
+Rigid parts on a bed of springs: the normal stress is linear over the patch, its extremes are
+N/A ± M_x/W_x ± M_y/W_y with W_x = A·e_y/6, and the twist adds T·r/(I_x + I_y) at the corner to the
+mean shear. Limits after Lourenço & Rots 1997, J. Eng. Mech. 123(7): σ <= f_t, |τ| <= c + μ·p with
+p the mean compression, compression <= f_c. Utilisation is demand over capacity where compression
+counts as capacity, so that it stays finite and equals 1 exactly on the limit:
+
+    tension      bending stress / (f_t + p), for a pulled bond (N/A + bending stress) / f_t
+    shear        |τ| / (c + μ·p), pulled c - μ·N/A
+    compression  (p + bending stress) / f_c
+
+With f_t = 0 the first is eccentricity over kern: a dry bed opens once the resultant leaves the
+middle third. What a bond does when its tension limit is passed is said in `opening`.
+"""
+
+from enum import IntEnum
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.masonry.graph import BondGraph, HUB
+
+_LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
+_LIGAMENT = 0.05    # least share of the patch side that may stay closed: below it crushes away
+
+
+class Cause(IntEnum):
+    """Why a bond fails."""
+
+    NONE = 0
+    TENSION = 1
+    SHEAR = 2
+    COMPRESSION = 3
+    MECHANISM = 4  # part of a piece that no equilibrium holds
+
+
+@njit(cache=True)
+def _utilise(alive, wrench, area, extent, tension, cohesion, friction, compression, out, cause):
+    for m in range(len(alive)):
+        out[m] = 0.0
+        cause[m] = 0
+        if not alive[m]:
+            continue
+        pull = wrench[m, 2] / area[m]
+        press = max(-pull, 0.0)
+        bending = 6.0 / area[m] * (abs(wrench[m, 3]) / extent[m, 1]
+                                   + abs(wrench[m, 4]) / extent[m, 0])
+        across = (extent[m, 0] ** 2 + extent[m, 1] ** 2) ** 0.5
+        shear = ((wrench[m, 0] ** 2 + wrench[m, 1] ** 2) ** 0.5
+                 + 6.0 * abs(wrench[m, 5]) / across) / area[m]
+        share = (
+            (bending + max(pull, 0.0)) / max(tension[m] + press, _LEAST),
+            shear / max(cohesion[m] - friction[m] * pull, _LEAST),
+            (press + bending) / compression[m],
+        )
+        for c in range(3):
+            if share[c] > out[m]:
+                out[m] = share[c]
+                cause[m] = c + 1
+
+
+def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Compare what bonds carry with what they can.
+
+    :param graph: areas, extents and strengths.
+    :param wrench: force and moment in the bond frame, tension positive [N, N·m], (M, 6).
+    :returns: utilisation, 1 at the limit, 0 for dead bonds, (M,), and the governing `Cause`, (M,).
+    """
+    share = np.empty(len(graph))
+    cause = np.empty(len(graph), np.uint8)
+    mortar = graph.mortar
+    _utilise(graph.alive, wrench, graph.area, graph.extent, mortar.tension, mortar.cohesion,
+             mortar.friction, mortar.compression, share, cause)
+    return share, cause
+
+
+def opening(graph: BondGraph, bonds: np.ndarray,
+            wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Decide what remains of bonds whose edge tension passed the limit: the cracked section.
+
+    A pulled bond breaks. A pressed one opens from its pulled edge until the pressure, linear
+    without tension, balances the resultant: it stays closed over 3·(e/2 - eccentricity) from the
+    pressed edge (elementary theory of the section without tension; each axis by itself). When that
+    is next to nothing, or the resultant is outside the patch, it breaks.
+
+    :param bonds: rows, (K,).
+    :param wrench: of these bonds, bond frame, (K, 6).
+    :returns: whether it stays partly closed, (K,) bool, and the lower and upper corners of what
+        stays, from the centroid in the bond frame [m], (K, 2) each.
+    """
+    press = -wrench[:, 2]
+    safe = np.where(press > 0.0, press, 1.0)[:, None]
+    eccentricity = np.column_stack([wrench[:, 4], -wrench[:, 3]]) / safe
+    extent = graph.extent[bonds]
+    closed = np.minimum(3.0 * (0.5 * extent - np.abs(eccentricity)), extent)
+    stays = (press > 0.0) & np.all(closed > _LIGAMENT * extent, axis=1)
+    edge = 0.5 * extent
+    low = np.where(eccentricity > 0.0, edge - closed, -edge)
+    high = np.where(eccentricity > 0.0, edge, closed - edge)
+    return stays, low, high
+
+
+def worst_first(graph: BondGraph, share: np.ndarray, band: float) -> np.ndarray:
+    """
+    Choose the bonds to break before stresses are solved anew.
+
+    The worst bond breaks, and with it every bond over its limit that is within `band` of it and
+    worse than all others two bonds away: far enough that breaking the worst relieves it little.
+
+    :param share: utilisation, (M,).
+    :param band: least utilisation relative to the worst; 1 breaks the worst alone.
+    :returns: rows of bonds, ascending.
+    """
+    over = np.flatnonzero(share > 1.0)
+    if not len(over):
+        return over
+    peak = np.zeros(graph.count + 1)
+    np.maximum.at(peak, graph.first[over], share[over])
+    np.maximum.at(peak, graph.second[over], share[over])
+    far = np.append(np.diff(graph.start) > HUB, True)
+    peak[far] = 0.0  # bonds on the ground, or around a slab, are not near each other
+    around = np.maximum(peak[graph.first[over]], peak[graph.second[over]])
+    wider = np.zeros(graph.count + 1)
+    np.maximum.at(wider, graph.first[over], around)
+    np.maximum.at(wider, graph.second[over], around)
+    wider[far] = 0.0
+    around = np.maximum(around, np.maximum(wider[graph.first[over]], wider[graph.second[over]]))
+    return over[(share[over] >= around) & (share[over] >= band * share[over].max())]

@@ -1,0 +1,331 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The stress solver against closed forms, a direct solver, and itself."""
+
+import numpy as np
+from procphys_ros import rotation
+from procphys_ros.physics.masonry import BondGraph, StressSolver
+import pytest
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import spsolve
+from stress_walls import blueprint, bonded, building, DENSITY, wall, wall_boxes
+
+G = 9.81  # [m/s²]
+TIGHT = 1e-6  # [N]
+
+
+def solved(plan, tolerance=TIGHT, gravity=(0.0, 0.0, -G), force=None, moment=None):
+    """Solve to a tolerance and insist on convergence."""
+    solver = StressSolver(BondGraph(plan), gravity, tolerance)
+    if force is not None:
+        solver.set_loads(force, moment)
+    solver.iterate(5000)
+    assert solver.converged
+    return solver
+
+
+def stack(masses, side=0.2, height=0.1):
+    """Stack cubes of given masses on the ground; the middle of one is `height` above the last."""
+    count = len(masses)
+    centres = np.column_stack([np.zeros((count, 2)), (np.arange(count) + 0.5) * height])
+    size = np.tile([side, side, height - 0.005], (count, 1))
+    return bonded(centres, size, np.asarray(masses) / size.prod(axis=1))
+
+
+def random_plan(rng, count):
+    """Tie random points in space by randomly oriented bonds, some to the ground."""
+    centres = rng.uniform(-1.0, 1.0, (count, 3))
+    tree = np.column_stack([rng.integers(0, np.arange(1, count)), np.arange(1, count)])
+    extra = rng.integers(0, count, (2 * count, 2))
+    ground = np.column_stack([np.full(5, -1), rng.choice(count, 5, replace=False)])
+    pairs = np.vstack([tree, extra[extra[:, 0] != extra[:, 1]], ground])
+    turn = rng.normal(size=(len(pairs), 4))
+    middle = np.where(pairs[:, :1] < 0, centres[pairs[:, 1]], centres[pairs].mean(axis=1))
+    frames = np.hstack([middle + rng.normal(0.0, 0.05, (len(pairs), 3)),
+                        turn / np.linalg.norm(turn, axis=1, keepdims=True)])
+    return blueprint(centres, rng.uniform(0.05, 0.2, (count, 3)), pairs, frames,
+                     rng.uniform(0.05, 0.3, (len(pairs), 2)), normal=1e9, shear=0.3e9)
+
+
+def dense_stiffness(plan):
+    """Assemble K from 6x12 maps bond by bond, in plain numpy, ground removed."""
+    count = len(plan)
+    matrix = np.zeros((6 * count + 6, 6 * count + 6))
+    for k, (i, j) in enumerate(plan.bonds):
+        axes = rotation.to_matrix(plan.bond_frame[k, 3:])
+        length, width = plan.bond_extent[k]
+        area = plan.bond_area[k]
+        normal, shear = plan.mortar.normal_stiffness[k], plan.mortar.shear_stiffness[k]
+        inertia = area / 12 * np.array([width ** 2, length ** 2])
+        spring = np.diag([shear * area, shear * area, normal * area, *(normal * inertia),
+                          shear * inertia.sum()])
+        local = np.zeros((6, 6 * count + 6))
+        for body, sign in ((i, -1.0), (j, 1.0)):
+            at = 6 * body if body >= 0 else 6 * count
+            arm = plan.bond_frame[k, :3] - (plan.poses[body, :3] if body >= 0 else 0)
+            cross = np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
+            local[:3, at:at + 3] = sign * axes.T
+            local[:3, at + 3:at + 6] = -sign * axes.T @ cross
+            local[3:, at + 3:at + 6] = sign * axes.T
+        matrix += local.T @ spring @ local
+    return matrix[:6 * count, :6 * count]
+
+
+def test_column_carries_exactly_the_weight_above():
+    """Load every bed of a stack of unlike masses with what lies on it."""
+    masses = np.array([9.0, 1.0, 30.0, 0.5, 4.0])
+    solver = solved(stack(masses))
+    above = np.cumsum(masses[::-1])[::-1] * G
+    order = np.argsort(solver.graph.centroid[:, 2])
+    np.testing.assert_allclose(solver.wrenches()[order, 2], -above, rtol=1e-7)
+
+
+def test_cantilever_root_moment_and_deflection():
+    """Bend a row of bricks by its weight: M at each joint and the tip of the spring chain."""
+    count, pitch, side = 8, 0.2, 0.1
+    centres = np.column_stack([(np.arange(count) + 0.5) * pitch, np.zeros((count, 2))])
+    frame = np.column_stack([np.arange(count) * pitch, np.zeros((count, 2)),
+                             np.tile([0.0, 0.5 ** 0.5, 0.0, 0.5 ** 0.5], (count, 1))])
+    pairs = np.column_stack([np.arange(-1, count - 1), np.arange(count)])
+    plan = blueprint(centres, np.tile([pitch, side, side], (count, 1)), pairs, frame,
+                     np.full((count, 2), side))
+    solver = solved(plan)
+    weight, area = plan.mass[0] * G, side ** 2
+    beyond = np.arange(count, 0, -1)
+    moment = weight * pitch * beyond ** 2 / 2
+    wrench = solver.wrenches()
+    np.testing.assert_allclose(np.linalg.norm(wrench[:, 3:], axis=1), moment, rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(wrench[:, :2], axis=1), weight * beyond, rtol=1e-6)
+    turn = moment / (1e11 * area * side ** 2 / 12)
+    slip = weight * beyond / (0.4e11 * area)
+    tip = np.sum(slip + turn * (centres[-1, 0] - frame[:, 0]))
+    assert solver.displacement[count - 1, 2] == pytest.approx(-tip, rel=1e-6)
+    share, _ = solver.utilisation()
+    assert share[0] == pytest.approx(moment[0] / (side ** 3 / 6) / 0.2e6, rel=1e-6)
+
+
+@pytest.mark.parametrize(('tension', 'expected'), [(0.2e6, 0.072), (0.1e6, 0.043), (0.0, 0.014)])
+def test_free_standing_wall_cracks_at_the_closed_form_acceleration(tension, expected):
+    """Reach utilisation 1 at a/g = (f_t + ρ g h) t / (3 ρ g h²) for a wall 2.5 m high."""
+    height, thickness, courses = 2.5, 0.1025, 25
+    lift = height / courses
+    centres = np.column_stack([np.zeros((courses, 2)), (np.arange(courses) + 0.5) * lift])
+    plan = bonded(centres, [1.0, thickness, lift - 1e-9], tension=tension, gap=1e-3)
+    ratio = ((tension + DENSITY * G * height) * thickness
+             / (3 * DENSITY * G * height ** 2))
+    assert ratio == pytest.approx(expected, abs=6e-4)
+    force = np.zeros((courses, 3))
+    for factor, cracked in ((0.999, False), (1.001, True)):
+        force[:, 1] = plan.mass * G * ratio * factor
+        share, cause = solved(plan, force=force).utilisation()
+        assert bool(share.max() > 1.0) == cracked
+    assert plan.bond_frame[share.argmax(), 2] == 0.0  # at the foot
+
+
+def test_supports_share_by_stiffness_times_area():
+    """Split the load of a beam that stays level over two feet as their areas, 1 to 3."""
+    plan = bonded([[-0.2, 0.0, 0.05], [0.2, 0.0, 0.05], [0.0, 0.0, 0.15]],
+                  [[0.1, 0.1, 0.098], [0.1, 0.3, 0.098], [0.6, 0.4, 0.098]], gap=0.003)
+    solver = solved(plan, gravity=(0, 0, 0), force=[[0, 0, 0], [0, 0, 0], [0, 0, -1000.0]],
+                    moment=[[0, 0, 0], [0, 0, 0], [0, 100.0, 0]])
+    graph = solver.graph
+    top = np.flatnonzero((graph.first < 3) & (graph.second == 2))
+    load = -solver.wrenches()[top, 2][np.argsort(graph.area[top])]
+    np.testing.assert_allclose(load, [250.0, 750.0], rtol=1e-6)
+    assert abs(solver.displacement[2, 4]) < 1e-9 * abs(solver.displacement[2, 2])
+
+
+def test_displacements_match_a_direct_solver_on_a_random_graph():
+    """Solve 300 randomly tied parts under random loads as scipy's sparse solver does."""
+    rng = np.random.default_rng(7)
+    plan = random_plan(rng, 300)
+    force, moment = rng.normal(0, 100, (300, 3)), rng.normal(0, 10, (300, 3))
+    solver = solved(plan, 1e-7, force=force, moment=moment)
+    push = np.hstack([force, moment])
+    push[:, 2] -= plan.mass * G
+    expected = spsolve(csc_matrix(dense_stiffness(plan)), push.ravel())
+    error = np.abs(solver.displacement[:-1].ravel() - expected).max()
+    assert error < 1e-8 * np.abs(expected).max()
+
+
+def test_ground_reactions_balance_all_loads():
+    """Hold a wall under weight and wind by ground forces of the same sum and moment."""
+    plan = wall(10, 12)
+    wind = np.tile([3.0, 8.0, 0.0], (len(plan), 1))
+    solver = solved(plan, force=wind)
+    graph = solver.graph
+    feet = graph.grounded()
+    wrench = np.einsum('kij,kaj->kai', graph.axes[feet], solver.wrenches()[feet].reshape(-1, 2, 3))
+    force, moment = wrench[:, 0], wrench[:, 1]
+    sign = np.where(graph.first[feet] == graph.count, -1.0, 1.0)[:, None]  # ground on the parts
+    load = wind + plan.mass[:, None] * [0, 0, -G]
+    np.testing.assert_allclose((sign * force).sum(axis=0), -load.sum(axis=0), atol=1e-3)
+    turning = sign * (np.cross(graph.centroid[feet], force) + moment)
+    np.testing.assert_allclose(turning.sum(axis=0),
+                               -np.cross(graph.centre, load).sum(axis=0), atol=1e-3)
+
+
+def test_converged_means_every_part_is_in_balance():
+    """Recompute the imbalance of every part from the bond forces alone."""
+    plan = wall(12, 15, holes=[(0.8, 0.3, 1.6, 0.7)])
+    solver = StressSolver(BondGraph(plan))
+    assert solver.tolerance == pytest.approx(0.1 * np.median(plan.mass) * G)
+    solver.iterate(5000)
+    graph = solver.graph
+    balance = np.zeros((graph.count + 1, 6))
+    wrench = np.einsum('kij,kaj->kai', graph.axes, solver.wrenches().reshape(-1, 2, 3))
+    for part, sign in ((graph.first, 1.0), (graph.second, -1.0)):
+        arm = graph.centroid - np.vstack([graph.centre, np.zeros(3)])[part]
+        np.add.at(balance, part, sign * np.hstack([
+            wrench[:, 0], wrench[:, 1] + np.cross(arm, wrench[:, 0])]))
+    balance[:-1, 2] -= plan.mass * G
+    force = np.linalg.norm(balance[:-1, :3], axis=1)
+    moment = np.linalg.norm(balance[:-1, 3:], axis=1) / graph.reach
+    worst = max(force.max(), moment.max())
+    assert worst <= solver.tolerance * (1 + 1e-6)
+    assert worst == pytest.approx(solver.residual, rel=1e-6)
+
+
+def test_resuming_in_small_pieces_gives_the_same_answer():
+    """Iterate three at a time and land on the solution of one long call."""
+    plan = wall(15, 20)
+    whole = solved(plan)
+    pieces = StressSolver(BondGraph(plan), tolerance=TIGHT)
+    while not pieces.converged:
+        pieces.iterate(3)
+    assert pieces.spent == whole.spent
+    np.testing.assert_array_equal(pieces.displacement, whole.displacement)
+
+
+def test_warm_start_after_cuts_equals_cold_solution():
+    """Cut bonds and remove bricks of a solved wall; compare with a wall solved without them."""
+    plan = wall(15, 20)
+    warm = solved(plan)
+    graph = warm.graph
+    parts = np.array([40, 41, 57])
+    warm.remove_parts(parts, dynamic_factor=1.0)
+    chosen = np.random.default_rng(3).choice(np.flatnonzero(graph.alive), 12, replace=False)
+    warm.cut(chosen)
+    spent = warm.spent
+    warm.iterate(5000)
+    assert warm.converged and warm.spent > spent
+    cold = StressSolver(BondGraph(plan), tolerance=TIGHT)
+    cold.cut(np.flatnonzero(~graph.alive))
+    cold.iterate(5000)
+    scale = np.abs(cold.wrenches()).max(axis=0)
+    assert np.abs(warm.wrenches() - cold.wrenches()).max() < 1e-4 * scale.max()
+    assert not np.any(warm.wrenches()[~graph.alive])
+
+
+def test_islands_without_ground_are_left_out():
+    """Let a free block carry nothing, and the block on the ground all of its own weight."""
+    plan = bonded([[0, 0, 0.05], [0, 0, 0.15], [2, 0, 5.0], [2, 0, 5.1]], [0.1, 0.1, 0.098],
+                  gap=0.003)
+    solver = solved(plan)
+    assert solver.supported.tolist() == [True, True, False, False]
+    free = (solver.graph.first == 2) | (solver.graph.second == 2)
+    assert np.all(solver.wrenches()[free] == 0.0)
+    assert np.all(solver.displacement[2:] == 0.0)
+    assert solver.wrenches()[solver.graph.grounded(), 2] == pytest.approx(
+        -2 * plan.mass[0] * G)
+
+
+def test_untouched_islands_cost_nothing():
+    """Spend iterations on the wall that was hit, none on the one beside it."""
+    one, two = wall_boxes(10, 12), wall_boxes(10, 12, shift=(0, 5.0, 0))
+    plan = bonded(np.vstack([one[0], two[0]]), np.vstack([one[1], two[1]]))
+    half = len(one[0])
+    solver = solved(plan, tolerance=1.0)
+    before = solver.iterations.copy()
+    solver.iterate(100)
+    assert np.array_equal(solver.iterations, before)  # nothing changed: nothing done
+    other = solver.displacement[half:].copy()
+    solver.cut(solver.graph.neighbours([55]))
+    solver.iterate(5000)
+    assert solver.converged
+    spent = solver.iterations - before
+    assert np.all(spent[half:] == 0)
+    assert np.all(spent[:half][np.arange(half) != 55] > 0)
+    np.testing.assert_array_equal(solver.displacement[half:], other)
+
+
+def test_loads_below_the_tolerance_do_not_wake_the_solver():
+    """Ignore a breath of wind, answer a gale, and return when it stops."""
+    plan = wall(10, 12)
+    solver = solved(plan, tolerance=2.0)
+    rest, spent = solver.displacement.copy(), solver.spent
+    solver.set_loads(np.full((len(plan), 3), 0.01))
+    solver.iterate(1000)
+    assert solver.spent == spent
+    solver.set_loads(np.tile([0.0, 50.0, 0.0], (len(plan), 1)))
+    solver.iterate(1000)
+    assert solver.spent > spent
+    bent = np.abs(solver.displacement - rest).max()
+    solver.set_loads(np.zeros((len(plan), 3)))
+    solver.iterate(1000)
+    assert np.abs(solver.displacement - rest).max() < 0.01 * bent
+
+
+def test_sudden_removal_doubles_the_change_then_dies_away():
+    """Release a hanging weight at once: the change of force is twice the static one, then once."""
+    plan = stack([10.0, 10.0, 10.0])
+    solver = solved(plan)
+    foot = np.flatnonzero(solver.graph.grounded())
+    assert solver.wrenches()[foot, 2] == pytest.approx(-30 * G)
+    solver.remove_parts(np.array([2]), dynamic_factor=2.0)
+    solver.iterate(1000)
+    assert solver.sudden
+    assert solver.wrenches()[foot, 2] == pytest.approx(-10 * G, rel=1e-6)
+    solver.forget_sudden(0.5)
+    solver.iterate(1000)
+    assert solver.wrenches()[foot, 2] == pytest.approx(-15 * G, rel=1e-6)
+    solver.forget_sudden()
+    solver.iterate(1000)
+    assert not solver.sudden
+    assert solver.wrenches()[foot, 2] == pytest.approx(-20 * G, rel=1e-6)
+
+
+def test_reset_restores_the_first_solution():
+    """Break much, reset, and find the same numbers as at first."""
+    plan = wall(10, 12)
+    solver = solved(plan)
+    first = solver.displacement.copy()
+    solver.remove_parts(np.arange(30, 40))
+    solver.set_loads(np.ones((len(plan), 3)))
+    solver.iterate(500)
+    solver.reset()
+    solver.iterate(5000)
+    np.testing.assert_array_equal(solver.displacement, first)
+    assert solver.graph.alive.all()
+
+
+def test_building_under_its_weight_converges_quickly():
+    """Solve a two-storey building of 2,000 bricks and slabs within 150 iterations."""
+    plan = building(side=14, storeys=2, courses=36, windows=2)
+    solver = StressSolver(BondGraph(plan))
+    solver.iterate(150)
+    assert solver.converged
+    feet = solver.graph.grounded()
+    assert solver.wrenches()[feet, 2].sum() == pytest.approx(-plan.mass.sum() * G, rel=1e-3)
+
+
+def test_numbers_that_are_not_finite_are_refused():
+    """Refuse NaN loads and leave the solver as it was."""
+    solver = solved(stack([1.0, 2.0]))
+    with pytest.raises(ValueError, match='finite'):
+        solver.set_loads([[0, 0, np.nan], [0, 0, 0]])
+    assert solver.converged
+
