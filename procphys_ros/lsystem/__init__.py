@@ -11,3 +11,11 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+
+"""L-systems: grammars that grow trees (Prusinkiewicz and Lindenmayer 1990, with physics)."""
+
+from procphys_ros.lsystem.modules import Module, Modules
+from procphys_ros.lsystem.system import LSystem, MAX_MODULES
+
+__all__ = ['LSystem', 'MAX_MODULES', 'Module', 'Modules']

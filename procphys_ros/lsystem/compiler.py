@@ -1,0 +1,184 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Compiler: from the text of an L-system to rules that can be applied."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from lark import Tree
+import numpy as np
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.language import compile_expression, Expression, Place
+from procphys_ros.lsystem.derivation import Derivation
+from procphys_ros.lsystem.modules import Vocabulary
+from procphys_ros.lsystem.rewriting import RuleSet
+from procphys_ros.lsystem.rules import Produced, Rule, RuleCompiler
+from procphys_ros.lsystem.statements import RULE_SECTIONS, split_statements, Statement
+from procphys_ros.lsystem.symbols import arity_message, SYMBOLS
+from procphys_ros.lsystem.syntax import parse_statement
+
+
+class Grammar(NamedTuple):
+    """
+    A compiled grammar.
+
+    :ivar source: name of the text.
+    :ivar name: that it gives itself.
+    :ivar defines: name and value of each define, in order.
+    :ivar steps: derivation length, None = not given.
+    :ivar angle: default angle [degrees], None = not given.
+    :ivar depth: of interpretation, None = not given.
+    :ivar textures: names of the textures.
+    :ivar derivation: its rules.
+    :ivar origins: place and name of every module that it writes.
+    """
+
+    source: str
+    name: str
+    defines: list[tuple[str, Expression]]
+    steps: Expression | None
+    angle: Expression | None
+    depth: Expression | None
+    textures: tuple[str, ...]
+    derivation: Derivation
+    origins: list[tuple[Place, str]]
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Statements of one text, by section."""
+
+    source: str
+    statements: list[Statement]
+
+    def trees(self, section: str) -> Iterable[tuple[Tree, int]]:
+        for statement in self.statements:
+            if statement.section == section:
+                yield parse_statement(statement, self.source), statement.line
+
+    def single(self, section: str) -> tuple[Tree, int] | None:
+        found = [s for s in self.statements if s.section == section]
+        if len(found) > 1:
+            raise Place(self.source, found[1].line, 1).error(
+                f'"{section}:" stands twice, first on line {found[0].line}')
+        return next(iter(self.trees(section)), None)
+
+    def name(self) -> str:
+        names = [s.text.strip() for s in self.statements if s.section == 'name']
+        return names[0] if names else ''
+
+    def words(self, section: str) -> list[tuple[str, Place]]:
+        return [(str(token), Place.of(token, self.source, line))
+                for tree, line in self.trees(section) for token in tree.children
+                if token is not None]
+
+    def defines(self) -> list[tuple[str, Expression]]:
+        result: list[tuple[str, Expression]] = []
+        for tree, line in self.trees('define'):
+            for child in filter(None, tree.children):
+                name, value = child.children
+                if str(name) in dict(result):
+                    raise Place.of(name, self.source, line).error(f'"{name}" is defined twice')
+                known = [defined for defined, _ in result]
+                result.append((str(name), compile_expression(value, self.source, line, known)))
+        return result
+
+    def value(self, section: str, known: list[str]) -> Expression | None:
+        found = self.single(section)
+        if found is None:
+            return None
+        tree, line = found
+        return compile_expression(tree.children[0], self.source, line, known)
+
+
+def compile_grammar(text: str, source: str, max_modules: int) -> Grammar:
+    """
+    Compile a whole grammar.
+
+    :param text: of the grammar.
+    :param source: its name, for errors.
+    :param max_modules: longest string that it may derive.
+    :raises GrammarError: for anything that cannot be read or that contradicts itself.
+    """
+    reader = _Reader(source, split_statements(text, source))
+    defines = reader.defines()
+    names = [name for name, _ in defines]
+    declared = {name for name, _ in reader.words('module')}
+    compiler = RuleCompiler(source, declared, names)
+    axiom = reader.single('axiom')
+    if axiom is None:
+        raise GrammarError('the section "axiom:" is missing; it gives the first string, '
+                           'for example "axiom: A(1)"', source)
+    tree, line = axiom
+    start = compiler.produced(tree.children[0], line, names)
+    rules = {section: [compiler.rule(tree, line) for tree, line in reader.trees(section)]
+             for section in RULE_SECTIONS}
+    _check_contexts(rules)
+    skipped = _skipped_names(reader, compiler)
+    _check_meanings(compiler, start, rules)
+    ignored = np.array([skipped(name) for name in compiler.vocabulary.names])
+    for rule in rules['production']:
+        _check_ignored(rule, ignored, compiler.vocabulary)
+    sets = [RuleSet(rules[section], ignored, max_modules) for section in RULE_SECTIONS]
+    return Grammar(
+        source, reader.name(), defines, reader.value('derivation length', names),
+        reader.value('angle', names), reader.value('maximum depth', names),
+        tuple(name for name, _ in reader.words('textures')),
+        Derivation(start, compiler.vocabulary, *sets), compiler.origins)
+
+
+def _skipped_names(reader: _Reader, compiler: RuleCompiler):
+    """Make the test for names that contexts skip."""
+    ignored = [name for tree, line in reader.trees('ignore')
+               for name in compiler.names(tree, line)]
+    considered = [name for tree, line in reader.trees('consider')
+                  for name in compiler.names(tree, line)]
+    if ignored and considered:
+        raise GrammarError('give either "ignore:" or "consider:", not both', reader.source)
+    if considered:
+        return lambda name: name not in considered and name not in '[]'
+    return lambda name: name in ignored
+
+
+def _check_contexts(rules: dict[str, list[Rule]]) -> None:
+    for section in ('decomposition', 'interpretation'):
+        for rule in rules[section]:
+            if rule.left or rule.right:
+                raise rule.place.error(f'rules under "{section}:" have no contexts')
+
+
+def _check_ignored(rule: Rule, ignored: np.ndarray, vocabulary: Vocabulary) -> None:
+    for key in (*rule.left, *rule.right):
+        if key >= 0 and ignored[key]:
+            raise rule.place.error(f'the context names {vocabulary.names[key]}, '
+                                   'which contexts ignore: it would never match')
+
+
+def _check_meanings(compiler: RuleCompiler, axiom: tuple[Produced, ...],
+                    rules: dict[str, list[Rule]]) -> None:
+    """Refuse misspelt words, and known symbols with a wrong number of parameters."""
+    every = [rule for section in RULE_SECTIONS for rule in rules[section]]
+    replaced = {rule.predecessor for rule in every}
+    vocabulary = compiler.vocabulary
+    compiler.check_words({*SYMBOLS, *(vocabulary.names[key] for key in replaced)})
+    for piece in (*axiom, *(p for rule in every for p in rule.successor)):
+        symbol = SYMBOLS.get(vocabulary.names[piece.key])
+        arity = vocabulary.arities[piece.key]
+        if symbol and piece.key not in replaced and arity not in symbol.arities:
+            place, name = compiler.origins[piece.origin]
+            raise place.error(f'{name} {arity_message(symbol, arity)}')

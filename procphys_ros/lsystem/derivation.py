@@ -1,0 +1,101 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Derivation: the steps of an L-system from its axiom to the string that the turtle reads."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.lsystem.modules import Modules, Vocabulary
+from procphys_ros.lsystem.rewriting import RuleSet
+from procphys_ros.lsystem.rules import Produced
+
+_MOST_PASSES = 1000  # of decomposition rules over their own result
+
+
+@dataclass(frozen=True)
+class Derivation:
+    """
+    The rules of an L-system, ready to be applied.
+
+    :ivar axiom: first string.
+    :ivar vocabulary: of all its modules.
+    :ivar production: applied once in each step.
+    :ivar decomposition: applied to its own result, after the axiom and after every step.
+    :ivar interpretation: applied to the final string, to a depth.
+    """
+
+    axiom: Sequence[Produced]
+    vocabulary: Vocabulary
+    production: RuleSet
+    decomposition: RuleSet
+    interpretation: RuleSet
+
+    def derive(self, steps: int, defines: Mapping[str, float],
+               generator: np.random.Generator) -> Modules:
+        """
+        Derive a string.
+
+        :param steps: number of derivation steps.
+        :param defines: value of each define.
+        :param generator: source of all random choices.
+        :raises GrammarError: when growth or recursion pass their bounds.
+        """
+        modules = self._decompose(self._write_axiom(defines, generator), None, defines, generator)
+        for _ in range(steps):
+            result = self.production.rewrite(modules, defines, generator)
+            modules = self._decompose(result.modules, result.fresh, defines, generator)
+        return modules
+
+    def interpret(self, modules: Modules, depth: int, defines: Mapping[str, float],
+                  generator: np.random.Generator) -> Modules:
+        """
+        Replace modules by what they look like; results are interpreted again, to a depth.
+
+        :param modules: derived string.
+        :param depth: 1 = results are left as they are.
+        :param defines: value of each define.
+        :param generator: source of all random choices.
+        """
+        fresh = None
+        for _ in range(depth):
+            result = self.interpretation.rewrite(modules, defines, generator, fresh)
+            modules, fresh = result.modules, result.fresh
+            if result.applied is None:
+                break
+        return modules
+
+    def _write_axiom(self, defines: Mapping[str, float],
+                     generator: np.random.Generator) -> Modules:
+        values = [argument.number(defines, generator)
+                  for piece in self.axiom for argument in piece.arguments]
+        return Modules(self.vocabulary, np.array([p.key for p in self.axiom], np.int32),
+                       np.array(values, float), np.array([p.origin for p in self.axiom], np.int32))
+
+    def _decompose(self, modules: Modules, fresh: np.ndarray | None,
+                   defines: Mapping[str, float], generator: np.random.Generator) -> Modules:
+        rule = None
+        for _ in range(_MOST_PASSES if self.decomposition.rules else 0):
+            result = self.decomposition.rewrite(modules, defines, generator, fresh)
+            if result.applied is None:
+                return modules
+            modules, fresh, rule = *result[:2], result.applied
+        if rule is not None:
+            raise rule.place.error(
+                f'the decomposition of {rule.label} did not end after {_MOST_PASSES} passes '
+                f'({len(modules)} modules); give it a condition that becomes false')
+        return modules

@@ -1,0 +1,118 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Modules: the string that an L-system rewrites, as flat arrays."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+PUSH, POP = 0, 1  # keys of the brackets in every vocabulary
+
+
+class Module(NamedTuple):
+    """
+    One module: a symbol with its parameters.
+
+    :ivar name: of the symbol.
+    :ivar parameters: their values.
+    """
+
+    name: str
+    parameters: tuple[float, ...] = ()
+
+    def __str__(self) -> str:
+        if not self.parameters:
+            return self.name
+        return f'{self.name}({",".join(f"{value:.12g}" for value in self.parameters)})'
+
+
+class Vocabulary:
+    """
+    Numbers for modules: one key for each name with each number of parameters.
+
+    :ivar names: name behind each key.
+    :ivar arities: number of parameters behind each key.
+    """
+
+    def __init__(self) -> None:
+        self._keys: dict[tuple[str, int], int] = {}
+        self.names: list[str] = []
+        self.arities: list[int] = []
+        for bracket in '[]':
+            self.key(bracket, 0)
+
+    def key(self, name: str, arity: int) -> int:
+        """Give the key of a module, a new one if it is new."""
+        key = self._keys.setdefault((name, arity), len(self.names))
+        if key == len(self.names):
+            self.names.append(name)
+            self.arities.append(arity)
+        return key
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+@dataclass(frozen=True)
+class Modules(Sequence):
+    """
+    A string of modules; indexing gives `Module`s, `str` the usual notation.
+
+    :ivar vocabulary: what the keys stand for.
+    :ivar key: (M,) int32.
+    :ivar values: parameters of all modules behind each other.
+    :ivar origin: piece of the grammar that each module was written by, (M,) int32.
+    """
+
+    vocabulary: Vocabulary
+    key: np.ndarray
+    values: np.ndarray
+    origin: np.ndarray
+
+    @property
+    def counts(self) -> np.ndarray:
+        """Number of parameters of each module, (M,)."""
+        return np.asarray(self.vocabulary.arities, np.int64)[self.key]
+
+    @property
+    def starts(self) -> np.ndarray:
+        """Where the parameters of each module begin in `values`, (M,)."""
+        counts = self.counts
+        return np.cumsum(counts) - counts
+
+    def __len__(self) -> int:
+        return len(self.key)
+
+    def __getitem__(self, index):
+        if isinstance(index, slice):
+            rows = range(*index.indices(len(self)))
+            starts = self.starts
+            return [self._module(row, starts[row]) for row in rows]
+        row = range(len(self))[index]
+        return self._module(row, int(self.counts[:row].sum()))
+
+    def __iter__(self) -> Iterator[Module]:
+        return iter(self[:])
+
+    def _module(self, row: int, start: int) -> Module:
+        key = self.key[row]
+        values = self.values[start:start + self.vocabulary.arities[key]]
+        return Module(self.vocabulary.names[key], tuple(values.tolist()))
+
+    def __str__(self) -> str:
+        return ''.join(map(str, self))

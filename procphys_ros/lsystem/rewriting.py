@@ -1,0 +1,228 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Rewriting: apply a set of rules to a whole string at once."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import NamedTuple
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.lsystem.contexts import follow_tree, match_left, match_right
+from procphys_ros.lsystem.modules import Modules
+from procphys_ros.lsystem.rules import Rule
+
+
+class _Match(NamedTuple):
+    """Where a rule applies: rows (N,) and the values that its expressions see."""
+
+    rule: Rule
+    rows: np.ndarray
+    values: dict
+
+
+class Rewritten(NamedTuple):
+    """
+    What a pass produced.
+
+    :ivar modules: the new string.
+    :ivar fresh: which of them a rule wrote, (M,) bool.
+    :ivar applied: the rule that wrote most, None when none applied.
+    """
+
+    modules: Modules
+    fresh: np.ndarray
+    applied: Rule | None
+
+
+@njit(cache=True)
+def _copy_unchanged(unchanged, key, origin, values, starts, counts, to, to_values,
+                    new_key, new_origin, new_values):
+    """Copy the modules that no rule matched to their new places."""
+    for i in range(len(key)):
+        if unchanged[i]:
+            new_key[to[i]] = key[i]
+            new_origin[to[i]] = origin[i]
+            for j in range(counts[i]):
+                new_values[to_values[i] + j] = values[starts[i] + j]
+
+
+@dataclass(frozen=True)
+class RuleSet:
+    """
+    Rules that are applied together.
+
+    :ivar rules: in file order.
+    :ivar ignored: which keys contexts skip, (K,) bool.
+    :ivar max_modules: longest string allowed.
+    """
+
+    rules: Sequence[Rule]
+    ignored: np.ndarray
+    max_modules: int
+
+    def rewrite(self, modules: Modules, defines: Mapping[str, float],
+                generator: np.random.Generator, active: np.ndarray | None = None) -> Rewritten:
+        """
+        Rewrite all modules in parallel, once.
+
+        :param modules: the string.
+        :param defines: value of each define.
+        :param generator: source of random numbers.
+        :param active: which modules may be replaced, (M,) bool; None = all.
+        :raises GrammarError: when the string would grow past `max_modules`.
+        """
+        tree = None
+        if any(rule.left or rule.right for rule in self.rules):
+            tree = follow_tree(modules.key, self.ignored)
+        matches: list[_Match] = []
+        starts = modules.starts
+        for key in dict.fromkeys(rule.predecessor for rule in self.rules):
+            found = modules.key == key
+            rows = np.flatnonzero(found if active is None else found & active)
+            if len(rows):
+                same = [rule for rule in self.rules if rule.predecessor == key]
+                matches += _choose(same, rows, modules, starts, tree, defines, generator)
+        if not matches:
+            return Rewritten(modules, np.zeros(len(modules), bool), None)
+        return self._write(modules, starts, matches, generator)
+
+    def _write(self, modules: Modules, starts: np.ndarray, matches: list[_Match],
+               generator: np.random.Generator) -> Rewritten:
+        counts = modules.counts
+        lengths = np.ones(len(modules), np.int64)
+        sizes = counts.copy()
+        unchanged = np.ones(len(modules), bool)
+        for rule, rows, _ in matches:
+            lengths[rows] = len(rule.successor)
+            sizes[rows] = sum(len(piece.arguments) for piece in rule.successor)
+            unchanged[rows] = False
+        ends, value_ends = np.cumsum(lengths), np.cumsum(sizes)
+        most = max(matches, key=lambda match: len(match.rows) * len(match.rule.successor))
+        self._check_growth(int(ends[-1]), most)
+        to, to_values = ends - lengths, value_ends - sizes
+        key = np.empty(ends[-1], np.int32)
+        origin = np.empty(ends[-1], np.int32)
+        values = np.empty(value_ends[-1])
+        _copy_unchanged(unchanged, modules.key, modules.origin, modules.values, starts, counts,
+                        to, to_values, key, origin, values)
+        fresh = np.ones(len(key), bool)
+        fresh[to[unchanged]] = False
+        for match in matches:
+            _write_successors(match, to[match.rows], to_values[match.rows], key, origin, values,
+                              generator)
+        return Rewritten(Modules(modules.vocabulary, key, values, origin), fresh, most.rule)
+
+    def _check_growth(self, count: int, most: _Match) -> None:
+        if count > self.max_modules:
+            rule = most.rule
+            raise rule.place.error(
+                f'the string would grow to {count} modules, the limit is {self.max_modules}; '
+                f'the rule for {rule.label} writes {len(most.rows) * len(rule.successor)} '
+                'of them in this step')
+
+
+def _write_successors(match: _Match, to: np.ndarray, to_values: np.ndarray, key: np.ndarray,
+                      origin: np.ndarray, values: np.ndarray,
+                      generator: np.random.Generator) -> None:
+    offset = 0
+    for place, piece in enumerate(match.rule.successor):
+        key[to + place] = piece.key
+        origin[to + place] = piece.origin
+        for argument in piece.arguments:
+            values[to_values + offset] = argument.evaluate(match.values, len(to), generator)
+            offset += 1
+
+
+def _choose(rules: Sequence[Rule], rows: np.ndarray, modules: Modules, starts: np.ndarray,
+            tree: tuple | None, defines: Mapping[str, float],
+            generator: np.random.Generator) -> list[_Match]:
+    """Give each row the first rule that fits it, or one drawn among alternatives."""
+    matches: list[_Match] = []
+    for pattern, group in groupby(rules, key=lambda rule: rule.pattern):
+        alternatives = [[rule] for rule in group]
+        if not pattern[-1]:  # consecutive rules with weights are one draw
+            alternatives = [[rule for single in alternatives for rule in single]]
+        for candidates in alternatives:
+            good, values = _fit(candidates, rows, modules, starts, tree, defines)
+            fitting = rows[good]
+            if not len(fitting):
+                continue
+            choice = _draw(candidates, values, len(fitting), generator)
+            for number, rule in enumerate(candidates):
+                chosen = choice == number
+                if chosen.any():
+                    matches.append(_Match(rule, fitting[chosen],
+                                          _select(values[number], chosen)))
+            taken = np.zeros(len(rows), bool)
+            taken[np.flatnonzero(good)[choice >= 0]] = True
+            rows = rows[~taken]
+            if not len(rows):
+                return matches
+    return matches
+
+
+def _select(values: dict, chosen: np.ndarray) -> dict:
+    if chosen.all():
+        return values
+    return {n: v[chosen] if isinstance(v, np.ndarray) else v for n, v in values.items()}
+
+
+def _fit(rules: Sequence[Rule], rows: np.ndarray, modules: Modules, starts: np.ndarray,
+         tree: tuple | None, defines: Mapping[str, float]) -> tuple[np.ndarray, list[dict]]:
+    """Match the contexts that the rules share, and gather the parameters for each rule."""
+    rule = rules[0]
+    good = np.ones(len(rows), bool)
+    met = {}
+    if tree is not None and (rule.left or rule.right):
+        before, onward, closing = tree
+        good, met[-1] = match_left(rows, modules.key, before, np.array(rule.left, np.int32))
+        ahead, met[1] = match_right(rows, modules.key, onward, closing,
+                                    np.array(rule.right, np.int32))
+        good &= ahead
+    met[0] = rows[:, None]
+    met = {side: places[good] for side, places in met.items()}
+    gathered = []
+    for one in rules:
+        values: dict = dict(defines)
+        for name, side, at, number in one.formals:
+            values[name] = modules.values[starts[met[side][:, at]] + number]
+        gathered.append(values)
+    return good, gathered
+
+
+def _draw(rules: Sequence[Rule], values: Sequence[dict], count: int,
+          generator: np.random.Generator) -> np.ndarray:
+    """Give the number of the rule for each row, -1 where no condition is true, (N,)."""
+    weights = np.zeros((len(rules), count))
+    for number, rule in enumerate(rules):
+        weight = 1.0
+        if rule.weight is not None:
+            weight = rule.weight.evaluate(values[number], count, generator)
+            if np.any(np.less(weight, 0.0)):
+                raise GrammarError(f'weight {np.min(weight):g} is negative', *rule.weight.place)
+        truth = 1.0
+        if rule.condition is not None:
+            truth = np.not_equal(rule.condition.evaluate(values[number], count, generator), 0.0)
+        weights[number] = weight * truth
+    limits = np.cumsum(weights, axis=0)
+    if len(rules) == 1:
+        return np.where(limits[0] > 0.0, 0, -1)
+    drawn = generator.random(count) * limits[-1]
+    return np.where(limits[-1] > 0.0, np.argmax(limits > drawn, axis=0), -1)

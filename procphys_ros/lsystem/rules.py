@@ -1,0 +1,257 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Rules: productions compiled from their syntax trees."""
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from lark import Token, Tree
+import numpy as np
+
+from procphys_ros.errors import nearest_names
+from procphys_ros.language import compile_expression, Expression, Place
+from procphys_ros.lsystem.contexts import CLOSE, EXACT_CLOSE, OPEN
+from procphys_ros.lsystem.modules import POP, PUSH, Vocabulary
+from procphys_ros.lsystem.symbols import LONG_NAMES, SYMBOLS
+
+
+@dataclass(frozen=True)
+class Produced:
+    """
+    A module written in an axiom or a successor.
+
+    :ivar key: which module.
+    :ivar origin: number of this piece of the grammar, see `RuleCompiler.origins`.
+    :ivar arguments: of its parameters.
+    """
+
+    key: int
+    origin: int
+    arguments: tuple[Expression, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rule:
+    """
+    A compiled production.
+
+    :ivar label: predecessor as written, for errors.
+    :ivar place: where it begins.
+    :ivar predecessor: key.
+    :ivar left: keys of the left context, nearest first.
+    :ivar right: keys and bracket codes of the right context.
+    :ivar formals: for each parameter its name, the side it is on (-1 left, 0 predecessor,
+        1 right), the place in that pattern, and its number in the module.
+    :ivar condition: None = always.
+    :ivar successor: what it writes.
+    :ivar weight: None = the first that matches wins.
+    """
+
+    label: str
+    place: Place
+    predecessor: int
+    left: tuple[int, ...]
+    right: tuple[int, ...]
+    formals: tuple[tuple[str, int, int, int], ...]
+    condition: Expression | None
+    successor: tuple[Produced, ...]
+    weight: Expression | None
+
+    @property
+    def pattern(self) -> tuple:
+        """What must be equal for rules to be alternatives of one draw."""
+        return self.predecessor, self.left, self.right, self.weight is None
+
+
+@dataclass
+class RuleCompiler:
+    """
+    Compiles trees against one vocabulary.
+
+    :ivar source: name of the text.
+    :ivar declared: long names that the grammar declares.
+    :ivar defines: names of the defines.
+    :ivar vocabulary: grows with what is compiled.
+    :ivar origins: place and name of every module written anywhere.
+    :ivar words: words that were split into letters, with their places.
+    """
+
+    source: str
+    declared: Collection[str]
+    defines: Collection[str]
+    vocabulary: Vocabulary = field(default_factory=Vocabulary)
+    origins: list[tuple[Place, str]] = field(default_factory=list)
+    words: list[tuple[str, Place]] = field(default_factory=list)
+
+    def rule(self, tree: Tree, line: int) -> Rule:
+        """
+        Compile one production.
+
+        :param tree: parsed rule.
+        :param line: line of the file on which its text began.
+        :raises GrammarError: for unknown modules or names, or brackets that do not match.
+        """
+        head, condition, _, successor, weight = tree.children
+        sides = {'left_head': 'lp', 'right_head': 'pr', 'both_head': 'lpr'}.get(head.data, 'p')
+        patterns = dict(zip(sides, head.children))
+        place = Place.of(head, self.source, line)
+        left, left_formals = self._context(patterns.get('l'), line)
+        right, right_formals = self._context(patterns.get('r'), line)
+        strict, strict_formals = self._context(patterns['p'], line)
+        if len(strict) != 1 or strict[0] < 0:
+            raise place.error('a rule replaces exactly one module; neighbours go into contexts: '
+                              'left < module > right -> successor')
+        if min(left, default=0) < 0:
+            raise place.error('a left context is a path without brackets')
+        formals = [(name, -1, len(left) - 1 - at, n) for name, at, n in left_formals]
+        formals += [(name, 0, at, n) for name, at, n in strict_formals]
+        formals += [(name, 1, at, n) for name, at, n in right_formals]
+        names = [formal[0] for formal in formals]
+        for name in names:
+            if names.count(name) > 1:
+                raise place.error(f'parameter "{name}" stands twice before the arrow')
+        known = {*names, *self.defines}
+        return Rule(
+            self._label(strict[0], [f[0] for f in strict_formals]), place, strict[0],
+            tuple(reversed(left)), tuple(right), tuple(formals),
+            self._optional(condition, line, known), self.produced(successor, line, known),
+            self._weight(weight, line, known))
+
+    def _label(self, key: int, names: list[str]) -> str:
+        return self.vocabulary.names[key] + (f'({", ".join(names)})' if names else '')
+
+    def _optional(self, tree: Tree | Token | None, line: int, known: set[str]):
+        if tree is None or isinstance(tree, Token):  # a "*" is always true
+            return None
+        return compile_expression(tree, self.source, line, known)
+
+    def _weight(self, tree: Tree | None, line: int, known: set[str]) -> Expression | None:
+        weight = self._optional(tree, line, known)
+        if weight is not None and not weight.names:
+            value = weight.number({}, np.random.default_rng(0))
+            if value < 0.0:
+                raise weight.place.error(f'weight {value:g} is negative')
+        return weight
+
+    def _context(self, pattern: Tree | None, line: int) -> tuple[list[int], list[tuple]]:
+        """Compile a pattern into codes, and names with their place in it."""
+        codes: list[int] = []
+        formals: list[tuple[str, int, int]] = []
+        if pattern is None or self._is_anything(pattern, line):
+            return codes, formals
+        for child in pattern.children:
+            if child.data == 'bracket':
+                codes.append({'[': OPEN, ']': CLOSE, '=]': EXACT_CLOSE}[child.children[0]])
+                continue
+            names = [str(t) for t in child.children[1:] if t is not None]
+            *letters, last = self._split(child.children[0].children[0], line)
+            codes += [self.vocabulary.key(letter, 0) for letter in letters]
+            formals += [(name, len(codes), n) for n, name in enumerate(names)]
+            codes.append(self.vocabulary.key(last, len(names)))
+        self._check_brackets(pattern, line)
+        return codes, formals
+
+    def _is_anything(self, tree: Tree, line: int) -> bool:
+        """Recognise the lone `*`, which stands for nothing."""
+        stars = list(tree.scan_values(lambda token: getattr(token, 'type', '') == 'ANYTHING'))
+        if stars and len(tree.children) > 1:
+            raise Place.of(stars[0], self.source, line).error(
+                '"*" stands alone, for an empty context or successor')
+        return bool(stars)
+
+    def produced(self, tree: Tree, line: int, known: Collection[str]) -> tuple[Produced, ...]:
+        """
+        Compile an axiom or a successor.
+
+        :param tree: parsed successor.
+        :param line: line of the file on which its text began.
+        :param known: names that its expressions may use.
+        """
+        result: list[Produced] = []
+        if self._is_anything(tree, line):
+            return ()
+        for child in tree.children:
+            place = Place.of(child, self.source, line)
+            if child.data == 'bracket':
+                if child.children[0] == '=]':
+                    raise place.error('"=]" belongs into a right context')
+                result.append(self._one(PUSH if child.children[0] == '[' else POP, place))
+                continue
+            arguments = tuple(compile_expression(t, self.source, line, known)
+                              for t in child.children[1:] if t is not None)
+            *letters, last = self._split(child.children[0].children[0], line)
+            result += [self._one(self.vocabulary.key(x, 0), place) for x in letters]
+            result.append(self._one(self.vocabulary.key(last, len(arguments)), place, arguments))
+        self._check_brackets(tree, line)
+        return tuple(result)
+
+    def _one(self, key: int, place: Place, arguments: tuple[Expression, ...] = ()) -> Produced:
+        self.origins.append((place, self.vocabulary.names[key]))
+        return Produced(key, len(self.origins) - 1, arguments)
+
+    def _check_brackets(self, tree: Tree, line: int) -> None:
+        opened: list[Place] = []
+        for child in tree.children:
+            if child.data == 'bracket':
+                place = Place.of(child, self.source, line)
+                if child.children[0] == '[':
+                    opened.append(place)
+                elif not opened:
+                    raise place.error('found "]" without a "[" before it')
+                else:
+                    opened.pop()
+        if opened:
+            raise opened[-1].error('this "[" is never closed with "]"')
+
+    def names(self, tree: Tree, line: int) -> list[str]:
+        """List the symbols of an `ignore` or `consider` statement."""
+        return [name for token in tree.children for name in self._split(token, line)]
+
+    def _split(self, token: Token, line: int) -> list[str]:
+        """Split a word into declared names, known names and single letters."""
+        text = str(token)
+        place = Place.of(token, self.source, line)
+        long_names = {*self.declared, *LONG_NAMES}
+        if not text[0].isalpha() or text in long_names:
+            if text not in SYMBOLS and text not in long_names:
+                raise place.error(f'unknown module "{text}"{nearest_names(text, SYMBOLS)}')
+            return [text]
+        pieces: list[str] = []
+        while text:
+            size = max((len(n) for n in long_names if text.startswith(n)), default=1)
+            piece, text = text[:size], text[size:]
+            if not piece[0].isalpha():
+                raise self._undeclared(str(token), place)
+            pieces.append(piece)
+        if sum(len(piece) == 1 for piece in pieces) > 2:
+            self.words.append((str(token), place))
+        return pieces
+
+    def _undeclared(self, word: str, place: Place):
+        near = nearest_names(word, {*self.declared, *LONG_NAMES})
+        return place.error(f'unknown module "{word}"{near}; names longer than one letter are '
+                           f'declared: "module: {word}"')
+
+    def check_words(self, meanings: Collection[str]) -> None:
+        """
+        Refuse words that look like one name but were read letter by letter.
+
+        :param meanings: letters that rules replace or that the turtle knows.
+        :raises GrammarError: for a capitalised word whose small letters mean nothing.
+        """
+        for word, place in self.words:
+            if word[0].isupper() and word[1:].islower() and not set(word[1:]) <= {*meanings}:
+                raise self._undeclared(word, place)

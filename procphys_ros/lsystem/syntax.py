@@ -1,0 +1,84 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Syntax of one statement of an L-system: from text to a lark tree."""
+
+from functools import cache
+
+from lark import Lark, Tree
+from lark.exceptions import UnexpectedInput
+
+from procphys_ros.language import EXPRESSION_GRAMMAR, syntax_error
+from procphys_ros.lsystem.statements import Statement
+
+_GRAMMAR = r"""
+rule: head [":" (expression | ANYTHING)] ARROW successor [":" expression]
+head: pattern
+    | pattern "<" pattern -> left_head
+    | pattern ">" pattern -> right_head
+    | pattern "<" pattern ">" pattern -> both_head
+pattern: (matcher | bracket)+
+matcher: named [_OPEN NAME (_COMMA NAME)* _CLOSE]
+axiom: successor
+successor: (module | bracket)+
+module: named [_OPEN expression (_COMMA expression)* _CLOSE]
+named: WORD | SYMBOL | ANYTHING
+bracket: BRACKET
+symbols: (WORD | SYMBOL)*
+names: [NAME (_COMMA NAME)*]
+defines: [definition (_COMMA definition)*]
+definition: NAME "=" expression
+value: expression
+
+ARROW.4: /-{1,2}>/
+WORD: /[A-Za-z][A-Za-z0-9_]*/
+SYMBOL: /@[A-Za-z]*|[-+&^\\\/|$!%.'~{}]/
+ANYTHING: "*"
+BRACKET.3: "[" | "]" | "=]"
+%ignore /\s+/
+"""
+
+_WORDS = {
+    'ARROW': '"->"', 'WORD': 'a module', 'SYMBOL': 'a module', 'ANYTHING': '"*"',
+    'BRACKET': 'a bracket', 'COLON': '":"', 'EQUAL': '"="', 'LESSTHAN': '"<"',
+    'MORETHAN': '">"',
+}
+_START = {
+    'axiom': 'axiom', 'production': 'rule', 'decomposition': 'rule', 'interpretation': 'rule',
+    'define': 'defines', 'module': 'names', 'textures': 'names', 'ignore': 'symbols',
+    'consider': 'symbols', 'derivation length': 'value', 'angle': 'value',
+    'maximum depth': 'value',
+}
+
+
+@cache
+def _parser() -> Lark:
+    return Lark(_GRAMMAR + EXPRESSION_GRAMMAR, parser='lalr', propagate_positions=True,
+                start=sorted(set(_START.values())))
+
+
+def parse_statement(statement: Statement, source: str) -> Tree:
+    """
+    Read one statement.
+
+    :param statement: cut from the text by `split_statements`.
+    :param source: name of the text.
+    :raises GrammarError: saying what was found and what was expected.
+    """
+    try:
+        return _parser().parse(statement.text, start=_START[statement.section])
+    except UnexpectedInput as problem:
+        raise syntax_error(problem, source, statement.line, _WORDS) from None
+

@@ -1,0 +1,144 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""L-system: from the text of a grammar to strings and blueprints."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from procphys_ros import skeleton
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import GrammarError
+from procphys_ros.language import Expression, resolve_defines
+from procphys_ros.lsystem.compiler import compile_grammar, Grammar
+from procphys_ros.lsystem.modules import Modules
+from procphys_ros.lsystem.turtle import Drawing, Turtle
+
+MAX_MODULES = 2_000_000  # longest string; about 1 GB while the turtle reads it
+_MOST_STEPS = 100_000
+
+
+@dataclass(frozen=True)
+class LSystem:
+    """
+    A compiled L-system.
+
+    :ivar grammar: its rules and settings.
+    """
+
+    grammar: Grammar
+
+    @classmethod
+    def parse(cls, text: str, source: str = '<text>',
+              max_modules: int = MAX_MODULES) -> 'LSystem':
+        """
+        Read a grammar.
+
+        :param text: in the language of `grammars/*.lsys`.
+        :param source: what to call it in errors.
+        :param max_modules: longest string that it may derive.
+        :raises GrammarError: when the text is not an L-system.
+        """
+        return cls(compile_grammar(text, source, max_modules))
+
+    @classmethod
+    def load(cls, path: str | Path, max_modules: int = MAX_MODULES) -> 'LSystem':
+        """
+        Read a grammar file.
+
+        :param path: of the file.
+        :param max_modules: longest string that it may derive.
+        :raises GrammarError: when the file cannot be read or is not an L-system.
+        """
+        try:
+            text = Path(path).read_text(encoding='utf-8')
+        except (OSError, UnicodeDecodeError) as problem:
+            raise GrammarError(f'cannot read the grammar: {problem}', str(path)) from None
+        return cls.parse(text, str(path), max_modules)
+
+    @property
+    def name(self) -> str:
+        """Name that the grammar gives itself."""
+        return self.grammar.name
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Names that `derive` and `build` can override."""
+        return tuple(name for name, _ in self.grammar.defines)
+
+    def derive(self, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
+        """
+        Derive the string, before interpretation.
+
+        :param steps: number of derivation steps; None = what the grammar says.
+        :param seed: of all random choices; the same seed gives the same string.
+        :param defines: values that replace those of the grammar.
+        :raises GrammarError: when growth passes its bounds or an expression has no value.
+        """
+        return self._derive(steps, np.random.default_rng(seed), defines)[0]
+
+    def interpret(self, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
+        """Derive the string and apply the interpretation rules; parameters as in `derive`."""
+        generator = np.random.default_rng(seed)
+        modules, values = self._derive(steps, generator, defines)
+        depth = self._count('maximum depth', self.grammar.depth, 1, values, generator)
+        return self.grammar.derivation.interpret(modules, depth, values, generator)
+
+    def draw(self, steps: int | None = None, seed: int = 0, **defines: float) -> Drawing:
+        """Let the turtle read the interpreted string; parameters as in `derive`."""
+        modules = self.interpret(steps, seed, **defines)
+        generator = np.random.default_rng(seed)
+        values = resolve_defines(self.grammar.defines, defines, generator, self.grammar.source)
+        angle = self.grammar.angle
+        turtle = Turtle(self.grammar.origins, self.grammar.source,
+                        None if angle is None else angle.number(values, generator),
+                        self.grammar.textures)
+        return turtle.draw(modules)
+
+    def build(self, seed: int = 0, **defines: float) -> Blueprint:
+        """
+        Grow the tree.
+
+        :param seed: of all random choices.
+        :param defines: values that replace those of the grammar.
+        :returns: parts and bonds at rest, rooted at the origin.
+        :raises GrammarError: when the string cannot be derived or drawn.
+        """
+        drawing = self.draw(seed=seed, **defines)
+        return skeleton.build(drawing.branches, drawing.leaves, drawing.ornaments,
+                              drawing.textures)
+
+    def _derive(self, steps: int | None, generator: np.random.Generator,
+                overrides: dict[str, float]) -> tuple[Modules, dict[str, float]]:
+        grammar = self.grammar
+        values = resolve_defines(grammar.defines, overrides, generator, grammar.source)
+        if steps is None:
+            steps = self._count('derivation length', grammar.steps, 1, values, generator)
+        elif not 0 <= steps <= _MOST_STEPS:
+            raise GrammarError(f'the number of steps must be 0 to {_MOST_STEPS}, found {steps}',
+                               grammar.source)
+        return grammar.derivation.derive(steps, values, generator), values
+
+    def _count(self, name: str, expression: Expression | None, default: int,
+               values: dict[str, float], generator: np.random.Generator) -> int:
+        if expression is None:
+            return default
+        number = expression.number(values, generator)
+        if number != int(number) or not 0 <= number <= _MOST_STEPS:
+            raise expression.place.error(
+                f'{name} must be a whole number from 0 to {_MOST_STEPS}, found {number:g}')
+        return int(number)

@@ -1,0 +1,203 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Turtle: read a string of modules as a branch structure with leaves and ornaments."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.language import Place
+from procphys_ros.lsystem import walk
+from procphys_ros.lsystem.drawing import draw, Drawing, HEAD, leaf_textures, TEXTURE
+from procphys_ros.lsystem.modules import Modules
+from procphys_ros.lsystem.symbols import (
+    arity_message,
+    ATTRIBUTES,
+    BONE_RATIO_RANGE,
+    Op,
+    Symbol,
+    SYMBOLS,
+)
+
+DEFAULT_TEXTURES = ('bark', 'leaf')
+_DEEPEST = 10_000  # nested brackets; the turtle's whole state is kept for each
+_NOTHING = Symbol(Op.NOTHING, ())
+
+
+@dataclass(frozen=True)
+class Turtle:
+    """
+    Reads strings.
+
+    :ivar origins: place and name of every module of the grammar, for errors.
+    :ivar source: name of the grammar.
+    :ivar angle: of turns without a parameter [degrees]; None = such turns are refused.
+    :ivar textures: names that the grammar gives to its textures; empty = the default ones.
+    """
+
+    origins: Sequence[tuple[Place, str]]
+    source: str
+    angle: float | None
+    textures: tuple[str, ...] = ()
+
+    def draw(self, modules: Modules) -> Drawing:
+        """
+        Follow the string from the origin, heading up.
+
+        :param modules: what to read; modules without a meaning are passed over.
+        :raises GrammarError: for values that no segment can have, naming symbol and place.
+        """
+        meanings = [SYMBOLS.get(name, _NOTHING) for name in modules.vocabulary.names]
+        op = np.array([m.op for m in meanings], np.int64)[modules.key]
+        argument = np.array([m.argument for m in meanings], np.int64)[modules.key]
+        self._check_symbols(modules, op, argument, meanings)
+        tables = self._tables(op)
+        depth = int(np.max(np.cumsum((op == Op.PUSH) * 1 - (op == Op.POP) * 1), initial=0))
+        if depth > _DEEPEST:
+            raise GrammarError(f'branches are nested {depth} deep, the limit is {_DEEPEST}',
+                               self.source)
+        fault, at, filled = walk.walk(
+            op, argument, modules.starts, modules.counts, modules.values, _first_state(),
+            depth + 1, int(np.count_nonzero(op == Op.POLYGON)) + 1, tables)
+        if fault:
+            raise self._error(modules, at, walk.FAULTS[fault])
+        segments, pieces, leaves, triangles = (
+            table[:count] for table, count in zip(tables[:4], filled))
+        self._check_segments(modules, segments)
+        if not len(segments):
+            raise GrammarError('the string draws no segment; F(length) draws one', self.source)
+        textures = self._texture_names(modules, segments, leaves, triangles, pieces)
+        return draw(modules, (segments, pieces, leaves, triangles), textures)
+
+    def _tables(self, op: np.ndarray) -> tuple:
+        count = np.bincount(op, minlength=len(Op))
+        width = HEAD + walk.STATE_SIZE
+        corners = 0
+        if count[Op.POLYGON]:
+            corners = count[Op.VERTEX] + count[Op.SEGMENT] + count[Op.MOVE]
+        angle = np.nan if self.angle is None else np.radians(self.angle)
+        return (np.empty((count[Op.SEGMENT], width)),
+                np.empty((count[Op.ORNAMENT_SEGMENT], width)), np.empty((count[Op.LEAF], width)),
+                np.empty((corners, 12)), np.empty((corners, 3)), float(angle))
+
+    def _error(self, modules: Modules, row: int, message: str) -> GrammarError:
+        place, name = self.origins[modules.origin[row]]
+        return place.error(f'{name} {message}')
+
+    def _check(self, modules: Modules, rows: np.ndarray, values: np.ndarray,
+               good: Callable[[np.ndarray], np.ndarray], wanted: str) -> None:
+        wrong = np.flatnonzero(~good(values))
+        if len(wrong):
+            raise self._error(modules, int(rows[wrong[0]]),
+                              f'is {values[wrong[0]]:g}, it must be {wanted}')
+
+    def _check_symbols(self, modules: Modules, op: np.ndarray, argument: np.ndarray,
+                       meanings: Sequence[Symbol]) -> None:
+        """Refuse wrong counts and values where they are written."""
+        present = np.bincount(modules.key, minlength=len(meanings)) > 0
+        for key in np.flatnonzero(present):
+            arity = modules.vocabulary.arities[key]
+            if meanings[key].arities and arity not in meanings[key].arities:
+                row = int(np.argmax(modules.key == key))
+                raise self._error(modules, row, arity_message(meanings[key], arity))
+        counts, starts = modules.counts, modules.starts
+        turns = np.isin(op, (Op.TURN, Op.PITCH, Op.ROLL)) & (counts == 0) & (argument != 0)
+        if self.angle is None and turns.any():
+            raise self._error(modules, int(np.argmax(turns)),
+                              'has no angle; write one, or "angle: 25" for all')
+        for which in (Op.SEGMENT, Op.ORNAMENT_SEGMENT, Op.MOVE, Op.LEAF, Op.RATE):
+            rows = np.flatnonzero((op == which) & (counts > 0))
+            positive = which not in (Op.MOVE, Op.RATE)
+            self._check_sign(modules, rows, modules.values[starts[rows]], positive,
+                             which != Op.MOVE)
+        rows = np.flatnonzero((op == Op.LEAF) & (counts == 2))
+        self._check_texture(modules, rows, modules.values[starts[rows] + 1])
+        for index, attribute in enumerate(ATTRIBUTES):
+            rows = np.flatnonzero((op == Op.ATTRIBUTE) & (argument == index) & (counts == 1))
+            self._check_attribute(modules, rows, modules.values[starts[rows]], attribute.name,
+                                  attribute.positive)
+
+    def _check_sign(self, modules: Modules, rows: np.ndarray, values: np.ndarray,
+                    positive: bool, signed: bool = True) -> None:
+        if not signed:
+            self._check(modules, rows, values, np.isfinite, 'a finite number')
+        elif positive:
+            self._check(modules, rows, values, lambda x: x > 0.0, 'greater than 0')
+        else:
+            self._check(modules, rows, values, lambda x: x >= 0.0, '0 or greater')
+
+    def _check_attribute(self, modules: Modules, rows: np.ndarray, values: np.ndarray,
+                         name: str, positive: bool) -> None:
+        self._check_sign(modules, rows, values, positive)
+        if name == 'Texture':
+            self._check_texture(modules, rows, values)
+        elif name == 'SwingLimit':
+            self._check(modules, rows, values, lambda x: x <= 180.0, 'at most 180 degrees')
+        elif name == 'BoneRatio':
+            low, high = BONE_RATIO_RANGE
+            self._check(modules, rows, values, lambda x: (x >= low) & (x <= high),
+                        f'from {low} to {high}')
+
+    def _check_texture(self, modules: Modules, rows: np.ndarray, values: np.ndarray) -> None:
+        most = len(self.textures) or np.iinfo(np.int16).max
+        self._check(modules, rows, values,
+                    lambda x: (x == np.floor(x)) & (x >= 0) & (x < most),
+                    f'a texture number from 0 to {most - 1}')
+
+    def _check_segments(self, modules: Modules, segments: np.ndarray) -> None:
+        """Refuse values that rates have driven out of range."""
+        rows = segments[:, 1].astype(np.int64)
+        for index, attribute in enumerate(ATTRIBUTES):
+            values = segments[:, HEAD + walk.VALUES + index]
+            given = ~np.isnan(values) if np.isnan(attribute.default) else slice(None)
+            zero_ok = not attribute.positive
+            wrong = ~(values[given] >= 0.0) if zero_ok else ~(values[given] > 0.0)
+            if attribute.name == 'BoneRatio':
+                low, high = BONE_RATIO_RANGE
+                wrong |= (values < low - 1e-9) | (values > high + 1e-9)
+            if wrong.any():
+                first = int(np.argmax(wrong))
+                raise self._error(
+                    modules, int(rows[given][first]),
+                    f'would get a {attribute.name} of {values[given][first]:g}; '
+                    f'check {attribute.name} and {attribute.name}Rate')
+
+    def _texture_names(self, modules: Modules, *tables: np.ndarray) -> tuple[str, ...]:
+        segments, leaves, triangles, pieces = tables
+        names = self.textures or DEFAULT_TEXTURES
+        for table, at in ((segments, TEXTURE), (pieces, TEXTURE), (triangles, 2)):
+            if len(table) and table[:, at].max() >= len(names):
+                if self.textures:
+                    row = int(table[np.argmax(table[:, at]), 1])
+                    raise self._error(modules, row, f'asks for texture {table[:, at].max():g}; '
+                                      f'textures are 0 to {len(names) - 1}')
+                names += tuple(f'texture_{i}' for i in range(
+                    len(names), int(table[:, at].max()) + 1))
+        given = leaf_textures(modules, leaves, len(names))
+        return names + tuple(f'texture_{i}' for i in range(
+            len(names), int(given.max(initial=0)) + 1))
+
+
+def _first_state() -> np.ndarray:
+    """At the origin, heading up, left along x (so the world's axes are left, up, heading)."""
+    state = np.zeros(walk.STATE_SIZE)
+    state[walk.HEADING + 2] = state[walk.LEFT] = state[walk.UP + 1] = 1.0
+    state[walk.PARENT] = -1.0
+    state[walk.VALUES:walk.RATES] = [attribute.default for attribute in ATTRIBUTES]
+    state[walk.RATES:] = 1.0
+    return state

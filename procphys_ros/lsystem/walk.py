@@ -1,0 +1,333 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Turtle walk: the compiled loop that follows a string in three dimensions."""
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.lsystem.symbols import ATTRIBUTE_INDEX, ATTRIBUTES, Op
+
+# Layout of the turtle's state; every bracket saves all of it.
+POSITION, HEADING, LEFT, UP, TROPISM, PARENT, LATERAL, VALUES = 0, 3, 6, 9, 12, 16, 17, 18
+_COUNT = len(ATTRIBUTES)
+RATES = VALUES + _COUNT
+STATE_SIZE = RATES + _COUNT
+_TEXTURE = VALUES + ATTRIBUTE_INDEX['Texture']
+_LEAF = VALUES + ATTRIBUTE_INDEX['Leaf']
+_THINNER = 0.5 ** 0.5  # `!` without a width: two equal branches share the area of the wood below
+
+# numba freezes globals: plain integers, not members of an enumeration
+_SEGMENT, _ORNAMENT, _MOVE, _PUSH, _POP = map(int, (
+    Op.SEGMENT, Op.ORNAMENT_SEGMENT, Op.MOVE, Op.PUSH, Op.POP))
+_CUT, _TURN, _PITCH, _ROLL, _LEVEL = map(int, (Op.CUT, Op.TURN, Op.PITCH, Op.ROLL, Op.LEVEL))
+_ORIENT, _TROPISM, _POLYGON, _VERTEX, _FILL = map(int, (
+    Op.ORIENT, Op.TROPISM, Op.POLYGON, Op.VERTEX, Op.FILL))
+_LEAF_OP, _NEXT, _ATTRIBUTE, _RATE = map(int, (
+    Op.LEAF, Op.NEXT_TEXTURE, Op.ATTRIBUTE, Op.RATE))
+
+
+# Columns of what has been filled, and what `walk` may find wrong
+SEGMENTS, PIECES, LEAVES, TRIANGLES, CORNERS, POLYGONS = range(6)
+_UNOPENED, _UNCLOSED, _NO_DIRECTION = 1, 2, 3
+FAULTS = {
+    _UNOPENED: 'stands outside a polygon; "{" opens one',
+    _UNCLOSED: 'ends the string while a polygon is still open; "}" closes it',
+    _NO_DIRECTION: 'gives no direction: heading and up must be neither zero nor parallel',
+}
+
+
+@njit(cache=True)
+def _rotate(state, a, b, angle):
+    """Turn the axis at a towards the axis at b by an angle [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    for k in range(3):
+        x, y = state[a + k], state[b + k]
+        state[a + k] = c * x + s * y
+        state[b + k] = c * y - s * x
+
+
+@njit(cache=True)
+def _cross(state, a, b, to):
+    state[to] = state[a + 1] * state[b + 2] - state[a + 2] * state[b + 1]
+    state[to + 1] = state[a + 2] * state[b] - state[a] * state[b + 2]
+    state[to + 2] = state[a] * state[b + 1] - state[a + 1] * state[b]
+
+
+@njit(cache=True)
+def _square_up(state, second, third):
+    """Make heading, `second` and `third` orthonormal again; False when they are parallel."""
+    size = np.sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2)
+    if not size > 1e-12:
+        return False
+    state[3:6] /= size
+    state[second:second + 3] -= state[3:6] * (
+        state[3] * state[second] + state[4] * state[second + 1] + state[5] * state[second + 2])
+    size = np.sqrt(state[second] ** 2 + state[second + 1] ** 2 + state[second + 2] ** 2)
+    if not size > 1e-9:
+        return False
+    state[second:second + 3] /= size
+    if third == UP:
+        _cross(state, HEADING, LEFT, UP)
+    else:
+        _cross(state, UP, HEADING, LEFT)
+    return True
+
+
+@njit(cache=True)
+def _turn_all(state, axis, angle):
+    """Turn the whole frame about a unit axis (Rodrigues)."""
+    c, s = np.cos(angle), np.sin(angle)
+    for at in (HEADING, LEFT, UP):
+        x, y, z = state[at], state[at + 1], state[at + 2]
+        along = (1.0 - c) * (axis[0] * x + axis[1] * y + axis[2] * z)
+        state[at] = c * x + s * (axis[1] * z - axis[2] * y) + along * axis[0]
+        state[at + 1] = c * y + s * (axis[2] * x - axis[0] * z) + along * axis[1]
+        state[at + 2] = c * z + s * (axis[0] * y - axis[1] * x) + along * axis[2]
+
+
+@njit(cache=True)
+def _bend(state, target, elasticity, limited):
+    """
+    Turn by elasticity·|H×T| about H×T (Prusinkiewicz and Lindenmayer 1990, p. 58).
+
+    :param limited: False turns all the way to the target, True at most that far.
+    """
+    heading = state[HEADING:LEFT]
+    axis = np.empty(3)
+    axis[0] = heading[1] * target[2] - heading[2] * target[1]
+    axis[1] = heading[2] * target[0] - heading[0] * target[2]
+    axis[2] = heading[0] * target[1] - heading[1] * target[0]
+    size = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+    along = heading[0] * target[0] + heading[1] * target[1] + heading[2] * target[2]
+    between = np.arctan2(size, along)
+    if size < 1e-12:
+        if not limited and along < 0.0:  # straight back: any axis across will do
+            _turn_all(state, state[UP:UP + 3].copy(), np.pi)
+        return
+    angle = between
+    if limited:  # never past the target, nor, repelled, past its opposite
+        angle = min(elasticity * size, between)
+        angle = max(angle, between - np.pi)
+    _turn_all(state, axis / size, angle)
+
+
+@njit(cache=True)
+def _level(state):
+    """Roll so that left becomes horizontal: L = V×H/|V×H|, U = H×L (p. 57)."""
+    size = np.sqrt(state[3] ** 2 + state[4] ** 2)
+    if size > 1e-9:  # a vertical heading has no horizontal left
+        state[LEFT], state[LEFT + 1], state[LEFT + 2] = -state[4] / size, state[3] / size, 0.0
+        _cross(state, HEADING, LEFT, UP)
+
+
+@njit(cache=True)
+def _orient(state, given):
+    """Take the heading that is given, and up if it is given; False when they are no frame."""
+    size = np.sqrt(given[0] ** 2 + given[1] ** 2 + given[2] ** 2)
+    if not size > 0.0:
+        return False
+    if len(given) == 3:
+        _bend(state, given / size, 1.0, False)
+        return True
+    state[HEADING:LEFT] = given[:3] / size
+    state[UP:UP + 3] = given[3:6]
+    return _square_up(state, UP, LEFT)
+
+
+@njit(cache=True)
+def _advance(state, length):
+    for k in range(3):
+        state[POSITION + k] += length * state[HEADING + k]
+
+
+@njit(cache=True)
+def _after_segment(state):
+    """Apply the rates and the tropism, and remove rounding from the frame."""
+    for k in range(_COUNT):
+        if state[RATES + k] != 1.0:
+            state[VALUES + k] *= state[RATES + k]
+    if state[TROPISM + 3] != 0.0:
+        _bend(state, state[TROPISM:TROPISM + 3], state[TROPISM + 3], True)
+    _square_up(state, LEFT, UP)
+
+
+@njit(cache=True)
+def _carrier(state, segments):
+    """Give the segment that carries an ornament: the one before it, else the next to come."""
+    return state[PARENT] if state[PARENT] >= 0.0 else segments
+
+
+@njit(cache=True)
+def _record(rows, number, state, length, carrier, module):
+    """Write a segment, a boneless segment or a leaf: carrier, module, length, whole state."""
+    rows[number, 0] = carrier
+    rows[number, 1] = module
+    rows[number, 2] = length
+    rows[number, 3:] = state
+
+
+@njit(cache=True)
+def _corner(state, vertices, filled):
+    vertices[filled[CORNERS]] = state[POSITION:POSITION + 3]
+    filled[CORNERS] += 1
+
+
+@njit(cache=True)
+def _fill(state, vertices, first, triangles, filled, module):
+    """Cut the polygon that is closed into a fan of triangles."""
+    for corner in range(first + 1, filled[CORNERS] - 1):
+        triangle = triangles[filled[TRIANGLES]]
+        triangle[0] = _carrier(state, filled[SEGMENTS])
+        triangle[1] = module
+        triangle[2] = state[_TEXTURE]
+        triangle[3:6] = vertices[first]
+        triangle[6:9] = vertices[corner]
+        triangle[9:12] = vertices[corner + 1]
+        filled[TRIANGLES] += 1
+    filled[CORNERS] = first
+
+
+@njit(cache=True)
+def _move(state, code, length, segments, pieces, vertices, filled, module):
+    """Move, and draw unless inside a polygon, where movements only make its edges."""
+    if filled[POLYGONS] > 0:
+        _advance(state, length)
+        if code != _ORNAMENT:
+            _corner(state, vertices, filled)
+        return
+    if code == _SEGMENT:
+        _record(segments, filled[SEGMENTS], state, length, state[PARENT], module)
+    elif code == _ORNAMENT:
+        carrier = _carrier(state, filled[SEGMENTS])
+        _record(pieces, filled[PIECES], state, length, carrier, module)
+        filled[PIECES] += 1
+    _advance(state, length)
+    if code != _MOVE:
+        _after_segment(state)
+    if code == _SEGMENT:
+        state[PARENT], state[LATERAL] = filled[SEGMENTS], 0.0
+        filled[SEGMENTS] += 1
+
+
+@njit(cache=True)
+def _turn(state, op, sign, given, angle):
+    if sign == 0:  # |
+        angle = np.pi
+    else:
+        angle = sign * (np.radians(given[0]) if len(given) else angle)
+    if op == _TURN:
+        _rotate(state, HEADING, LEFT, angle)
+    elif op == _PITCH:
+        _rotate(state, UP, HEADING, angle)
+    else:
+        _rotate(state, LEFT, UP, angle)
+
+
+@njit(cache=True)
+def _set(state, op, argument, given):
+    """Follow the symbols that only change the state; False for directions that are none."""
+    if op == _ATTRIBUTE:
+        if len(given):
+            state[VALUES + argument] = given[0]
+        else:
+            state[VALUES + argument] *= _THINNER
+    elif op == _RATE:
+        state[RATES + argument] = given[0]
+    elif op == _TROPISM:
+        state[TROPISM:TROPISM + 4] = given
+    elif op == _NEXT:
+        state[_TEXTURE] += 1.0
+    elif op == _LEVEL:
+        _level(state)
+    elif op == _ORIENT:
+        return _orient(state, given)
+    return True
+
+
+@njit(cache=True)
+def _draw(state, op, argument, given, tables, opened, filled, module):
+    """Follow one symbol other than a bracket; gives the fault."""
+    segments, pieces, leaves, triangles, vertices, angle = tables
+    if op <= _MOVE:
+        length = given[0] if len(given) else 1.0
+        _move(state, op, length, segments, pieces, vertices, filled, module)
+    elif _TURN <= op <= _ROLL:
+        _turn(state, op, argument, given, angle)
+    elif op == _LEAF_OP:
+        carrier = _carrier(state, filled[SEGMENTS])
+        _record(leaves, filled[LEAVES], state, given[0] * state[_LEAF], carrier, module)
+        filled[LEAVES] += 1
+    elif op == _POLYGON:
+        opened[filled[POLYGONS]] = filled[CORNERS]
+        filled[POLYGONS] += 1
+    elif op == _VERTEX:
+        if filled[POLYGONS] == 0:
+            return _UNOPENED
+        _corner(state, vertices, filled)
+    elif op == _FILL:
+        if filled[POLYGONS] == 0:
+            return _UNOPENED
+        filled[POLYGONS] -= 1
+        _fill(state, vertices, opened[filled[POLYGONS]], triangles, filled, module)
+    elif not _set(state, op, argument, given):
+        return _NO_DIRECTION
+    return 0
+
+
+@njit(cache=True)
+def walk(op, argument, starts, counts, values, state, depth, polygons, tables):
+    """
+    Follow a string.
+
+    :param op: what to do for each module, (M,).
+    :param argument: sign of a turn or index of an attribute, (M,).
+    :param starts: where the parameters of each module begin in `values`, (M,).
+    :param counts: how many it has, (M,).
+    :param values: parameters of all modules.
+    :param state: the turtle's at the start, (STATE_SIZE,), changed.
+    :param depth: deepest nesting of brackets.
+    :param polygons: how many polygons may be open at once.
+    :param tables: to be filled: segments, boneless segments and leaves (rows of carrier, module,
+        length or size, and state), triangles (carrier, module, texture, three corners), room for
+        open corners (V, 3); and the angle of turns without parameter [rad].
+    :returns: the fault, its module, and how many rows of each table are filled.
+    """
+    stack = np.empty((depth, STATE_SIZE))
+    opened = np.empty(polygons, np.int64)
+    filled = np.zeros(6, np.int64)
+    level = 0
+    cut = -1  # level of the branch whose rest is cut off
+    for i in range(len(op)):
+        code = op[i]
+        if code == _PUSH:
+            stack[level] = state
+            level += 1
+            state[LATERAL] = 1.0 if state[PARENT] >= 0.0 else 0.0
+        elif code == _POP:
+            level -= 1
+            state[:] = stack[level]
+            if level < cut:
+                cut = -1
+        elif cut >= 0 or code == 0:
+            continue
+        elif code == _CUT:
+            cut = level
+        else:
+            given = values[starts[i]:starts[i] + counts[i]]
+            fault = _draw(state, code, argument[i], given, tables, opened, filled, i)
+            if fault:
+                return fault, i, filled
+    return (_UNCLOSED if filled[POLYGONS] else 0), len(op) - 1, filled
