@@ -15,6 +15,7 @@
 
 """Language: arithmetic, places and error messages that both grammar languages share."""
 
+from procphys_ros.language.arithmetic import Value
 from procphys_ros.language.defines import read_overrides, resolve_defines
 from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
@@ -26,6 +27,7 @@ __all__ = [
     'EXPRESSION_WORDS',
     'Expression',
     'Place',
+    'Value',
     'compile_expression',
     'read_overrides',
     'resolve_defines',

@@ -59,6 +59,9 @@ class Grammar(NamedTuple):
     origins: list[tuple[Place, str]]
 
 
+_RESERVED = ('self', 'steps', 'seed')  # defines are overridden by keyword
+
+
 @dataclass(frozen=True)
 class _Reader:
     """Statements of one text, by section."""
@@ -92,6 +95,9 @@ class _Reader:
         for tree, line in self.trees('define'):
             for child in filter(None, tree.children):
                 name, value = child.children
+                if name in _RESERVED:
+                    raise Place.of(name, self.source, line).error(
+                        f'"{name}" cannot be a define: it names an argument of derive')
                 if str(name) in dict(result):
                     raise Place.of(name, self.source, line).error(f'"{name}" is defined twice')
                 known = [defined for defined, _ in result]

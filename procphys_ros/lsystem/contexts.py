@@ -103,7 +103,7 @@ def _match_one(at, key, onward, closing, pattern, met, places, ends):
                 at = onward[at + 1]
             else:
                 fits = False
-        elif code == CLOSE or code == EXACT_CLOSE:
+        elif code in (CLOSE, EXACT_CLOSE):
             while code == EXACT_CLOSE and at < len(key) and key[at] == PUSH:
                 at = onward[closing[at] + 1]
             if code == CLOSE or at == ends[depth - 1]:

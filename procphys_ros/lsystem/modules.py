@@ -86,12 +86,12 @@ class Modules(Sequence):
 
     @property
     def counts(self) -> np.ndarray:
-        """Number of parameters of each module, (M,)."""
+        """Count the parameters of each module, (M,)."""
         return np.asarray(self.vocabulary.arities, np.int64)[self.key]
 
     @property
     def starts(self) -> np.ndarray:
-        """Where the parameters of each module begin in `values`, (M,)."""
+        """Find where the parameters of each module begin in `values`, (M,)."""
         counts = self.counts
         return np.cumsum(counts) - counts
 

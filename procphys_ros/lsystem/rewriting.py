@@ -24,6 +24,7 @@ from numba import njit
 import numpy as np
 
 from procphys_ros.errors import GrammarError
+from procphys_ros.language import Value
 from procphys_ros.lsystem.contexts import follow_tree, match_left, match_right
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.rules import Rule
@@ -212,12 +213,12 @@ def _draw(rules: Sequence[Rule], values: Sequence[dict], count: int,
     """Give the number of the rule for each row, -1 where no condition is true, (N,)."""
     weights = np.zeros((len(rules), count))
     for number, rule in enumerate(rules):
-        weight = 1.0
+        weight: Value = 1.0
         if rule.weight is not None:
             weight = rule.weight.evaluate(values[number], count, generator)
             if np.any(np.less(weight, 0.0)):
                 raise GrammarError(f'weight {np.min(weight):g} is negative', *rule.weight.place)
-        truth = 1.0
+        truth: Value = 1.0
         if rule.condition is not None:
             truth = np.not_equal(rule.condition.evaluate(values[number], count, generator), 0.0)
         weights[number] = weight * truth

@@ -72,7 +72,7 @@ class Rule:
 
     @property
     def pattern(self) -> tuple:
-        """What must be equal for rules to be alternatives of one draw."""
+        """Give what must be equal for rules to be alternatives of one draw."""
         return self.predecessor, self.left, self.right, self.weight is None
 
 

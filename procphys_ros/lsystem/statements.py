@@ -58,7 +58,8 @@ def split_statements(text: str, source: str) -> list[Statement]:
     :raises GrammarError: for text outside any section and for misspelt headers.
     """
     statements: list[Statement] = []
-    section, buffer, start = '', [], 0
+    buffer: list[str] = []
+    section, start = '', 0
     lines = [line.split('#', 1)[0].rstrip() for line in text.splitlines()]
     for number, line in enumerate(lines, 1):
         header = _HEADER.match(line)

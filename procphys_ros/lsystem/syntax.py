@@ -81,4 +81,3 @@ def parse_statement(statement: Statement, source: str) -> Tree:
         return _parser().parse(statement.text, start=_START[statement.section])
     except UnexpectedInput as problem:
         raise syntax_error(problem, source, statement.line, _WORDS) from None
-

@@ -26,7 +26,7 @@ from procphys_ros.errors import GrammarError
 from procphys_ros.language import Expression, resolve_defines
 from procphys_ros.lsystem.compiler import compile_grammar, Grammar
 from procphys_ros.lsystem.modules import Modules
-from procphys_ros.lsystem.turtle import Drawing, Turtle
+from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
 
 MAX_MODULES = 2_000_000  # longest string; about 1 GB while the turtle reads it
 _MOST_STEPS = 100_000
@@ -93,16 +93,12 @@ class LSystem:
 
     def interpret(self, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
         """Derive the string and apply the interpretation rules; parameters as in `derive`."""
-        generator = np.random.default_rng(seed)
-        modules, values = self._derive(steps, generator, defines)
-        depth = self._count('maximum depth', self.grammar.depth, 1, values, generator)
-        return self.grammar.derivation.interpret(modules, depth, values, generator)
+        return self._interpret(steps, np.random.default_rng(seed), defines)[0]
 
     def draw(self, steps: int | None = None, seed: int = 0, **defines: float) -> Drawing:
         """Let the turtle read the interpreted string; parameters as in `derive`."""
-        modules = self.interpret(steps, seed, **defines)
         generator = np.random.default_rng(seed)
-        values = resolve_defines(self.grammar.defines, defines, generator, self.grammar.source)
+        modules, values = self._interpret(steps, generator, defines)
         angle = self.grammar.angle
         turtle = Turtle(self.grammar.origins, self.grammar.source,
                         None if angle is None else angle.number(values, generator),
@@ -118,7 +114,7 @@ class LSystem:
         :returns: parts and bonds at rest, rooted at the origin.
         :raises GrammarError: when the string cannot be derived or drawn.
         """
-        drawing = self.draw(seed=seed, **defines)
+        drawing = self.draw(None, seed, **defines)
         return skeleton.build(drawing.branches, drawing.leaves, drawing.ornaments,
                               drawing.textures)
 
@@ -132,6 +128,13 @@ class LSystem:
             raise GrammarError(f'the number of steps must be 0 to {_MOST_STEPS}, found {steps}',
                                grammar.source)
         return grammar.derivation.derive(steps, values, generator), values
+
+    def _interpret(self, steps: int | None, generator: np.random.Generator,
+                   overrides: dict[str, float]) -> tuple[Modules, dict[str, float]]:
+        modules, values = self._derive(steps, generator, overrides)
+        depth = self._count('maximum depth', self.grammar.depth, 1, values, generator)
+        modules = self.grammar.derivation.interpret(modules, depth, values, generator)
+        return modules, values
 
     def _count(self, name: str, expression: Expression | None, default: int,
                values: dict[str, float], generator: np.random.Generator) -> int:

@@ -110,7 +110,7 @@ class Turtle:
                        meanings: Sequence[Symbol]) -> None:
         """Refuse wrong counts and values where they are written."""
         present = np.bincount(modules.key, minlength=len(meanings)) > 0
-        for key in np.flatnonzero(present):
+        for key in np.flatnonzero(present).tolist():
             arity = modules.vocabulary.arities[key]
             if meanings[key].arities and arity not in meanings[key].arities:
                 row = int(np.argmax(modules.key == key))
