@@ -11,3 +11,10 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""Simulation: scenes in time."""
+
+from procphys_ros.simulation.events import Cause, EVENT, EventLog
+from procphys_ros.simulation.simulation import Simulation
+
+__all__ = ['Cause', 'EVENT', 'EventLog', 'Simulation']

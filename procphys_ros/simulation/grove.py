@@ -1,0 +1,131 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Grove: the standing trees of a scene, what the wind does to them and where they break."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, Law
+from procphys_ros.physics.trees import Forest
+from procphys_ros.physics.wind import Wind
+
+
+@dataclass(frozen=True)
+class Breakage:
+    """
+    Branches that came off in one step.
+
+    :ivar bond: broken bonds, (B,).
+    :ivar position: of the broken joints, world [m], (B, 3).
+    :ivar cause: `events.Cause`, (B,).
+    :ivar load: load over strength, (B,).
+    :ivar pieces: per bond the parts that came off, their poses and velocities.
+    """
+
+    bond: np.ndarray
+    position: np.ndarray
+    cause: np.ndarray
+    load: np.ndarray
+    pieces: list[tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+class Grove:
+    """
+    Wraps the articulated forest in terms of the parts of a scene.
+
+    :param blueprint: all parts of the scene; those on hinges belong to the grove.
+    :param gravity: downward acceleration [m/s²].
+    """
+
+    def __init__(self, blueprint: Blueprint, gravity: float):
+        self.forest = Forest(blueprint, (0.0, 0.0, -gravity))
+        self.row_of_part = np.full(len(blueprint), -1, np.intp)
+        self.row_of_part[self.forest.parts] = np.arange(len(self.forest))
+        self._joint_arm = 0.5 * blueprint.visual_size[self.forest.parts, 2]
+        hinge_row = np.cumsum(blueprint.bond_law == Law.HINGE) - 1
+        hinges = blueprint.hinges
+        self._capacity = np.column_stack([
+            hinges.break_force, hinges.break_torque, hinges.strength])[
+                hinge_row[self.forest.bonds]]
+        self._wind = np.zeros((len(self.forest), 3))
+
+    def __len__(self) -> int:
+        return len(self.forest)
+
+    def holds(self, part: int) -> bool:
+        """Say whether a part still belongs to a standing tree."""
+        row = self.row_of_part[part]
+        return row >= 0 and bool(self.forest.active[row])
+
+    def sway(self, wind: Wind, time: float, time_step: float) -> None:
+        """
+        Advance all standing trees in the wind.
+
+        :param wind: blows at every segment.
+        :param time: [s].
+        :param time_step: [s].
+        """
+        still = not wind.enabled
+        if not still:
+            wind.velocity(self.forest.poses[:, :3], time, out=self._wind)
+        self.forest.step(time_step, None if still else self._wind)
+
+    def snap(self) -> Breakage | None:
+        """
+        Break what the last step overloaded, the worst joint of each root-to-tip path first.
+
+        What lies above and below a broken joint is judged again in the next step, when the load
+        that broke it is gone.
+        """
+        rows, causes, loads, bonds = self.forest.overloaded()
+        if not len(rows):
+            return None
+        over = loads / self._capacity[rows, causes]
+        chosen: list[int] = []
+        for i in np.argsort(-over, kind='stable'):
+            if not any(self._share_path(rows[i], rows[j]) for j in chosen):
+                chosen.append(int(i))
+        position = np.array([self._joint(rows[i]) for i in chosen])
+        pieces = []
+        for i in chosen:
+            fallen, poses, velocities = self.forest.detach(rows[i])
+            pieces.append((self.forest.parts[fallen], poses, velocities))
+        return Breakage(bonds[chosen], position, causes[chosen], over[chosen], pieces)
+
+    def carry(self, poses: np.ndarray, velocities: np.ndarray) -> None:
+        """
+        Write where the standing segments are.
+
+        :param poses: of all parts, (N, 7), written in place.
+        :param velocities: of all parts, (N, 6), written in place.
+        """
+        active = self.forest.active
+        parts = self.forest.parts
+        if active.all():
+            poses[parts] = self.forest.poses
+            velocities[parts] = self.forest.velocities
+        else:
+            poses[parts[active]] = self.forest.poses[active]
+            velocities[parts[active]] = self.forest.velocities[active]
+
+    def _share_path(self, row: int, other: int) -> bool:
+        ends = self.forest.ends
+        return row <= other < ends[row] or other <= row < ends[other]
+
+    def _joint(self, row: int) -> np.ndarray:
+        x, y, z, w = self.forest.poses[row, 3:]
+        axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+        return self.forest.poses[row, :3] - self._joint_arm[row] * axis

@@ -1,0 +1,85 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Names of parts: 'oak_0/17', 'oak_0/segment_17', or a plain index."""
+
+from collections.abc import Sequence
+import numbers
+
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import CommandError, nearest_names
+from procphys_ros.scene import SceneObject
+
+
+class PartNames:
+    """
+    Finds parts by name, and names parts.
+
+    :param objects: instances in part order.
+    :param blueprint: all parts of these instances.
+    """
+
+    def __init__(self, objects: Sequence[SceneObject], blueprint: Blueprint):
+        self._objects = {o.name: o for o in objects}
+        self._blueprint = blueprint
+        self._total = len(blueprint)
+
+    def index(self, part: int | str) -> int:
+        """
+        Find a part.
+
+        :param part: index over all parts, as a number or text, or a name.
+        :raises CommandError: when there is no such part; the message offers the nearest names.
+        """
+        if isinstance(part, numbers.Integral) and not isinstance(part, bool):
+            return self._checked(int(part), 0, self._total, str(part))
+        if not isinstance(part, str):
+            raise CommandError(f'{part!r} is neither the name nor the index of a part')
+        if part.isascii() and part.isdigit():
+            return self._checked(int(part), 0, self._total, part)
+        owner, slash, local = part.partition('/')
+        found = self._objects.get(owner)
+        if found is None or not slash:
+            raise CommandError(f'there is no part "{part}"{self._hint(owner)}; '
+                               'parts are called object/index, such as '
+                               f'"{next(iter(self._objects), "oak_0")}/0"')
+        return self._local(found, local, part)
+
+    def name(self, index: int) -> str:
+        """Name the part of an index, `<object>/<kind>_<local index>`."""
+        for found in self._objects.values():
+            if found.first <= index < found.first + found.count:
+                kind = self._blueprint.kinds[self._blueprint.kind[index]]
+                return f'{found.name}/{kind}_{index - found.first}'
+        return str(index)
+
+    def _local(self, found: SceneObject, local: str, part: str) -> int:
+        kind, _, digits = local.rpartition('_')
+        if not (digits.isascii() and digits.isdigit()):
+            raise CommandError(f'"{part}" has no part index behind the /; '
+                               f'{found.name} has parts 0 to {found.count - 1}')
+        index = self._checked(found.first + int(digits), found.first, found.count, part)
+        actual = self._blueprint.kinds[self._blueprint.kind[index]]
+        if kind and kind != actual:
+            raise CommandError(f'there is no part "{part}"; part {digits} of {found.name} is '
+                               f'"{found.name}/{actual}_{digits}"')
+        return index
+
+    def _checked(self, index: int, first: int, count: int, part: str) -> int:
+        if not first <= index < first + count:
+            raise CommandError(f'there is no part "{part}"; indices go from 0 to {count - 1}')
+        return index
+
+    def _hint(self, owner: str) -> str:
+        return nearest_names(owner, self._objects)

@@ -1,0 +1,243 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Simulation: a scene in time, one step as a list of named stages."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from time import perf_counter
+
+import numpy as np
+
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.physics.wind import Gust, Wind
+from procphys_ros.physics.world import World
+from procphys_ros.scene import Scene
+from procphys_ros.simulation.debris import Debris
+from procphys_ros.simulation.events import EventLog
+from procphys_ros.simulation.grove import Grove
+from procphys_ros.simulation.naming import PartNames
+
+_MAX_IMPULSE = 1e7  # [N·s] and [N·m·s]; a loaded lorry at 900 km/h, beyond it numbers run away
+
+
+class Simulation:
+    """
+    Trees and buildings of a scene, from their rest state on.
+
+    Same scene, seed and commands give identical poses.
+
+    :ivar scene: what is simulated.
+    :ivar blueprint: all its parts and bonds, in the order of every array here.
+    :ivar poses: centres of mass and attitudes, world, (N, 7); row = part.
+    :ivar velocities: linear and angular, world, (N, 6).
+    :ivar wind: the air.
+    :ivar log: break events not taken yet.
+    :ivar timings: wall time of each stage of the last call of `step` [s].
+    """
+
+    def __init__(self, scene: Scene, time_step: float | None = None, seed: int | None = None):
+        """
+        Set a scene up at rest.
+
+        :param scene: what to simulate.
+        :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
+        :param seed: of the wind and all else that is random; None = the scene's own.
+        """
+        settings = scene.settings
+        self.scene = scene
+        self.blueprint = scene.blueprint
+        self.time_step = settings.time_step if time_step is None else float(time_step)
+        self.names = PartNames(scene.objects, self.blueprint)
+        self.log = EventLog()
+        self.timings: dict[str, float] = {}
+        self.wind = Wind(settings.wind, settings.seed if seed is None else seed)
+        self._grove = Grove(self.blueprint, settings.gravity)
+        self._world: World | None = None
+        self.reset()
+
+    @property
+    def time(self) -> float:
+        """Give the simulated time [s]."""
+        return self._steps * self.time_step
+
+    @property
+    def events(self) -> np.ndarray:
+        """Bonds that broke and were not taken from `log` yet, of dtype `EVENT`."""
+        return self.log.rows
+
+    @property
+    def bonds_broken(self) -> int:
+        """Count the bonds broken since the start or the last reset."""
+        return self.log.total
+
+    @property
+    def awake_bodies(self) -> int:
+        """Count the loose bodies that move at present."""
+        return len(self._world.awake)
+
+    def reset(self) -> None:
+        """Put everything back to rest and whole, the time to zero and the wind to its settings."""
+        self.close()
+        self._steps = 0
+        self._wrenches: dict[int, np.ndarray] = {}
+        self.poses = self.blueprint.poses.copy()
+        self.velocities = np.zeros((len(self.blueprint), 6))
+        self.log.clear()
+        self.wind.reset()
+        self._grove.forest.reset()
+        self._world = World((0.0, 0.0, -self.scene.settings.gravity))
+        self._debris = Debris(self.blueprint, self._world)
+
+    def close(self) -> None:
+        """Free what lives outside Python; `reset` would make it anew."""
+        if self._world is not None:
+            self._world.close()
+            self._world = None
+
+    def step(self, n: int = 1) -> None:
+        """
+        Let time pass.
+
+        :param n: number of time steps.
+        """
+        self.timings = {}
+        for _ in range(n):
+            with self._stage('trees'):
+                self._push()
+                self._grove.sway(self.wind, self.time, self.time_step)
+            with self._stage('fracture'):
+                self._snap()
+            with self._stage('debris'):
+                self._tumble()
+            with self._stage('poses'):
+                self._grove.carry(self.poses, self.velocities)
+                self._debris.carry(self.poses, self.velocities)
+            self._steps += 1
+
+    def set_wind(self, velocity: Sequence[float]) -> None:
+        """
+        Change the mean wind from now on.
+
+        :param velocity: of the air at the reference height, the way it blows to [m/s], (3,).
+        :raises CommandError: when it is not finite or out of range.
+        """
+        try:
+            self.wind.set_velocity(velocity, self.time)
+        except SceneError as error:
+            raise CommandError(str(error)) from error
+
+    def set_wind_enabled(self, enabled: bool) -> None:
+        """Let the wind blow, or still the air."""
+        self.wind.enabled = bool(enabled)
+
+    def gust(self, gust: Gust | None = None) -> None:
+        """
+        Send one gust through the scene.
+
+        :param gust: its shape; None = the scene's own.
+        :raises CommandError: when it has no direction.
+        """
+        self.wind.start_gust(gust or self.scene.settings.gust, self.time)
+
+    def apply_impulse(self, part: int | str, linear: Sequence[float] = (0.0, 0.0, 0.0),
+                      angular: Sequence[float] = (0.0, 0.0, 0.0),
+                      point: Sequence[float] | None = None) -> None:
+        """
+        Strike a part once.
+
+        :param part: its name or index.
+        :param linear: impulse [N·s], (3,), world axes.
+        :param angular: angular impulse [N·m·s], (3,), world axes.
+        :param point: where the linear impulse acts [m], (3,), world; None = centre of mass.
+        :raises CommandError: when the part is unknown or a value not finite or too large.
+        """
+        index = self.names.index(part)
+        linear = _checked('linear impulse', linear)
+        angular = _checked('angular impulse', angular)
+        place = self.poses[index, :3] if point is None else _checked('point', point)
+        self._strike(index, linear, angular, place)
+
+    def apply_wrench(self, part: int | str, force: Sequence[float],
+                     torque: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+        """
+        Push a part until `clear_wrenches`; a later call for the same part replaces this one.
+
+        :param part: its name or index.
+        :param force: at its centre of mass [N], (3,), world axes.
+        :param torque: [N·m], (3,), world axes.
+        :raises CommandError: when the part is unknown or a value not finite or too large.
+        """
+        index = self.names.index(part)
+        wrench = np.concatenate([_checked('force', force), _checked('torque', torque)])
+        self._wrenches.pop(index, None)
+        if wrench.any():
+            self._wrenches[index] = wrench
+
+    def clear_wrenches(self) -> int:
+        """End all lasting forces, and say how many there were."""
+        count = len(self._wrenches)
+        self._wrenches.clear()
+        return count
+
+    def _strike(self, index: int, linear: np.ndarray, angular: np.ndarray,
+                point: np.ndarray) -> None:
+        if self._grove.holds(index):
+            row = int(self._grove.row_of_part[index])
+            self._grove.forest.apply_impulse(row, point, linear, angular)
+        elif self._debris.carrier[index] >= 0:
+            body = int(self._debris.carrier[index])
+            self._world.apply_impulse(body, linear, point, angular)
+
+    def _push(self) -> None:
+        for index, wrench in self._wrenches.items():
+            impulse = wrench * self.time_step
+            self._strike(index, impulse[:3], impulse[3:], self.poses[index, :3])
+
+    def _snap(self) -> None:
+        broken = self._grove.snap()
+        if broken is None:
+            return
+        self.log.record(self.time, broken.position, broken.bond,
+                        self.blueprint.bonds[broken.bond], broken.cause, broken.load)
+        for parts, poses, velocities in broken.pieces:
+            self._debris.gather(parts, poses, velocities)
+
+    def _tumble(self) -> None:
+        awake = self._world.awake
+        if len(awake):
+            points = self._world.poses(awake)[:, :3]
+            self._debris.drag(self.wind.velocity(points, self.time), self.time_step)
+        self._world.step(self.time_step)
+
+    @contextmanager
+    def _stage(self, name: str) -> Iterator[None]:
+        start = perf_counter()
+        yield
+        self.timings[name] = self.timings.get(name, 0.0) + perf_counter() - start
+
+
+def _checked(what: str, value: Sequence[float]) -> np.ndarray:
+    """Return a finite vector (3,) of bearable size."""
+    try:
+        vector = np.array(value, float)
+    except (TypeError, ValueError):
+        vector = np.empty(0)
+    if vector.shape != (3,):
+        raise CommandError(f'{what}: {value!r} is not three numbers [x, y, z]')
+    if not np.isfinite(vector).all():
+        raise CommandError(f'{what}: {vector.tolist()} is not finite')
+    if np.linalg.norm(vector) > _MAX_IMPULSE:
+        raise CommandError(f'{what}: {vector.tolist()} is longer than {_MAX_IMPULSE:g}')
+    return vector
