@@ -34,7 +34,6 @@ from scipy import fft
 from procphys_ros.physics.wind.spectra import Spectrum
 
 _SPLIT = 16.5 / 512.0  # [cycles/m] waves longer than 31 m go to the large box
-_FOLDS = 8             # images of the spectrum that fold back at the grid's Nyquist wave number
 
 
 @dataclass(frozen=True)
@@ -85,25 +84,17 @@ def _bin_variances(spectrum: Spectrum, component: int, wave_numbers: np.ndarray,
     """
     Share the variance within a band among the wave numbers of a grid.
 
-    What lies beyond the Nyquist wave number folds back, as it does in point samples of any
-    field; then the nodes have the whole variance.
+    Waves too short for the grid give their variance to all waves alike, so that none is lost.
     """
-    step = wave_numbers[1]
-    period = 2.0 * wave_numbers[-1]
-    below = spectrum.variance_below
+    def below(wave_number):
+        return spectrum.variance_below(component, np.clip(wave_number, *band))
 
-    def between(centre: np.ndarray) -> np.ndarray:
-        low, high = (np.clip(centre + side * step, *band) for side in (-0.5, 0.5))
-        return below(component, high) - below(component, low)
-
-    variances = between(wave_numbers)
-    for fold in range(1, _FOLDS if band[1] > period else 1):
-        variances += between(fold * period + wave_numbers)
-        variances[1:-1] += between(fold * period - wave_numbers[1:-1])
+    half = 0.5 * wave_numbers[1]
+    variances = below(wave_numbers + half) - below(wave_numbers - half)
     variances[1] += variances[0]  # the mean over the box is the mean wind's affair
     variances[0] = 0.0
-    ends = below(component, np.minimum(band, 1e9))
-    return variances * ((ends[1] - ends[0]) / variances.sum())
+    whole = below(1e9) - below(0.0)
+    return variances * (whole / variances.sum())
 
 
 def _emphasise(variances: np.ndarray, rates: np.ndarray, wave_numbers: np.ndarray,
@@ -115,7 +106,7 @@ def _emphasise(variances: np.ndarray, rates: np.ndarray, wave_numbers: np.ndarra
     nodes of a pair count 1/3 each alone and 1/3 together.
     """
     # The shortest waves, of two or three nodes, are left damped rather than raised to a comb.
-    kept = np.maximum(np.sinc(wave_numbers * spacing[0]) ** 4, 0.6)
+    kept = np.maximum(np.sinc(wave_numbers * spacing[0]) ** 4, .6)
     y, z = spacing[1:]
     kept = kept * (4.0 + 2.0 * np.exp(-rates * y) + 2.0 * np.exp(-rates * z)
                    + np.exp(-rates * np.hypot(y, z))) / 9.0
