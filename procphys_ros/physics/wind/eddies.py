@@ -105,8 +105,7 @@ def _emphasise(variances: np.ndarray, rates: np.ndarray, wave_numbers: np.ndarra
     Averaged over a cell, a wave along the wind keeps sinc^4 of its power, and across the wind two
     nodes of a pair count 1/3 each alone and 1/3 together.
     """
-    # The shortest waves, of two or three nodes, are left damped rather than raised to a comb.
-    kept = np.maximum(np.sinc(wave_numbers * spacing[0]) ** 4, .6)
+    kept = np.sinc(wave_numbers * spacing[0]) ** 4
     y, z = spacing[1:]
     kept = kept * (4.0 + 2.0 * np.exp(-rates * y) + 2.0 * np.exp(-rates * z)
                    + np.exp(-rates * np.hypot(y, z))) / 9.0
