@@ -11,3 +11,9 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+"""Wall grammars: facades divided into panels, tiled into units that mortar holds together."""
+
+from procphys_ros.wallgrammar.building import WallGrammar
+
+__all__ = ['WallGrammar']

@@ -1,0 +1,168 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Assembly: boxes and their contacts become the parts and bonds of a blueprint."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, box_inertia, GROUND, Law, Mortar, Shape
+from procphys_ros.wallgrammar.boxes import Boxes, Joint, MICRO
+from procphys_ros.wallgrammar.contacts import Contacts
+from procphys_ros.wallgrammar.materials import Material, weakest
+
+_SHEAR_SHARE = 0.4     # of the normal stiffness: G/E = 1/(2(1+ν)) of masonry, EN 1996-1-1 3.7.3
+_THINNEST = 0.001      # [m] joint taken for dry contacts, which are never perfectly even
+_STRENGTHS = ('tension', 'cohesion', 'friction', 'compression')
+
+# Turn from the part (x along its length) to the frame, for a length along x, y, z of the frame.
+_TURNS = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)],
+                   [0.0, -np.sqrt(0.5), 0.0, np.sqrt(0.5)]])
+_ORDER = np.array([[0, 1, 2], [1, 0, 2], [2, 1, 0]])  # extents of the frame in part order
+# Bond frame for a normal along x, y, z: its x and y are the next two axes of the frame.
+_BOND_TURNS = np.array([[0.5, 0.5, 0.5, 0.5], [-0.5, -0.5, -0.5, 0.5], [0.0, 0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True)
+class Patches:
+    """
+    Bonds between parts, in the building's frame.
+
+    :ivar pair: first and second part, (m, 2).
+    :ivar pose: centroid and attitude of the patch, z from the first to the second [m], (m, 7).
+    :ivar extent: along the patch's x and y [m], (m, 2).
+    :ivar area: [m²], (m,).
+    :ivar gap: thickness of the joint [m], (m,).
+    :ivar reach: half of each part's size along the normal [m], (m, 2).
+    """
+
+    pair: np.ndarray
+    pose: np.ndarray
+    extent: np.ndarray
+    area: np.ndarray
+    gap: np.ndarray
+    reach: np.ndarray
+
+
+def from_contacts(contacts: Contacts, boxes: Boxes, frames: np.ndarray) -> Patches:
+    """
+    Turn face contacts into patches; each lies in the middle of its joint.
+
+    :param contacts: pairs of boxes.
+    :param boxes: the boxes.
+    :param frames: pose of each frame in the building [m], (f, 7).
+    """
+    pair = np.column_stack([contacts.first, contacts.second])
+    return _patches(pair, contacts.axis, contacts.low, contacts.high, boxes, frames)
+
+
+def on_ground(boxes: Boxes, frames: np.ndarray, upright: int) -> Patches:
+    """
+    Bed what stands at level zero on the ground.
+
+    :param boxes: all boxes.
+    :param frames: pose of each frame [m], (f, 7).
+    :param upright: how many frames, from the first, have their z up.
+    """
+    rows = np.flatnonzero((boxes.cells[0][:, 2] == 0) & (boxes.frame < upright))
+    low, high = boxes.low[rows], boxes.high[rows]
+    high = np.column_stack([high[:, :2], low[:, 2]])
+    low = np.column_stack([low[:, :2], np.zeros(len(rows), np.int64)])
+    pair = np.column_stack([np.full(len(rows), GROUND), rows])
+    return _patches(pair, np.full(len(rows), 2), low, high, boxes, frames)
+
+
+def _patches(pair: np.ndarray, axis: np.ndarray, low: np.ndarray, high: np.ndarray, boxes: Boxes,
+             frames: np.ndarray) -> Patches:
+    row = np.arange(len(pair))
+    size = (high - low) / MICRO
+    extent = np.column_stack([size[row, (axis + 1) % 3], size[row, (axis + 2) % 3]])
+    local = np.column_stack([(low + high) / (2.0 * MICRO), _BOND_TURNS[axis]])
+    reach = 0.5 * (boxes.high - boxes.low)[pair, axis[:, None]] / MICRO
+    reach[pair == GROUND] = 0.0
+    return Patches(pair, rotation.compose(frames[boxes.frame[pair[:, 1]]], local), extent,
+                   extent.prod(axis=1), size[row, axis], reach)
+
+
+def assemble(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
+             materials: dict[str, Material], kinds: Sequence[str]) -> Blueprint:
+    """
+    Write the blueprint.
+
+    :param boxes: parts, in part order.
+    :param patches: bonds, in bond order.
+    :param frames: pose of each frame in the building [m], (f, 7).
+    :param materials: by name, in the order that `Boxes.material` counts.
+    :param kinds: names that `Boxes.kind` counts.
+    """
+    names = tuple(materials)
+    table = list(materials.values())
+    textures = tuple(dict.fromkeys(m.texture or n for n, m in materials.items()))
+    texture = np.array([textures.index(m.texture or n) for n, m in materials.items()], np.int16)
+    extents = (boxes.high - boxes.low) / MICRO
+    size = np.take_along_axis(extents, _ORDER[boxes.axis], axis=1)
+    density = np.array([m.density for m in table])[boxes.material]
+    mass = density * size.prod(axis=1)
+    centre = (boxes.low + boxes.high) / (2.0 * MICRO)
+    poses = rotation.compose(frames[boxes.frame], np.column_stack([centre, _TURNS[boxes.axis]]))
+    bonds = Patches(**{f.name: np.concatenate([getattr(p, f.name) for p in patches])
+                       for f in fields(Patches)})
+    return Blueprint(
+        shape=np.full(len(boxes), Shape.BOX, np.uint8), size=size, visual_size=size.copy(),
+        density=density, mass=mass, inertia=box_inertia(mass, size), poses=poses,
+        kind=boxes.kind.astype(np.int16), material=boxes.material.astype(np.int16),
+        texture=texture[boxes.material], leaf_area=np.zeros(len(boxes)),
+        bonds=bonds.pair.astype(np.int32), bond_law=np.full(len(bonds.pair), Law.MORTAR, np.uint8),
+        bond_frame=bonds.pose, bond_extent=bonds.extent, bond_area=bonds.area,
+        mortar=_mortar(bonds, boxes, materials), kinds=tuple(kinds), materials=names,
+        textures=textures)
+
+
+def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mortar:
+    """
+    Give each bond the weakest of its two materials and of what joins them.
+
+    Along the normal the two half units and the joint are springs in series.
+    """
+    names = list(materials)
+    joiner = _joiners(bonds.pair, boxes, names)
+    pair = np.where(bonds.pair == GROUND, bonds.pair[:, ::-1], bonds.pair)
+    material = boxes.material[pair]
+    modulus = np.array([m.modulus for m in materials.values()])
+    compliance = ((bonds.reach / modulus[material]).sum(axis=1)
+                  + np.maximum(bonds.gap, _THINNEST) / modulus[joiner])
+    strengths = np.array([[getattr(m, name) for name in _STRENGTHS]
+                          for m in materials.values()])
+    lowest = weakest(strengths, np.column_stack([material, joiner]))
+    return Mortar(**{name: lowest[:, i] for i, name in enumerate(_STRENGTHS)},
+                  normal_stiffness=1.0 / compliance,
+                  shear_stiffness=_SHEAR_SHARE / compliance)
+
+
+def _joiners(pair: np.ndarray, boxes: Boxes, names: list[str]) -> np.ndarray:
+    """Name what joins each pair: mortar, fixings, a bearing, or for one member its own grain."""
+    mortar, fixing, bearing = (names.index(n) for n in ('mortar', 'fixing', 'bearing'))
+    first = np.where(pair[:, 0] == GROUND, pair[:, 1], pair[:, 0])
+    second = pair[:, 1]
+    joints = np.sort(np.column_stack([boxes.joint[first], boxes.joint[second]]), axis=1)
+    joiner = np.full(len(pair), mortar)
+    joiner[joints[:, 1] != Joint.MORTAR] = fixing
+    joiner[(joints[:, 1] == Joint.BEARING) & (joints[:, 0] == Joint.MORTAR)] = bearing
+    grain = ((boxes.member[first] >= 0) & (boxes.member[first] == boxes.member[second])
+             & (pair[:, 0] != GROUND))
+    joiner[grain] = boxes.material[first][grain]
+    return joiner

@@ -1,0 +1,183 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Building: from the text of a wall grammar to a blueprint of bricks and mortar."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import GrammarError
+from procphys_ros.language import resolve_defines
+from procphys_ros.wallgrammar import contacts, footprint, walls
+from procphys_ros.wallgrammar.assembly import assemble, from_contacts, on_ground
+from procphys_ros.wallgrammar.bonds import Layout
+from procphys_ros.wallgrammar.boxes import micro
+from procphys_ros.wallgrammar.derivation import Deriver, Piece
+from procphys_ros.wallgrammar.materials import Material
+from procphys_ros.wallgrammar.parser import parse
+from procphys_ros.wallgrammar.site import join, Site
+from procphys_ros.wallgrammar.spec import Spec
+from procphys_ros.wallgrammar.tables import check_panel, read_layouts, read_materials
+
+MOST_PARTS = 200_000  # default bound on the parts of one building
+
+
+@dataclass(frozen=True)
+class WallGrammar:
+    """
+    A parsed wall grammar, ready to build.
+
+    :ivar spec: what the text says.
+    :ivar source: name of the text, for errors.
+    :ivar most_parts: bound on the parts of the building.
+    """
+
+    spec: Spec
+    source: str
+    materials: dict[str, Material]
+    layouts: dict[str, Layout]
+    most_parts: int = MOST_PARTS
+
+    @classmethod
+    def parse(cls, text: str, source: str = '<text>',
+              most_parts: int = MOST_PARTS) -> 'WallGrammar':
+        """
+        Read a grammar.
+
+        :param text: the grammar.
+        :param source: name for errors.
+        :param most_parts: bound on the parts of the building.
+        :raises GrammarError: where the text does not fit the language.
+        """
+        spec = parse(text, source)
+        materials = read_materials(spec)
+        layouts = read_layouts(spec, materials)
+        for panel in spec.panels.values():
+            check_panel(panel, layouts, materials)
+        return cls(spec, source, materials, layouts, most_parts)
+
+    @classmethod
+    def load(cls, path: str | Path, most_parts: int = MOST_PARTS) -> 'WallGrammar':
+        """
+        Read a grammar from a file.
+
+        :param path: of the file, UTF-8.
+        :param most_parts: bound on the parts of the building.
+        :raises GrammarError: when the file cannot be read or does not fit the language.
+        """
+        try:
+            text = Path(path).read_text(encoding='utf-8')
+        except (OSError, UnicodeDecodeError) as problem:
+            raise GrammarError(f'cannot read the file: {problem}', str(path)) from None
+        return cls.parse(text, str(path), most_parts)
+
+    def build(self, seed: int = 0, **defines: float) -> Blueprint:
+        """
+        Derive the building.
+
+        :param seed: of weighted rules and random numbers.
+        :param defines: values of parameters that replace their defaults.
+        :returns: parts and mortar bonds, the footprint's coordinates in x and y, the ground at 0.
+        :raises GrammarError: when rules, sizes or materials make no building that stands.
+        """
+        generator = np.random.default_rng(seed)
+        building = self.spec.building
+        values = resolve_defines(building.parameters, defines, generator, self.source)
+        values['storey_height'] = building.storey_height.number(values, generator)
+        values.setdefault('storeys', 1.0)
+        if building.storeys is not None:
+            values['storeys'] = building.storeys.number(values, generator)
+        storeys, storey_height = self._storeys(values)
+        deriver = Deriver(self.spec, values, generator)
+        corners = np.array([[x.number(values, generator), y.number(values, generator)]
+                            for x, y in building.footprint])
+        height = micro(storeys * storey_height)
+        return _Construction(self, deriver, corners, height).blueprint()
+
+    def _storeys(self, values: dict[str, float]) -> tuple[int, float]:
+        building = self.spec.building
+        storeys, storey_height = values['storeys'], values['storey_height']
+        if storeys < 1 or storeys != int(storeys) or storeys > 1000:
+            raise building.place.error(f'storeys must be a whole number from 1 to 1000, '
+                                       f'found {storeys:g}')
+        if not 0.1 <= storey_height <= 100.0:
+            raise building.storey_height.place.error(f'storey_height must be from 0.1 to 100 m, '
+                                                     f'found {storey_height:g}')
+        return int(storeys), storey_height
+
+
+class _Construction:
+    """One run of the builder."""
+
+    def __init__(self, grammar: WallGrammar, deriver: Deriver, corners: np.ndarray, height: int):
+        self.grammar = grammar
+        self.deriver = deriver
+        self.height = height
+        building = grammar.spec.building
+        self.site = Site(grammar.materials, grammar.most_parts, building.place)
+        self.pieces = self._derive(corners)
+        self.layout = self._wall_layout()
+        self.plan = footprint.read(corners, self.layout.thickness, self.layout.joint,
+                                   list(building.corners))
+
+    def _derive(self, corners: np.ndarray) -> list[list[Piece]]:
+        starts = self.grammar.spec.building.facades
+        edges = np.roll(corners, -1, axis=0) - corners if len(corners) > 2 else np.diff(
+            corners, axis=0)
+        return [self.deriver.facade(starts[min(i, len(starts) - 1)],
+                                    micro(float(np.hypot(*edge))), self.height)
+                for i, edge in enumerate(edges)]
+
+    def _wall_layout(self) -> Layout:
+        """Find the one layout that sets thickness and courses, so that corners interlock."""
+        grammar = self.grammar
+        found: dict[tuple[int, int, int], tuple[Layout, Piece]] = {}
+        for piece in (p for pieces in self.pieces for p in pieces):
+            layout = grammar.layouts.get(grammar.spec.panels[piece.panel].kind)
+            if layout is not None:
+                found.setdefault((layout.thickness, layout.gauge, layout.joint), (layout, piece))
+        if not found:
+            raise grammar.spec.building.place.error('no facade has a panel with a layout, so there '
+                                                    'is no wall')
+        (first, one), *others = found.values()
+        for layout, piece in others:
+            raise piece.place.error(
+                f'the panels "{one.panel}" and "{piece.panel}" cannot interlock: layouts of one '
+                f'building must share wall thickness ({first.thickness / 1e6:g} and '
+                f'{layout.thickness / 1e6:g} m), course height ({first.gauge / 1e6:g} and '
+                f'{layout.gauge / 1e6:g} m) and joint')
+        return first
+
+    def blueprint(self) -> Blueprint:
+        pieces = [walls.gauge_pieces(p, self.layout.gauge) for p in self.pieces]
+        for facade, panels in zip(self.plan.facades, pieces):
+            elevation = walls.Elevation(facade, self._fit(panels, facade.length),
+                                        np.zeros((0, 4), int))
+            walls.build(self.site, elevation, self.grammar.spec.panels, self.grammar.layouts,
+                        self.layout)
+        boxes = self.site.boxes()
+        frames = np.array([[0.0, 0.0, 0.0, *rotation.from_yaw(yaw)] for yaw in self.plan.yaws])
+        patches = [on_ground(boxes, frames, len(self.plan.yaws)),
+                   from_contacts(contacts.find(boxes), boxes, frames)]
+        return assemble(boxes, join(patches), frames, self.grammar.materials, self.site.kinds)
+
+    @staticmethod
+    def _fit(pieces: list[Piece], length: int) -> list[Piece]:
+        """Let panels end where the edge ends in whole micrometres of its frame."""
+        return [p._replace(scope=p.scope._replace(right=length))
+                if abs(p.scope.right - length) <= 5 else p for p in pieces]

@@ -1,0 +1,237 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Derivation: rules divide a facade until only panels are left."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros.errors import nearest_names
+from procphys_ros.language import Expression, Place
+from procphys_ros.wallgrammar.boxes import micro
+from procphys_ros.wallgrammar.division import divide, Repeated, Share
+from procphys_ros.wallgrammar.spec import (
+    Border,
+    Call,
+    Extrude,
+    Grid,
+    Insert,
+    Part,
+    Repeat,
+    Rule,
+    Spec,
+    Split,
+    Successor,
+)
+
+_DEEPEST = 64          # rules inside rules
+_MOST_PANELS = 50_000  # on one facade
+
+
+class Scope(NamedTuple):
+    """
+    A rectangle of the facade.
+
+    :ivar left, bottom, right, top: [µm].
+    :ivar depth: how far it stands inwards of the facade plane [µm].
+    """
+
+    left: int
+    bottom: int
+    right: int
+    top: int
+    depth: int = 0
+
+
+class Piece(NamedTuple):
+    """A panel of the derived facade, and where the text names it."""
+
+    scope: Scope
+    panel: str
+    place: Place
+
+
+class _Task(NamedTuple):
+    successor: Successor
+    scope: Scope
+    values: Mapping[str, float]
+    level: int
+
+
+@dataclass(frozen=True)
+class Deriver:
+    """
+    Applies the rules of a spec.
+
+    :ivar spec: rules and panels.
+    :ivar values: values of the building's parameters.
+    :ivar generator: draws weighted rules and random numbers.
+    """
+
+    spec: Spec
+    values: Mapping[str, float]
+    generator: np.random.Generator
+
+    def facade(self, start: Call, length: int, height: int) -> list[Piece]:
+        """
+        Derive one facade.
+
+        :param start: its start rule.
+        :param length: of the facade [µm].
+        :param height: [µm].
+        :returns: panels, in the order of the text.
+        :raises GrammarError: for unknown names, rules that call each other without end, too many
+            panels.
+        """
+        pieces: list[Piece] = []
+        tasks = [_Task(start, Scope(0, 0, length, height), self.values, 0)]
+        while tasks:
+            task = tasks.pop()
+            if isinstance(task.successor, Call) and task.successor.name in self.spec.panels:
+                pieces.append(self._panel(task))
+                if len(pieces) > _MOST_PANELS:
+                    raise task.successor.place.error(
+                        f'more than {_MOST_PANELS} panels on one facade; make the parts larger')
+            else:
+                tasks.extend(reversed(self._expand(task)))
+        return pieces
+
+    def _panel(self, task: _Task) -> Piece:
+        call = task.successor
+        if call.arguments:
+            raise call.place.error(f'the panel "{call.name}" takes no arguments')
+        return Piece(task.scope, call.name, call.place)
+
+    def _number(self, expression: Expression, task: _Task) -> float:
+        scope = task.scope
+        values = {**task.values, 'scope_x': (scope.right - scope.left) * 1e-6,
+                  'scope_y': (scope.top - scope.bottom) * 1e-6}
+        return expression.number(values, self.generator)
+
+    def _expand(self, task: _Task) -> list[_Task]:
+        node = task.successor
+        if isinstance(node, Call):
+            return [self._apply(node, task)]
+        if isinstance(node, Split):
+            return self._split(node.axis, tuple(self._shares(node.parts, task)), task)
+        if isinstance(node, Grid):
+            return self._grid(node, task)
+        if isinstance(node, Extrude):
+            depth = task.scope.depth - micro(self._number(node.depth, task))
+            return [task._replace(successor=node.inner, scope=task.scope._replace(depth=depth))]
+        return self._frame(node, task)
+
+    def _shares(self, parts: tuple[Part | Repeat, ...], task: _Task) -> list[Share | Repeated]:
+        return [Repeated(tuple(self._shares(p.parts, task)), p.place) if isinstance(p, Repeat)
+                else Share(p.kind, self._number(p.size, task), p.successor, p.size.place)
+                for p in parts]
+
+    def _split(self, axis: str, shares: tuple[Share | Repeated, ...],
+               task: _Task) -> list[_Task]:
+        scope = task.scope
+        if axis == 'x':
+            return [task._replace(successor=content, scope=scope._replace(
+                left=scope.left + start, right=scope.left + end))
+                for start, end, content in divide(shares, scope.right - scope.left)]
+        return [task._replace(successor=content, scope=scope._replace(
+            bottom=scope.bottom + start, top=scope.bottom + end))
+            for start, end, content in divide(shares, scope.top - scope.bottom)]
+
+    def _grid(self, node: Grid, task: _Task) -> list[_Task]:
+        def repeat(size: Expression, content: Successor) -> tuple[Repeated]:
+            share = Share('floating', self._number(size, task), content, size.place)
+            return (Repeated((share,), size.place),)
+
+        columns = repeat(node.width, node.cell)
+        rows = self._split('y', repeat(node.height, node.cell), task)
+        return [cell for row in rows for cell in self._split('x', columns, row)]
+
+    def _frame(self, node: Border | Insert, task: _Task) -> list[_Task]:
+        """Surround a rectangle in the middle of the scope by four strips."""
+        scope = task.scope
+        width, height = scope.right - scope.left, scope.top - scope.bottom
+        if isinstance(node, Border):
+            border = micro(self._number(node.width, task))
+            if border < 0:
+                raise node.width.place.error('the width of a border must not be negative')
+            aside = above = border
+        else:
+            wanted = [micro(self._number(e, task)) for e in (node.width, node.height)]
+            if wanted[0] > width or wanted[1] > height or min(wanted) <= 0:
+                raise node.width.place.error(
+                    f'an insert of {wanted[0] / 1e6:g} x {wanted[1] / 1e6:g} m does not fit into '
+                    f'a scope of {width / 1e6:g} x {height / 1e6:g} m')
+            aside, above = (width - wanted[0]) // 2, (height - wanted[1]) // 2
+        if 2 * aside >= width or 2 * above >= height:
+            return [task._replace(successor=node.edge)]
+        left, right = scope.left + aside, scope.right - aside
+        bottom, top = scope.bottom + above, scope.top - above
+        strips = [scope._replace(top=bottom), scope._replace(bottom=bottom, top=top, right=left),
+                  scope._replace(bottom=bottom, top=top, left=right), scope._replace(bottom=top)]
+        inner = Scope(left, bottom, right, top, scope.depth)
+        return [task._replace(successor=node.inner, scope=inner)] + [
+            task._replace(successor=node.edge, scope=strip) for strip in strips
+            if strip.right > strip.left and strip.top > strip.bottom]
+
+    def _apply(self, call: Call, task: _Task) -> _Task:
+        rules = self.spec.rules.get(call.name)
+        if rules is None:
+            known = [*self.spec.rules, *self.spec.panels]
+            raise call.place.error(f'unknown rule or panel "{call.name}"'
+                                   f'{nearest_names(call.name, known)} '
+                                   f'(rules: {", ".join(self.spec.rules) or "none"}; '
+                                   f'panels: {", ".join(self.spec.panels) or "none"})')
+        if task.level >= _DEEPEST:
+            raise call.place.error(f'rules are nested more than {_DEEPEST} deep: "{call.name}" '
+                                   f'seems to call itself without end')
+        fitting = [r for r in rules if len(r.parameters) == len(call.arguments)]
+        if not fitting:
+            counts = ' or '.join(sorted({str(len(r.parameters)) for r in rules}))
+            raise call.place.error(f'the rule "{call.name}" takes {counts} arguments, '
+                                   f'found {len(call.arguments)}')
+        arguments = [self._number(a, task) for a in call.arguments]
+        rule = self._choose(fitting, arguments, call, task)
+        values = {**self.values, **dict(zip(rule.parameters, arguments))}
+        return _Task(rule.successor, task.scope, values, task.level + 1)
+
+    def _choose(self, rules: list[Rule], arguments: list[float], call: Call,
+                task: _Task) -> Rule:
+        """Take the first rule whose condition holds; draw among weighted ones that follow it."""
+        drawn: list[tuple[Rule, float]] = []
+        for rule in rules:
+            inner = task._replace(values={**self.values, **dict(zip(rule.parameters, arguments))})
+            if rule.condition is not None and not self._number(rule.condition, inner):
+                continue
+            if rule.weight is None:
+                if drawn:
+                    break
+                return rule
+            weight = self._number(rule.weight, inner)
+            if weight < 0.0:
+                raise rule.weight.place.error(f'a weight must not be negative, found {weight:g}')
+            drawn.append((rule, weight))
+        total = sum(weight for _, weight in drawn)
+        if total <= 0.0:
+            shown = ', '.join(f'{a:g}' for a in arguments)
+            raise call.place.error(f'no rule "{call.name}({shown})" applies: every condition is '
+                                   f'false or every weight zero')
+        point = self.generator.random() * total
+        for rule, weight in drawn:
+            point -= weight
+            if point < 0.0:
+                return rule
+        return drawn[-1][0]

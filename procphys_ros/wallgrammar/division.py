@@ -1,0 +1,129 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Division: how sizes share a length, with the semantics of CGA's split."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.language import Place
+
+_MOST_REPEATS = 100_000
+
+
+@dataclass(frozen=True)
+class Share:
+    """
+    One part that wants a size.
+
+    :ivar kind: 'absolute' [m], 'relative' (fraction of the whole) or 'floating' (weight).
+    :ivar size: amount.
+    :ivar content: what the part is for.
+    :ivar place: where it is written.
+    """
+
+    kind: str
+    size: float
+    content: object
+    place: Place = Place()
+
+
+@dataclass(frozen=True)
+class Repeated:
+    """Parts that are repeated to the nearest whole count."""
+
+    shares: 'tuple[Share | Repeated, ...]'
+    place: Place = Place()
+
+
+def nominal(shares: 'tuple[Share | Repeated, ...]', length: float) -> float:
+    """Add up what parts would like to have [m]; a repeat counts once."""
+    total = 0.0
+    for share in shares:
+        if isinstance(share, Repeated):
+            total += nominal(share.shares, length)
+        else:
+            size = share.size * length if share.kind == 'relative' else share.size
+            total += max(size, 0.0)
+    return total
+
+
+def unroll(shares: 'tuple[Share | Repeated, ...]', length: float) -> list[Share]:
+    """
+    Write repeats out, each as often as comes nearest to filling what the other parts leave.
+
+    :param shares: parts, in order.
+    :param length: of the scope [m].
+    :raises GrammarError: for a repeat of nothing, or of far too many parts.
+    """
+    fixed = nominal(tuple(s for s in shares if not isinstance(s, Repeated)), length)
+    repeats = [s for s in shares if isinstance(s, Repeated)]
+    room = (length - fixed) / max(len(repeats), 1)
+    out: list[Share] = []
+    for share in shares:
+        if isinstance(share, Share):
+            out.append(share)
+            continue
+        body = nominal(share.shares, length)
+        if body <= 0.0:
+            raise share.place.error('a repeat needs parts of a size greater than 0')
+        count = room / body
+        if count > _MOST_REPEATS:
+            raise share.place.error(f'{count:.3g} repeats are too many, at most {_MOST_REPEATS}')
+        # Floating parts stretch, so the nearest count fits; others must not stick out.
+        count = np.rint(count) if _floats(share.shares) else np.floor(count + 1e-9)
+        inner = unroll(share.shares, body)
+        out.extend(inner * max(int(count), 1 if room > 0.0 else 0))
+    return out
+
+
+def _floats(shares: 'tuple[Share | Repeated, ...]') -> bool:
+    return any(_floats(s.shares) if isinstance(s, Repeated) else s.kind == 'floating'
+               for s in shares)
+
+
+def divide(shares: 'tuple[Share | Repeated, ...]', length: int) -> list[tuple[int, int, object]]:
+    """
+    Cut a length into parts.
+
+    Absolute and relative parts come first; floating parts share what is left by weight, and are
+    dropped when nothing is left. What sticks out is clipped.
+
+    :param shares: parts, in order.
+    :param length: of the scope [µm].
+    :returns: start, end [µm] and content of each part that has a size.
+    :raises GrammarError: when an absolute or relative part lies beyond the end altogether.
+    """
+    metres = length * 1e-6
+    parts = unroll(shares, metres)
+    sizes = np.array([max(p.size * metres if p.kind == 'relative' else p.size, 0.0)
+                      for p in parts])
+    floating = np.array([p.kind == 'floating' for p in parts], bool)
+    left = max(metres - sizes[~floating].sum(), 0.0)
+    weight = sizes[floating].sum()
+    if weight > 0.0:
+        sizes[floating] *= left / weight
+    ends = np.rint(np.cumsum(sizes) * 1e6).astype(np.int64)
+    starts = np.concatenate([[0], ends[:-1]]).astype(np.int64)
+    out = []
+    for part, size, start, end in zip(parts, sizes, starts.tolist(), ends.tolist()):
+        if start >= length and size > 1e-6:
+            raise part.place.error(f'a part of {size:g} m does not fit: the parts before it fill '
+                                   f'the whole scope of {metres:g} m')
+        if abs(end - length) <= 1:
+            end = length
+        if min(end, length) - start > 1:
+            out.append((start, min(end, length), part.content))
+    return out

@@ -1,0 +1,246 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Footprint: the polygon a building stands on, its edges as facades and how they meet."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from procphys_ros.language import Place
+from procphys_ros.wallgrammar.boxes import Boxes, micro
+
+_ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-angled
+_MERGED = 3       # [µm] corners of one frame this close lie on one line
+_SHORTEST = 0.1   # [m] shortest edge
+_SHARPEST = 25.0  # [degrees] smallest angle between two facades, inside or outside
+
+
+@dataclass(frozen=True)
+class Corner:
+    """
+    Where the wall of a facade ends, measured outwards from the end of its edge [µm].
+
+    :ivar owned: in courses in which this facade fills the corner.
+    :ivar yielded: in courses in which its neighbour does.
+    :ivar joint: joint at the end where it yields.
+    :ivar right: whether the neighbour stands at a right angle, in the same frame.
+    :ivar turn: angle that the edges turn by, left positive [rad].
+    """
+
+    owned: int = 0
+    yielded: int = 0
+    joint: int = 0
+    right: bool = True
+    turn: float = 0.0
+
+
+@dataclass(frozen=True)
+class Facade:
+    """
+    One edge of the footprint with the wall on it.
+
+    :ivar length: of the edge [µm].
+    :ivar frame: index of the frame.
+    :ivar quarter: direction of the edge in its frame, in quarter turns.
+    :ivar origin: start of the edge in its frame [µm], (2,).
+    :ivar start, end: how the wall ends.
+    """
+
+    length: int
+    frame: int
+    quarter: int
+    origin: tuple[int, int]
+    start: Corner = Corner()
+    end: Corner = Corner()
+
+    def place(self, boxes: Boxes) -> Boxes:
+        """Move boxes from the facade (x along, y inwards, z up) into its frame."""
+        low, high = boxes.low.copy(), boxes.high.copy()
+        before, after = boxes.before.copy(), boxes.after.copy()
+        axis = boxes.axis
+        if self.quarter % 2:
+            swap = [1, 0, 2]
+            low, high, before, after = (c[:, swap] for c in (low, high, before, after))
+            axis = np.array(swap)[axis]
+        for a, mirrored in enumerate((self.quarter in (1, 2), self.quarter in (2, 3))):
+            if mirrored:
+                low[:, a], high[:, a] = -high[:, a], -low[:, a]
+                before[:, a], after[:, a] = after[:, a].copy(), before[:, a].copy()
+            low[:, a] += self.origin[a]
+            high[:, a] += self.origin[a]
+        return replace(boxes, low=low, high=high, before=before, after=after, axis=axis,
+                       frame=np.full(len(low), self.frame))
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """
+    A simple polygon, counter-clockwise; or a single edge, for a free-standing wall.
+
+    :ivar points: corners [m], (n, 2).
+    :ivar yaws: turn of each frame about the vertical [rad], (f,); frames hold right angles only.
+    :ivar facades: one per edge.
+    """
+
+    points: np.ndarray
+    yaws: np.ndarray
+    facades: tuple[Facade, ...]
+
+    @property
+    def right_angled(self) -> bool:
+        """Say whether all edges lie in one frame."""
+        return len(self.yaws) == 1
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Corners in the first frame [µm], (n, 2); exact when the footprint is right-angled."""
+        return np.array([f.origin for f in self.facades])
+
+
+def read(points: np.ndarray, thickness: int, joint: int, places: list[Place]) -> Footprint:
+    """
+    Check a footprint and say where its walls end at the corners.
+
+    :param points: corners [m], (n, 2).
+    :param thickness: of the walls [µm].
+    :param joint: between walls that meet [µm].
+    :param places: of the corners, for errors.
+    :raises GrammarError: for a polygon that is not simple and counter-clockwise, and walls that
+        have no room.
+    """
+    closed = len(points) > 2
+    _check(points, places, closed)
+    edges = np.roll(points, -1, axis=0) - points if closed else points[1:] - points[:1]
+    angles = np.arctan2(edges[:, 1], edges[:, 0])
+    yaws, frame, quarter = _frames(angles)
+    lengths = np.hypot(*edges.T)
+    facades = [Facade(micro(length), int(f), int(q), tuple(origin)) for length, f, q, origin
+               in zip(lengths, frame, quarter, _origins(points, yaws, frame))]
+    if not closed:
+        return Footprint(points, yaws, tuple(facades))
+    facades = [replace(a, length=_exact_length(a, b, yaws, points, i))
+               for i, (a, b) in enumerate(zip(facades, facades[1:] + facades[:1]))]
+    turns = (angles - np.roll(angles, 1) + np.pi) % (2.0 * np.pi) - np.pi
+    for i, turn in enumerate(turns):
+        if np.pi - abs(turn) < np.radians(_SHARPEST):
+            raise places[i].error(f'the facades meet at {180 - abs(np.degrees(turn)):.1f} degrees '
+                                  f'here; at least {_SHARPEST:g} are needed')
+        before, after = _corner(turn, thickness, joint)
+        facades[i - 1] = replace(facades[i - 1], end=before)
+        facades[i] = replace(facades[i], start=after)
+    for i, facade in enumerate(facades):
+        room = facade.length + min(facade.start.yielded, 0) + min(facade.end.yielded, 0)
+        if room < thickness:
+            raise places[i].error(f'the edge from here is {lengths[i]:.3f} m long: too short for '
+                                  f'walls {thickness / 1e6:g} m thick at both its ends')
+    return Footprint(points, yaws, tuple(facades))
+
+
+def _check(points: np.ndarray, places: list[Place], closed: bool) -> None:
+    if len(points) < 2:
+        raise places[0].error('a footprint needs at least 2 corners (2 make a free wall), found 1')
+    count = len(points) if closed else 1
+    ends = np.roll(points, -1, axis=0)
+    for i in range(count):
+        if np.hypot(*(ends[i] - points[i])) < _SHORTEST:
+            raise places[i].error(f'the edge from here is shorter than {_SHORTEST:g} m')
+    if not closed:
+        return
+    for i in range(count):
+        for j in range(i + 2, count):
+            if (j + 1) % count != i and _cross(points[i], ends[i], points[j], ends[j]):
+                raise places[j].error(f'the footprint crosses itself: the edge from here meets '
+                                      f'edge {i + 1}; give the corners in order around it')
+    area = 0.5 * np.sum(points[:, 0] * ends[:, 1] - ends[:, 0] * points[:, 1])
+    if area <= 0.0:
+        raise places[0].error('the footprint runs clockwise; give its corners counter-clockwise')
+
+
+def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> bool:
+    """Say whether two segments touch."""
+    def side(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> float:
+        value = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+        return 0.0 if abs(value) < 1e-9 else float(np.sign(value))
+
+    if (np.maximum(a, b) < np.minimum(c, d) - 1e-9).any() or (
+            np.maximum(c, d) < np.minimum(a, b) - 1e-9).any():
+        return False
+    return side(a, b, c) * side(a, b, d) <= 0.0 and side(c, d, a) * side(c, d, b) <= 0.0
+
+
+def _frames(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Group directions that differ by right angles; the first edge sets the first frame."""
+    yaws: list[float] = []
+    frame, quarter = [], []
+    for angle in angles:
+        for f, yaw in enumerate(yaws):
+            turns = (angle - yaw) / (0.5 * np.pi)
+            if abs(turns - round(turns)) * 0.5 * np.pi < _ALIGNED:
+                break
+        else:
+            f, turns = len(yaws), 0.0
+            yaws.append(float(angle))
+        frame.append(f)
+        quarter.append(round(turns) % 4)
+    return np.array(yaws), np.array(frame), np.array(quarter)
+
+
+def _origins(points: np.ndarray, yaws: np.ndarray, frame: np.ndarray) -> list[tuple[int, int]]:
+    """Express edge starts in their frames, with equal coordinates where they differ by rounding."""
+    out = np.zeros((len(frame), 2), np.int64)
+    for f, yaw in enumerate(yaws):
+        c, s = np.cos(yaw), np.sin(yaw)
+        local = micro(points @ np.array([[c, -s], [s, c]]))
+        for a in range(2):
+            order = np.argsort(local[:, a])
+            steps = np.diff(local[order, a]) > _MERGED
+            group = np.concatenate([[0], np.cumsum(steps)])
+            first = np.concatenate([[True], steps])
+            local[order, a] = local[order, a][first][group]
+        out[frame == f] = local[:len(frame)][frame == f]
+    return [(int(x), int(y)) for x, y in out]
+
+
+def _exact_length(facade: Facade, following: Facade, yaws: np.ndarray, points: np.ndarray,
+                  i: int) -> int:
+    """Measure an edge between whole micrometres where both ends lie in one frame."""
+    if facade.frame != following.frame:
+        return facade.length
+    a = facade.quarter % 2
+    return abs(following.origin[a] - facade.origin[a])
+
+
+def _corner(turn: float, thickness: int, joint: int) -> tuple[Corner, Corner]:
+    """
+    Say how the facade that ends and the one that starts share a corner.
+
+    At right angles one of them fills the square that both would cover, in turn. At other angles
+    the one runs up to the corner and the other ends where it clears it; the wedge between them is
+    mortar.
+    """
+    quarter = turn / (0.5 * np.pi)
+    if abs(quarter - round(quarter)) * 0.5 * np.pi < _ALIGNED:
+        if round(quarter) == 0:
+            return Corner(0, 0, joint // 2), Corner(0, 0, joint - joint // 2)
+        shared = (0, -thickness) if turn > 0 else (thickness, 0)
+        corner = Corner(*shared, joint, True, turn)
+        return corner, corner
+    clear = 0.0
+    owned = 0.0
+    if turn > 0:
+        clear = np.sin(turn) if turn <= 0.5 * np.pi else np.tan(0.5 * turn)
+        owned = 0.0 if turn <= 0.5 * np.pi else 1.0 / np.tan(turn)
+    corner = Corner(round(owned * thickness), -round(clear * thickness), joint, False, turn)
+    return corner, corner

@@ -1,0 +1,232 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parser: from the text of a wall grammar to its spec."""
+
+from collections.abc import Collection
+from functools import cache
+
+from lark import Lark, Tree
+from lark.exceptions import UnexpectedInput
+
+from procphys_ros.errors import nearest_names
+from procphys_ros.language import compile_expression, Expression, Place, syntax_error
+from procphys_ros.wallgrammar.grammar import WALL_GRAMMAR, WALL_WORDS
+from procphys_ros.wallgrammar.spec import (
+    Border,
+    Building,
+    Call,
+    Entry,
+    Extrude,
+    Grid,
+    Insert,
+    Panel,
+    Part,
+    Repeat,
+    Rule,
+    Spec,
+    Split,
+    Successor,
+)
+
+SCOPE_NAMES = ('scope_x', 'scope_y')  # size of the present scope [m], known inside rules
+_PROPERTIES = ('footprint', 'facades', 'storey_height', 'storeys', 'floors', 'roof', 'partitions')
+_PANEL_KINDS = {'boards': 1, 'glazing': 2, 'beam': 1, 'none': 0}
+
+
+@cache
+def _lark() -> Lark:
+    return Lark(WALL_GRAMMAR, parser='lalr', propagate_positions=True, maybe_placeholders=True)
+
+
+def parse(text: str, source: str) -> Spec:
+    """
+    Read a grammar text.
+
+    :param text: the grammar.
+    :param source: name for errors.
+    :raises GrammarError: where the text does not fit the language.
+    """
+    try:
+        tree = _lark().parse(text)
+    except UnexpectedInput as problem:
+        raise syntax_error(problem, source, words=WALL_WORDS) from None
+    return _Reader(source, tree).spec()
+
+
+class _Reader:
+    """
+    Turns the parse tree into a spec.
+
+    :ivar known: names that expressions in rules may use beside the rule's own parameters.
+    """
+
+    def __init__(self, source: str, tree: Tree):
+        self.source = source
+        self.trees: dict[str, list[Tree]] = {kind: [] for kind in (
+            'building', 'rule', 'panel', 'material', 'layout')}
+        for child in tree.children:
+            self.trees[child.data].append(child)
+        buildings = self.trees['building']
+        if len(buildings) != 1:
+            place = self.place(buildings[1]) if buildings else Place(source)
+            raise place.error(f'a wall grammar holds exactly one building, found {len(buildings)}')
+        self.parameters = [str(node.children[0]) for node in buildings[0].children[1:]
+                           if node is not None and node.data == 'parameter']
+        self.known = {*self.parameters, 'storey_height', 'storeys'}
+
+    def place(self, node: Tree) -> Place:
+        return Place.of(node, self.source)
+
+    def expression(self, node: Tree, known: Collection[str]) -> Expression:
+        return compile_expression(node, self.source, known=known)
+
+    def spec(self) -> Spec:
+        spec = Spec(self.building(self.trees['building'][0]))
+        for node in self.trees['rule']:
+            rule = self.rule(node)
+            spec.rules.setdefault(rule.name, []).append(rule)
+        for node in self.trees['panel']:
+            panel = self.panel(node)
+            self.new(panel.name, {**spec.panels, **spec.rules}, 'panel or rule', panel.place)
+            spec.panels[panel.name] = panel
+        for kind, table in (('material', spec.materials), ('layout', spec.layouts)):
+            for node in self.trees[kind]:
+                name, place = str(node.children[0]), self.place(node)
+                self.new(name, table, kind, place)
+                table[name] = self.entries(node.children[1:])
+                spec.places[f'{kind} {name}'] = place
+        return spec
+
+    def new(self, name: str, table: dict, kind: str, place: Place) -> None:
+        if name in table:
+            raise place.error(f'a {kind} named "{name}" exists already')
+
+    def building(self, node: Tree) -> Building:
+        parameters, entries = [], {}
+        known: list[str] = []
+        for child in node.children[1:]:
+            if child is None:
+                continue
+            if child.data == 'parameter':
+                name = str(child.children[0])
+                if name in known:
+                    raise self.place(child).error(f'the parameter "{name}" is given twice')
+                parameters.append((name, self.expression(child.children[1], known)))
+                known.append(name)
+                continue
+            key, place = str(child.children[0]), self.place(child)
+            if key not in _PROPERTIES:
+                raise place.error(f'unknown property "{key}"{nearest_names(key, _PROPERTIES)} '
+                                  f'(properties: {", ".join(_PROPERTIES)})')
+            self.new(key, entries, 'property', place)
+            entries[key] = child
+        place = self.place(node)
+        for key in ('footprint', 'facades', 'storey_height'):
+            if key not in entries:
+                raise place.error(f'the building needs "{key}:"')
+        points = entries['footprint'].children[1:]
+        for point in points:
+            if point.data != 'point':
+                raise self.place(point).error('a footprint is a list of corners "(x, y)"')
+        calls = {key: self.call(self.single(entries[key])) if key in entries else None
+                 for key in ('floors', 'roof', 'partitions')}
+        numbers = {key: self.expression(self.single(entries[key]), known)
+                   if key in entries else None for key in ('storey_height', 'storeys')}
+        return Building(
+            name=str(node.children[0]), parameters=tuple(parameters),
+            footprint=tuple(tuple(self.expression(c, known) for c in point.children)
+                            for point in points),
+            corners=tuple(self.place(point) for point in points),
+            facades=tuple(self.call(c) for c in entries['facades'].children[1:]),
+            place=place, **calls, **numbers)
+
+    def single(self, entry: Tree) -> Tree:
+        if len(entry.children) != 2:
+            raise self.place(entry).error(f'"{entry.children[0]}" takes one value, found '
+                                          f'{len(entry.children) - 1}')
+        return entry.children[1]
+
+    def call(self, node: Tree) -> Call:
+        """Read a bare name, or one with arguments, that is not arithmetic."""
+        if node.data not in ('variable', 'call'):
+            raise self.place(node).error('expected a name here')
+        arguments = tuple(self.expression(c, self.known) for c in node.children[1:]
+                          if c is not None)
+        return Call(str(node.children[0]), arguments, self.place(node))
+
+    def entries(self, nodes: list[Tree]) -> dict[str, Entry]:
+        table: dict[str, Entry] = {}
+        for node in nodes:
+            key, place = str(node.children[0]), self.place(node)
+            self.new(key, table, 'key', place)
+            values = tuple(str(v.children[0]) if v.data == 'variable'
+                           else self.expression(v, ()) for v in node.children[1:])
+            table[key] = Entry(values, place)
+        return table
+
+    def panel(self, node: Tree) -> Panel:
+        name, value = node.children
+        place = self.place(node)
+        if value.data not in ('variable', 'call'):
+            raise place.error(f'a panel is a layout or one of {", ".join(_PANEL_KINDS)}')
+        kind, *arguments = (c for c in value.children if c is not None)
+        kind = str(kind)
+        wanted = _PANEL_KINDS.get(kind, 0)
+        if len(arguments) != wanted:
+            raise place.error(f'"{kind}" takes {wanted} material names, found {len(arguments)}')
+        for argument in arguments:
+            if argument.data != 'variable':
+                raise self.place(argument).error('expected the name of a material')
+        return Panel(str(name), kind, tuple(str(a.children[0]) for a in arguments), place)
+
+    def rule(self, node: Tree) -> Rule:
+        name, formals, condition, successor, weight = node.children
+        parameters = tuple(str(c) for c in formals.children if c is not None)
+        known = {*self.known, *parameters, *SCOPE_NAMES}
+
+        def optional(part: Tree) -> Expression | None:
+            return self.expression(part.children[0], known) if part.children[0] else None
+
+        return Rule(str(name), parameters, optional(condition), self.successor(successor, known),
+                    optional(weight), self.place(node))
+
+    def successor(self, node: Tree, known: Collection[str]) -> Successor:
+        def expression(i: int) -> Expression:
+            return self.expression(node.children[i], known)
+
+        def inner(i: int) -> Successor:
+            return self.successor(node.children[i], known)
+
+        if node.data == 'split':
+            axis = str(node.children[0])
+            if axis not in ('x', 'y'):
+                raise self.place(node).error(f'split({axis}) is unknown, use split(x) or split(y)')
+            return Split(axis, self.parts(node.children[1:], known), self.place(node))
+        if node.data == 'border':
+            return Border(expression(0), inner(1), inner(2))
+        if node.data == 'grid':
+            return Grid(expression(0), expression(1), inner(2))
+        if node.data == 'extrude':
+            return Extrude(expression(0), inner(1))
+        if node.data == 'insert':
+            return Insert(expression(0), expression(1), inner(2), inner(3))
+        arguments = tuple(self.expression(c, known) for c in node.children[1:] if c is not None)
+        return Call(str(node.children[0]), arguments, self.place(node))
+
+    def parts(self, nodes: list[Tree], known: Collection[str]) -> tuple[Part | Repeat, ...]:
+        return tuple(
+            Repeat(self.parts(n.children, known), self.place(n)) if n.data == 'repeat'
+            else Part(str(n.data), self.expression(n.children[0], known),
+                      self.successor(n.children[1], known)) for n in nodes)

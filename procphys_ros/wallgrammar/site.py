@@ -1,0 +1,97 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Site: where the boxes of a building gather while it is built."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from procphys_ros.language import Place
+from procphys_ros.wallgrammar.assembly import Patches
+from procphys_ros.wallgrammar.boxes import Boxes, split_along, stack
+from procphys_ros.wallgrammar.materials import Material
+
+
+@dataclass
+class Site:
+    """
+    Parts under construction.
+
+    :ivar materials: by name, in the order that boxes count them.
+    :ivar most_parts: bound on the number of parts.
+    :ivar place: of the building in its text, for errors.
+    :ivar kinds: names of the kinds met so far.
+    """
+
+    materials: dict[str, Material]
+    most_parts: int
+    place: Place
+    kinds: list[str] = field(default_factory=list)
+    count: int = 0
+    _boxes: list[Boxes] = field(default_factory=list)
+    _members: int = 0
+
+    def kind(self, name: str) -> int:
+        """Give the index of a kind, new or not."""
+        if name not in self.kinds:
+            self.kinds.append(name)
+        return self.kinds.index(name)
+
+    def material(self, name: str) -> int:
+        """Give the index of a material."""
+        return list(self.materials).index(name)
+
+    def expect(self, parts: float) -> None:
+        """
+        Refuse to build more parts than allowed, before memory is taken for them.
+
+        :param parts: how many are about to be added.
+        :raises GrammarError: when they are too many.
+        """
+        if self.count + parts > self.most_parts:
+            raise self.place.error(
+                f'the building has more than {self.most_parts} parts (about '
+                f'{self.count + parts:.0f}); make it smaller, its units larger, or raise '
+                f'most_parts')
+
+    def add(self, boxes: Boxes, longest: int = 0) -> slice:
+        """
+        Add parts.
+
+        :param boxes: the parts; pieces of one member carry numbers from `next_member` on.
+        :param longest: when given, members are cut into pieces of at most this length [µm].
+        :returns: rows of the parts.
+        """
+        if longest:
+            boxes = split_along(boxes, longest, self._members)
+        self.expect(len(boxes))
+        self._members = max(self._members, int(boxes.member.max(initial=-1)) + 1)
+        self._boxes.append(boxes)
+        rows = slice(self.count, self.count + len(boxes))
+        self.count += len(boxes)
+        return rows
+
+    @property
+    def next_member(self) -> int:
+        """Number that the next member may take."""
+        return self._members
+
+    def boxes(self) -> Boxes:
+        """Give all parts so far, in part order."""
+        return stack(self._boxes)
+
+
+def join(patches: Sequence[Patches]) -> list[Patches]:
+    """Drop empty groups of bonds."""
+    return [p for p in patches if len(p.pair)]

@@ -1,0 +1,165 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Spec: what a wall grammar says, as parsed, before any number is evaluated."""
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from procphys_ros.language import Expression, Place
+
+Successor: TypeAlias = 'Call | Split | Border | Grid | Extrude | Insert'
+
+
+@dataclass(frozen=True)
+class Call:
+    """A rule or panel by name, or any other name with arguments."""
+
+    name: str
+    arguments: tuple[Expression, ...]
+    place: Place
+
+
+@dataclass(frozen=True)
+class Part:
+    """
+    One part of a split.
+
+    :ivar kind: 'absolute', 'relative' or 'floating'.
+    """
+
+    kind: str
+    size: Expression
+    successor: Successor
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """Parts that repeat to the nearest whole count."""
+
+    parts: 'tuple[Part | Repeat, ...]'
+    place: Place
+
+
+@dataclass(frozen=True)
+class Split:
+    """Divide the scope along `axis`, 'x' or 'y'."""
+
+    axis: str
+    parts: tuple[Part | Repeat, ...]
+    place: Place
+
+
+@dataclass(frozen=True)
+class Border:
+    """Cut a border of even width off all four sides."""
+
+    width: Expression
+    inner: Successor
+    edge: Successor
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Divide the scope into the nearest whole count of columns and rows."""
+
+    width: Expression
+    height: Expression
+    cell: Successor
+
+
+@dataclass(frozen=True)
+class Extrude:
+    """Move the scope outwards from the facade."""
+
+    depth: Expression
+    inner: Successor
+
+
+@dataclass(frozen=True)
+class Insert:
+    """Set an element of fixed size into the middle of the scope."""
+
+    width: Expression
+    height: Expression
+    inner: Successor
+    edge: Successor
+
+
+@dataclass(frozen=True)
+class Rule:
+    """
+    One production.
+
+    :ivar condition: None = always.
+    :ivar weight: None = not drawn.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    condition: Expression | None
+    successor: Successor
+    weight: Expression | None
+    place: Place
+
+
+@dataclass(frozen=True)
+class Panel:
+    """What a terminal name stands for: a layout, `boards`, `glazing`, `beam` or `none`."""
+
+    name: str
+    kind: str
+    arguments: tuple[str, ...]
+    place: Place
+
+
+@dataclass(frozen=True)
+class Entry:
+    """`key: values` of a material or layout; each value is an expression or a bare name."""
+
+    values: 'tuple[Expression | str, ...]'
+    place: Place
+
+
+@dataclass(frozen=True)
+class Building:
+    """
+    The building; `None` stands for what the text leaves out.
+
+    :ivar parameters: names with their defaults, in order.
+    """
+
+    name: str
+    parameters: tuple[tuple[str, Expression], ...]
+    footprint: tuple[tuple[Expression, Expression], ...]
+    corners: tuple[Place, ...]
+    facades: tuple[Call, ...]
+    storey_height: Expression
+    storeys: Expression | None
+    floors: Call | None
+    roof: Call | None
+    partitions: Call | None
+    place: Place
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A whole grammar text."""
+
+    building: Building
+    rules: dict[str, list[Rule]] = field(default_factory=dict)
+    panels: dict[str, Panel] = field(default_factory=dict)
+    materials: dict[str, dict[str, Entry]] = field(default_factory=dict)
+    layouts: dict[str, dict[str, Entry]] = field(default_factory=dict)
+    places: dict[str, Place] = field(default_factory=dict)

@@ -1,0 +1,159 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables: the materials and layouts that a grammar declares, checked and turned into numbers."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from procphys_ros.errors import nearest_names
+from procphys_ros.language import Place
+from procphys_ros.wallgrammar.bonds import BONDS, Layout
+from procphys_ros.wallgrammar.boxes import micro
+from procphys_ros.wallgrammar.materials import DEFAULTS, Material, NUMBERS
+from procphys_ros.wallgrammar.spec import Entry, Panel, Spec
+
+_LAYOUT_KEYS = ('bond', 'unit', 'joint', 'offset', 'pieces', 'material')
+_REQUIRED = ('density', 'tension', 'cohesion', 'compression')
+_SMALLEST = 0.01  # [m] smallest extent of a unit
+
+
+def read_materials(spec: Spec) -> dict[str, Material]:
+    """
+    Give every material by name: those known without saying, then those of the grammar.
+
+    :param spec: the parsed grammar.
+    :raises GrammarError: for unknown or missing keys and values that no material has.
+    """
+    materials = dict(DEFAULTS)
+    for name, entries in spec.materials.items():
+        place = spec.places[f'material {name}']
+        _known_keys(entries, (*NUMBERS, 'texture'), f'material "{name}"')
+        base = materials.get(name)
+        if base is None:
+            missing = [key for key in _REQUIRED if key not in entries]
+            if missing:
+                raise place.error(f'the material "{name}" needs {", ".join(missing)}')
+            base = replace(DEFAULTS['brick'], texture='')
+        values = {key: _number(entries[key]) for key in NUMBERS if key in entries}
+        for key, value in values.items():
+            if value < 0.0 or (value == 0.0 and key != 'friction'):
+                raise entries[key].place.error(f'the {key} of "{name}" must be greater than 0, '
+                                               f'found {value:g}')
+        texture = _name(entries['texture']) if 'texture' in entries else base.texture
+        materials[name] = replace(base, **values, texture=texture)
+    return materials
+
+
+def read_layouts(spec: Spec, materials: dict[str, Material]) -> dict[str, Layout]:
+    """
+    Give every layout by name.
+
+    :param spec: the parsed grammar.
+    :param materials: that layouts may name.
+    :raises GrammarError: for unknown or missing keys, bonds, materials, and impossible units.
+    """
+    names = list(materials)
+    layouts = {}
+    for name, entries in spec.layouts.items():
+        place = spec.places[f'layout {name}']
+        _known_keys(entries, _LAYOUT_KEYS, f'layout "{name}"')
+        for key in ('unit', 'material'):
+            if key not in entries:
+                raise place.error(f'the layout "{name}" needs "{key}:"')
+        bond = _name(entries['bond']) if 'bond' in entries else name
+        if bond not in BONDS:
+            where = entries['bond'].place if 'bond' in entries else place
+            raise where.error(f'unknown bond "{bond}"{nearest_names(bond, BONDS)} '
+                              f'(bonds: {", ".join(BONDS)}); say "bond:" when the layout has '
+                              f'another name')
+        material = _name(entries['material'])
+        check_material(material, materials, entries['material'].place)
+        unit = [_value(v, entries['unit'].place) for v in entries['unit'].values]
+        if len(unit) != 3 or min(unit) < _SMALLEST:
+            raise entries['unit'].place.error(f'a unit is its length, width and height, each at '
+                                              f'least {_SMALLEST:g} m; found {unit}')
+        joint = _number(entries['joint']) if 'joint' in entries else 0.01
+        if not 0.0 <= joint < min(unit):
+            raise entries['joint'].place.error(f'a joint is from 0 to less than the unit, found '
+                                               f'{joint:g} m')
+        offset = _number(entries['offset']) if 'offset' in entries else 0.5
+        pieces = _number(entries['pieces']) if 'pieces' in entries else 1.0
+        if pieces < 1 or pieces != int(pieces) or pieces > 100:
+            raise entries['pieces'].place.error(f'pieces is a whole number from 1 to 100, found '
+                                                f'{pieces:g}')
+        layout = Layout(bond, tuple(micro(v) for v in unit), micro(joint), offset, int(pieces),
+                        names.index(material))
+        if layout.crossed and abs(layout.unit[0] - 2 * layout.unit[1] - layout.joint) > 1000:
+            raise entries['unit'].place.error(
+                f'{bond} bond needs a unit as long as two widths and a joint, '
+                f'{2 * unit[1] + joint:g} m, found {unit[0]:g} m')
+        layouts[name] = layout
+    return layouts
+
+
+def check_panel(panel: Panel, layouts: dict[str, Layout],
+                materials: dict[str, Material]) -> None:
+    """
+    Refuse a panel that names what does not exist.
+
+    :param panel: as parsed.
+    :param layouts, materials: that exist.
+    """
+    for material in panel.arguments:
+        check_material(material, materials, panel.place)
+    if panel.kind not in ('boards', 'glazing', 'beam', 'none', *layouts):
+        raise panel.place.error(
+            f'unknown layout "{panel.kind}" of panel "{panel.name}"'
+            f'{nearest_names(panel.kind, layouts)} (layouts: {", ".join(layouts) or "none"}; or '
+            f'boards(material), glazing(frame, glass), beam(material), none)')
+
+
+def check_material(name: str, materials: dict[str, Material], place: Place) -> None:
+    """
+    Refuse the name of a material that does not exist.
+
+    :param name: as written.
+    :param materials: that exist.
+    :param place: where it is written.
+    """
+    if name not in materials:
+        raise place.error(f'unknown material "{name}"{nearest_names(name, materials)} '
+                          f'(materials: {", ".join(materials)})')
+
+
+def _known_keys(entries: dict[str, Entry], known: tuple[str, ...], what: str) -> None:
+    for key, entry in entries.items():
+        if key not in known:
+            raise entry.place.error(f'unknown key "{key}" in {what}{nearest_names(key, known)} '
+                                    f'(keys: {", ".join(known)})')
+
+
+def _value(value: object, place: Place) -> float:
+    if isinstance(value, str):
+        raise place.error(f'expected a number, found "{value}"')
+    return value.number({}, np.random.default_rng(0))
+
+
+def _number(entry: Entry) -> float:
+    if len(entry.values) != 1:
+        raise entry.place.error(f'expected one number, found {len(entry.values)} values')
+    return _value(entry.values[0], entry.place)
+
+
+def _name(entry: Entry) -> str:
+    if len(entry.values) != 1 or not isinstance(entry.values[0], str):
+        raise entry.place.error('expected one name')
+    return entry.values[0]

@@ -1,0 +1,139 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tiling: runs of wall, course by course, are cut into units by the perpends of their bond."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from procphys_ros.wallgrammar.bonds import Course, Layout
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, split_along, stack
+from procphys_ros.wallgrammar.contacts import spread
+
+_SLIVER = 0.2     # of a unit's pitch: a shorter end piece is merged with the unit beside it
+_LEAST = 15_000   # [µm] a run that leaves less than this between its joints stays empty
+
+
+@dataclass(frozen=True)
+class Runs:
+    """
+    Unbroken stretches of one panel type in one course, in the frame of the facade.
+
+    :ivar course: number of the course from the ground, (n,).
+    :ivar left, right: ends along the wall [µm], (n,).
+    :ivar bottom, top: of the run, which may be less than its course [µm], (n,).
+    :ivar left_joint, right_joint: joint inside the ends [µm], (n,).
+    :ivar depth: outer face, measured inwards from the facade plane [µm], (n,).
+    """
+
+    course: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    bottom: np.ndarray
+    top: np.ndarray
+    left_joint: np.ndarray
+    right_joint: np.ndarray
+    depth: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.course)
+
+    def take(self, rows: np.ndarray) -> 'Runs':
+        """Select rows, (K,) indices or a mask."""
+        return Runs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+
+def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int) -> Boxes:
+    """
+    Tile runs; x along the wall, y from the outer face inwards, z up.
+
+    :param runs: stretches to fill.
+    :param layout: how.
+    :param kind: index of the kind name of the units.
+    :param joint: `Joint` of the units.
+    :param first_member: number that members may be counted from, when units have pieces.
+    """
+    room = runs.right - runs.left - runs.left_joint - runs.right_joint
+    height = runs.top - runs.bottom - layout.joint
+    runs = runs.take((room >= _LEAST) & (height >= min(_LEAST, layout.unit[2])))
+    courses = layout.courses()
+    cells = [_cut(runs.take(runs.course % len(courses) == k), course, layout)
+             for k, course in enumerate(courses)]
+    columns = _join_courses([np.concatenate(column) for column in zip(*cells)])
+    boxes = _units(*columns, layout, kind, joint)
+    order = np.lexsort((boxes.low[:, 1], boxes.low[:, 0], boxes.low[:, 2]))
+    boxes = boxes.take(order)
+    if layout.pieces > 1:
+        return split_along(boxes, -(-layout.unit[0] // layout.pieces), first_member)
+    return boxes
+
+
+def _cut(runs: Runs, course: Course, layout: Layout) -> tuple[np.ndarray, ...]:
+    """Cut runs of like courses at the perpends, none of them nearer to an end than a sliver."""
+    sliver = min(int(_SLIVER * layout.pitch), int(course.widths.min()) // 2)
+    first = course.first_beyond(runs.left + sliver)
+    cuts = np.maximum(course.first_beyond(runs.right - sliver) - first, 0)
+    run, step = spread(cuts + 1)
+    number = first[run] + step
+    at_left, at_right = step == 0, step == cuts[run]
+    half = layout.joint // 2
+    left = np.where(at_left, runs.left[run], course.perpend(number - 1))
+    right = np.where(at_right, runs.right[run], course.perpend(number))
+    header = course.header[(number - 1) % len(course.header)]
+    left_joint = np.where(at_left, runs.left_joint[run], half)
+    right_joint = np.where(at_right, runs.right_joint[run], layout.joint - half)
+    return (left, right, left_joint, right_joint, header, runs.bottom[run], runs.top[run],
+            runs.depth[run], runs.course[run])
+
+
+def _join_courses(columns: list[np.ndarray]) -> list[np.ndarray]:
+    """Merge cells of one course that were cut level only because something ends beside them."""
+    left, right, left_joint, right_joint, header, bottom, top, depth, course = columns
+    keys = (bottom, right_joint, left_joint, depth, right, left, course)
+    order = np.lexsort(keys)
+    sorted_keys = [key[order] for key in keys[1:]]
+    same = np.ones(max(len(order) - 1, 0), bool)
+    for key in sorted_keys:
+        same &= key[1:] == key[:-1]
+    same &= top[order][:-1] == bottom[order][1:]
+    starts = np.flatnonzero(np.concatenate([[True], ~same])) if len(order) else order
+    ends = np.append(starts[1:], len(order)) - 1 if len(order) else order
+    keep, last = order[starts], order[ends]
+    return [left[keep], right[keep], left_joint[keep], right_joint[keep], header[keep],
+            bottom[keep], top[last], depth[keep]]
+
+
+def _units(left: np.ndarray, right: np.ndarray, left_joint: np.ndarray, right_joint: np.ndarray,
+           header: np.ndarray, bottom: np.ndarray, top: np.ndarray, depth: np.ndarray,
+           layout: Layout, kind: int, joint: int) -> Boxes:
+    """Give cells their depth: one unit through the wall, or two leaves of stretchers."""
+    def leaf(rows: np.ndarray, near: int, far: int, near_joint: int, far_joint: int,
+             axis: int) -> Boxes:
+        low = np.column_stack([left, depth + near, bottom])[rows]
+        high = np.column_stack([right, depth + far, top])[rows]
+        bed = np.full(len(left), layout.joint)
+        zero = np.zeros(len(left), np.int64)
+        before = np.column_stack([left_joint, zero + near_joint, bed])[rows]
+        after = np.column_stack([right_joint, zero + far_joint, zero])[rows]
+        return from_cells(low, high, before, after, axis=axis, kind=kind, joint=joint,
+                          material=layout.material)
+
+    if not layout.crossed:
+        return leaf(np.full(len(left), True), 0, layout.thickness, 0, 0, 0)
+    half = layout.joint // 2
+    return stack([
+        leaf(~header, 0, layout.leaf, 0, half, 0),
+        leaf(~header, layout.leaf, layout.thickness, layout.joint - half, 0, 0),
+        leaf(header, 0, layout.thickness, 0, 0, 1)])

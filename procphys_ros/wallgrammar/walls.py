@@ -1,0 +1,184 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Walls: a derived facade becomes masonry with openings, cut where something else needs room."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.wallgrammar.bonds import Layout
+from procphys_ros.wallgrammar.boxes import Joint
+from procphys_ros.wallgrammar.derivation import Piece, Scope
+from procphys_ros.wallgrammar.footprint import Facade
+from procphys_ros.wallgrammar.openings import beam, door, glazing, Wall
+from procphys_ros.wallgrammar.regions import courses, EMPTY, paint, Regions, snap_level
+from procphys_ros.wallgrammar.site import Site
+from procphys_ros.wallgrammar.spec import Panel
+from procphys_ros.wallgrammar.tiling import lay
+
+_BEARING = 150_000        # [µm] of a lintel at each side; UK practice (NHBC 6.1.8)
+_LEAST_BEARING = 100_000  # [µm] BS 5977-1
+_DEEPEST = 0.5            # of the thickness: how far a panel may stand in or out
+_MASONRY = 0              # classes from 0 up are masonry, below it are beams, openings, nothing
+_OPENING = -2
+_BEAM = -3
+
+
+@dataclass(frozen=True)
+class Elevation:
+    """
+    A derived facade with everything that its masonry must leave room for.
+
+    :ivar facade: where it stands.
+    :ivar pieces: panels with level edges on the courses.
+    :ivar pockets: left, bottom, right, top of holes in the masonry [µm], (n, 4).
+    """
+
+    facade: Facade
+    pieces: Sequence[Piece]
+    pockets: np.ndarray
+
+
+def gauge_pieces(pieces: Sequence[Piece], gauge: int) -> list[Piece]:
+    """Move level edges of panels onto near course lines; panels that vanish are dropped."""
+    moved = [p._replace(scope=p.scope._replace(bottom=int(snap_level(p.scope.bottom, gauge)),
+                                               top=int(snap_level(p.scope.top, gauge))))
+             for p in pieces]
+    return [p for p in moved if p.scope.top > p.scope.bottom]
+
+
+def build(site: Site, elevation: Elevation, panels: dict[str, Panel],
+          layouts: dict[str, Layout], wall_layout: Layout) -> None:
+    """
+    Build one facade.
+
+    :param site: takes the parts.
+    :param elevation: what to build.
+    :param panels: what the names of panels stand for.
+    :param layouts: by name.
+    :param wall_layout: the layout that sets thickness and courses of the walls.
+    """
+    facade = elevation.facade
+    classes = _classes(elevation.pieces, panels, layouts)
+    owners = np.array([_owner(p, panels, classes) for p in elevation.pieces], int)
+    scopes = np.array([p.scope[:4] for p in elevation.pieces], int).reshape(-1, 4)
+    _check(elevation, panels, owners, wall_layout)
+    regions = _paint(site, scopes, owners)
+    bearings = {i: _bear(elevation.pieces[i], regions, facade, wall_layout)
+                for i in np.flatnonzero(owners == _BEAM)}
+    lintels = np.array([s[:4] for s, _ in bearings.values()], int).reshape(-1, 4)
+    holes = np.concatenate([lintels, elevation.pockets.reshape(-1, 4)])
+    covered = _paint(site, np.concatenate([scopes, holes]), np.concatenate(
+        [owners, np.full(len(lintels), _BEAM), np.full(len(elevation.pockets), EMPTY)]))
+    for (name, depth), owner in classes.items():
+        layout = layouts[panels[name].kind]
+        runs = courses(covered, owner, depth, layout, facade)
+        site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
+        kind = site.kind('brick' if layout.pieces == 1 else 'board')
+        joint = Joint.MORTAR if layout.pieces == 1 else Joint.FIXING
+        site.add(facade.place(lay(runs, layout, kind, joint, site.next_member)))
+    wall = Wall(site, facade, wall_layout.thickness, wall_layout.joint)
+    for i, piece in enumerate(elevation.pieces):
+        panel = panels[piece.panel]
+        if panel.kind == 'glazing':
+            glazing(wall, piece, *panel.arguments)
+        elif panel.kind == 'boards':
+            door(wall, piece, *panel.arguments)
+        elif panel.kind == 'beam':
+            scope, kind = bearings[i]
+            beam(wall, piece._replace(scope=scope), *panel.arguments, kind)
+
+
+def _classes(pieces: Sequence[Piece], panels: dict[str, Panel],
+             layouts: dict[str, Layout]) -> dict[tuple[str, int], int]:
+    """Number the panel types that are tiled; a type that stands further out is another one."""
+    classes: dict[tuple[str, int], int] = {}
+    for piece in pieces:
+        if panels[piece.panel].kind in layouts:
+            classes.setdefault((piece.panel, piece.scope.depth), len(classes))
+    return classes
+
+
+def _owner(piece: Piece, panels: dict[str, Panel], classes: dict[tuple[str, int], int]) -> int:
+    kind = panels[piece.panel].kind
+    if kind == 'none':
+        return EMPTY
+    if kind == 'beam':
+        return _BEAM
+    return classes.get((piece.panel, piece.scope.depth), _OPENING)
+
+
+def _check(elevation: Elevation, panels: dict[str, Panel], owners: np.ndarray,
+           layout: Layout) -> None:
+    """Refuse what no mason could build: windows in corners, panels that stand off the wall."""
+    facade = elevation.facade
+    low = max(-facade.start.yielded, 0)
+    high = facade.length - max(-facade.end.yielded, 0)
+    for piece, owner in zip(elevation.pieces, owners):
+        scope = piece.scope
+        at_corner = scope.left < low or scope.right > high
+        if at_corner and owner in (_OPENING, _BEAM):
+            raise piece.place.error(
+                f'the panel "{piece.panel}" reaches into the corner, where the neighbouring wall '
+                f'stands; leave at least {layout.thickness / 1e6:g} m of wall')
+        if abs(scope.depth) > _DEEPEST * layout.thickness:
+            raise piece.place.error(
+                f'the panel "{piece.panel}" is extruded by {-scope.depth / 1e6:g} m; at most half '
+                f'the wall, {_DEEPEST * layout.thickness / 1e6:g} m, keeps it bonded')
+        if scope.depth > 0 and at_corner and owner >= _MASONRY:
+            raise piece.place.error(f'the panel "{piece.panel}" is set back into the corner, '
+                                    f'where the neighbouring wall stands')
+
+
+def _paint(site: Site, rectangles: np.ndarray, owners: np.ndarray) -> Regions:
+    regions = paint(rectangles, owners)
+    if regions is None:
+        raise site.place.error('a facade is divided too finely; use fewer panels')
+    return regions
+
+
+def _bear(piece: Piece, regions: Regions, facade: Facade, layout: Layout) -> tuple[Scope, str]:
+    """
+    Lengthen a beam into the wall at both sides.
+
+    :returns: the beam with its bearings, and whether it is a 'lintel' or only a 'beam'.
+    """
+    scope = piece.scope
+    bottom, top = np.searchsorted(regions.z, [scope.bottom, scope.top])
+    left, right = np.searchsorted(regions.x, [scope.left, scope.right])
+    rows = regions.owner[bottom:top]
+    below = regions.owner[bottom - 1, left:right] if bottom else np.zeros(1, int)
+    spans = bool((below < _MASONRY).any())
+    solid = (rows >= _MASONRY).all(axis=0)
+    first = left
+    while first > 0 and solid[first - 1]:
+        first -= 1
+    last = right
+    while last < len(solid) and solid[last]:
+        last += 1
+    shared = (first > 0 and bool((rows[:, first - 1] == _BEAM).any()),
+              last < len(solid) and bool((rows[:, last] == _BEAM).any()))
+    room = (scope.left - max(int(regions.x[first]), max(-facade.start.yielded, 0)),
+            min(int(regions.x[last]), facade.length + min(facade.end.yielded, 0)) - scope.right)
+    grown = [max(min(_BEARING, r // 2 if s else r), 0) for r, s in zip(room, shared)]
+    ends = (below[0], below[-1])
+    for length, under, side in zip(grown, ends, ('left', 'right')):
+        if spans and under < _MASONRY and length < _LEAST_BEARING:
+            raise piece.place.error(
+                f'the beam "{piece.panel}" bears only {length / 1e6:g} m on the wall at its {side} '
+                f'side, at least {_LEAST_BEARING / 1e6:g} m are needed: leave a wider pier')
+    return (scope._replace(left=scope.left - grown[0], right=scope.right + grown[1]),
+            'lintel' if spans else 'beam')
