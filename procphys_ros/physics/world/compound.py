@@ -18,6 +18,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.physics.world.pieces import Pieces
 
 # One line per shape: PyBullet reads files line by line into 1024 characters.
 _HEAD = ('<robot name="f">\n<link name="b">\n'
@@ -31,21 +32,18 @@ _TAIL = '\n</link>\n</robot>\n'
 _SHORTEST = 1e-4  # [m], cylinder between the round ends of a capsule that is nearly a sphere
 
 
-def describe(mass: float, inertia: np.ndarray, shapes: np.ndarray, sizes: np.ndarray,
-             local_poses: np.ndarray) -> str:
+def describe(mass: float, inertia: np.ndarray, pieces: Pieces) -> str:
     """
     Write a rigid body in its principal frame as URDF.
 
     :param mass: [kg].
     :param inertia: principal moments [kg·m²], (3,).
-    :param shapes: `Shape` of each piece, (P,).
-    :param sizes: as in `Blueprint.size` [m], (P, 3).
-    :param local_poses: of the pieces in the principal frame, (P, 7).
+    :param pieces: in the principal frame.
     """
-    turns = roll_pitch_yaw(local_poses[:, 3:])
-    rows = np.column_stack([local_poses[:, :3], turns]).tolist()
+    turns = roll_pitch_yaw(pieces.local_poses[:, 3:])
+    rows = np.column_stack([pieces.local_poses[:, :3], turns]).tolist()
     lines = []
-    for shape, size, row in zip(shapes, sizes.tolist(), rows):
+    for shape, size, row in zip(pieces.shapes, pieces.sizes.tolist(), rows):
         if shape == Shape.BOX:
             lines.append(_BOX % (*row, *size))
         else:

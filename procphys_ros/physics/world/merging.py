@@ -20,20 +20,22 @@ import numpy as np
 from procphys_ros import rotation
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
+_FLUSH = 2e-3  # [m], faces less apart are one
 _ALIGNED = 1e-3  # largest deviation of a rotation matrix from a quarter turn
 
 
-def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = 2e-3
+def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = _FLUSH
                 ) -> tuple[np.ndarray, np.ndarray]:
     """
-    Join boxes that lie end to end into larger ones: along x, then z, then y of the first box.
+    Join boxes that lie end to end into larger ones: courses along x and y of the first box, where
+    their faces are flush, then courses on top of each other, where their ends are about flush.
 
     Boxes that are turned against the first by other than quarter turns are kept as they are.
 
     :param poses: (P, 7).
     :param sizes: full extents [m], (P, 3).
-    :param tolerance: how far faces that should be flush may be apart [m]; half a brick's length
-        also joins the toothed courses of a bond into one box.
+    :param tolerance: how far the ends of courses that are stacked may be apart [m]; half a
+        brick's length joins the toothed courses of a bond, then mean ends are taken.
     :returns: poses (K, 7) and sizes (K, 3), K ≤ P.
     """
     frame = poses[0].copy()
@@ -42,8 +44,8 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = 2e-3
     extent = np.einsum('pij,pj->pi', np.abs(np.round(turns[aligned])), sizes[aligned])
     centre = rotation.relative(frame, poses[aligned])[:, :3]
     bounds = np.stack([centre - 0.5 * extent, centre + 0.5 * extent], axis=1)
-    for axis in (0, 2, 1):
-        bounds = _merge_along(bounds, axis, tolerance)
+    for axis, slack in ((0, _FLUSH), (1, _FLUSH), (2, tolerance)):
+        bounds = _merge_along(bounds, axis, slack)
     local = np.concatenate([bounds.mean(axis=1),
                             np.tile(rotation.IDENTITY, (len(bounds), 1))], axis=1)
     return (np.concatenate([rotation.compose(frame, local), poses[~aligned]]),

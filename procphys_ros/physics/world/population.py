@@ -24,6 +24,7 @@ from procphys_ros.physics.world import compound, settling
 from procphys_ros.physics.world.bodies import Bodies, State
 from procphys_ros.physics.world.engine import Engine
 from procphys_ros.physics.world.merging import merge_boxes
+from procphys_ros.physics.world.pieces import Pieces, single
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
 FRICTION = 0.7  # dry brick on brick, broken mortar; also wood on earth
@@ -62,6 +63,7 @@ class Population:
         self._gravity = np.array(gravity, float)
         self._engine = Engine(self._gravity)
         self._bodies = Bodies()
+        self._pieces: dict[int, Pieces] = {}
         self._supports = settling.Supports()
         self._ground = self._engine.add_ground()
         self._bodies.enter(np.array([self._ground]), State.GROUND, np.inf, np.full(3, np.inf),
@@ -122,7 +124,7 @@ class Population:
         body = self._engine.add_same(outline, pose[None, :3], pose[3:])[0]
         if inertia is None:
             inertia = solid_inertia(shape, size, mass)
-        self._enter_loose(body, mass, inertia, _radius(np.array([shape]), size[None])[0], pose)
+        self._enter_loose(body, mass, inertia, single(shape, size), pose)
         self._engine.set_surface(body, friction, restitution, _SWEEP * float(size.min()))
         self._start(body, velocity)
         return body
@@ -145,18 +147,10 @@ class Population:
         :param restitution: against a body of the same kind.
         :param tolerance: how far faces may be apart that become one in `merge_boxes` [m].
         """
-        shapes, sizes = np.asarray(shapes), np.asarray(sizes, float)
-        radius = float((np.linalg.norm(local_poses[:, :3], axis=1)
-                        + _radius(shapes, sizes)).max())
-        box = shapes == Shape.BOX
-        if np.count_nonzero(box) > 1:
-            merged_poses, merged_sizes = merge_boxes(local_poses[box], sizes[box], tolerance)
-            local_poses = np.concatenate([merged_poses, local_poses[~box]])
-            shapes = np.concatenate([np.full(len(merged_poses), Shape.BOX), shapes[~box]])
-            sizes = np.concatenate([merged_sizes, sizes[~box]])
-        text = compound.describe(mass, inertia, shapes, sizes, local_poses)
-        body = self._engine.add_compound(text, pose)
-        self._enter_loose(body, mass, inertia, radius, pose)
+        pieces = _merged(Pieces(np.asarray(shapes), np.asarray(sizes, float),
+                                np.asarray(local_poses, float)), tolerance)
+        body = self._engine.add_compound(compound.describe(mass, inertia, pieces), pose)
+        self._enter_loose(body, mass, inertia, pieces, pose)
         self._engine.set_surface(body, friction, restitution)
         self._start(body, velocity)
         return body
@@ -182,8 +176,9 @@ class Population:
                                               poses[same, :3], poses[same[0], 3:])
         self._bodies.enter(ids, State.LOOSE, mass, box_inertia(np.asarray(mass), sizes),
                            0.5 * np.linalg.norm(sizes, axis=1), poses)
-        for body, least in zip(ids.tolist(), sizes.min(axis=1).tolist()):
-            self._engine.set_surface(body, friction, restitution, _SWEEP * least)
+        for body, size in zip(ids.tolist(), sizes):
+            self._pieces[body] = single(Shape.BOX, size)
+            self._engine.set_surface(body, friction, restitution, _SWEEP * float(min(size)))
         self._hold(ids, State.HELD)
         return ids
 
@@ -204,6 +199,7 @@ class Population:
         self._supports.drop(self._bodies.state)
         for body in ids.tolist():
             self._engine.remove(body)
+            self._pieces.pop(body, None)
         self.thaw(carried[self._bodies.state[carried] == State.RESTING])
 
     def thaw(self, ids: np.ndarray, velocities: np.ndarray | None = None) -> None:
@@ -274,9 +270,10 @@ class Population:
             self._engine.set_filter(body, *_FILTERS[state])
         bodies.bounds[ids] = self._engine.bounds(ids.tolist())
 
-    def _enter_loose(self, body: int, mass: float, inertia: np.ndarray, radius: float,
+    def _enter_loose(self, body: int, mass: float, inertia: np.ndarray, pieces: Pieces,
                      pose: np.ndarray) -> None:
-        self._bodies.enter(np.array([body]), State.LOOSE, mass, inertia, radius, pose)
+        self._pieces[body] = pieces
+        self._bodies.enter(np.array([body]), State.LOOSE, mass, inertia, pieces.radius(), pose)
         self._engine.set_mass(body, float(mass), np.asarray(inertia, float))
         self._engine.set_filter(body, *_FILTERS[State.LOOSE])
 
@@ -299,7 +296,12 @@ def solid_inertia(shape: int, size: np.ndarray, mass: float) -> np.ndarray:
     return cylinder_inertia(np.array([mass]), np.array([size[0]]), np.array([size[2]]))[0]
 
 
-def _radius(shapes: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Give the radii of the bounding spheres [m], (P,)."""
-    return np.where(shapes == Shape.BOX, 0.5 * np.linalg.norm(sizes, axis=1),
-                    0.5 * sizes[:, [0, 2]].max(axis=1))
+def _merged(pieces: Pieces, tolerance: float) -> Pieces:
+    """Join boxes where they lie end to end; capsules stay as they are."""
+    box = pieces.shapes == Shape.BOX
+    if np.count_nonzero(box) < 2:
+        return pieces
+    poses, sizes = merge_boxes(pieces.local_poses[box], pieces.sizes[box], tolerance)
+    return Pieces(np.concatenate([np.full(len(poses), Shape.BOX), pieces.shapes[~box]]),
+                  np.concatenate([sizes, pieces.sizes[~box]]),
+                  np.concatenate([poses, pieces.local_poses[~box]]))

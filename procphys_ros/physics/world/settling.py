@@ -22,15 +22,15 @@ from procphys_ros.physics.world.bodies import Bodies, State
 from procphys_ros.physics.world.contacts import Contacts
 
 REST_SPEED = 0.15  # [m/s], slower than this at the centre of mass counts as quiet
-REST_SPIN = 0.6  # [rad/s], for bodies up to REST_RADIUS; the rim speed limits larger ones
-REST_RADIUS = 0.15  # [m], about half a brick's diagonal
+REST_SPIN = 0.6  # [rad/s]
+REST_RIM = 0.3  # [m/s], and spin times radius: large bodies must turn more slowly
 REST_TIME = 0.5  # [s], how long a body is quiet before it comes to rest
 CHECK_INTERVAL = 0.1  # [s] between looks at the quiet bodies; reading contacts is dear
 STUCK_TIME = 3.0  # [s], a body that is quiet for so long is held by more than the check sees
 WAKE_SPEED = 0.3  # [m/s], speed change by a hit that sets a resting body free
 SUPPORT_SHIFT = 0.01  # [m], move of a support that sets free what rests on it
 _TOUCH = 2e-3  # [m], gap below which a contact counts as touching
-_STANCE = 0.01  # [m], how far the centre of mass may lie outside what carries it
+_STANCE = 0.003  # [m], how far the centre of mass may lie outside what carries it
 _BESIDE = -0.5  # least upward part of the normal of a contact that can hold a body up
 _BELOW = 0.1  # least upward part of the normal of a contact that carries a body
 
@@ -93,8 +93,8 @@ def count_quiet(bodies: Bodies, awake: np.ndarray, time_step: float) -> None:
     velocity = bodies.velocities[awake]
     speed = np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
     spin = np.sqrt((velocity[:, 3:] ** 2).sum(axis=1))
-    reach = np.maximum(bodies.radius[awake] / REST_RADIUS, 1.0)
-    slow = (speed < REST_SPEED) & (spin * reach < REST_SPIN)
+    slow = ((speed < REST_SPEED) & (spin < REST_SPIN)
+            & (spin * bodies.radius[awake] < REST_RIM))
     bodies.quiet[awake] = np.where(slow, bodies.quiet[awake] + time_step, 0.0)
 
 
@@ -117,7 +117,7 @@ def at_rest(bodies: Bodies, quiet: np.ndarray, contacts: Contacts) -> np.ndarray
     row = np.flatnonzero(keep)[order]
     start = np.searchsorted(candidate[row], np.arange(len(quiet) + 1))
     stands = _stands(start, contacts.point[row], contacts.normal[row],
-                     bodies.poses[quiet, :2], _STANCE + 0.02 * bodies.radius[quiet])
+                     bodies.poses[quiet, :2])
     return quiet[stands | ((bodies.quiet[quiet] > STUCK_TIME) & (np.diff(start) > 0))]
 
 
@@ -126,11 +126,11 @@ def _touching(contacts: Contacts) -> np.ndarray:
 
 
 @njit(cache=True)
-def _stands(start, points, normals, centre, reach):
+def _stands(start, points, normals, centre):
     """
     Tell for each body whether no half plane through its centre is free of contacts.
 
-    Each contact is widened to a square of the given reach, so that bodies balanced on a line or
+    Each contact is widened to a small square, so that bodies balanced on a line or
     on a point as exactly as rounding allows count as standing.
     """
     result = np.zeros(len(centre), np.bool_)
@@ -142,8 +142,8 @@ def _stands(start, points, normals, centre, reach):
             j = start[k] + i
             carried |= normals[j, 2] > _BELOW
             for corner in range(4):
-                dx = points[j, 0] - centre[k, 0] + reach[k] * (2 * (corner & 1) - 1)
-                dy = points[j, 1] - centre[k, 1] + reach[k] * (2 * (corner >> 1) - 1)
+                dx = points[j, 0] - centre[k, 0] + _STANCE * (2 * (corner & 1) - 1)
+                dy = points[j, 1] - centre[k, 1] + _STANCE * (2 * (corner >> 1) - 1)
                 angles[4 * i + corner] = np.arctan2(dy, dx)
         if carried:
             angles.sort()

@@ -93,7 +93,8 @@ class World(Population):
         if not deep.any():
             return
         chosen = awake[deep]
-        depth = -self._engine.bounds(chosen.tolist())[:, 2]
+        depth = np.array([-self._pieces[body].lowest(bodies.poses[body])
+                          for body in chosen.tolist()])
         chosen, depth = chosen[depth > _DEPTH], depth[depth > _DEPTH]
         if not len(chosen):
             return

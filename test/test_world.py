@@ -1,0 +1,235 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The world of loose bodies against closed forms and numpy."""
+
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.physics.world import expand, rigid_sum, solid_inertia, State, World
+from procphys_ros.physics.world.engine import LINEAR_DAMPING
+
+DT = 1.0 / 60.0
+G = 9.81
+BRICK = np.array([0.215, 0.1025, 0.065])
+BRICK_MASS = 2.7
+
+
+def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
+    """Give a pose."""
+    return np.array([x, y, z, *attitude])
+
+
+def random_parts(rng, count):
+    """Give masses, inertias, poses and sizes of scattered boxes."""
+    sizes = rng.uniform(0.05, 0.3, (count, 3))
+    mass = rng.uniform(0.5, 4.0, count)
+    quaternions = rng.normal(size=(count, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    poses = np.column_stack([rng.uniform(-1, 1, (count, 3)) + [0, 0, 20.0], quaternions])
+    return mass, box_inertia(mass, sizes), poses, sizes
+
+
+def momentum(mass, inertia, poses, velocities):
+    """Give linear and angular momentum about the origin, summed over parts."""
+    axes = rotation.to_matrix(poses[:, 3:])
+    spin = np.einsum('pij,pj,pkj,pk->pi', axes, inertia, axes, velocities[:, 3:])
+    linear = mass[:, None] * velocities[:, :3]
+    return linear.sum(axis=0), (np.cross(poses[:, :3], linear) + spin).sum(axis=0)
+
+
+def add_sum(world, total, shapes, sizes, **more):
+    """Add a rigid sum as a fragment."""
+    return world.add_fragment(shapes, sizes, total.local_poses, total.mass, total.inertia,
+                              total.pose, total.velocity, **more)
+
+
+def run(world, seconds):
+    """Step until the time is over."""
+    for _ in range(round(seconds / DT)):
+        world.step(DT)
+
+
+def test_free_fall_follows_the_discrete_closed_form():
+    """Compare a second of fall, damped as set, with the recursion of semi-implicit Euler."""
+    with World() as world:
+        body = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 30), [2, 0, 0, 0, 0, 1])
+        run(world, 1.0)
+        keep = (1.0 - LINEAR_DAMPING) ** DT
+        speed, height = 0.0, 30.0
+        for _ in range(60):
+            speed = speed * keep - G * DT
+            height += speed * DT
+        assert world.poses([body])[0, 2] == pytest.approx(height, abs=1e-9)
+        assert world.velocities([body])[0, 2] == pytest.approx(speed, abs=1e-9)
+        assert world.velocities([body])[0, 0] == pytest.approx(2 * keep ** 60, abs=1e-9)
+
+
+def test_projectile_flies_the_parabola():
+    """Compare a projectile, which has no numerical drag, with the parabola."""
+    with World() as world:
+        ball = world.add_projectile(Shape.CAPSULE, [0.2, 0.2, 0.2], 5.0, at(0, 0, 50),
+                                    [10, 0, 3, 0, 0, 0])
+        run(world, 2.0)
+        steps = 120
+        height = 50 + 3 * 2.0 - G * DT ** 2 * steps * (steps + 1) / 2
+        np.testing.assert_allclose(world.poses([ball])[0, :3], [20, 0, height], atol=1e-9)
+
+
+def test_rigid_sum_keeps_mass_and_both_momenta():
+    """Split a random swarm's momentum into a rigid motion and back."""
+    rng = np.random.default_rng(1)
+    mass, inertia, poses, _ = random_parts(rng, 30)
+    velocities = rng.normal(size=(30, 6))
+    total = rigid_sum(mass, inertia, poses, velocities)
+    got = momentum(np.array([total.mass]), total.inertia[None], total.pose[None],
+                   total.velocity[None])
+    want = momentum(mass, inertia, poses, velocities)
+    np.testing.assert_allclose(got[0], want[0], rtol=1e-12)
+    np.testing.assert_allclose(got[1], want[1], rtol=1e-10)
+    np.testing.assert_allclose(rotation.compose(total.pose, total.local_poses)[:, :3],
+                               poses[:, :3], atol=1e-12)
+
+
+def test_rigid_sum_of_a_cut_box_is_the_box():
+    """Cut a box into 24 and add it up again."""
+    size = np.array([0.6, 0.4, 0.3])
+    x, y, z = np.meshgrid(range(4), range(3), range(2), indexing='ij')
+    cell = size / [4, 3, 2]
+    centres = (np.column_stack([x.ravel(), y.ravel(), z.ravel()]) + 0.5) * cell - 0.5 * size
+    turn = rotation.from_axis_angle(np.array([0.6, 0.0, 0.8]), np.array(0.7))
+    poses = rotation.compose(at(1, 2, 3, turn),
+                             np.column_stack([centres, np.tile([0, 0, 0, 1.0], (24, 1))]))
+    mass = np.full(24, 0.5)
+    total = rigid_sum(mass, box_inertia(mass, np.tile(cell, (24, 1))), poses)
+    want = box_inertia(np.array([12.0]), size[None])[0]
+    np.testing.assert_allclose(np.sort(total.inertia), np.sort(want), rtol=1e-12)
+    np.testing.assert_allclose(total.pose[:3], [1, 2, 3], atol=1e-12)
+
+
+def test_split_keeps_momentum_and_energy():
+    """Give each half of a spinning fragment the velocity that it has as a part of the whole."""
+    rng = np.random.default_rng(2)
+    mass, inertia, poses, _ = random_parts(rng, 40)
+    whole = rigid_sum(mass, inertia, poses)
+    motion = rng.normal(size=(1, 6))
+    out_poses, out_velocities = np.zeros((40, 7)), np.zeros((40, 6))
+    expand(whole.pose[None], motion, np.zeros(40, np.intp), whole.local_poses,
+           np.arange(40), out_poses, out_velocities)
+    np.testing.assert_allclose(out_poses[:, :3], poses[:, :3], atol=1e-12)
+    halves = [rigid_sum(mass[rows], inertia[rows], out_poses[rows], out_velocities[rows])
+              for rows in (slice(0, 15), slice(15, 40))]
+    got = momentum(np.array([h.mass for h in halves]), np.stack([h.inertia for h in halves]),
+                   np.stack([h.pose for h in halves]), np.stack([h.velocity for h in halves]))
+    want = momentum(np.array([whole.mass]), whole.inertia[None], whole.pose[None], motion)
+    np.testing.assert_allclose(got[0], want[0], rtol=1e-12)
+    np.testing.assert_allclose(got[1], want[1], rtol=1e-10)
+    for half in halves:
+        np.testing.assert_allclose(half.velocity[3:], motion[0, 3:], rtol=1e-10)
+
+
+def test_fragment_answers_an_off_centre_impulse_like_a_rigid_body():
+    """Push 40 scattered boxes (Bullet's own compounds stop at 16) and compare with numpy."""
+    rng = np.random.default_rng(3)
+    mass, inertia, poses, sizes = random_parts(rng, 40)
+    total = rigid_sum(mass, inertia, poses)
+    push, point = np.array([30.0, -12.0, 7.0]), np.array([0.4, 0.9, 20.5])
+    with World(gravity=(0, 0, 0)) as world:
+        body = add_sum(world, total, np.full(40, Shape.BOX), sizes)
+        np.testing.assert_allclose(world.poses([body])[0], total.pose, atol=1e-12)
+        world.apply_impulse(body, push, point)
+        axes = rotation.to_matrix(total.pose[3:])
+        spin = axes @ (axes.T @ np.cross(point - total.pose[:3], push) / total.inertia)
+        want = np.concatenate([push / total.mass, spin])
+        np.testing.assert_allclose(world.velocities([body])[0], want, rtol=1e-12)
+        world.step(DT)
+        kept = world.velocities([body])[0]
+        np.testing.assert_allclose(kept[:3], want[:3] * (1 - LINEAR_DAMPING) ** DT, rtol=1e-9)
+
+
+def test_contact_uses_the_exact_inertia_of_a_fragment():
+    """Let a dumbbell land on one end: the bounce-free spin follows from its inertia alone."""
+    mass = np.array([2.0, 2.0])
+    sizes = np.tile([0.2, 0.2, 0.2], (2, 1))
+    poses = np.array([at(-1, 0, 0.1001), at(1, 0, 0.1001)])
+    total = rigid_sum(mass, box_inertia(mass, sizes), poses)
+    with World(gravity=(0, 0, 0), friction=0.0) as world:
+        pad = world.add_bricks(np.array([at(1, 0, -0.05)]), np.array([[0.2, 0.2, 0.1]]),
+                               np.array([5.0]), friction=0.0)
+        world.remove(np.array([world.ground]))
+        body = add_sum(world, total, np.full(2, Shape.BOX), sizes, friction=0.0)
+        world.set_velocities([body], np.array([[0, 0, -1.0, 0, 0, 0]]))
+        for _ in range(3):
+            world.step(DT)
+        speed, spin = world.velocities([body])[0, 2], world.velocities([body])[0, 4]
+        lever = (speed + 1.0) * total.mass  # impulse through the pad
+        inertia = np.sort(total.inertia)[-1]
+        arm = -spin * inertia / lever
+        assert lever > 1.0
+        assert 0.89 < arm < 1.11  # the pad's width, and 1 % for the damping of the spin
+        assert world.bodies.state[pad[0]] == State.HELD
+
+
+def test_solid_inertia_of_sphere_and_rod():
+    """Compare with 2/5 m r² and m l²/12 + m r²/4."""
+    np.testing.assert_allclose(solid_inertia(Shape.CAPSULE, [0.4, 0.4, 0.4], 5.0),
+                               np.full(3, 0.4 * 5 * 0.04))
+    rod = solid_inertia(Shape.CAPSULE, [0.1, 0.1, 2.0], 3.0)
+    assert rod[0] == pytest.approx(3 * 4 / 12 + 3 * 0.0025 / 4)
+
+
+def test_two_worlds_do_not_disturb_each_other():
+    """Run the same fall alone and beside a busy second world."""
+    with World() as alone:
+        body = alone.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1, (0.6, 0, 0, 0.8)))
+        run(alone, 1.0)
+        want = alone.poses([body]).copy()
+    with World() as first, World(gravity=(0, 0, 5.0)) as second:
+        one = first.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1, (0.6, 0, 0, 0.8)))
+        two = second.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1))
+        for _ in range(60):
+            first.step(DT)
+            second.step(0.5 * DT)
+        np.testing.assert_array_equal(first.poses([one]), want)
+        assert second.poses([two])[0, 2] > 1.5
+
+
+def test_same_calls_give_identical_poses():
+    """Drop 40 bricks on each other twice."""
+    def pile():
+        rng = np.random.default_rng(5)
+        with World() as world:
+            ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                                  at(*rng.uniform(-0.2, 0.2, 2), 0.2 + 0.1 * i))
+                   for i in range(40)]
+            run(world, 3.0)
+            return world.poses(ids).copy()
+    np.testing.assert_array_equal(pile(), pile())
+
+
+def test_memory_does_not_grow_with_worlds():
+    """Make and close 60 worlds; the last 40 may not take more than a megabyte."""
+    def resident():
+        with open('/proc/self/statm', encoding='ascii') as file:
+            return int(file.read().split()[1]) * 4096
+    poses = np.array([at(i, 0, 1) for i in range(50)])
+    for i in range(60):
+        with World() as world:
+            world.add_bricks(poses, np.tile(BRICK, (50, 1)), np.full(50, BRICK_MASS))
+            world.step(DT)
+        if i == 19:
+            before = resident()
+    assert resident() - before < 1_000_000

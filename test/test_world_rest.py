@@ -1,0 +1,294 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Standing still, coming to rest, and moving again when there is reason to."""
+
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.physics.world import merge_boxes, rigid_sum, State, World
+
+DT = 1.0 / 60.0
+G = 9.81
+BRICK = np.array([0.215, 0.1025, 0.065])
+BRICK_MASS = 2.7
+
+
+def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
+    """Give a pose."""
+    return np.array([x, y, z, *attitude])
+
+
+def bricks(world, *poses):
+    """Add standing bricks."""
+    return world.add_bricks(np.array(poses), np.tile(BRICK, (len(poses), 1)),
+                            np.full(len(poses), BRICK_MASS))
+
+
+def rest(world, limit=10.0):
+    """Step until nothing moves; give the time it took [s]."""
+    for step in range(round(limit / DT)):
+        world.step(DT)
+        if not len(world.awake):
+            return step * DT
+    raise AssertionError(f'{len(world.awake)} bodies still move after {limit} s')
+
+
+def stacked(world):
+    """Let one brick come to rest on another; give their ids."""
+    low = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.0335))
+    rest(world)
+    high = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.03, 0, 0.099))
+    rest(world)
+    return low, high
+
+
+def test_standing_bricks_do_not_move_at_all():
+    """Leave bricks in mid-air: held means held, to the last bit."""
+    with World() as world:
+        ids = bricks(world, at(0, 0, 5), at(0.225, 0, 5), at(0, 0, 0.0325))
+        before = world.poses(ids).copy()
+        for _ in range(120):
+            world.step(DT)
+        np.testing.assert_array_equal(world.poses(ids), before)
+        np.testing.assert_array_equal(world.velocities(ids), 0.0)
+        np.testing.assert_array_equal(world._engine.read(ids.tolist())[0], before)
+
+
+def test_bricks_of_many_sizes_and_attitudes_stand_where_they_were_put():
+    """Create bricks in batches of equal size and attitude; each keeps its own row."""
+    rng = np.random.default_rng(0)
+    sizes = BRICK * rng.choice([0.5, 1.0], (60, 1))
+    turns = rotation.from_axis_angle(np.array([0, 0, 1.0]),
+                                     rng.choice([0.0, 0.5 * np.pi], 60))
+    poses = np.column_stack([rng.uniform(0, 50, (60, 3)), turns])
+    with World() as world:
+        ids = world.add_bricks(poses, sizes, np.full(60, 2.0))
+        assert len(set(ids.tolist())) == 60
+        np.testing.assert_allclose(world._engine.read(ids.tolist())[0], poses, atol=1e-12)
+        extent = world.bodies.bounds[ids, 3:] - world.bodies.bounds[ids, :3]
+        want = np.where(np.abs(turns[:, 3:]) > 0.9, sizes, sizes[:, [1, 0, 2]])
+        np.testing.assert_allclose(extent, want, atol=2e-3)
+
+
+def test_thawed_brick_falls_with_g_and_its_own_inertia():
+    """Thaw one of two bricks with a velocity: it falls, turns and answers as a free body."""
+    with World() as world:
+        ids = bricks(world, at(0, 0, 5), at(1, 0, 5))
+        world.step(DT)
+        world.thaw(ids[:1], np.array([[1.0, 0, 0, 0, 0, 2.0]]))
+        world.step(DT)
+        velocity = world.velocities(ids[:1])[0]
+        np.testing.assert_allclose(velocity[:3], [1, 0, -G * DT], atol=2e-3)
+        assert velocity[5] == pytest.approx(2.0, abs=5e-3)
+        world.apply_impulse(int(ids[0]), [0, 0.5, 0], world.poses(ids[:1])[0, :3] + [0.1, 0, 0])
+        inertia = box_inertia(np.array([BRICK_MASS]), BRICK[None])[0]
+        assert world.velocities(ids[:1])[0, 5] - velocity[5] == pytest.approx(
+            0.05 / inertia[2], rel=1e-3)
+        assert world.poses(ids[1:])[0, 2] == 5.0
+
+
+def test_thawed_frozen_and_thawed_again():
+    """Stop a falling brick in mid-air and let it go again: it starts from rest."""
+    with World() as world:
+        ids = bricks(world, at(0, 0, 8))
+        world.thaw(ids)
+        for _ in range(20):
+            world.step(DT)
+        world.freeze(ids)
+        held = world.poses(ids).copy()
+        for _ in range(20):
+            world.step(DT)
+        np.testing.assert_array_equal(world.poses(ids), held)
+        world.thaw(ids)
+        world.step(DT)
+        assert world.velocities(ids)[0, 2] == pytest.approx(-G * DT, rel=1e-9)
+
+
+def test_debris_comes_to_rest_and_stays_exactly_still():
+    """Drop ten bricks; once at rest, not a bit of their poses changes."""
+    rng = np.random.default_rng(4)
+    with World() as world:
+        ids = np.array([world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                                       at(*rng.uniform(-0.1, 0.1, 2), 0.2 + 0.2 * i))
+                        for i in range(10)])
+        rest(world)
+        assert (world.bodies.state[ids] == State.RESTING).all()
+        still = world.poses(ids).copy()
+        for _ in range(60):
+            world.step(DT)
+        np.testing.assert_array_equal(world.poses(ids), still)
+
+
+def test_resting_body_wakes_when_it_is_hit():
+    """Throw a brick at one at rest: momentum along the flight is shared, not lost."""
+    with World(friction=0.0) as world:
+        target = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(1, 0, 0.033), friction=0.0)
+        rest(world)
+        bullet = world.add_projectile(Shape.BOX, BRICK, BRICK_MASS, at(0.3, 0, 0.034),
+                                      [6, 0, 0, 0, 0, 0], friction=0.0, restitution=0.0)
+        for _ in range(9):
+            world.step(DT)
+        speeds = world.velocities([bullet, target])[:, 0]
+        assert world.bodies.state[target] == State.LOOSE
+        assert speeds[1] > 2.5
+        assert speeds.sum() == pytest.approx(6.0, rel=0.01)
+
+
+def test_slow_touch_does_not_wake():
+    """Let a brick down softly on a resting one: the lower one stays at rest."""
+    with World() as world:
+        low, high = stacked(world)
+        assert world.bodies.state[low] == State.RESTING
+        assert world.bodies.state[high] == State.RESTING
+        assert world.poses([high])[0, 2] == pytest.approx(0.0975, abs=2e-3)
+
+
+def test_resting_body_falls_when_its_support_is_removed():
+    """Take the lower of two bricks away."""
+    with World() as world:
+        low, high = stacked(world)
+        world.remove([low])
+        assert world.bodies.state[high] == State.LOOSE
+        rest(world)
+        assert world.poses([high])[0, 2] == pytest.approx(0.0325, abs=2e-3)
+
+
+def test_resting_body_falls_when_its_support_moves_away():
+    """Free the lower of two bricks: nothing falls until it is gone from below the upper one."""
+    with World() as world:
+        low, high = stacked(world)
+        world.thaw([low])
+        world.step(DT)
+        assert world.bodies.state[high] == State.RESTING
+        world.set_poses([low], at(1, 0, 0.033)[None])
+        rest(world)
+        assert world.poses([high])[0, 2] == pytest.approx(0.0325, abs=2e-3)
+
+
+def test_a_tower_of_resting_bricks_comes_down_with_its_foot():
+    """Remove the lowest of six: the release climbs the tower."""
+    with World() as world:
+        ids = []
+        for i in range(6):
+            ids.append(world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                                      at(0.002 * i, 0, 0.0335 + 0.0655 * i)))
+            rest(world)
+        world.remove([ids[0]])
+        rest(world)
+        heights = np.sort(world.poses(ids[1:])[:, 2])
+        assert heights[0] < 0.06
+        assert heights[-1] < 0.0335 + 0.0655 * 4.6
+
+
+def test_toppling_slab_is_not_taken_for_one_at_rest():
+    """Stand a slab a hair beyond its balance: it is slow for more than a second, yet falls."""
+    tilt = np.arctan2(0.1, 3.0) + 0.002
+    turn = rotation.from_axis_angle(np.array([0, 1.0, 0]), np.array(tilt))
+    corner = rotation.rotate(turn, np.array([0.1, 0, -3.0]))
+    with World() as world:
+        slab = world.add_body(Shape.BOX, [0.2, 2.0, 6.0], 4000.0, at(0, 0, -corner[2], turn))
+        rest(world, 20.0)
+        assert world.poses([slab])[0, 2] < 0.2
+
+
+def test_nothing_ends_below_the_ground():
+    """Rain 200 bricks, and shoot 40 small balls down at 60 m/s; CCD and the lift hold them."""
+    rng = np.random.default_rng(6)
+    with World() as world:
+        ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                              at(*rng.uniform(-1, 1, 2), 0.5 + 0.02 * i)) for i in range(200)]
+        ids += [world.add_projectile(Shape.CAPSULE, np.full(3, 0.06), 0.2,
+                                     at(*rng.uniform(2, 4, 2), 5.0), [0, 0, -60, 0, 0, 0])
+                for _ in range(40)]
+        lowest = np.inf
+        for _ in range(360):
+            world.step(DT)
+            lowest = min(lowest, float(world.poses(ids)[:, 2].min()))
+        assert lowest > 0.0
+        bottom = world._engine.bounds(ids)[:, 2]
+        assert bottom.min() > -0.015
+
+
+def test_heavy_fragment_at_speed_is_put_back_to_the_ground():
+    """Let a slab, which Bullet's CCD ignores, hit the ground at 40 m/s: it neither sinks nor jumps."""
+    size = np.array([[2.0, 2.0, 0.2], [0.2, 0.2, 0.5]])
+    poses = np.array([at(0, 0, 6), at(0, 0, 6.35)])
+    mass = np.array([1600.0, 40.0])
+    total = rigid_sum(mass, box_inertia(mass, size), poses)
+    with World() as world:
+        slab = world.add_fragment(np.full(2, Shape.BOX), size, total.local_poses, total.mass,
+                                  total.inertia, total.pose, [0, 0, -40, 0, 0, 0])
+        heights = []
+        for _ in range(120):
+            world.step(DT)
+            heights.append(world.poses([slab])[0, 2])
+        assert min(heights) > 0.05
+        assert max(heights[15:]) < 0.5
+
+
+def test_branch_of_sixty_capsules_comes_to_rest():
+    """Drop a crooked branch; it rocks on its bow, then lies on the ground."""
+    rng = np.random.default_rng(7)
+    count = 60
+    directions = np.cumsum(rng.normal(scale=0.15, size=(count, 3)), axis=0) + [1, 0, 0]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    ends = np.cumsum(directions * 0.15, axis=0)
+    axis = np.cross([0, 0, 1.0], directions)
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    turns = rotation.from_axis_angle(axis, np.arccos(directions[:, 2]))
+    poses = np.column_stack([ends - 0.075 * directions, turns])
+    poses[:, 2] += 4.0 - poses[:, 2].min()
+    sizes = np.column_stack([np.linspace(0.08, 0.02, count)] * 2 + [np.full(count, 0.14)])
+    mass = 700 * np.pi / 4 * sizes[:, 0] ** 2 * 0.15
+    total = rigid_sum(mass, np.full((count, 3), 1e-4), poses)
+    with World() as world:
+        branch = world.add_fragment(np.full(count, Shape.CAPSULE), sizes, total.local_poses,
+                                    total.mass, total.inertia, total.pose)
+        rest(world, 15.0)
+        lowest = rotation.compose(world.poses([branch]), total.local_poses)[:, 2].min()
+        assert 0.0 < lowest < 0.05
+
+
+def test_removed_ids_may_come_back_for_other_bodies():
+    """Remove a body and add another: its row is filled anew."""
+    with World() as world:
+        first = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 5))
+        world.step(DT)
+        world.remove([first])
+        assert world.bodies.state[first] == State.GONE
+        second = world.add_body(Shape.BOX, 2 * BRICK, 20.0, at(3, 0, 5))
+        assert world.bodies.mass[second] == 20.0
+        world.step(DT)
+        assert world.velocities([second])[0, 2] == pytest.approx(-G * DT, rel=1e-9)
+
+
+def test_wall_merges_into_its_rows_and_keeps_its_faces():
+    """Merge a running-bond wall: one box per course exactly, fewer when toothing is ignored."""
+    poses, sizes = [], []
+    for row in range(12):
+        for i in range(8):
+            poses.append(at(0.225 * i + 0.1125 * (row % 2), 0, 0.075 * row))
+            sizes.append(BRICK)
+    poses, sizes = np.array(poses), np.array(sizes)
+    turn = at(3, 1, 2, rotation.from_yaw(0.4))
+    merged, extents = merge_boxes(rotation.compose(turn, poses), sizes)
+    assert len(merged) == 12
+    np.testing.assert_allclose(extents[:, 0], 7 * 0.225 + 0.215, atol=1e-9)
+    block, extent = merge_boxes(rotation.compose(turn, poses), sizes, tolerance=0.12)
+    assert len(block) == 1
+    np.testing.assert_allclose(extent[0], [7 * 0.225 + 0.215, 0.1025, 11 * 0.075 + 0.065],
+                               atol=1e-9)
