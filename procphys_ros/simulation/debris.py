@@ -69,6 +69,16 @@ class Debris:
         self._enter(body, parts, total.local_poses)
         return body
 
+    def adopt(self, parts: np.ndarray, bodies: np.ndarray) -> None:
+        """
+        Take over bodies that are one part each.
+
+        :param parts: (P,) indices.
+        :param bodies: ids in the world, (P,).
+        """
+        for part, body in zip(parts, bodies):
+            self._enter(int(body), np.array([part]), np.array([[0, 0, 0, 0, 0, 0, 1.0]]))
+
     def carry(self, poses: np.ndarray, velocities: np.ndarray) -> None:
         """
         Move the parts of all bodies that moved in this step.

@@ -24,6 +24,7 @@ from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.wind import Gust, Wind
 from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene
+from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.grove import Grove
@@ -64,6 +65,7 @@ class Simulation:
         self.timings: dict[str, float] = {}
         self.wind = Wind(settings.wind, settings.seed if seed is None else seed)
         self._grove = Grove(self.blueprint, settings.gravity)
+        self._buildings = Buildings(self.blueprint, settings.gravity)
         self._world: World | None = None
         self.reset()
 
@@ -99,6 +101,9 @@ class Simulation:
         self._grove.forest.reset()
         self._world = World((0.0, 0.0, -self.scene.settings.gravity))
         self._debris = Debris(self.blueprint, self._world)
+        self._buildings.reset()
+        self._buildings.build(self._world)
+        self._crumble(self._buildings.settle())
 
     def close(self) -> None:
         """Free what lives outside Python; `reset` would make it anew."""
@@ -119,6 +124,8 @@ class Simulation:
                 self._grove.sway(self.wind, self.time, self.time_step)
             with self._stage('fracture'):
                 self._snap()
+            with self._stage('stress'):
+                self._crumble(self._buildings.stand())
             with self._stage('debris'):
                 self._tumble()
             with self._stage('poses'):
@@ -213,6 +220,20 @@ class Simulation:
                         self.blueprint.bonds[broken.bond], broken.cause, broken.load)
         for parts, poses, velocities in broken.pieces:
             self._debris.gather(parts, poses, velocities)
+
+    def _crumble(self, collapse: Collapse) -> None:
+        if len(collapse.bond):
+            self.log.record(self.time, self.blueprint.bond_frame[collapse.bond, :3],
+                            collapse.bond, self.blueprint.bonds[collapse.bond], collapse.cause,
+                            collapse.load)
+        for parts in collapse.pieces:
+            bodies = self._buildings.body[parts]
+            if len(parts) == 1:
+                self._world.thaw(bodies)
+                self._debris.adopt(parts, bodies)
+            else:
+                self._world.remove(bodies)
+                self._debris.gather(parts, self.poses[parts], self.velocities[parts])
 
     def _tumble(self) -> None:
         awake = self._world.awake
