@@ -23,7 +23,6 @@ eliminated on its own, outermost first, and solved for in the opposite order.
 import math
 
 from numba import njit
-import numpy as np
 
 from procphys_ros.physics.trees.layout import (
     DAMPING,
@@ -38,7 +37,17 @@ from procphys_ros.physics.trees.layout import (
     STIFFNESS,
     THETA,
 )
-from procphys_ros.physics.trees.spatial import eliminate, slide_slope, turn_slope
+from procphys_ros.physics.trees.spatial import (
+    dot,
+    eliminate,
+    INLINE,
+    KERNEL,
+    read,
+    relieve,
+    slide_slope,
+    turn_slope,
+    write,
+)
 
 RADIAL, TANGENTIAL, TWIST, STRETCH = range(4)  # degrees of freedom, innermost first
 # A bend at its limit is held by a damper this much stronger than the inertia it must stop, weight
@@ -47,138 +56,155 @@ _HOLD = 1e6  # [-]
 _TOUCH = 1e-12  # relative excess over the limit that is rounding
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def resist(q, u, k, c, theta, preload, dt):
     """Give the part of a spring-damper's moment that does not depend on the new rate."""
     return preload - k * (q + theta * (1.0 - theta) * dt * u) - c * (1.0 - theta) * u
 
 
-@njit(cache=True, fastmath={'contract'})
-def give_swing(i, k, dt, gate, model, state, scratch):
-    """Eliminate the two bends of row i, in the basis along and across a limit that holds it."""
-    swing, frame, stop = model.swing, state.frame, state.stop
-    a, f = scratch.inertia, scratch.factor
-    stiffness, damping, theta = swing[i, STIFFNESS], swing[i, DAMPING], swing[i, THETA]
-    own = theta * dt * (damping + theta * dt * stiffness)
-    e1 = resist(state.bend[i, 0], state.rate[i, 0], stiffness, damping, theta,
-                swing[i, PRELOAD_X], dt)
-    e2 = resist(state.bend[i, 1], state.rate[i, 1], stiffness, damping, theta,
-                swing[i, PRELOAD_Y], dt)
-    n1, n2 = stop[i, 0], stop[i, 1]
-    held = n1 != 0.0 or n2 != 0.0
-    if not held:
-        n1, n2 = 1.0, 0.0
-    x, y, z = mix(frame, i, -n2, n1)
-    size = turn_slope(a, k, x, y, z, f, TANGENTIAL) + own
-    drive = x * a[k, 21] + y * a[k, 22] + z * a[k, 23] + (n1 * e2 - n2 * e1)
-    eliminate(a, k, f, TANGENTIAL, 1.0 / size, drive, gate)
-    x, y, z = mix(frame, i, n1, n2)
-    size = turn_slope(a, k, x, y, z, f, RADIAL) + own
-    drive = x * a[k, 21] + y * a[k, 22] + z * a[k, 23] + (n1 * e1 + n2 * e2)
-    if held:
-        scratch.bound[k] = bound(i, n1, n2, theta, dt, swing, state)
-        drive += _HOLD * size * scratch.bound[k] / dt
-        size += _HOLD * size
-    eliminate(a, k, f, RADIAL, 1.0 / size, drive, gate)
-
-
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def mix(frame, i, first, second):
     """Combine the two bending axes of row i."""
     return (first * frame[i, 3] + second * frame[i, 6], first * frame[i, 4] + second * frame[i, 7],
             first * frame[i, 5] + second * frame[i, 8])
 
 
-@njit(cache=True, fastmath={'contract'})
-def bound(i, n1, n2, theta, dt, swing, state):
+@njit(**INLINE)
+def basis(stop, i):
+    """Give the direction of a held bend, or the first axis."""
+    n1, n2 = stop[i, 0], stop[i, 1]
+    held = n1 != 0.0 or n2 != 0.0
+    return (n1 if held else 1.0), n2, held
+
+
+@njit(**INLINE)
+def keep(f, k, d, u, inverse, drive):
+    """Store the factor of degree of freedom d of row k."""
+    f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5] = u
+    f[k, d, 6] = inverse
+    f[k, d, 7] = drive
+
+
+@njit(**INLINE)
+def give_swing(i, k, dt, gate, swing, bend, rate, stop, frame, a, f, limits):
+    """Eliminate the two bends of row i, in the basis along and across a limit that holds it."""
+    stiffness, damping, theta = swing[i, STIFFNESS], swing[i, DAMPING], swing[i, THETA]
+    own = theta * dt * (damping + theta * dt * stiffness)
+    e1 = resist(bend[i, 0], rate[i, 0], stiffness, damping, theta, swing[i, PRELOAD_X], dt)
+    e2 = resist(bend[i, 1], rate[i, 1], stiffness, damping, theta, swing[i, PRELOAD_Y], dt)
+    n1, n2, held = basis(stop, i)
+    j, b, m, p = read(a, k)
+    x, y, z = mix(frame, i, -n2, n1)
+    u = turn_slope(j, b, x, y, z)
+    inverse = 1.0 / (x * u[0] + y * u[1] + z * u[2] + own)
+    drive = x * p[0] + y * p[1] + z * p[2] + (n1 * e2 - n2 * e1)
+    keep(f, k, TANGENTIAL, u, inverse, drive)
+    j, b, m = eliminate(j, b, m, u, inverse)
+    p = relieve(p, u, gate * inverse * drive)
+    x, y, z = mix(frame, i, n1, n2)
+    u = turn_slope(j, b, x, y, z)
+    size = x * u[0] + y * u[1] + z * u[2] + own
+    drive = x * p[0] + y * p[1] + z * p[2] + (n1 * e1 + n2 * e2)
+    if held:
+        limits[k] = bound(i, n1, n2, theta, dt, swing, bend, rate)
+        drive += _HOLD * size * limits[k] / dt
+        size += _HOLD * size
+    inverse = 1.0 / size
+    keep(f, k, RADIAL, u, inverse, drive)
+    j, b, m = eliminate(j, b, m, u, inverse)
+    p = relieve(p, u, gate * inverse * drive)
+    write(a, k, j, b, m, p)
+    return j, b, m, p
+
+
+@njit(**INLINE)
+def bound(i, n1, n2, theta, dt, swing, bend, rate):
     """Give the outward rate that takes the bend just to its limit, never an inward one."""
-    room = swing[i, LIMIT] - (n1 * state.bend[i, 0] + n2 * state.bend[i, 1])
-    outward = n1 * state.rate[i, 0] + n2 * state.rate[i, 1]
+    room = swing[i, LIMIT] - (n1 * bend[i, 0] + n2 * bend[i, 1])
+    outward = n1 * rate[i, 0] + n2 * rate[i, 1]
     return max(0.0, (room / dt - (1.0 - theta) * outward) / theta)
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**KERNEL)
 def give_extra(i, k, dt, gate, model, state, scratch):
     """Eliminate twist and stretch of row i where they are sprung."""
-    a, f, extra = scratch.inertia, scratch.factor, model.extra
     x, y, z = state.frame[i, 9], state.frame[i, 10], state.frame[i, 11]
-    for j in (STRETCH, TWIST):
-        c = EXTRA_STRIDE * (j - TWIST)
+    extra = model.extra
+    j, b, m, p = read(scratch.inertia, k)
+    for d in (STRETCH, TWIST):
+        c = EXTRA_STRIDE * (d - TWIST)
         stiffness, theta = extra[i, c + EXTRA_STIFFNESS], extra[i, c + EXTRA_THETA]
         if math.isinf(stiffness):
             continue
         damping = extra[i, c + EXTRA_DAMPING]
-        drive = resist(state.bend[i, j], state.rate[i, j], stiffness, damping, theta,
+        drive = resist(state.bend[i, d], state.rate[i, d], stiffness, damping, theta,
                        extra[i, c + EXTRA_PRELOAD], dt)
-        if j == STRETCH:
-            size = slide_slope(a, k, x, y, z, f, j)
-            drive += x * a[k, 24] + y * a[k, 25] + z * a[k, 26]
+        if d == STRETCH:
+            u = slide_slope(b, m, x, y, z)
+            size = x * u[3] + y * u[4] + z * u[5]
+            drive += x * p[3] + y * p[4] + z * p[5]
         else:
-            size = turn_slope(a, k, x, y, z, f, j)
-            drive += x * a[k, 21] + y * a[k, 22] + z * a[k, 23]
-        size += theta * dt * (damping + theta * dt * stiffness)
-        eliminate(a, k, f, j, 1.0 / size, drive, gate)
+            u = turn_slope(j, b, x, y, z)
+            size = x * u[0] + y * u[1] + z * u[2]
+            drive += x * p[0] + y * p[1] + z * p[2]
+        inverse = 1.0 / (size + theta * dt * (damping + theta * dt * stiffness))
+        keep(scratch.factor, k, d, u, inverse, drive)
+        j, b, m = eliminate(j, b, m, u, inverse)
+        p = relieve(p, u, gate * inverse * drive)
+    write(scratch.inertia, k, j, b, m, p)
 
 
-@njit(cache=True, fastmath={'contract'})
-def solve_rate(f, k, j, m):
-    """Solve degree of freedom j of row k for its rate over dt, given the motion before it."""
-    return f[k, j, 6] * (f[k, j, 7] - (
-        f[k, j, 0] * m[k, 0] + f[k, j, 1] * m[k, 1] + f[k, j, 2] * m[k, 2]
-        + f[k, j, 3] * m[k, 3] + f[k, j, 4] * m[k, 4] + f[k, j, 5] * m[k, 5]))
+@njit(**INLINE)
+def solve_rate(f, k, d, v):
+    """Solve degree of freedom d of row k for its rate over dt, given the motion before it."""
+    u = (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5])
+    return f[k, d, 6] * (f[k, d, 7] - dot(u, v))
 
 
-@njit(cache=True, fastmath={'contract'})
-def take_swing(i, k, dt, state, scratch):
-    """Add the bending of row i to the motion that its parent hands on; store the new rates."""
-    m, f, frame = scratch.motion, scratch.factor, state.frame
-    n1, n2 = state.stop[i, 0], state.stop[i, 1]
-    if n1 == 0.0 and n2 == 0.0:
-        n1 = 1.0
-    radial = solve_rate(f, k, RADIAL, m)
-    add_turn(m, k, mix(frame, i, n1, n2), radial)
-    tangential = solve_rate(f, k, TANGENTIAL, m)
-    add_turn(m, k, mix(frame, i, -n2, n1), tangential)
-    scratch.rate[k, 0] = dt * (n1 * radial - n2 * tangential)
-    scratch.rate[k, 1] = dt * (n2 * radial + n1 * tangential)
+@njit(**INLINE)
+def add_turn(v, axis, rate):
+    """Add a turn about an axis through the motion's point."""
+    return (v[0] + rate * axis[0], v[1] + rate * axis[1], v[2] + rate * axis[2], v[3], v[4], v[5])
 
 
-@njit(cache=True, fastmath={'contract'})
-def add_turn(m, k, axis, rate):
-    """Add a turn about an axis through the row's point."""
-    m[k, 0] += rate * axis[0]
-    m[k, 1] += rate * axis[1]
-    m[k, 2] += rate * axis[2]
+@njit(**INLINE)
+def take_swing(i, k, dt, v, stop, frame, f, new):
+    """Add the bending of row i to the motion v that its parent hands on; store the new rates."""
+    n1, n2, _ = basis(stop, i)
+    radial = solve_rate(f, k, RADIAL, v)
+    v = add_turn(v, mix(frame, i, n1, n2), radial)
+    tangential = solve_rate(f, k, TANGENTIAL, v)
+    new[k, 0] = dt * (n1 * radial - n2 * tangential)
+    new[k, 1] = dt * (n2 * radial + n1 * tangential)
+    return add_turn(v, mix(frame, i, -n2, n1), tangential)
 
 
-@njit(cache=True, fastmath={'contract'})
-def take_extra(i, k, dt, model, state, scratch):
-    """Add twist and stretch of row i to its motion where they are sprung."""
-    m, frame, extra = scratch.motion, state.frame, model.extra
+@njit(**KERNEL)
+def take_extra(i, k, dt, v, extra, frame, f, new):
+    """Add twist and stretch of row i to its motion v where they are sprung."""
+    x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
     if not math.isinf(extra[i, EXTRA_STIFFNESS]):
-        rate = solve_rate(scratch.factor, k, TWIST, m)
-        add_turn(m, k, (frame[i, 9], frame[i, 10], frame[i, 11]), rate)
-        scratch.rate[k, TWIST] = dt * rate
+        rate = solve_rate(f, k, TWIST, v)
+        v = add_turn(v, (x, y, z), rate)
+        new[k, TWIST] = dt * rate
     if not math.isinf(extra[i, EXTRA_STRIDE + EXTRA_STIFFNESS]):
-        rate = solve_rate(scratch.factor, k, STRETCH, m)
-        m[k, 3] += rate * frame[i, 9]
-        m[k, 4] += rate * frame[i, 10]
-        m[k, 5] += rate * frame[i, 11]
-        scratch.rate[k, STRETCH] = dt * rate
+        rate = solve_rate(f, k, STRETCH, v)
+        v = (v[0], v[1], v[2], v[3] + rate * x, v[4] + rate * y, v[5] + rate * z)
+        new[k, STRETCH] = dt * rate
+    return v
 
 
-@njit(cache=True, fastmath={'contract'})
-def limit_changed(i, k, dt, model, state, scratch):
+@njit(**INLINE)
+def limit_changed(i, k, dt, swing, bend, rate, stop, new, limits):
     """
     Check the new rates of row i against its limit; correct the held direction when they differ.
 
     :returns: True when the tree has to be solved again.
     """
-    bend, rate, stop = state.bend, state.rate, state.stop
-    theta, limit = model.swing[i, THETA], model.swing[i, LIMIT]
-    first, second = scratch.rate[k, 0], scratch.rate[k, 1]
+    theta, limit = swing[i, THETA], swing[i, LIMIT]
+    first, second = new[k, 0], new[k, 1]
     if stop[i, 0] != 0.0 or stop[i, 1] != 0.0:
-        if stop[i, 0] * first + stop[i, 1] * second >= scratch.bound[k] * (1.0 - _TOUCH):
+        if stop[i, 0] * first + stop[i, 1] * second >= limits[k] * (1.0 - _TOUCH):
             return False
         stop[i, 0] = 0.0  # the limit would have to pull
         stop[i, 1] = 0.0
@@ -194,27 +220,39 @@ def limit_changed(i, k, dt, model, state, scratch):
     return True
 
 
-@njit(cache=True)
-def solve_free(k, scratch):
-    """Solve the free root at row k for its motion."""
-    a = scratch.inertia
-    full = np.empty((6, 6))
+@njit(**KERNEL)
+def solve_free(k, a, full, motion):
+    """
+    Solve the free root at row k for its motion by Gaussian elimination.
+
+    :param full: workspace, (6, 7).
+    """
     place = 0
-    for block in (0, 3):
-        place = 0 if block == 0 else 15
-        for r in range(3):
-            for c in range(r, 3):
-                full[block + r, block + c] = a[k, place]
-                full[block + c, block + r] = a[k, place]
-                place += 1
     for r in range(3):
+        for c in range(r, 3):
+            full[r, c] = a[k, place]
+            full[c, r] = a[k, place]
+            full[3 + r, 3 + c] = a[k, 15 + place]
+            full[3 + c, 3 + r] = a[k, 15 + place]
+            place += 1
         for c in range(3):
             full[r, 3 + c] = a[k, 6 + 3 * r + c]
             full[3 + c, r] = a[k, 6 + 3 * r + c]
-    scratch.motion[k, :] = np.linalg.solve(full, a[k, 21:27].copy())
+    for r in range(6):
+        full[r, 6] = a[k, 21 + r]
+    for r in range(6):  # an inertia is positive definite: no pivoting
+        for below in range(r + 1, 6):
+            share = full[below, r] / full[r, r]
+            for c in range(r, 7):
+                full[below, c] -= share * full[r, c]
+    for r in range(5, -1, -1):
+        rest = full[r, 6]
+        for c in range(r + 1, 6):
+            rest -= full[r, c] * motion[k, c]
+        motion[k, r] = rest / full[r, r]
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**KERNEL)
 def advance_extra(i, k, dt, model, state, scratch):
     """Move twist and stretch of row i on to the end of the step."""
     for j in (TWIST, STRETCH):

@@ -38,7 +38,19 @@ from procphys_ros.physics.trees.layout import (
     MASS,
     REACH,
 )
-from procphys_ros.physics.trees.spatial import set_body, shift_add
+from procphys_ros.physics.trees.spatial import (
+    add,
+    body as symmetric,
+    INLINE,
+    KERNEL,
+    read,
+    shift,
+    shift_load,
+    shift_motion,
+    slide_slope,
+    turn_slope,
+    write,
+)
 from procphys_ros.physics.trees.state import Joint
 
 _SPRUNG = int(Joint.SPRUNG)
@@ -49,7 +61,7 @@ _ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp 
 _CALM, _STORM, _STREAMLINING = 10.0, 20.0, -0.85  # [m/s], [m/s], [-]
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**KERNEL)
 def step(plan, model, state, scratch, wind, gravity, dt):
     """
     Advance every tree by one time step.
@@ -68,50 +80,58 @@ def step(plan, model, state, scratch, wind, gravity, dt):
         integrate(rows, above, model, state, scratch, dt)
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**KERNEL)
 def factor(rows, above, model, state, scratch, wind, gravity, dt, gate):
-    """Load one tree and eliminate its joints from the tips to the root."""
+    """
+    Load one tree and eliminate its joints from the tips to the root.
+
+    :param gate: 1, or 0 to hold the joints (then loads pass undiminished).
+    """
+    frame, a = state.frame, scratch.inertia
     for k in range(len(rows)):
-        load(rows[k], k, model.body, state, scratch.inertia, wind, gravity, dt)
-    frame = state.frame
+        load(rows[k], k, model.body, state.bend, state.velocities, frame, a, wind, gravity, dt)
     for k in range(len(rows) - 1, -1, -1):
-        i = rows[k]
+        i, up = rows[k], above[k]
         if model.joint[i] == _FREE:
             continue
         if model.joint[i] == _SPRUNG:
             joints.give_extra(i, k, dt, gate, model, state, scratch)
-        joints.give_swing(i, k, dt, gate, model, state, scratch)
-        if above[k] >= 0:
-            p = rows[above[k]]
-            shift_add(scratch.inertia, k, above[k], frame[i, 0] - frame[p, 0],
-                      frame[i, 1] - frame[p, 1], frame[i, 2] - frame[p, 2])
+        j, b, m, p = joints.give_swing(i, k, dt, gate, model.swing, state.bend, state.rate,
+                                       state.stop, frame, a, scratch.factor, scratch.bound)
+        if up >= 0:
+            x, y, z = apart(frame, i, rows[up])
+            j, b, m = shift(j, b, m, x, y, z)
+            add(a, up, j, b, m, shift_load(p, x, y, z))
 
 
-@njit(cache=True, fastmath={'contract'})
-def load(i, k, body, state, a, wind, gravity, dt):
+@njit(**INLINE)
+def apart(frame, i, up):
+    """Give the way from the joint point of row `up` to that of row i."""
+    return frame[i, 0] - frame[up, 0], frame[i, 1] - frame[up, 1], frame[i, 2] - frame[up, 2]
+
+
+@njit(**INLINE)
+def load(i, k, body, bend, v, frame, a, wind, gravity, dt):
     """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
-    v, frame = state.velocities, state.frame
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
     cross, foliage, turning = drag(i, x, y, z, body, v, wind)
-    mass, h = body[i, MASS], body[i, REACH] + state.bend[i, 3]
+    mass, h = body[i, MASS], body[i, REACH] + bend[i, 3]
     air = cross + foliage
     along = cross * (wind[i, 0] * x + wind[i, 1] * y + wind[i, 2] * z)
     fx = mass * (v[i, 0] / dt + gravity[0]) + air * wind[i, 0] - along * x
     fy = mass * (v[i, 1] / dt + gravity[1]) + air * wind[i, 1] - along * y
     fz = mass * (v[i, 2] / dt + gravity[2]) + air * wind[i, 2] - along * z
-    set_body(a, k, (x, y, z), h, mass + dt * air, dt * cross, body[i, ACROSS] + dt * turning,
-             body[i, ALONG])
     across = body[i, ACROSS] / dt
     spin = (body[i, ALONG] / dt - across) * (v[i, 3] * x + v[i, 4] * y + v[i, 5] * z)
-    a[k, 21] = across * v[i, 3] + spin * x + h * (y * fz - z * fy)
-    a[k, 22] = across * v[i, 4] + spin * y + h * (z * fx - x * fz)
-    a[k, 23] = across * v[i, 5] + spin * z + h * (x * fy - y * fx)
-    a[k, 24] = fx
-    a[k, 25] = fy
-    a[k, 26] = fz
+    j, b, m = symmetric(x, y, z, h, mass + dt * air, dt * cross,
+                        body[i, ACROSS] + dt * turning, body[i, ALONG])
+    p = (across * v[i, 3] + spin * x + h * (y * fz - z * fy),
+         across * v[i, 4] + spin * y + h * (z * fx - x * fz),
+         across * v[i, 5] + spin * z + h * (x * fy - y * fx), fx, fy, fz)
+    write(a, k, j, b, m, p)
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def drag(i, x, y, z, body, v, wind):
     """
     Give the drag of segment i per speed: wood across its axis, foliage, and turning.
@@ -138,7 +158,7 @@ def drag(i, x, y, z, body, v, wind):
     return cross, foliage, turning
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**KERNEL)
 def take(rows, above, model, state, scratch, dt):
     """
     Hand motion from the root to the tips and read the wrenches that the joints transmit.
@@ -146,58 +166,50 @@ def take(rows, above, model, state, scratch, dt):
     :returns: True when a limit took hold or let go, so that the tree has to be solved again.
     """
     changed = False
-    m, frame = scratch.motion, state.frame
+    motion, frame = scratch.motion, state.frame
     for k in range(len(rows)):
         i = rows[k]
         if model.joint[i] == _FREE:
-            joints.solve_free(k, scratch)
-            state.wrenches[i, :] = 0.0
+            joints.solve_free(k, scratch.inertia, scratch.root, motion)
+            for c in range(6):
+                state.wrenches[i, c] = 0.0
             continue
-        hand_on(k, above[k], i, rows[above[k]], frame, m)
-        transmit(k, i, scratch.inertia, m, state.wrenches)
-        joints.take_swing(i, k, dt, state, scratch)
+        v = handed_on(k, above[k], rows, frame, motion)
+        transmit(k, i, scratch.inertia, v, state.wrenches)
+        v = joints.take_swing(i, k, dt, v, state.stop, frame, scratch.factor, scratch.rate)
         if model.joint[i] == _SPRUNG:
-            joints.take_extra(i, k, dt, model, state, scratch)
-        if joints.limit_changed(i, k, dt, model, state, scratch):
+            v = joints.take_extra(i, k, dt, v, model.extra, frame, scratch.factor, scratch.rate)
+        (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
+         motion[k, 5]) = v
+        if joints.limit_changed(i, k, dt, model.swing, state.bend, state.rate, state.stop,
+                                scratch.rate, scratch.bound):
             changed = True
     return changed
 
 
-@njit(cache=True, fastmath={'contract'})
-def hand_on(k, p, i, up, frame, m):
-    """Express the parent's motion at the joint point of row i; the ground does not move."""
-    if p < 0:
-        m[k, :] = 0.0
-        return
-    x, y, z = (frame[i, 0] - frame[up, 0], frame[i, 1] - frame[up, 1],
-               frame[i, 2] - frame[up, 2])
-    m[k, 0] = m[p, 0]
-    m[k, 1] = m[p, 1]
-    m[k, 2] = m[p, 2]
-    m[k, 3] = m[p, 3] + m[p, 1] * z - m[p, 2] * y
-    m[k, 4] = m[p, 4] + m[p, 2] * x - m[p, 0] * z
-    m[k, 5] = m[p, 5] + m[p, 0] * y - m[p, 1] * x
+@njit(**INLINE)
+def handed_on(k, up, rows, frame, motion):
+    """Give the parent's motion at the joint point of entry k; the ground does not move."""
+    v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if up >= 0:
+        x, y, z = apart(frame, rows[k], rows[up])
+        v = shift_motion((motion[up, 0], motion[up, 1], motion[up, 2], motion[up, 3],
+                          motion[up, 4], motion[up, 5]), x, y, z)
+    return v
 
 
-@njit(cache=True, fastmath={'contract'})
-def transmit(k, i, a, m, wrenches):
+@njit(**INLINE)
+def transmit(k, i, a, v, wrenches):
     """Read what the parent must exert on row i to move it so: force, then moment."""
-    x, y, z, u, v, w = m[k, 0], m[k, 1], m[k, 2], m[k, 3], m[k, 4], m[k, 5]
-    wrenches[i, 0] = (a[k, 6] * x + a[k, 9] * y + a[k, 12] * z
-                      + a[k, 15] * u + a[k, 16] * v + a[k, 17] * w - a[k, 24])
-    wrenches[i, 1] = (a[k, 7] * x + a[k, 10] * y + a[k, 13] * z
-                      + a[k, 16] * u + a[k, 18] * v + a[k, 19] * w - a[k, 25])
-    wrenches[i, 2] = (a[k, 8] * x + a[k, 11] * y + a[k, 14] * z
-                      + a[k, 17] * u + a[k, 19] * v + a[k, 20] * w - a[k, 26])
-    wrenches[i, 3] = (a[k, 0] * x + a[k, 1] * y + a[k, 2] * z
-                      + a[k, 6] * u + a[k, 7] * v + a[k, 8] * w - a[k, 21])
-    wrenches[i, 4] = (a[k, 1] * x + a[k, 3] * y + a[k, 4] * z
-                      + a[k, 9] * u + a[k, 10] * v + a[k, 11] * w - a[k, 22])
-    wrenches[i, 5] = (a[k, 2] * x + a[k, 4] * y + a[k, 5] * z
-                      + a[k, 12] * u + a[k, 13] * v + a[k, 14] * w - a[k, 23])
+    j, b, m, p = read(a, k)
+    moment = turn_slope(j, b, v[0], v[1], v[2])
+    force = slide_slope(b, m, v[3], v[4], v[5])
+    for c in range(3):
+        wrenches[i, c] = moment[3 + c] + force[3 + c] - p[3 + c]
+        wrenches[i, 3 + c] = moment[c] + force[c] - p[c]
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**KERNEL)
 def integrate(rows, above, model, state, scratch, dt):
     """Move joints and poses to the end of the step and carry the velocities along."""
     frame, m = state.frame, scratch.motion
@@ -215,7 +227,7 @@ def integrate(rows, above, model, state, scratch, dt):
         carry(i, k, x, y, z, h, dt, frame, m, state.velocities)
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def carry(i, k, x, y, z, h, dt, frame, m, v):
     """
     Store the velocities of segment i, its spin turned as the axis turned (from x, y, z).

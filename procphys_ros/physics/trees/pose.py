@@ -20,13 +20,14 @@ import math
 from numba import njit
 
 from procphys_ros.physics.trees.layout import LIMIT, REACH, THETA
+from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import Joint
 
 _FREE = int(Joint.FREE)
 _SPRUNG = int(Joint.SPRUNG)
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def multiply(a, b):
     """Multiply quaternions xyzw given as four floats each."""
     ax, ay, az, aw = a
@@ -35,7 +36,7 @@ def multiply(a, b):
             aw * bz + ax * by - ay * bx + az * bw, aw * bw - ax * bx - ay * by - az * bz)
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def rotate(q, x, y, z):
     """Turn a vector by a quaternion."""
     qx, qy, qz, qw = q
@@ -46,7 +47,7 @@ def rotate(q, x, y, z):
             z + qw * tz + qx * ty - qy * tx)
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def place(i, p, model, state):
     """
     Set frame and pose of row i, hinged to row p (-1: to the world).
@@ -77,7 +78,7 @@ def place(i, p, model, state):
     poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6] = q
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def set_frame(i, x, y, z, q, cosine, sine, frame):
     """Write joint point and axes of row i; the first axis is the one before the second turn."""
     qx, qy, qz, qw = q
@@ -109,7 +110,7 @@ def place_all(plan, model, state):
                 place(i, plan.row[plan.start[t] + p] if p >= 0 else -1, model, state)
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**INLINE)
 def advance_bend(i, first, second, dt, model, state):
     """
     Move the bend of row i on to the end of the step and stop it at its limit.
@@ -137,7 +138,7 @@ def advance_bend(i, first, second, dt, model, state):
     rate[i, 1] = second
 
 
-@njit(cache=True, fastmath={'contract'})
+@njit(**KERNEL)
 def advance_free(i, dt, motion, model, state):
     """Move a free root on with the mean of its old and new velocity: exact in free fall."""
     v, poses, frame = state.velocities, state.poses, state.frame

@@ -21,7 +21,8 @@ import numpy as np
 from procphys_ros.physics.trees import joints
 from procphys_ros.physics.trees.joints import RADIAL, STRETCH, TANGENTIAL, TWIST
 from procphys_ros.physics.trees.layout import EXTRA_STIFFNESS, EXTRA_STRIDE
-from procphys_ros.physics.trees.passes import hand_on
+from procphys_ros.physics.trees.passes import apart, handed_on
+from procphys_ros.physics.trees.spatial import dot, relieve, shift_load
 from procphys_ros.physics.trees.state import Joint
 
 _SPRUNG = int(Joint.SPRUNG)
@@ -34,62 +35,64 @@ def yielding(k, rows, above, model, state, scratch, point, direction, dt):
     Give the velocity along a direction that a unit impulse along it makes [1/kg].
 
     Walks from the hit segment to the root and back; the factors must be those of this pose. The
-    factor's drives and loads are overwritten.
+    factors' drives are overwritten.
 
     :param k: place of the hit segment in its tree.
     :param point: where the impulse acts [m], (3,), world.
     :param direction: unit vector, (3,), world.
     """
-    a, frame = scratch.inertia, state.frame
+    frame, x, y, z = state.frame, direction[0], direction[1], direction[2]
     arm = point - frame[rows[k], :3]
-    push = np.empty(6)
-    push[:3] = np.cross(arm, direction)
-    push[3:] = direction
+    hit = (arm[1] * z - arm[2] * y, arm[2] * x - arm[0] * z, arm[0] * y - arm[1] * x, x, y, z)
+    push = hit
     path = [k]
     while True:
-        k = path[-1]
-        i = rows[k]
-        a[k, 21:27] = push
+        i, up = rows[path[-1]], above[path[-1]]
         if model.joint[i] == _FREE:
+            for c in range(6):
+                scratch.inertia[path[-1], 21 + c] = push[c]
             break
-        for j in (STRETCH, TWIST, TANGENTIAL, RADIAL):
-            pass_on(i, k, j, model, state, scratch, push)
-        if above[k] < 0:
+        push = pass_on(i, path[-1], model, state, scratch.factor, push)
+        if up < 0:
             break
-        up = rows[above[k]]
-        push[:3] += np.cross(frame[i, :3] - frame[up, :3], push[3:])
-        path.append(above[k])
+        gap = apart(frame, i, rows[up])
+        push = shift_load(push, gap[0], gap[1], gap[2])
+        path.append(up)
+    motion = scratch.motion
     for k in path[::-1]:
         i = rows[k]
         if model.joint[i] == _FREE:
-            joints.solve_free(k, scratch)
+            joints.solve_free(k, scratch.inertia, scratch.root, motion)
             continue
-        hand_on(k, above[k], i, rows[above[k]], frame, scratch.motion)
-        joints.take_swing(i, k, dt, state, scratch)
+        v = handed_on(k, above[k], rows, frame, motion)
+        v = joints.take_swing(i, k, dt, v, state.stop, frame, scratch.factor, scratch.rate)
         if model.joint[i] == _SPRUNG:
-            joints.take_extra(i, k, dt, model, state, scratch)
-    m = scratch.motion[path[0]]
-    return np.dot(direction, m[3:6] + np.cross(m[:3], arm))
+            v = joints.take_extra(i, k, dt, v, model.extra, frame, scratch.factor, scratch.rate)
+        for c in range(6):
+            motion[k, c] = v[c]
+    k = path[0]
+    return dot(hit, (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
+                     motion[k, 5]))
 
 
 @njit(cache=True)
-def pass_on(i, k, j, model, state, scratch, push):
-    """Let degree of freedom j of row i give way to a push, as elimination does."""
-    frame, stop, f = state.frame, state.stop, scratch.factor
-    if j in (STRETCH, TWIST):
-        if np.isinf(model.extra[i, EXTRA_STRIDE * (j - TWIST) + EXTRA_STIFFNESS]):
-            return
-        axis = (frame[i, 9], frame[i, 10], frame[i, 11])
-    else:
-        n1, n2 = stop[i, 0], stop[i, 1]
-        if n1 == 0.0 and n2 == 0.0:
-            n1 = 1.0
-        if j == RADIAL:
-            axis = joints.mix(frame, i, n1, n2)
-        else:
-            axis = joints.mix(frame, i, -n2, n1)
-    start = 3 if j == STRETCH else 0
-    drive = push[start] * axis[0] + push[start + 1] * axis[1] + push[start + 2] * axis[2]
-    f[k, j, 7] = drive
-    for c in range(6):
-        push[c] -= f[k, j, c] * f[k, j, 6] * drive
+def pass_on(i, k, model, state, factor, push):
+    """Let the joint of row i give way to a push, as elimination does; give what is left."""
+    n1, n2, _ = joints.basis(state.stop, i)
+    along = (state.frame[i, 9], state.frame[i, 10], state.frame[i, 11])
+    if model.joint[i] == _SPRUNG:
+        if not np.isinf(model.extra[i, EXTRA_STRIDE + EXTRA_STIFFNESS]):
+            push = give(k, STRETCH, push[3:], along, factor, push)
+        if not np.isinf(model.extra[i, EXTRA_STIFFNESS]):
+            push = give(k, TWIST, push[:3], along, factor, push)
+    push = give(k, TANGENTIAL, push[:3], joints.mix(state.frame, i, -n2, n1), factor, push)
+    return give(k, RADIAL, push[:3], joints.mix(state.frame, i, n1, n2), factor, push)
+
+
+@njit(cache=True)
+def give(k, d, share, axis, f, push):
+    """Let one degree of freedom give way to its share of a push."""
+    drive = share[0] * axis[0] + share[1] * axis[1] + share[2] * axis[2]
+    f[k, d, 7] = drive
+    return relieve(push, (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4],
+                          f[k, d, 5]), f[k, d, 6] * drive)

@@ -14,177 +14,166 @@
 
 
 """
-Spatial: articulated inertias as 27 numbers in a row of an array, and what joints do to them.
+Spatial: articulated inertias and loads as tuples of floats, and what joints do to them.
 
-Columns 0-5 angular inertia J (xx xy xz yy yz zz), 6-14 coupling B (angular rows, linear columns),
-15-20 linear inertia M (as J), 21-23 moment and 24-26 force. All in world axes, about a point, so
-that moment = J·α + B·a and force = Bᵀ·α + M·a (Featherstone 2008, Rigid Body Dynamics
-Algorithms, chapter 7, written out).
+In world axes, about a point: angular inertia J (xx xy xz yy yz zz), coupling B (angular rows,
+linear columns), linear inertia M (as J), load (moment, force), motion (angular, linear), so that
+moment = J·α + B·a and force = Bᵀ·α + M·a (Featherstone 2008, Rigid Body Dynamics Algorithms,
+chapter 7, written out). Everything here is inlined: tuples become processor registers.
 """
 
 from numba import njit
 
-WIDTH = 27
-MOMENT, FORCE = 21, 24
-# Columns of a factor row: inertia times joint axis, inverse joint inertia, driving force.
-SLOPE, INVERSE, DRIVE, FACTOR_WIDTH = 0, 6, 7, 8
+WIDTH = 27  # of a row that keeps J, B, M and the load in this order
+FACTOR_WIDTH = 8  # of a row that keeps a slope, an inverse inertia and a drive
+# Without run-time reference counts: inlined array arguments cost an atomic increment per use, which
+# doubles the time of a step. Functions under these options cannot allocate.
+KERNEL = {'cache': True, 'fastmath': {'contract'}, '_nrt': False}
+INLINE = {**KERNEL, 'inline': 'always'}
 
 
-@njit(cache=True, fastmath={'contract'})
-def set_body(a, k, axis, h, linear, cross, turn, spin):
+@njit(**INLINE)
+def body(x, y, z, h, linear, cross, turn, spin):
     """
-    Write the inertia of one symmetric body about a point on its axis into row k.
+    Give J, B, M of a symmetric body about a point on its axis (x, y, z).
 
-    :param axis: unit vector of the symmetry axis, 3 floats.
     :param h: distance of the centre of mass from the point, along the axis [m].
     :param linear: mass across the axis, `cross` more than along it [kg].
     :param turn: moment of inertia across the axis about the centre of mass, `spin` along it.
     """
-    x, y, z = axis
     shift = linear * h
     base = turn + shift * h
     slim = spin - base
-    a[k, 0] = base + slim * x * x
-    a[k, 1] = slim * x * y
-    a[k, 2] = slim * x * z
-    a[k, 3] = base + slim * y * y
-    a[k, 4] = slim * y * z
-    a[k, 5] = base + slim * z * z
-    a[k, 6] = 0.0
-    a[k, 7] = -shift * z
-    a[k, 8] = shift * y
-    a[k, 9] = shift * z
-    a[k, 10] = 0.0
-    a[k, 11] = -shift * x
-    a[k, 12] = -shift * y
-    a[k, 13] = shift * x
-    a[k, 14] = 0.0
-    a[k, 15] = linear - cross * x * x
-    a[k, 16] = -cross * x * y
-    a[k, 17] = -cross * x * z
-    a[k, 18] = linear - cross * y * y
-    a[k, 19] = -cross * y * z
-    a[k, 20] = linear - cross * z * z
+    sx, sy, sz = shift * x, shift * y, shift * z
+    j = (base + slim * x * x, slim * x * y, slim * x * z, base + slim * y * y, slim * y * z,
+         base + slim * z * z)
+    b = (0.0, -sz, sy, sz, 0.0, -sx, -sy, sx, 0.0)
+    m = (linear - cross * x * x, -cross * x * y, -cross * x * z, linear - cross * y * y,
+         -cross * y * z, linear - cross * z * z)
+    return j, b, m
 
 
-@njit(cache=True, fastmath={'contract'})
-def turn_slope(a, k, x, y, z, f, j):
-    """Store inertia times a unit turn about (x, y, z) as factor j of row k; return its size."""
-    u0 = a[k, 0] * x + a[k, 1] * y + a[k, 2] * z
-    u1 = a[k, 1] * x + a[k, 3] * y + a[k, 4] * z
-    u2 = a[k, 2] * x + a[k, 4] * y + a[k, 5] * z
-    f[k, j, 0] = u0
-    f[k, j, 1] = u1
-    f[k, j, 2] = u2
-    f[k, j, 3] = a[k, 6] * x + a[k, 9] * y + a[k, 12] * z
-    f[k, j, 4] = a[k, 7] * x + a[k, 10] * y + a[k, 13] * z
-    f[k, j, 5] = a[k, 8] * x + a[k, 11] * y + a[k, 14] * z
-    return u0 * x + u1 * y + u2 * z
+@njit(**INLINE)
+def turn_slope(j, b, x, y, z):
+    """Give inertia times a unit turn about (x, y, z): 3 moments, 3 forces."""
+    return (j[0] * x + j[1] * y + j[2] * z, j[1] * x + j[3] * y + j[4] * z,
+            j[2] * x + j[4] * y + j[5] * z, b[0] * x + b[3] * y + b[6] * z,
+            b[1] * x + b[4] * y + b[7] * z, b[2] * x + b[5] * y + b[8] * z)
 
 
-@njit(cache=True, fastmath={'contract'})
-def slide_slope(a, k, x, y, z, f, j):
-    """Store inertia times a unit slide along (x, y, z) as factor j of row k; return its size."""
-    u3 = a[k, 15] * x + a[k, 16] * y + a[k, 17] * z
-    u4 = a[k, 16] * x + a[k, 18] * y + a[k, 19] * z
-    u5 = a[k, 17] * x + a[k, 19] * y + a[k, 20] * z
-    f[k, j, 0] = a[k, 6] * x + a[k, 7] * y + a[k, 8] * z
-    f[k, j, 1] = a[k, 9] * x + a[k, 10] * y + a[k, 11] * z
-    f[k, j, 2] = a[k, 12] * x + a[k, 13] * y + a[k, 14] * z
-    f[k, j, 3] = u3
-    f[k, j, 4] = u4
-    f[k, j, 5] = u5
-    return u3 * x + u4 * y + u5 * z
+@njit(**INLINE)
+def slide_slope(b, m, x, y, z):
+    """Give inertia times a unit slide along (x, y, z): 3 moments, 3 forces."""
+    return (b[0] * x + b[1] * y + b[2] * z, b[3] * x + b[4] * y + b[5] * z,
+            b[6] * x + b[7] * y + b[8] * z, m[0] * x + m[1] * y + m[2] * z,
+            m[1] * x + m[3] * y + m[4] * z, m[2] * x + m[4] * y + m[5] * z)
 
 
-@njit(cache=True, fastmath={'contract'})
-def eliminate(a, k, f, j, inverse, drive, gate):
-    """
-    Let degree of freedom j of row k give way: take out what it does not pass on to the parent.
-
-    :param inverse: one over the joint-space inertia, springs and dampers included.
-    :param drive: generalised force that acts on it.
-    :param gate: 1, or 0 to hold the joint (then wrenches pass undiminished).
-    """
-    f[k, j, 6] = inverse
-    f[k, j, 7] = drive
-    u0, u1, u2 = f[k, j, 0], f[k, j, 1], f[k, j, 2]
-    u3, u4, u5 = f[k, j, 3], f[k, j, 4], f[k, j, 5]
-    w0, w1, w2 = inverse * u0, inverse * u1, inverse * u2
-    w3, w4, w5 = inverse * u3, inverse * u4, inverse * u5
-    a[k, 0] -= w0 * u0
-    a[k, 1] -= w0 * u1
-    a[k, 2] -= w0 * u2
-    a[k, 3] -= w1 * u1
-    a[k, 4] -= w1 * u2
-    a[k, 5] -= w2 * u2
-    a[k, 6] -= w0 * u3
-    a[k, 7] -= w0 * u4
-    a[k, 8] -= w0 * u5
-    a[k, 9] -= w1 * u3
-    a[k, 10] -= w1 * u4
-    a[k, 11] -= w1 * u5
-    a[k, 12] -= w2 * u3
-    a[k, 13] -= w2 * u4
-    a[k, 14] -= w2 * u5
-    a[k, 15] -= w3 * u3
-    a[k, 16] -= w3 * u4
-    a[k, 17] -= w3 * u5
-    a[k, 18] -= w4 * u4
-    a[k, 19] -= w4 * u5
-    a[k, 20] -= w5 * u5
-    push = gate * drive
-    a[k, 21] -= w0 * push
-    a[k, 22] -= w1 * push
-    a[k, 23] -= w2 * push
-    a[k, 24] -= w3 * push
-    a[k, 25] -= w4 * push
-    a[k, 26] -= w5 * push
+@njit(**INLINE)
+def eliminate(j, b, m, u, inverse):
+    """Take out of an inertia what a degree of freedom of slope u gives way to."""
+    w0, w1, w2 = inverse * u[0], inverse * u[1], inverse * u[2]
+    w3, w4, w5 = inverse * u[3], inverse * u[4], inverse * u[5]
+    j = (j[0] - w0 * u[0], j[1] - w0 * u[1], j[2] - w0 * u[2], j[3] - w1 * u[1],
+         j[4] - w1 * u[2], j[5] - w2 * u[2])
+    b = (b[0] - w0 * u[3], b[1] - w0 * u[4], b[2] - w0 * u[5], b[3] - w1 * u[3],
+         b[4] - w1 * u[4], b[5] - w1 * u[5], b[6] - w2 * u[3], b[7] - w2 * u[4],
+         b[8] - w2 * u[5])
+    m = (m[0] - w3 * u[3], m[1] - w3 * u[4], m[2] - w3 * u[5], m[3] - w4 * u[4],
+         m[4] - w4 * u[5], m[5] - w5 * u[5])
+    return j, b, m
 
 
-@njit(cache=True, fastmath={'contract'})
-def shift_add(a, k, p, x, y, z):
-    """Add row k to row p, whose point lies at (-x, -y, -z) from that of row k."""
-    xx, xy, xz = a[k, 15], a[k, 16], a[k, 17]
-    yy, yz, zz = a[k, 18], a[k, 19], a[k, 20]
-    b0 = a[k, 6] + y * xz - z * xy  # B' = B + [r]M
-    b1 = a[k, 7] + y * yz - z * yy
-    b2 = a[k, 8] + y * zz - z * yz
-    b3 = a[k, 9] + z * xx - x * xz
-    b4 = a[k, 10] + z * xy - x * yz
-    b5 = a[k, 11] + z * xz - x * zz
-    b6 = a[k, 12] + x * xy - y * xx
-    b7 = a[k, 13] + x * yy - y * xy
-    b8 = a[k, 14] + x * yz - y * xz
-    # J' = J - B[r] - (B'[r])ᵀ, upper triangle
-    c0, c1, c2 = a[k, 6], a[k, 7], a[k, 8]
-    c3, c4, c5 = a[k, 9], a[k, 10], a[k, 11]
-    c7, c6 = a[k, 13], a[k, 12]
-    a[p, 0] += a[k, 0] - (c1 * z - c2 * y) - (b1 * z - b2 * y)
-    a[p, 1] += a[k, 1] - (c2 * x - c0 * z) - (b4 * z - b5 * y)
-    a[p, 2] += a[k, 2] - (c0 * y - c1 * x) - (b7 * z - b8 * y)
-    a[p, 3] += a[k, 3] - (c5 * x - c3 * z) - (b5 * x - b3 * z)
-    a[p, 4] += a[k, 4] - (c3 * y - c4 * x) - (b8 * x - b6 * z)
-    a[p, 5] += a[k, 5] - (c6 * y - c7 * x) - (b6 * y - b7 * x)
-    a[p, 6] += b0
-    a[p, 7] += b1
-    a[p, 8] += b2
-    a[p, 9] += b3
-    a[p, 10] += b4
-    a[p, 11] += b5
-    a[p, 12] += b6
-    a[p, 13] += b7
-    a[p, 14] += b8
-    a[p, 15] += xx
-    a[p, 16] += xy
-    a[p, 17] += xz
-    a[p, 18] += yy
-    a[p, 19] += yz
-    a[p, 20] += zz
-    fx, fy, fz = a[k, 24], a[k, 25], a[k, 26]
-    a[p, 21] += a[k, 21] + y * fz - z * fy
-    a[p, 22] += a[k, 22] + z * fx - x * fz
-    a[p, 23] += a[k, 23] + x * fy - y * fx
-    a[p, 24] += fx
-    a[p, 25] += fy
-    a[p, 26] += fz
+@njit(**INLINE)
+def relieve(p, u, push):
+    """Take out of a load what a degree of freedom of slope u gives way to."""
+    return (p[0] - u[0] * push, p[1] - u[1] * push, p[2] - u[2] * push,
+            p[3] - u[3] * push, p[4] - u[4] * push, p[5] - u[5] * push)
+
+
+@njit(**INLINE)
+def shift(j, b, m, x, y, z):
+    """Move an inertia to a point at (-x, -y, -z) from its own."""
+    c = (b[0] + y * m[2] - z * m[1], b[1] + y * m[4] - z * m[3], b[2] + y * m[5] - z * m[4],
+         b[3] + z * m[0] - x * m[2], b[4] + z * m[1] - x * m[4], b[5] + z * m[2] - x * m[5],
+         b[6] + x * m[1] - y * m[0], b[7] + x * m[3] - y * m[1], b[8] + x * m[4] - y * m[2])
+    # c = b + [r]·m; then j - b·[r] - (c·[r])ᵀ, upper triangle
+    j = (j[0] - (b[1] + c[1]) * z + (b[2] + c[2]) * y,
+         j[1] - b[2] * x + b[0] * z - c[4] * z + c[5] * y,
+         j[2] - b[0] * y + b[1] * x - c[7] * z + c[8] * y,
+         j[3] - (b[5] + c[5]) * x + (b[3] + c[3]) * z,
+         j[4] - b[3] * y + b[4] * x - c[8] * x + c[6] * z,
+         j[5] - (b[6] + c[6]) * y + (b[7] + c[7]) * x)
+    return j, c, m
+
+
+@njit(**INLINE)
+def shift_load(p, x, y, z):
+    """Move a load to a point at (-x, -y, -z) from its own."""
+    return (p[0] + y * p[5] - z * p[4], p[1] + z * p[3] - x * p[5], p[2] + x * p[4] - y * p[3],
+            p[3], p[4], p[5])
+
+
+@njit(**INLINE)
+def shift_motion(v, x, y, z):
+    """Give the motion of the same body at a point at (x, y, z) from the first."""
+    return (v[0], v[1], v[2], v[3] + v[1] * z - v[2] * y, v[4] + v[2] * x - v[0] * z,
+            v[5] + v[0] * y - v[1] * x)
+
+
+@njit(**INLINE)
+def dot(a, b):
+    """Multiply a motion and a load."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+
+
+@njit(**INLINE)
+def read(a, k):
+    """Read inertia and load from row k."""
+    j = (a[k, 0], a[k, 1], a[k, 2], a[k, 3], a[k, 4], a[k, 5])
+    b = (a[k, 6], a[k, 7], a[k, 8], a[k, 9], a[k, 10], a[k, 11], a[k, 12], a[k, 13], a[k, 14])
+    m = (a[k, 15], a[k, 16], a[k, 17], a[k, 18], a[k, 19], a[k, 20])
+    p = (a[k, 21], a[k, 22], a[k, 23], a[k, 24], a[k, 25], a[k, 26])
+    return j, b, m, p
+
+
+@njit(**INLINE)
+def write(a, k, j, b, m, p):
+    """Write inertia and load to row k."""
+    a[k, 0], a[k, 1], a[k, 2], a[k, 3], a[k, 4], a[k, 5] = j
+    (a[k, 6], a[k, 7], a[k, 8], a[k, 9], a[k, 10], a[k, 11], a[k, 12], a[k, 13],
+     a[k, 14]) = b
+    a[k, 15], a[k, 16], a[k, 17], a[k, 18], a[k, 19], a[k, 20] = m
+    a[k, 21], a[k, 22], a[k, 23], a[k, 24], a[k, 25], a[k, 26] = p
+
+
+@njit(**INLINE)
+def add(a, k, j, b, m, p):
+    """Add inertia and load to row k."""
+    a[k, 0] += j[0]
+    a[k, 1] += j[1]
+    a[k, 2] += j[2]
+    a[k, 3] += j[3]
+    a[k, 4] += j[4]
+    a[k, 5] += j[5]
+    a[k, 6] += b[0]
+    a[k, 7] += b[1]
+    a[k, 8] += b[2]
+    a[k, 9] += b[3]
+    a[k, 10] += b[4]
+    a[k, 11] += b[5]
+    a[k, 12] += b[6]
+    a[k, 13] += b[7]
+    a[k, 14] += b[8]
+    a[k, 15] += m[0]
+    a[k, 16] += m[1]
+    a[k, 17] += m[2]
+    a[k, 18] += m[3]
+    a[k, 19] += m[4]
+    a[k, 20] += m[5]
+    a[k, 21] += p[0]
+    a[k, 22] += p[1]
+    a[k, 23] += p[2]
+    a[k, 24] += p[3]
+    a[k, 25] += p[4]
+    a[k, 26] += p[5]

@@ -66,6 +66,7 @@ class Scratch(NamedTuple):
     motion: np.ndarray   # angular and linear velocity over dt, at the joint point, (n, 6)
     rate: np.ndarray     # new joint rates, (n, 4)
     bound: np.ndarray    # rate at which a held bend just reaches its limit [rad/s], (n,)
+    root: np.ndarray     # equations of a free root, (6, 7)
 
 
 class Plan(NamedTuple):
@@ -93,7 +94,7 @@ def make_scratch(plan: Plan) -> Scratch:
     """Give a workspace that fits the largest tree."""
     size = int(np.diff(plan.start).max(initial=1))
     return Scratch(np.zeros((size, WIDTH)), np.zeros((size, 4, FACTOR_WIDTH)),
-                   np.zeros((size, 6)), np.zeros((size, 4)), np.zeros(size))
+                   np.zeros((size, 6)), np.zeros((size, 4)), np.zeros(size), np.zeros((6, 7)))
 
 
 def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
@@ -104,7 +105,8 @@ def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
     :param active: (S,) bool; the parent of an active row is active.
     """
     row = np.flatnonzero(active)
-    row = row[np.argsort(_roots(parent)[row], kind='stable')]
+    root, depth = _roots(parent)
+    row = row[np.lexsort((depth[row], root[row]))]
     place = np.empty(len(parent) + 1, np.int64)
     place[row] = np.arange(len(row))
     start = np.append(np.flatnonzero(parent[row] < 0), len(row))
@@ -115,8 +117,9 @@ def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
 
 @njit(cache=True)
 def _roots(parent):
-    root = np.arange(len(parent))
+    root, depth = np.arange(len(parent)), np.zeros(len(parent), np.int64)
     for i in range(len(parent)):
         if parent[i] >= 0:
             root[i] = root[parent[i]]
-    return root
+            depth[i] = depth[parent[i]] + 1
+    return root, depth
