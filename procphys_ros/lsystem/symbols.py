@@ -129,4 +129,4 @@ LONG_NAMES = frozenset(name for name in SYMBOLS if len(name) > 1 and name[0].isa
 def arity_message(symbol: Symbol, found: int) -> str:
     """Say how many parameters a symbol takes, and how many were found."""
     wanted = ' or '.join(map(str, symbol.arities))
-    return f'takes {wanted} parameter{"s" * (symbol.arities[-1] != 1)}, found {found}'
+    return f'takes {wanted} parameter{"s" * (symbol.arities != (1,))}, found {found}'

@@ -165,8 +165,9 @@ class Turtle:
         for index, attribute in enumerate(ATTRIBUTES):
             values = segments[:, HEAD + walk.VALUES + index]
             given = ~np.isnan(values) if np.isnan(attribute.default) else slice(None)
-            zero_ok = not attribute.positive
-            wrong = ~(values[given] >= 0.0) if zero_ok else ~(values[given] > 0.0)
+            wrong = ~(values[given] > 0.0 if attribute.positive else values[given] >= 0.0)
+            if not np.isinf(attribute.default):
+                wrong |= np.isinf(values[given])
             if attribute.name == 'BoneRatio':
                 low, high = BONE_RATIO_RANGE
                 wrong |= (values < low - 1e-9) | (values > high + 1e-9)

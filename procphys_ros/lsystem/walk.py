@@ -180,15 +180,27 @@ def _record(rows, number, state, length, carrier, module):
 
 
 @njit(cache=True)
-def _corner(state, vertices, filled):
-    vertices[filled[CORNERS]] = state[POSITION:POSITION + 3]
-    filled[CORNERS] += 1
+def _same(a, b):
+    return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
+
+
+@njit(cache=True)
+def _corner(state, vertices, opened, filled):
+    """Add a corner to the innermost polygon, unless it is the last one again."""
+    last = filled[CORNERS] - 1
+    position = state[POSITION:POSITION + 3]
+    if last < opened[filled[POLYGONS] - 1] or not _same(vertices[last], position):
+        vertices[filled[CORNERS]] = position
+        filled[CORNERS] += 1
 
 
 @njit(cache=True)
 def _fill(state, vertices, first, triangles, filled, module):
     """Cut the polygon that is closed into a fan of triangles."""
-    for corner in range(first + 1, filled[CORNERS] - 1):
+    count = filled[CORNERS]
+    if count > first and _same(vertices[first], vertices[count - 1]):
+        count -= 1  # the polygon was closed by hand
+    for corner in range(first + 1, count - 1):
         triangle = triangles[filled[TRIANGLES]]
         triangle[0] = _carrier(state, filled[SEGMENTS])
         triangle[1] = module
@@ -201,12 +213,12 @@ def _fill(state, vertices, first, triangles, filled, module):
 
 
 @njit(cache=True)
-def _move(state, code, length, segments, pieces, vertices, filled, module):
+def _move(state, code, length, segments, pieces, vertices, opened, filled, module):
     """Move, and draw unless inside a polygon, where movements only make its edges."""
     if filled[POLYGONS] > 0:
         _advance(state, length)
         if code != _ORNAMENT:
-            _corner(state, vertices, filled)
+            _corner(state, vertices, opened, filled)
         return
     if code == _SEGMENT:
         _record(segments, filled[SEGMENTS], state, length, state[PARENT], module)
@@ -263,7 +275,7 @@ def _draw(state, op, argument, given, tables, opened, filled, module):
     segments, pieces, leaves, triangles, vertices, angle = tables
     if op <= _MOVE:
         length = given[0] if len(given) else 1.0
-        _move(state, op, length, segments, pieces, vertices, filled, module)
+        _move(state, op, length, segments, pieces, vertices, opened, filled, module)
     elif _TURN <= op <= _ROLL:
         _turn(state, op, argument, given, angle)
     elif op == _LEAF_OP:
@@ -276,7 +288,7 @@ def _draw(state, op, argument, given, tables, opened, filled, module):
     elif op == _VERTEX:
         if filled[POLYGONS] == 0:
             return _UNOPENED
-        _corner(state, vertices, filled)
+        _corner(state, vertices, opened, filled)
     elif op == _FILL:
         if filled[POLYGONS] == 0:
             return _UNOPENED

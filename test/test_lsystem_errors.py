@@ -1,0 +1,126 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Errors in the texts of L-systems: each says where, what was found and what is allowed."""
+
+import pytest
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.lsystem import LSystem
+
+
+@pytest.mark.parametrize('text, line, column, words', [
+    ('production:\nA -> B', 0, 0, 'the section "axiom:" is missing'),
+    ('', 0, 0, 'the section "axiom:" is missing'),
+    ('axoim: A', 1, 1, 'unknown section "axoim:"; did you mean axiom?'),
+    ('axiom: A\nprodution:\nA -> B', 2, 1, 'did you mean production'),
+    ('A -> B', 1, 1, 'before any section'),
+    ('axiom: A\naxiom: B', 2, 1, '"axiom:" stands twice, first on line 1'),
+    ('axiom:', 1, 0, 'found the end, expected "*", a bracket or a module'),
+    ('axiom: A [ B', 1, 10, 'this "[" is never closed'),
+    ('axiom: A ] B', 1, 10, 'found "]" without a "["'),
+    ('axiom: A\nproduction:\n  A -> [ B ] ]', 3, 14, 'found "]" without a "["'),
+    ('axiom: A ? B', 1, 10, 'found "?", expected'),
+    ('axiom: @Q A', 1, 8, 'unknown module "@Q"'),
+    ('axiom: Trunk(1)', 1, 8, 'unknown module "Trunk"; names longer than one letter'),
+    ('axiom: Widht(0.3) F', 1, 8, 'unknown module "Widht"; did you mean Width'),
+    ('axiom: A2', 1, 8, 'unknown module "A2"'),
+    ('axiom: A\nproduction:\nA -> Foo(1)', 3, 6, 'unknown module "Foo"'),
+    ('axiom: Width(0.3, 2) F', 1, 8, 'Width takes 1 parameter, found 2'),
+    ('axiom: F(1, 2)', 1, 8, 'F takes 0 or 1 parameters, found 2'),
+    ('axiom: A Tropism(1)', 1, 10, 'Tropism takes 4 parameters, found 1'),
+    ('axiom: A\nproduction:\nA -> B : -0.5', 3, 10, 'weight -0.5 is negative'),
+    ('axiom: A\nproduction:\nA -> B : ', 3, 0, 'found the end, expected "(", a name'),
+    ('axiom: A\nproduction:\nA -> B : heavy', 3, 10, 'unknown name "heavy"'),
+    ('axiom: A\nproduction:\nA -> B : 1 2', 3, 12, 'found "2", expected an operator'),
+    ('axiom: A\nproduction:\nA(l) -> F(lenght)', 3, 11, 'unknown name "lenght"'),
+    ('axiom: A\nproduction:\nA(l) : l > -> F(l)', 3, 13, 'found ">", expected "(", a name'),
+    ('axiom: A\nproduction:\nA(1) -> F', 3, 3, 'found "1", expected a name'),
+    ('axiom: A\nproduction:\nA F', 3, 0, 'expected'),
+    ('axiom: A\nproduction:\nA ->', 3, 0, 'expected "*", a bracket or a module'),
+    ('axiom: A(sin())', 1, 10, 'sin takes 1 argument, found 0'),
+    ('axiom: A(rnd(1))', 1, 10, 'unknown function "rnd"; did you mean rand'),
+    ('axiom: A(1', 1, 0, 'expected ")"'),
+    ('axiom: A\ndefine: a = 1, a = 2', 2, 16, '"a" is defined twice'),
+    ('axiom: A\ndefine: a = b', 2, 13, 'unknown name "b"'),
+    ('axiom: A\ndefine: a 3', 2, 11, 'found "3", expected "="'),
+    ('axiom: A\ndefine: seed = 3', 2, 9, 'cannot be a define'),
+    ('axiom: A\nignore: +\nconsider: A', 0, 0, 'either "ignore:" or "consider:"'),
+    ('axiom: A\nderivation length: three', 2, 20, 'unknown name "three"'),
+    ('axiom: A\nproduction:\nA -> * B', 3, 6, '"*" stands alone'),
+    ('axiom: A\nproduction:\nA -> B =] C', 3, 0, ''),
+    ('axiom: A(__import__("os"))', 1, 0, 'found'),
+    ('axiom: A\nproduction:\nA -> B(open("/etc/passwd"))', 3, 0, 'found'),
+])
+def test_message(text, line, column, words):
+    """Name line and column, what was found and what was expected."""
+    with pytest.raises(GrammarError) as caught:
+        LSystem.parse(text, 'tree.lsys')
+    error = caught.value
+    assert words in str(error) and str(error).startswith('tree.lsys')
+    assert error.line == line and column in (0, error.column)
+    assert '\n' not in str(error)
+
+
+def test_missing_file(tmp_path):
+    """Say which file cannot be read."""
+    with pytest.raises(GrammarError, match='cannot read the grammar'):
+        LSystem.load(tmp_path / 'no.lsys')
+
+
+def test_declared_names():
+    """Read declared names whole, and everything else letter by letter."""
+    text = 'module: Trunk, Trunks\naxiom: {}\nproduction:\nTrunk(l) -> F(l) Trunk(l)'
+    names = [m.name for m in LSystem.parse(text.format('Trunks Trunk(2) FFTrunk(1)')).derive(0)]
+    assert names == ['Trunks', 'Trunk', 'F', 'F', 'Trunk']
+    assert str(LSystem.parse(text.format('Trunk(2)')).derive(1)) == 'F(2)Trunk(2)'
+    assert str(LSystem.parse('axiom: WidthRate(1)Width(2)').derive(0)) == 'WidthRate(1)Width(2)'
+
+
+def test_symbols_are_operators_inside_parentheses():
+    """Tell modules from operators by where they stand."""
+    text = 'axiom: A(8)\nproduction:\nA(x) : !(x<2) -> -(-x)+(x%3)/(x/2)^(x^2)&(x&&0)|!(x-1)%'
+    assert str(LSystem.parse(text).derive(1)) == '-(-8)+(2)/(4)^(64)&(0)|!(7)%'
+
+
+def test_arrows():
+    """Read both arrows beside minus signs."""
+    assert str(LSystem.parse('axiom: A-\nproduction:\nA->-A-\n- --> +').derive(1)) == '-A-+'
+
+
+def test_comments_and_spacing():
+    """Skip comments and blank lines anywhere."""
+    text = '# a tree\n\naxiom: A # start\n\nproduction: # rules\n# none\n A -> B # end\n\n   C # more'
+    assert str(LSystem.parse(text).derive(1)) == 'BC'
+
+
+def test_every_section():
+    """Read the settings of a grammar."""
+    system = LSystem.parse("""
+        name: oak
+        derivation length: 2
+        angle: 25
+        define: r = 0.9
+        module: Twig
+        consider: A
+        textures: oak_bark, oak_leaf
+        axiom: A
+        production:
+          A -> F A
+        decomposition:
+        interpretation:
+          A -> + Twig
+        maximum depth: 1""")
+    assert system.name == 'oak' and str(system.interpret()) == 'FF+Twig'
