@@ -1,0 +1,153 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Scenes: placing instances, reading parameters, refusing what cannot be built."""
+
+import numpy as np
+import pytest
+
+from procphys_ros.errors import GrammarError, SceneError
+from procphys_ros.lsystem import LSystem
+from procphys_ros.scene import Scene
+from procphys_ros.scene.layout import places
+
+POLE = 'axiom: Width(0.1) F(1) F(1)'
+
+
+def parameters(**groups):
+    """Give the parameters of a scene with one object called pole."""
+    return {'scene': {'objects': ['pole']}, 'pole': {'grammar_text': POLE}, **groups}
+
+
+def refused(given):
+    """Give the message that a scene is refused with."""
+    with pytest.raises(SceneError) as caught:
+        Scene.from_parameters(given)
+    return str(caught.value)
+
+
+def test_instances_follow_each_other_in_part_order():
+    """Number the parts of instances one after the other, named as the interface says."""
+    scene = Scene.from_parameters(parameters(pole={'grammar_text': POLE, 'count': 3}))
+    assert [o.name for o in scene.objects] == ['pole_0', 'pole_1', 'pole_2']
+    assert [(o.first, o.count) for o in scene.objects] == [(0, 2), (2, 2), (4, 2)]
+    assert len(scene.blueprint) == 6
+    assert Scene.from_parameters(parameters()).objects[0].name == 'pole'
+
+
+def test_placing_moves_parts_and_bonds_alike():
+    """Turn and move a blueprint rigidly, joints included."""
+    blueprint = LSystem.parse(POLE + ' +(90) &(90) F(1)').build()
+    scene = Scene()
+    scene.add(blueprint, (3.0, 4.0, 0.5), np.pi / 2)
+    x, y, z = blueprint.poses[2, :3]
+    assert scene.blueprint.poses[2, :3] == pytest.approx([3.0 - y, 4.0 + x, 0.5 + z])
+    arm = np.linalg.norm(scene.blueprint.bond_frame[:, :3] - scene.blueprint.poses[:, :3], axis=1)
+    assert arm == pytest.approx(np.full(3, 0.5))
+
+
+def test_layouts_keep_their_distances():
+    """Space rows and grids exactly, and keep scattered instances apart."""
+    rng = np.random.default_rng(1)
+    row, _ = places('row', 5, 2.0, rng)
+    assert np.diff(row[:, 0]) == pytest.approx([2.0] * 4) and row.mean(axis=0) == pytest.approx(0)
+    grid, _ = places('grid', 9, 3.0, rng)
+    gaps = np.linalg.norm(grid[:, None] - grid[None], axis=2)
+    assert gaps[gaps > 0].min() == pytest.approx(3.0)
+    scattered, headings = places('scatter', 200, 4.0, rng)
+    gaps = np.linalg.norm(scattered[:, None] - scattered[None], axis=2) + 1e9 * np.eye(200)
+    assert gaps.min() > 1.0 and np.ptp(headings) > 5.0
+
+
+def test_same_seed_same_scene():
+    """Build the same individuals from the same seed, and others from another."""
+    text = 'axiom: Width(0.1) F(rand(1,2)) F(1)'
+    given = parameters(pole={'grammar_text': text, 'count': 4, 'layout': 'scatter'})
+    first, second = (Scene.from_parameters(given).blueprint.poses for _ in range(2))
+    other = Scene.from_parameters({**given, 'seed': 5}).blueprint.poses
+    assert np.array_equal(first, second) and not np.array_equal(first, other)
+    lengths = Scene.from_parameters(given).blueprint.visual_size[::2, 2]
+    assert len(set(lengths)) == 4
+    few = {**given, 'pole': {**given['pole'], 'variants': 2}}
+    assert len(set(Scene.from_parameters(few).blueprint.visual_size[::2, 2])) == 2
+
+
+def test_defines_reach_the_grammar():
+    """Override a define of the grammar from the parameters."""
+    text = 'define: n = 2\naxiom: Width(0.1) F(n)'
+    scene = Scene.from_parameters(parameters(
+        pole={'grammar_text': text, 'defines': ['n=7']}))
+    assert scene.blueprint.visual_size[0, 2] == 7.0
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ({'scene': {'objects': ['pole', 'pole']}, 'pole': {}}, ['pole', 'twice']),
+    ({'scene': {'objects': ['a b']}}, ['a b', 'letters']),
+    ({'scene': {'objects': 'oak'}}, ['scene.objects', 'list']),
+    (parameters(pole={}), ['pole.grammar', 'pole.grammar_text']),
+    (parameters(pole={'grammer': 'oak.lsys'}), ['pole.grammer', 'did you mean grammar']),
+    (parameters(pole={'grammar': 'aok.lsys'}), ['pole.grammar', 'aok.lsys', 'oak.lsys']),
+    (parameters(pole={'grammar': __file__}), ['.py', '.lsys', '.wall']),
+    (parameters(pole={'grammar_text': POLE, 'count': -1}), ['pole.count', '-1', '0']),
+    (parameters(pole={'grammar_text': POLE, 'spacing': 0}), ['pole.spacing', 'above 0']),
+    (parameters(pole={'grammar_text': POLE, 'origin': [1, 2]}), ['pole.origin', 'three']),
+    (parameters(pole={'grammar_text': POLE, 'yaw': float('nan')}), ['pole.yaw', 'finite']),
+    (parameters(pole={'grammar_text': POLE, 'layout': 'ring'}), ['pole.layout', 'scatter']),
+    (parameters(pole={'grammar_text': POLE, 'defines': ['n:3']}), ['pole.defines', 'name=number']),
+    (parameters(wind={'velocity': [1, 2]}), ['wind.velocity', 'three']),
+    (parameters(wind={'speed': 3}), ['wind.speed', 'velocity']),
+    (parameters(time_step=5.0), ['time_step', '0.1']),
+    (parameters(seed=-3), ['seed', '-3']),
+])
+def test_bad_parameters_are_named(given, words):
+    """Name the key, what was found and what is allowed."""
+    message = refused(given)
+    assert '\n' not in message
+    for word in words:
+        assert word in message
+
+
+def test_grammar_errors_name_the_parameter():
+    """Say which parameter held the text that cannot be read, and where in it."""
+    with pytest.raises(GrammarError) as caught:
+        Scene.from_parameters(parameters(pole={'grammar_text': 'axiom: F(1'}))
+    assert str(caught.value).startswith('pole.grammar_text:1')
+
+
+def test_yaml_is_a_ros_parameter_file(tmp_path):
+    """Read nested and dotted keys alike, as rclpy does."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text('sim:\n  ros__parameters:\n    scene.objects: [pole]\n    seed: 3\n'
+                    f'    pole: {{grammar_text: "{POLE}"}}\n    pole.count: 2\n'
+                    '    wind.velocity: [5, 0, 0]\n')
+    scene = Scene.from_yaml(path)
+    assert len(scene.objects) == 2 and scene.settings.seed == 3
+    assert scene.settings.wind.velocity == (5.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(('text', 'words'), [
+    ('a: [1', ['scene.yaml:', 'not valid YAML']),
+    ('hello', ['no parameters', 'ros__parameters']),
+    ('sim: {ros__parameters: {seed: x}}', ['scene.yaml', 'seed']),
+])
+def test_bad_files_are_named(tmp_path, text, words):
+    """Name the file and the place in it."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text(text)
+    with pytest.raises(SceneError) as caught:
+        Scene.from_yaml(path)
+    for word in words:
+        assert word in str(caught.value)
+    with pytest.raises(SceneError, match='No such file'):
+        Scene.from_yaml(tmp_path / 'none.yaml')

@@ -1,0 +1,176 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The whole simulation: commands, determinism, breaking, reset."""
+
+import numpy as np
+import pytest
+
+from procphys_ros.errors import CommandError
+from procphys_ros.lsystem import LSystem
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Cause, Simulation
+
+TREE = """
+angle: 40
+axiom: Width(0.12) Density(800) Modulus(8e9) DampingRatio(0.05) Strength({strength})
+  F(1) F(1) [ +(30) &(50) Width(0.05) F(0.8) F(0.8) Leaf(0.3, 1) ] F(1) Width(0.06) F(0.8)
+"""
+
+
+def grow(strength=5e7, count=1):
+    """Give a simulation of a few small trees in still air."""
+    scene = Scene()
+    blueprint = LSystem.parse(TREE.format(strength=strength)).build()
+    for i in range(count):
+        scene.add(blueprint, (4.0 * i, 0.0, 0.0), 0.3 * i, f'tree_{i}')
+    return Simulation(scene)
+
+
+def test_a_tree_at_rest_stays_exactly_at_rest():
+    """Keep every part where it was authored for ten seconds of still air."""
+    simulation = grow()
+    simulation.step(600)
+    assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-9
+    assert simulation.time == pytest.approx(10.0)
+
+
+def test_an_impulse_moves_the_named_part_and_dies_out():
+    """Move the tree that was struck, only that tree, and let it come back to rest."""
+    simulation = grow(count=2)
+    rest = simulation.poses.copy()
+    simulation.apply_impulse('tree_1/segment_5', (20.0, 0.0, 0.0))
+    simulation.step(10)
+    moved = np.linalg.norm(simulation.poses[:, :3] - rest[:, :3], axis=1)
+    half = len(rest) // 2
+    assert moved[:half].max() < 1e-12 and moved[half:].max() > 0.01
+    simulation.step(1800)
+    assert np.abs(simulation.poses - rest).max() < 1e-3
+
+
+def test_parts_go_by_index_or_name():
+    """Take 'tree_1/2', 'tree_1/segment_2' and the plain index for the same part."""
+    results = []
+    for part in ('tree_1/2', 'tree_1/segment_2', 10 - 2, '8'):
+        simulation = grow(count=2)
+        assert len(simulation.blueprint) == 12
+        simulation.apply_impulse(part, (1.0, 0.0, 0.0))
+        simulation.step(3)
+        results.append(simulation.poses.copy())
+    assert all(np.array_equal(results[0], other) for other in results[1:])
+
+
+@pytest.mark.parametrize(('part', 'linear', 'words'), [
+    ('tree_9/1', (1, 0, 0), ['tree_9/1', 'did you mean tree_0']),
+    ('tree_0', (1, 0, 0), ['object/index']),
+    ('tree_0/99', (1, 0, 0), ['0 to 5']),
+    ('tree_0/brick_1', (1, 0, 0), ['tree_0/segment_1']),
+    (-1, (1, 0, 0), ['-1']),
+    ('tree_0/1', (float('nan'), 0, 0), ['not finite']),
+    ('tree_0/1', (1e308, 0, 0), ['larger']),
+    ('tree_0/1', (1, 0), ['three numbers']),
+    ('', (1, 0, 0), ['no part']),
+])
+def test_refused_commands_say_why_and_change_nothing(part, linear, words):
+    """Refuse what cannot be done, in one line, and leave the state alone."""
+    simulation = grow()
+    with pytest.raises(CommandError) as caught:
+        simulation.apply_impulse(part, linear)
+    for word in words:
+        assert word in str(caught.value)
+    simulation.step(5)
+    assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-9
+
+
+def test_a_lasting_force_bends_and_is_cleared():
+    """Hold a tip aside with a force, then let it go."""
+    simulation = grow()
+    simulation.apply_wrench('tree_0/5', (60.0, 0.0, 0.0))
+    simulation.step(900)
+    bent = simulation.poses[5, 0] - simulation.blueprint.poses[5, 0]
+    assert bent > 0.01
+    assert simulation.clear_wrenches() == 1
+    simulation.step(1800)
+    assert simulation.poses[5, 0] == pytest.approx(simulation.blueprint.poses[5, 0], abs=1e-3)
+
+
+def test_same_seed_and_commands_give_the_same_poses():
+    """Repeat a run with wind, impulses and breaks bit for bit; another seed differs."""
+    def run(seed):
+        simulation = Simulation(grow(2e7, 3).scene, seed=seed)
+        simulation.set_wind((22.0, 3.0, 0.0))
+        simulation.step(60)
+        simulation.apply_impulse('tree_2/5', (0.0, 40.0, 0.0))
+        simulation.step(120)
+        return simulation
+    first, second, other = run(3), run(3), run(4)
+    assert first.bonds_broken > 0
+    assert np.array_equal(first.poses, second.poses)
+    assert not np.array_equal(first.poses, other.poses)
+
+
+def test_what_breaks_off_falls_and_comes_to_rest():
+    """Break a branch by a blow: it is reported, falls, and lies still on the ground."""
+    simulation = grow(strength=2e7)
+    simulation.apply_impulse('tree_0/segment_3', (0.0, 60.0, -60.0))
+    simulation.step(30)
+    events = simulation.events
+    assert len(events) and events['cause'][0] == Cause.BENDING and events['load'][0] > 1.0
+    assert simulation.awake_bodies > 0
+    simulation.step(900)
+    off = simulation.blueprint.bonds[events['bond'], 1]
+    assert simulation.awake_bodies == 0
+    assert (simulation.poses[off, 2] < 0.6).all() and (simulation.poses[:, 2] > 0.0).all()
+    assert np.abs(simulation.velocities[off]).max() == 0.0
+
+
+def test_a_broken_branch_keeps_its_momentum():
+    """Take over the momentum of the branch at the moment it comes off."""
+    simulation = grow(strength=1e5)
+    simulation.apply_impulse('tree_0/segment_5', (3.0, 0.0, 0.0))
+    mass = simulation.blueprint.mass
+    while not simulation.bonds_broken:
+        before = simulation.velocities.copy()
+        simulation.step()
+    off = np.flatnonzero(simulation._debris.carrier >= 0)
+    after = mass[off] @ simulation.velocities[off, :3]
+    weight = np.array([0.0, 0.0, -9.81 * mass[off].sum() * simulation.time_step])
+    assert np.isfinite(before).all()
+    assert np.linalg.norm(after) > 0.0
+    assert np.linalg.norm(after - weight) < 3.5
+
+
+def test_reset_restores_everything():
+    """Bring back poses, time, whole bonds and the first wind, and repeat the same run."""
+    simulation = grow(strength=8e6, count=2)
+    simulation.set_wind((45.0, 0.0, 0.0))
+    simulation.step(120)
+    first = simulation.poses.copy()
+    assert simulation.bonds_broken
+    simulation.reset()
+    assert np.array_equal(simulation.poses, simulation.blueprint.poses)
+    assert simulation.time == 0.0 and simulation.bonds_broken == 0
+    simulation.step(60)
+    assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-9
+    simulation.reset()
+    simulation.set_wind((45.0, 0.0, 0.0))
+    simulation.step(120)
+    assert np.array_equal(simulation.poses, first)
+
+
+def test_an_empty_scene_steps():
+    """Simulate nothing without complaint."""
+    simulation = Simulation(Scene())
+    simulation.step(3)
+    assert simulation.poses.shape == (0, 7) and simulation.time == pytest.approx(0.05)
