@@ -70,16 +70,15 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     """
     point, scale = _check(point, charge)
     poses = np.asarray(poses, float)
-    patches = faces.cut(poses, sizes)
-    towards = point - patches.centre
-    distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
-    cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
-    seen = cosine > 0.0
-    patches, distance, cosine = patches.take(seen), distance[seen], cosine[seen]
+    sizes = np.asarray(sizes, float)
+    patches = faces.cut(poses, sizes, faces.facing(poses, sizes, point))
     if sight is None:
         sight = Sight(poses, sizes, blocking=blocking)
     free = sight.clear(patches.centre + _OFF_FACE * patches.normal, point, patches.owner)
-    patches, distance, cosine = patches.take(free), distance[free], cosine[free]
+    patches = patches.take(free)
+    towards = point - patches.centre
+    distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
+    cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
     z = distance / scale
     per_area = scale * air_blast.impulse(z) * incidence_factor(z, cosine)
     linear, angular = faces.gather(

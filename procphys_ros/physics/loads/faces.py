@@ -49,37 +49,46 @@ class Patches:
                        self.area[rows])
 
 
-def cut(poses: np.ndarray, sizes: np.ndarray, patch: float = _PATCH) -> Patches:
+def facing(poses: np.ndarray, sizes: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Say which faces of boxes a point lies in front of, (N, 6) bool."""
+    offset = np.einsum('nji,nj->ni', rotation.to_matrix(poses[:, 3:]), point - poses[:, :3])
+    return np.stack([offset < -0.5 * sizes, offset > 0.5 * sizes], axis=2).reshape(-1, 6)
+
+
+def cut(poses: np.ndarray, sizes: np.ndarray, wanted: np.ndarray,
+        patch: float = _PATCH) -> Patches:
     """
-    Cut all faces of boxes into patches.
+    Cut faces of boxes into patches.
 
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
+    :param wanted: which faces to cut, (N, 6) bool.
     :param patch: wished edge of a patch [m]; inf = one patch per face.
     """
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     counts = np.clip(np.ceil(sizes / patch), 1, _MOST_PATCHES).astype(int)
-    parts = [_cut_face(sizes, counts, face) for face in range(6)]
+    parts = [_cut_face(sizes, counts, face, np.flatnonzero(wanted[:, face]))
+             for face in range(6)]
     owner, face, place, area = (np.concatenate(column) for column in zip(*parts))
     matrices = rotation.to_matrix(poses[:, 3:])
     sign = 2.0 * (face % 2) - 1.0
     normal = matrices[owner, :, face // 2] * sign[:, None]
-    centre = poses[owner, :3] + np.einsum('kij,kj->ki', matrices[owner], place)
+    centre = poses[owner, :3] + (matrices[owner] @ place[:, :, None])[:, :, 0]
     return Patches(owner, face, centre, normal, area)
 
 
-def _cut_face(sizes: np.ndarray, counts: np.ndarray, face: int) -> tuple:
-    """Return owner, face, place in the box and area of the patches of one face of each box."""
+def _cut_face(sizes: np.ndarray, counts: np.ndarray, face: int, boxes: np.ndarray) -> tuple:
+    """Return owner, face, place in the box and area of the patches of one face of some boxes."""
     axis, side = face // 2, 2 * (face % 2) - 1
     u, v = (axis + 1) % 3, (axis + 2) % 3
-    per_box = counts[:, u] * counts[:, v]
-    owner = np.repeat(np.arange(len(sizes)), per_box)
+    per_box = counts[boxes, u] * counts[boxes, v]
+    owner = np.repeat(boxes, per_box)
     number = np.arange(len(owner)) - np.repeat(np.cumsum(per_box) - per_box, per_box)
     place = np.empty((len(owner), 3))
     place[:, axis] = 0.5 * side * sizes[owner, axis]
     for k, index in ((u, number // counts[owner, v]), (v, number % counts[owner, v])):
         place[:, k] = ((index + 0.5) / counts[owner, k] - 0.5) * sizes[owner, k]
-    area = (sizes[:, u] * sizes[:, v] / per_box)[owner]
+    area = sizes[owner, u] * sizes[owner, v] / (counts[owner, u] * counts[owner, v])
     return owner, np.full(len(owner), face), place, area
 
 

@@ -30,37 +30,31 @@ _LEAST_CELL = 0.25       # [m] about a brick
 
 
 class Sight:
-    """
-    Boxes that block rays.
+    """Boxes that block rays."""
 
-    :ivar centres: (N, 3) [m], world.
-    :ivar axes: rotation matrices, columns are the boxes' axes, (N, 3, 3).
-    :ivar halves: half extents, grown by the seal, (N, 3) [m].
-    """
-
-    def __init__(self, poses: np.ndarray, sizes: np.ndarray, seal: float = 0.006,
+    def __init__(self, poses: np.ndarray, sizes: np.ndarray, seal: float = 0.011,
                  blocking: np.ndarray | None = None):
         """
         List the boxes in a grid.
 
         :param poses: (N, 7) [m], xyzw, world.
         :param sizes: full extents, (N, 3) [m].
-        :param seal: how much every face of a box is moved out [m], to close mortar joints.
+        :param seal: how far every face of a box is moved out [m]: more than the width of a mortar
+            joint, so that no ray escapes through one.
         :param blocking: which boxes block rays, (N,) bool; None = all.
         """
-        self.centres = np.ascontiguousarray(poses[:, :3], float)
-        self.axes = rotation.to_matrix(poses[:, 3:])
-        self.halves = 0.5 * np.asarray(sizes, float) + seal
-        reach = np.einsum('nij,nj->ni', np.abs(self.axes), self.halves)
+        matrices = rotation.to_matrix(poses[:, 3:])
+        halves = 0.5 * np.asarray(sizes, float) + seal
+        reach = np.einsum('nij,nj->ni', np.abs(matrices), halves)
+        # One row per box: centre, rotation matrix, half extents.
+        self._boxes = np.hstack([poses[:, :3], matrices.reshape(-1, 9), halves])
+        low, high = poses[:, :3] - reach, poses[:, :3] + reach
         rows = np.arange(len(poses)) if blocking is None else np.flatnonzero(blocking)
-        low, high = self.centres - reach, self.centres + reach
-        self._low = low[rows].min(axis=0) if len(rows) else np.zeros(3)
-        span = (high[rows].max(axis=0) - self._low) if len(rows) else np.zeros(3)
-        self._cell = max(_LEAST_CELL, float(np.cbrt(np.prod(np.maximum(span, 1.0))
-                                                    / _MOST_CELLS)))
-        self._shape = np.floor(span / self._cell).astype(np.int64) + 1
-        self._starts, self._lists = _list_boxes(low, high, rows, self._low, self._cell,
-                                                self._shape)
+        origin = low[rows].min(axis=0) if len(rows) else np.zeros(3)
+        span = high[rows].max(axis=0) - origin if len(rows) else np.zeros(3)
+        cell = max(_LEAST_CELL, float(np.cbrt(np.prod(np.maximum(span, 1.0)) / _MOST_CELLS)))
+        shape = np.floor(span / cell).astype(np.int64) + 1
+        self._grid = (origin, cell, shape, *_list_boxes(low, high, rows, origin, cell, shape))
 
     def clear(self, starts: np.ndarray, ends: np.ndarray, owners: np.ndarray) -> np.ndarray:
         """
@@ -72,8 +66,7 @@ class Sight:
         """
         starts = np.ascontiguousarray(starts, float)
         ends = np.ascontiguousarray(np.broadcast_to(ends, starts.shape), float)
-        return _trace(starts, ends, np.asarray(owners, np.int64), self.centres, self.axes,
-                      self.halves, self._low, self._cell, self._shape, self._starts, self._lists)
+        return _trace(starts, ends, np.asarray(owners, np.int64), self._boxes, self._grid)
 
 
 @njit(cache=True)
@@ -104,79 +97,89 @@ def _list_boxes(low, high, rows, origin, cell, shape):
 
 
 @njit(cache=True, error_model='numpy')
-def _hit(start, along, centre, axes, half):
+def _hit(start, along, boxes, row):
     """Say whether the segment start + s along, s in [0, 1], enters a box that its end is not in."""
+    x, y, z = start[0] - boxes[row, 0], start[1] - boxes[row, 1], start[2] - boxes[row, 2]
     enter, leave = 0.0, 1.0
     holds_end = True
     for k in range(3):
-        p = v = 0.0
-        for j in range(3):
-            p += axes[j, k] * (start[j] - centre[j])
-            v += axes[j, k] * along[j]
-        holds_end = holds_end and abs(p + v) <= half[k]
+        half = boxes[row, 12 + k]
+        p = boxes[row, 3 + k] * x + boxes[row, 6 + k] * y + boxes[row, 9 + k] * z
+        v = (boxes[row, 3 + k] * along[0] + boxes[row, 6 + k] * along[1]
+             + boxes[row, 9 + k] * along[2])
+        holds_end = holds_end and abs(p + v) <= half
         if abs(v) < 1e-12:
-            if abs(p) > half[k]:
+            if abs(p) > half:
                 return False
             continue
-        a, b = (-half[k] - p) / v, (half[k] - p) / v
-        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+        inverse = 1.0 / v
+        middle, reach = -p * inverse, half * abs(inverse)
+        enter, leave = max(enter, middle - reach), min(leave, middle + reach)
         if enter > leave:
             return False
     return not holds_end
 
 
 @njit(cache=True, error_model='numpy')
-def _clip(start, along, origin, cell, shape):
-    """Return the stretch of the ray, as shares of its length, that lies over the grid."""
+def _enter(start, along, origin, cell, shape, walk):
+    """
+    Put a ray into the grid's first cell on its way.
+
+    :param walk: (4, 3), written: cell, step, share of the ray at the next border, between borders.
+    :returns: share of the ray at which it leaves the grid, -1 when it passes by.
+    """
     enter, leave = 0.0, 1.0
     for k in range(3):
-        low, high = origin[k], origin[k] + cell * shape[k]
+        low, high = origin[k] - start[k], origin[k] + cell * shape[k] - start[k]
         if abs(along[k]) < 1e-12:
-            if start[k] < low or start[k] > high:
-                return 1.0, 0.0
+            if low > 0.0 or high < 0.0:
+                return -1.0
             continue
-        a, b = (low - start[k]) / along[k], (high - start[k]) / along[k]
+        a, b = low / along[k], high / along[k]
         enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-    return enter, leave
+    if enter > leave:
+        return -1.0
+    for k in range(3):
+        place = np.floor((start[k] + enter * along[k] - origin[k]) / cell)
+        walk[0, k] = min(max(place, 0.0), shape[k] - 1.0)
+        walk[1, k] = 1.0 if along[k] > 0.0 else -1.0
+        ahead = origin[k] + cell * (walk[0, k] + max(walk[1, k], 0.0)) - start[k]
+        still = abs(along[k]) < 1e-12
+        walk[2, k] = np.inf if still else ahead / along[k]
+        walk[3, k] = np.inf if still else cell / abs(along[k])
+    return leave
 
 
 @njit(cache=True, error_model='numpy')
-def _passes(start, along, owner, centres, axes, halves, origin, cell, shape, starts, lists):
+def _passes(start, along, owner, boxes, grid, walk):
     """Walk one ray through the grid until a box hinders it."""
-    enter, leave = _clip(start, along, origin, cell, shape)
-    if enter > leave:
+    origin, cell, shape, starts, lists = grid
+    leave = _enter(start, along, origin, cell, shape, walk)
+    if leave < 0.0:
         return True
-    at = np.empty(3, np.int64)
-    step, border, stride = np.empty(3, np.int64), np.empty(3), np.empty(3)
-    for k in range(3):
-        place = (start[k] + enter * along[k] - origin[k]) / cell
-        at[k] = min(max(int(np.floor(place)), 0), shape[k] - 1)
-        step[k] = 1 if along[k] > 0.0 else -1
-        ahead = at[k] + (1 if along[k] > 0.0 else 0)
-        still = abs(along[k]) < 1e-12
-        border[k] = np.inf if still else (origin[k] + cell * ahead - start[k]) / along[k]
-        stride[k] = np.inf if still else cell / abs(along[k])
+    strides = (shape[1] * shape[2], shape[2], 1)
+    index = int(walk[0, 0]) * strides[0] + int(walk[0, 1]) * strides[1] + int(walk[0, 2])
     while True:
-        index = (at[0] * shape[1] + at[1]) * shape[2] + at[2]
         for i in range(starts[index], starts[index + 1]):
             row = lists[i]
-            if row != owner and _hit(start, along, centres[row], axes[row], halves[row]):
+            if row != owner and _hit(start, along, boxes, row):
                 return False
-        k = 0 if border[0] <= border[1] else 1
-        if border[2] < border[k]:
+        k = 0 if walk[2, 0] <= walk[2, 1] else 1
+        if walk[2, 2] < walk[2, k]:
             k = 2
-        if border[k] > leave:
+        walk[0, k] += walk[1, k]
+        if walk[2, k] > leave or walk[0, k] < 0.0 or walk[0, k] >= shape[k]:
             return True
-        at[k] += step[k]
-        if at[k] < 0 or at[k] >= shape[k]:
-            return True
-        border[k] += stride[k]
+        index += strides[k] if walk[1, k] > 0.0 else -strides[k]
+        walk[2, k] += walk[3, k]
 
 
 @njit(cache=True)
-def _trace(begins, ends, owners, centres, axes, halves, origin, cell, shape, starts, lists):
+def _trace(begins, ends, owners, boxes, grid):
     free = np.empty(len(begins), np.bool_)
+    walk, along = np.empty((4, 3)), np.empty(3)
     for i in range(len(begins)):
-        free[i] = _passes(begins[i], ends[i] - begins[i], owners[i], centres, axes, halves,
-                          origin, cell, shape, starts, lists)
+        for k in range(3):
+            along[k] = ends[i, k] - begins[i, k]
+        free[i] = _passes(begins[i], along, owners[i], boxes, grid, walk)
     return free
