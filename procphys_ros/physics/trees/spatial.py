@@ -28,7 +28,7 @@ WIDTH = 27  # of a row that keeps J, B, M and the load in this order
 FACTOR_WIDTH = 8  # of a row that keeps a slope, an inverse inertia and a drive
 # Without run-time reference counts: inlined array arguments cost an atomic increment per use, which
 # doubles the time of a step. Functions under these options cannot allocate.
-KERNEL = {'cache': True, 'fastmath': {'contract'}, '_nrt': False}
+KERNEL = {'cache': True, '_nrt': False}
 INLINE = {**KERNEL, 'inline': 'always'}
 
 

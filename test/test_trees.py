@@ -1,0 +1,188 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Trees at rest and swaying, against beam theory and the conservation of energy."""
+
+from dataclasses import replace
+
+from grown_trees import beam, BENDING, bush, DENSITY, LENGTH, RADIUS
+import numpy as np
+import pytest
+
+from procphys_ros.physics.trees import Forest
+
+_OMEGA = 1.87510407 ** 2 * np.sqrt(BENDING / (DENSITY * np.pi * RADIUS ** 2)) / LENGTH ** 2
+_NO_WEIGHT = (0.0, 0.0, 0.0)
+
+
+def _swing_freely(forest: Forest, dt: float, count: int) -> np.ndarray:
+    """Pull the tip of a beam aside, let go, and record its sway once higher modes are gone."""
+    tip = len(forest) - 1
+    for _ in range(int(6.0 / dt)):
+        forest.apply_impulse(tip, linear=(20.0 * dt, 0.0, 0.0))
+        forest.step(dt)
+    path = np.empty(count)
+    for i in range(count):
+        forest.step(dt)
+        path[i] = forest.poses[tip, 0]
+    return path
+
+
+def _peaks(path: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Find times and heights of the maxima by a parabola through three samples."""
+    i = np.flatnonzero((path[1:-1] > path[:-2]) & (path[1:-1] >= path[2:])) + 1
+    left, middle, right = path[i - 1], path[i], path[i + 1]
+    offset = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return (i + offset) * dt, middle - 0.25 * (left - right) * offset
+
+
+def test_tip_load_sags_as_beam_theory():
+    """Expect P·L³/3EI at the tip; the joints integrate it to 0.5/n² from above."""
+    forest = Forest(beam(20, damping_ratio=0.7), gravity=_NO_WEIGHT)
+    end = [0.0, 0.0, LENGTH]
+    for _ in range(2000):
+        forest.apply_impulse(19, end, (20.0 / 60.0, 0.0, 0.0))
+        forest.step(1.0 / 60.0)
+        end = 2.0 * forest.poses[19, :3] - forest.poses[18, :3]
+        end = forest.poses[19, :3] + 0.5 * (end - forest.poses[19, :3])
+    sag = 20.0 * LENGTH ** 3 / (3.0 * BENDING)
+    assert end[0] == pytest.approx(sag, rel=5e-3)
+
+
+@pytest.mark.parametrize('segments, tolerance', [(10, 0.006), (20, 0.002)])
+def test_first_frequency_is_that_of_the_beam(segments: int, tolerance: float):
+    """Expect the Euler-Bernoulli frequency within half a percent from ten segments."""
+    dt = 1.0 / 600.0
+    forest = Forest(beam(segments, damping_ratio=0.02), gravity=_NO_WEIGHT, air_density=0.0)
+    times, _ = _peaks(_swing_freely(forest, dt, 3000), dt)
+    period = np.diff(times).mean()
+    assert 2.0 * np.pi / period == pytest.approx(_OMEGA, rel=tolerance)
+
+
+@pytest.mark.parametrize('ratio, dt, theta', [
+    (0.02, 1 / 600, 1.0), (0.05, 1 / 600, 0.6), (0.1, 1 / 240, 0.6), (0.05, 1 / 60, 0.6)])
+def test_first_mode_has_the_damping_ratio_asked_for(ratio: float, dt: float, theta: float):
+    """Expect the logarithmic decrement of ζ plus the numerical damping (θ-1/2)·ω·dt."""
+    forest = Forest(beam(damping_ratio=ratio), gravity=_NO_WEIGHT, air_density=0.0)
+    _, heights = _peaks(_swing_freely(forest, dt, int(4.0 / dt)), dt)
+    decrement = np.log(heights[:-1] / heights[1:])[:5].mean()
+    measured = decrement / np.sqrt(4.0 * np.pi ** 2 + decrement ** 2)
+    assert measured - (theta - 0.5) * _OMEGA * dt == pytest.approx(ratio, rel=0.05)
+
+
+def test_damping_ratio_holds_on_side_branches():
+    """Expect each branch's dampers from its own frequency: a thin one is damped less per k."""
+    forest = Forest(bush())
+    rate = forest._model.swing[:, 1] / forest._model.swing[:, 0]
+    assert np.all(rate > 0.0) and rate.max() > 3.0 * rate.min()
+
+
+def test_rest_is_exact():
+    """Expect a preloaded tree to stay at its authored pose to the last bit."""
+    blueprint = bush()
+    forest = Forest(blueprint)
+    assert np.allclose(forest.poses, blueprint.poses[forest.parts], atol=1e-12)
+    before = forest.poses.copy()
+    for _ in range(600):
+        forest.step(1.0 / 60.0)
+    assert np.array_equal(forest.poses, before)
+    assert not forest.velocities.any()
+    assert forest.energy() == 0.0
+
+
+def test_root_carries_the_weight():
+    """Expect the trunk's joint to push up with the weight of the tree at rest."""
+    blueprint = bush()
+    forest = Forest(blueprint)
+    forest.step(1.0 / 60.0)
+    force, moment = forest.joint_wrenches[0, :3], forest.joint_wrenches[0, 3:]
+    assert np.allclose(force, [0, 0, 9.81 * blueprint.mass.sum()], atol=1e-9)
+    lever = (blueprint.mass[:, None] * blueprint.poses[:, :3]).sum(axis=0)
+    assert np.allclose(moment, 9.81 * np.array([lever[1], -lever[0], 0.0]), atol=1e-8)
+
+
+@pytest.mark.parametrize('stiffness', [8e7, 8e9, 8e13])
+@pytest.mark.parametrize('ratio', [0.0, 0.05])
+def test_energy_never_rises_without_wind(stiffness: float, ratio: float):
+    """Expect mechanical energy to fall after a shove, springs, preload and weight included."""
+    forest = Forest(bush(stiffness=stiffness, damping_ratio=ratio), air_density=0.0)
+    rng = np.random.default_rng(1)
+    forest.velocities[:] = rng.normal(size=forest.velocities.shape)
+    forest.step(1.0 / 60.0)
+    energy = [forest.energy()]
+    for _ in range(600):
+        forest.step(1.0 / 60.0)
+        energy.append(forest.energy())
+    assert np.diff(energy).max() <= 1e-3 * energy[0]
+    assert energy[-1] < 0.5 * energy[0]
+
+
+@pytest.mark.parametrize('ratio', [0.0, 0.05])
+def test_motion_dies_out(ratio: float):
+    """Expect no branch to move for ever once the wind has stopped, even with no damping."""
+    forest = Forest(bush(damping_ratio=ratio))
+    wind = np.zeros((len(forest), 3))
+    wind[:, 0] = 25.0
+    for _ in range(120):
+        forest.step(1.0 / 60.0, wind)
+    blown = forest.energy()
+    for _ in range(1800):
+        forest.step(1.0 / 60.0)
+    assert forest.energy() < 1e-4 * blown
+    assert np.abs(forest.velocities).max() < 1e-2
+
+
+def test_wind_bends_leeward_and_more_with_speed():
+    """Expect the crown to lean the way the wind blows, more at twice the speed."""
+    lean = []
+    for speed in (10.0, 20.0):
+        forest = Forest(bush(damping_ratio=0.5))
+        start = forest.poses[:, 1].mean()
+        for _ in range(900):
+            forest.step(1.0 / 60.0, np.tile([0.0, speed, 0.0], (len(forest), 1)))
+        lean.append(forest.poses[:, 1].mean() - start)
+    assert 0.0 < 3.0 * lean[0] < lean[1] < 5.0 * lean[0]
+
+
+def test_leaves_streamline():
+    """Expect leaf drag to rise slower than the square of the speed beyond 10 m/s."""
+    drag = []
+    for speed in (5.0, 10.0, 20.0):
+        forest = Forest(replace(beam(1), leaf_area=np.array([1e4])), gravity=_NO_WEIGHT)
+        forest.release(0)
+        forest.step(1e-9, np.array([[speed, 0.0, 0.0]]))
+        drag.append(forest.velocities[0, 0])
+    assert drag[1] / drag[0] == pytest.approx(4.0, rel=1e-3)
+    assert drag[2] / drag[1] == pytest.approx(4.0 * 2.0 ** -0.85, rel=1e-3)
+
+
+def test_same_commands_give_identical_poses():
+    """Expect two runs, and a run after reset, to agree to the last bit."""
+    def run(forest: Forest) -> np.ndarray:
+        rng = np.random.default_rng(7)
+        for i in range(200):
+            forest.step(1.0 / 60.0, rng.normal(10.0, 5.0, (len(forest), 3)))
+            if i == 50:
+                forest.apply_impulse(20, linear=(5.0, 0.0, 0.0))
+            if i == 100:
+                forest.detach(30)
+                forest.release(12)
+        return forest.poses.copy()
+
+    forest = Forest(bush())
+    first = run(forest)
+    forest.reset()
+    assert np.array_equal(first, run(forest))
+    assert np.array_equal(first, run(Forest(bush())))

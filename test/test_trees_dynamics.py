@@ -1,0 +1,275 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Forward dynamics of trees against dense mass matrices, and against closed forms in flight."""
+
+from dataclasses import replace
+
+from grown_trees import beam, bush
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.trees import AIR_DENSITY, Forest, pose
+
+_GRAVITY = np.array([0.0, 0.0, -9.81])
+_DT = 1.0 / 60.0
+
+
+def _sprung() -> Blueprint:
+    """Grow a tree whose joints twist and stretch, some of them only one of the two."""
+    blueprint = bush(24, seed=3, damping_ratio=0.3)
+    count = len(blueprint.hinges)
+    twist, stretch = np.full(count, 900.0), np.full(count, 4e4)
+    twist[::3], stretch[::4] = np.inf, np.inf
+    hinges = replace(blueprint.hinges, twist_stiffness=twist, stretch_stiffness=stretch,
+                     twist_damping=np.full(count, 3.0), stretch_damping=np.full(count, 50.0))
+    return replace(blueprint, hinges=hinges)
+
+
+def _shaken(blueprint: Blueprint, seed: int = 0) -> Forest:
+    """Put a forest into a random state of motion, away from its limits."""
+    forest = Forest(blueprint, gravity=_GRAVITY, air_density=0.0)
+    rng = np.random.default_rng(seed)
+    state, extra = forest._state, forest._model.extra
+    state.bend[:] = rng.normal(0.0, 0.1, state.bend.shape)
+    state.bend[:, 3] *= 0.1
+    state.rate[:] = rng.normal(size=state.rate.shape)
+    state.bend[:, 2:][np.isinf(extra[:, [0, 4]])] = 0.0
+    pose.place_all(forest._plan, forest._model, state)
+    state.velocities[:] = rng.normal(size=state.velocities.shape)
+    return forest
+
+
+def _columns(forest: Forest) -> tuple[np.ndarray, np.ndarray]:
+    """Build the Jacobian (6S, D) of centres of mass and spins, and (row, kind) of its columns."""
+    count = len(forest)
+    state, extra = forest._state, forest._model.extra
+    columns, owner = [], []
+    for i in range(count):
+        below = np.zeros(count, bool)
+        below[i:forest.ends[i]] = True
+        q = state.bend[i]
+        attitude = forest._model.mount[i, 3:]
+        if forest.parents[i] >= 0:
+            attitude = rotation.multiply(forest.poses[forest.parents[i], 3:], attitude)
+        first = rotation.rotate(attitude, np.array([1.0, 0.0, 0.0]))
+        turned = rotation.multiply(attitude, rotation.from_axis_angle(
+            np.array([1.0, 0.0, 0.0]), q[0]))
+        second = rotation.rotate(turned, np.array([0.0, 1.0, 0.0]))
+        along = rotation.rotate(forest.poses[i, 3:], np.array([0.0, 0.0, 1.0]))
+        reach = forest._model.body[i, 3] + q[3]
+        point = forest.poses[i, :3] - reach * along
+        for kind, axis in enumerate((first, second, along, along)):
+            if kind >= 2 and np.isinf(extra[i, 4 * (kind - 2)]):
+                continue
+            column = np.zeros((count, 6))
+            if kind == 3:
+                column[below, :3] = axis
+            else:
+                column[below, 3:] = axis
+                column[below, :3] = np.cross(axis, forest.poses[below, :3] - point)
+            columns.append(column.ravel())
+            owner.append((i, kind))
+    return np.array(columns).T, np.array(owner)
+
+
+def _inertia(forest: Forest) -> np.ndarray:
+    """Build the block-diagonal inertia of all segments, (6S, 6S)."""
+    full = np.zeros((6 * len(forest), 6 * len(forest)))
+    for i, body in enumerate(forest._model.body):
+        turn = rotation.to_matrix(forest.poses[i, 3:])
+        full[6 * i:6 * i + 3, 6 * i:6 * i + 3] = body[0] * np.eye(3)
+        full[6 * i + 3:6 * i + 6, 6 * i + 3:6 * i + 6] = (
+            turn @ np.diag([body[1], body[1], body[2]]) @ turn.T)
+    return full
+
+
+def _springs(forest: Forest, owner: np.ndarray) -> np.ndarray:
+    """Gather k, c, θ, preload, q and old rate of each column, (6, D)."""
+    rows, kinds = owner.T
+    swing, extra = forest._model.swing[rows], forest._model.extra[rows]
+    at = np.arange(len(rows))
+    start = 4 * np.maximum(kinds - 2, 0)
+    bends = kinds < 2
+    k, c, theta = (np.where(bends, swing[:, j], extra[at, start + j]) for j in range(3))
+    preload = np.where(bends, swing[at, 4 + np.minimum(kinds, 1)], extra[at, start + 3])
+    return np.array([k, c, theta, preload, forest._state.bend[rows, kinds],
+                     forest._state.rate[rows, kinds]])
+
+
+def _dense(forest: Forest) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Solve one step with dense matrices: Jacobian, implicit inertia and new joint rates."""
+    jacobian, owner = _columns(forest)
+    inertia = _inertia(forest)
+    k, c, theta, preload, q, rate = _springs(forest, owner)
+    implicit = jacobian.T @ inertia @ jacobian + np.diag(theta * _DT * c + theta ** 2 * _DT ** 2
+                                                         * k)
+    weight = np.zeros((len(forest), 6))
+    weight[:, :3] = forest._model.body[:, :1] * _GRAVITY
+    spring = preload - k * (q + theta * (1 - theta) * _DT * rate) - c * (1 - theta) * rate
+    push = jacobian.T @ (inertia @ forest.velocities.ravel() + _DT * weight.ravel())
+    return jacobian, implicit, np.linalg.solve(implicit, push + _DT * spring)
+
+
+@pytest.mark.parametrize('blueprint', [bush(damping_ratio=0.2), bush(30, 5, damping_ratio=0.0),
+                                       _sprung()])
+def test_step_solves_the_dense_equations(blueprint: Blueprint):
+    """Expect joint rates and velocities of (M + θ·dt·c + θ²·dt²·k)·u = momentum + loads."""
+    forest = _shaken(blueprint)
+    jacobian, _, rates = _dense(forest)
+    velocities = (jacobian @ rates).reshape(-1, 6)
+    forest.step(_DT)
+    assert np.allclose(forest.velocities[:, :3], velocities[:, :3], rtol=1e-9, atol=1e-9)
+    assert np.allclose(np.linalg.norm(forest.velocities[:, 3:], axis=1),
+                       np.linalg.norm(velocities[:, 3:], axis=1), rtol=1e-9, atol=1e-9)
+    owner = _columns(forest)[1]
+    assert np.allclose(forest._state.rate[tuple(owner.T)], rates, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize('blueprint', [bush(), _sprung()])
+def test_effective_mass_equals_a_full_solution(blueprint: Blueprint):
+    """Expect the walk to the root and back to agree with dense matrices at any point."""
+    forest = _shaken(blueprint)
+    jacobian, implicit, _ = _dense(forest)
+    rng = np.random.default_rng(2)
+    for row in (0, 5, len(forest) - 1):
+        offset, way = rng.normal(size=3), rng.normal(size=3)
+        way /= np.linalg.norm(way)
+        line = np.zeros((len(forest), 6))
+        line[row] = np.concatenate([way, np.cross(offset, way)])
+        pushed = jacobian.T @ line.ravel()
+        mass = 1.0 / (pushed @ np.linalg.solve(implicit, pushed))
+        assert forest.effective_mass(row, forest.poses[row, :3] + offset, 3.0 * way) == (
+            pytest.approx(mass, rel=1e-11))
+
+
+def test_impulse_meets_the_effective_mass():
+    """Expect an impulse to change the velocity at its point by J/m, to rounding."""
+    row, way = 30, np.array([0.6, 0.0, 0.8])
+    hit, still = _shaken(bush()), _shaken(bush())
+    mass = hit.effective_mass(row, hit.poses[row, :3], way)
+    hit.apply_impulse(row, linear=4.0 * way)
+    hit.step(_DT)
+    still.step(_DT)
+    change = (hit.velocities[row, :3] - still.velocities[row, :3]) @ way
+    assert change == pytest.approx(4.0 / mass, rel=1e-11)
+
+
+def test_effective_mass_of_a_loose_segment_is_its_mass():
+    """Expect a push through the centre of a free segment to meet just its mass."""
+    blueprint = beam(1)
+    forest = Forest(blueprint, air_density=0.0)
+    forest.release(0)
+    assert forest.effective_mass(0, forest.poses[0, :3], (1, 0, 0)) == pytest.approx(
+        blueprint.mass[0], rel=1e-12)
+
+
+def _momentum(forest: Forest) -> np.ndarray:
+    """Sum linear momentum and angular momentum about the origin, (6,)."""
+    blocks = (_inertia(forest) @ forest.velocities.ravel()).reshape(-1, 6)
+    turning = blocks[:, 3:] + np.cross(forest.poses[:, :3], blocks[:, :3])
+    return np.concatenate([blocks[:, :3].sum(axis=0), turning.sum(axis=0)])
+
+
+def test_released_tree_keeps_its_momentum():
+    """Expect J = Δp from a hit on a free tree, and p constant through ten seconds of flight."""
+    forest = Forest(bush(), gravity=(0, 0, 0), air_density=0.0)
+    forest.release(0)
+    forest.apply_impulse(20, forest.poses[20, :3] + [0.0, 0.1, 0.0], (3.0, -2.0, 1.0))
+    angular = np.cross(forest.poses[20, :3] + [0.0, 0.1, 0.0], (3.0, -2.0, 1.0))
+    start = _momentum(forest)
+    assert np.allclose(start, [3, -2, 1, *angular], atol=1e-12)
+    for _ in range(600):
+        forest.step(_DT)
+    assert np.allclose(_momentum(forest)[:3], start[:3], atol=1e-11)
+    assert np.allclose(_momentum(forest)[3:], start[3:], atol=0.03 * np.linalg.norm(start[3:]))
+
+
+def test_released_tree_falls_freely():
+    """Expect g·t²/2 for the centre of mass of a tree that is cut loose, exactly."""
+    blueprint = bush()
+    forest = Forest(blueprint, air_density=0.0)
+    share = blueprint.mass[forest.parts] / blueprint.mass.sum()
+    start = share @ forest.poses[:, :3]
+    forest.release(0)
+    for _ in range(60):
+        forest.step(_DT)
+    fallen = start - share @ forest.poses[:, :3]
+    assert np.allclose(share @ forest.velocities[:, :3], [0, 0, -9.81], atol=1e-10)
+    assert fallen[2] == pytest.approx(0.5 * 9.81, rel=2e-3)
+
+
+def test_loose_segment_falls_on_the_parabola():
+    """Expect the closed form to rounding for one rigid segment."""
+    forest = Forest(beam(1), air_density=0.0)
+    forest.release(0)
+    start = forest.poses[0, 2]
+    for _ in range(60):
+        forest.step(_DT)
+    assert start - forest.poses[0, 2] == pytest.approx(0.5 * 9.81, rel=1e-12)
+
+
+def test_level_segment_falls_at_its_terminal_speed():
+    """Expect weight = ρ/2·Cd·d·L·v² for a cylinder that falls across the air."""
+    blueprint = beam(1, density=50.0)
+    level = replace(blueprint, poses=rotation.compose(_level(), blueprint.poses),
+                    bond_frame=rotation.compose(_level(), blueprint.bond_frame))
+    forest = Forest(level)
+    forest.release(0)
+    for _ in range(3000):
+        forest.step(_DT)
+    width, length = blueprint.visual_size[0, 0], blueprint.visual_size[0, 2]
+    speed = np.sqrt(2.0 * 9.81 * blueprint.mass[0] / (AIR_DENSITY * 1.1 * width * length))
+    assert -forest.velocities[0, 2] == pytest.approx(speed, rel=1e-6)
+
+
+def _level() -> np.ndarray:
+    """Give the frame that lays the upright beam along x."""
+    return np.concatenate([np.zeros(3), rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]),
+                                                                 0.5 * np.pi)])
+
+
+@pytest.mark.parametrize('kind, stiffness, push', [
+    ('twist', 500.0, (0.0, 0.0, 20.0)), ('stretch', 2e4, (0.0, 0.0, 100.0))])
+def test_sprung_joints_give_way_by_load_over_stiffness(kind: str, stiffness: float, push: tuple):
+    """Expect a lasting twist or pull to move a sprung joint by load/k."""
+    blueprint = beam(1)
+    hinges = replace(blueprint.hinges, **{f'{kind}_stiffness': np.array([stiffness]),
+                                          f'{kind}_damping': np.array([0.05 * stiffness])})
+    forest = Forest(replace(blueprint, hinges=hinges))
+    start = forest.poses[0].copy()
+    for _ in range(600):
+        load = 'angular' if kind == 'twist' else 'linear'
+        forest.apply_impulse(0, **{load: _DT * np.array(push)})
+        forest.step(_DT)
+    if kind == 'twist':
+        assert 2.0 * np.arcsin(forest.poses[0, 5]) == pytest.approx(20.0 / stiffness, rel=1e-6)
+    else:
+        assert forest.poses[0, 2] - start[2] == pytest.approx(100.0 / stiffness, rel=1e-6)
+
+
+def test_locked_joints_neither_twist_nor_stretch():
+    """Expect no axial rotation and no separation under a violent hit."""
+    forest = Forest(bush(damping_ratio=0.1))
+    ends = forest.parents >= 0
+    mount = np.linalg.norm(forest._model.mount[ends, :3], axis=1)
+    forest.apply_impulse(20, linear=(300.0, 100.0, 300.0), angular=(0.0, 0.0, 20.0))
+    for _ in range(60):
+        forest.step(_DT)
+        frame = forest._state.frame
+        gap = np.linalg.norm(frame[ends, :3] - frame[forest.parents[ends], :3], axis=1)
+        assert np.allclose(gap, mount, atol=1e-12)
