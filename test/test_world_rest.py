@@ -224,7 +224,7 @@ def test_nothing_ends_below_the_ground():
 
 
 def test_heavy_fragment_at_speed_is_put_back_to_the_ground():
-    """Let a slab, which Bullet's CCD ignores, hit the ground at 40 m/s: it neither sinks nor jumps."""
+    """Let a compound, which has no CCD, hit the ground at 40 m/s: it neither sinks nor jumps."""
     size = np.array([[2.0, 2.0, 0.2], [0.2, 0.2, 0.5]])
     poses = np.array([at(0, 0, 6), at(0, 0, 6.35)])
     mass = np.array([1600.0, 40.0])

@@ -26,9 +26,10 @@ class State(IntEnum):
     GROUND = 1    # the plane z = 0
     HELD = 2      # immovable until it is thawed by a command: a standing brick
     RESTING = 3   # debris that came to rest: immovable until it is hit or loses its support
-    LOOSE = 4     # moves freely
-    DRIVEN = 5    # follows a prescribed motion and pushes what is in its way
-    PROXY = 6     # stands in for a piece of a tree
+    PARKED = 4    # a proxy that is not in use: meets nothing
+    LOOSE = 5     # moves freely
+    DRIVEN = 6    # follows a prescribed motion and pushes what is in its way
+    PROXY = 7     # stands in for a piece of a tree
 
 
 class Bodies:
@@ -39,18 +40,21 @@ class Bodies:
     :ivar mass: [kg], also while held, (B,).
     :ivar inertia: principal moments in the body's axes [kg·m²], (B, 3).
     :ivar radius: of the bounding sphere about the centre of mass [m], (B,).
+    :ivar least: least extent of a plain body [m], 0 for compounds, (B,).
+    :ivar swept: whether its moves are swept against what stands in between, (B,) bool.
     :ivar poses: centre of mass and attitude, world axes, (B, 7).
     :ivar velocities: linear and angular, world axes, (B, 6).
     :ivar quiet: how long the body has been slow [s], (B,).
     :ivar bounds: axis-aligned bounds of bodies at rest [m], (B, 6).
     """
 
-    _WIDTHS = {'mass': 0, 'inertia': 3, 'radius': 0, 'poses': 7, 'velocities': 6, 'quiet': 0,
+    _WIDTHS = {'mass': 0, 'inertia': 3, 'radius': 0, 'least': 0, 'poses': 7, 'velocities': 6, 'quiet': 0,
                'bounds': 6}
 
     mass: np.ndarray
     inertia: np.ndarray
     radius: np.ndarray
+    least: np.ndarray
     poses: np.ndarray
     velocities: np.ndarray
     quiet: np.ndarray
@@ -58,17 +62,21 @@ class Bodies:
 
     def __init__(self) -> None:
         self.state = np.zeros(0, np.uint8)
+        self.swept = np.zeros(0, bool)
         for name, width in self._WIDTHS.items():
             setattr(self, name, np.zeros((0, width) if width else 0))
 
     def enter(self, ids: np.ndarray, state: State, mass: np.ndarray | float,
-              inertia: np.ndarray, radius: np.ndarray | float, poses: np.ndarray) -> None:
+              inertia: np.ndarray, radius: np.ndarray | float, least: np.ndarray | float,
+              poses: np.ndarray) -> None:
         """Fill the rows of new bodies, at rest; see the class for the columns."""
         self._reserve(int(np.max(ids)) + 1)
         self.state[ids] = state
         self.mass[ids] = mass
         self.inertia[ids] = inertia
         self.radius[ids] = radius
+        self.least[ids] = least
+        self.swept[ids] = False
         self.poses[ids] = poses
         self.velocities[ids] = 0.0
         self.quiet[ids] = 0.0
@@ -79,6 +87,7 @@ class Bodies:
             return
         more = max(count, 2 * size) - size
         self.state = np.concatenate([self.state, np.zeros(more, np.uint8)])
+        self.swept = np.concatenate([self.swept, np.zeros(more, bool)])
         for name in self._WIDTHS:
             column = getattr(self, name)
             setattr(self, name, np.concatenate(

@@ -147,8 +147,7 @@ class Engine:
         """Take a body out of the world; its id may be given to a later one."""
         pybullet.removeBody(body, physicsClientId=self._client)
 
-    def set_surface(self, body: int, friction: float, restitution: float,
-                    sweep_radius: float = 0.0) -> None:
+    def set_surface(self, body: int, friction: float, restitution: float) -> None:
         """
         Set how a body touches others.
 
@@ -157,14 +156,17 @@ class Engine:
 
         :param friction: Coulomb coefficient between two such bodies.
         :param restitution: coefficient of restitution between two such bodies.
-        :param sweep_radius: of the sphere that is swept along fast moves [m], 0 = none.
         """
         root = float(np.sqrt(friction))
         pybullet.changeDynamics(
             body, -1, lateralFriction=root, restitution=float(np.sqrt(restitution)),
             rollingFriction=ROLLING_FRICTION, linearDamping=LINEAR_DAMPING,
-            angularDamping=ANGULAR_DAMPING,
-            ccdSweptSphereRadius=sweep_radius, physicsClientId=self._client)
+            angularDamping=ANGULAR_DAMPING, physicsClientId=self._client)
+
+    def set_sweep(self, body: int, radius: float) -> None:
+        """Sweep a sphere along the moves of a plain body, so that it cannot jump; 0 = do not."""
+        pybullet.changeDynamics(body, -1, ccdSweptSphereRadius=radius,
+                                physicsClientId=self._client)
 
     def set_free_of_drag(self, body: int) -> None:
         """Take the numerical damping off a body."""

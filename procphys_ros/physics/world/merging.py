@@ -27,9 +27,10 @@ _ALIGNED = 1e-3  # largest deviation of a rotation matrix from a quarter turn
 def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = _FLUSH
                 ) -> tuple[np.ndarray, np.ndarray]:
     """
-    Join boxes that lie end to end into larger ones: courses along x and y of the first box, where
-    their faces are flush, then courses on top of each other, where their ends are about flush.
+    Join boxes that lie end to end into larger ones.
 
+    First along x and y of the first box (courses), where faces are flush; then courses on top of
+    each other, where their ends are about flush.
     Boxes that are turned against the first by other than quarter turns are kept as they are.
 
     :param poses: (P, 7).

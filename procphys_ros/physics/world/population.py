@@ -15,6 +15,7 @@
 """The bodies of a world: put in, taken out, held, set free, pushed."""
 
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 
@@ -22,14 +23,13 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, cylinder_inertia, Shape
 from procphys_ros.physics.world import compound, settling
 from procphys_ros.physics.world.bodies import Bodies, State
+from procphys_ros.physics.world.driven import Courses, MASS
 from procphys_ros.physics.world.engine import Engine
 from procphys_ros.physics.world.merging import merge_boxes
 from procphys_ros.physics.world.pieces import Pieces, single
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
 FRICTION = 0.7  # dry brick on brick, broken mortar; also wood on earth
-_SWEEP = 0.45  # radius of the swept sphere as a share of the least extent
-
 # Who meets whom (collision groups and masks): two bodies meet when each one's mask has the
 # other's group. What is fixed never meets what is fixed, a driven body goes through it.
 #                 loose fixed proxy driven
@@ -43,6 +43,7 @@ _FILTERS = {
     State.GROUND: (_FIXED, _LOOSE),
     State.HELD: (_FIXED, _LOOSE),
     State.RESTING: (_FIXED, _LOOSE),
+    State.PARKED: (_PROXY, 0),
     State.PROXY: (_PROXY, _LOOSE | _DRIVEN),
     State.DRIVEN: (_DRIVEN, _LOOSE | _PROXY),
 }
@@ -65,13 +66,14 @@ class Population:
         self._bodies = Bodies()
         self._pieces: dict[int, Pieces] = {}
         self._supports = settling.Supports()
+        self._courses = Courses(self._engine, self._bodies, self._gravity)
         self._ground = self._engine.add_ground()
         self._bodies.enter(np.array([self._ground]), State.GROUND, np.inf, np.full(3, np.inf),
-                           0.0, np.array([0, 0, 0, 0, 0, 0, 1.0]))
+                           0.0, 0.0, np.array([0, 0, 0, 0, 0, 0, 1.0]))
         self._engine.set_surface(self._ground, friction, 1.0)
         self._engine.set_filter(self._ground, *_FILTERS[State.GROUND])
 
-    def __enter__(self) -> 'Population':
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -90,6 +92,10 @@ class Population:
     def awake(self) -> np.ndarray:
         """Ids of the bodies that move freely, ascending, (K,)."""
         return np.flatnonzero(self._bodies.state == State.LOOSE)
+
+    def bounds(self, ids: np.ndarray) -> np.ndarray:
+        """Give axis-aligned bounds, three minima, three maxima [m], (K, 6); loose if turned."""
+        return self._engine.bounds(np.atleast_1d(ids).tolist())
 
     @property
     def bodies(self) -> Bodies:
@@ -125,7 +131,8 @@ class Population:
         if inertia is None:
             inertia = solid_inertia(shape, size, mass)
         self._enter_loose(body, mass, inertia, single(shape, size), pose)
-        self._engine.set_surface(body, friction, restitution, _SWEEP * float(size.min()))
+        self._bodies.least[body] = size.min()
+        self._engine.set_surface(body, friction, restitution)
         self._start(body, velocity)
         return body
 
@@ -175,10 +182,10 @@ class Population:
             ids[same] = self._engine.add_same(self._engine.box(sizes[same[0]]),
                                               poses[same, :3], poses[same[0], 3:])
         self._bodies.enter(ids, State.LOOSE, mass, box_inertia(np.asarray(mass), sizes),
-                           0.5 * np.linalg.norm(sizes, axis=1), poses)
+                           0.5 * np.linalg.norm(sizes, axis=1), sizes.min(axis=1), poses)
         for body, size in zip(ids.tolist(), sizes):
             self._pieces[body] = single(Shape.BOX, size)
-            self._engine.set_surface(body, friction, restitution, _SWEEP * float(min(size)))
+            self._engine.set_surface(body, friction, restitution)
         self._hold(ids, State.HELD)
         return ids
 
@@ -191,6 +198,60 @@ class Population:
         self._engine.set_free_of_drag(body)
         return body
 
+    def add_driven(self, shape: int, size: np.ndarray, pose: np.ndarray,
+                   friction: float = FRICTION) -> int:
+        """
+        Add a body that goes where `drive` says, whatever is in its way but the fixed.
+
+        :param size: as in `Blueprint.size` [m], (3,).
+        :param pose: (7,).
+        :param friction: against a body of the same kind.
+        """
+        body = self.add_projectile(shape, size, MASS, pose, np.zeros(6), friction, 0.0)
+        self._bodies.state[body] = State.DRIVEN
+        self._engine.set_filter(body, *_FILTERS[State.DRIVEN])
+        self._courses.enter(body, pose)
+        return body
+
+    def drive(self, body: int, pose: np.ndarray) -> None:
+        """Say where a driven body is to be at the end of the next step, (7,)."""
+        self._courses.enter(body, pose)
+
+    def add_proxy(self, size: np.ndarray, pose: np.ndarray) -> int:
+        """Add a capsule that stands in for a piece of a tree, see `proxies.Proxies`."""
+        body = self.add_projectile(Shape.CAPSULE, size, 1.0, pose, np.zeros(6), FRICTION, 0.0)
+        self.park(body)
+        return body
+
+    def set_proxy(self, body: int, pose: np.ndarray, velocity: np.ndarray, mass: float,
+                  inertia: float, time_step: float) -> None:
+        """
+        Set what loose bodies meet in the next step.
+
+        :param pose: (7,).
+        :param velocity: that it would have after the step if nothing met it, world, (6,).
+        :param mass: [kg].
+        :param inertia: about any axis [kg·m²].
+        :param time_step: of the next step [s].
+        """
+        bodies = self._bodies
+        self._engine.set_mass(body, mass, np.full(3, inertia))
+        if bodies.state[body] != State.PROXY:
+            self._engine.set_filter(body, *_FILTERS[State.PROXY])
+        bodies.state[body], bodies.mass[body] = State.PROXY, mass
+        bodies.poses[body], bodies.velocities[body] = pose, velocity
+        self._engine.place(body, bodies.poses[body])
+        weightless = bodies.velocities[body].copy()
+        weightless[:3] -= self._gravity * time_step
+        self._engine.set_velocity(body, weightless)
+
+    def park(self, body: int) -> None:
+        """Take a proxy out of everything's way until it is set again."""
+        self._bodies.state[body] = State.PARKED
+        self._bodies.velocities[body] = 0.0
+        self._engine.hold(body)
+        self._engine.set_filter(body, *_FILTERS[State.PARKED])
+
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out; what rested on them is set free. Their ids may be given again."""
         ids = np.atleast_1d(ids)
@@ -200,6 +261,7 @@ class Population:
         for body in ids.tolist():
             self._engine.remove(body)
             self._pieces.pop(body, None)
+            self._courses.leave(body)
         self.thaw(carried[self._bodies.state[carried] == State.RESTING])
 
     def thaw(self, ids: np.ndarray, velocities: np.ndarray | None = None) -> None:
@@ -273,7 +335,8 @@ class Population:
     def _enter_loose(self, body: int, mass: float, inertia: np.ndarray, pieces: Pieces,
                      pose: np.ndarray) -> None:
         self._pieces[body] = pieces
-        self._bodies.enter(np.array([body]), State.LOOSE, mass, inertia, pieces.radius(), pose)
+        self._bodies.enter(np.array([body]), State.LOOSE, mass, inertia, pieces.radius(), 0.0,
+                           pose)
         self._engine.set_mass(body, float(mass), np.asarray(inertia, float))
         self._engine.set_filter(body, *_FILTERS[State.LOOSE])
 

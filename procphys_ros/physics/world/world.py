@@ -24,6 +24,8 @@ from procphys_ros.physics.world.contacts import Contacts
 from procphys_ros.physics.world.population import FRICTION, GRAVITY, Population
 
 _DEPTH = 0.02  # [m] under the ground from which a body is put back to where it touched it
+_FAST = 0.5  # way in one step, as a share of a body's least extent, above which it is swept
+_SWEEP = 0.45  # radius of the swept sphere as a share of the least extent
 
 
 class World(Population):
@@ -57,10 +59,24 @@ class World(Population):
         self._time_step = time_step
         self._contacts = None
         self._free_what_is_hit(time_step)
+        self._sweep_what_is_fast(time_step)
+        self._courses.start(time_step)
         self._engine.step(time_step)
+        self._courses.finish()
         self._read()
         self._lift_to_ground(time_step)
         self._settle(time_step)
+
+    def wrench(self, body: int) -> np.ndarray:
+        """
+        Give the mean force and moment that contacts had on a body in the last step.
+
+        :returns: force [N], moment about its centre of mass [N·m], world axes, (6,).
+        """
+        _, point, impulse = self.contacts().on(body)
+        arm = point - self._bodies.poses[body, :3]
+        return np.concatenate([impulse.sum(axis=0),
+                               np.cross(arm, impulse).sum(axis=0)]) / self._time_step
 
     def _free_what_is_hit(self, time_step: float) -> None:
         bodies = self._bodies
@@ -73,12 +89,28 @@ class World(Population):
         bounds = self._engine.bounds(moving.tolist())
         self.thaw(settling.about_to_be_hit(bodies, resting, moving, bounds, time_step))
 
+    def _sweep_what_is_fast(self, time_step: float) -> None:
+        """
+        Sweep plain bodies that move so far in a step that they could pass through a thin one.
+
+        Slower ones are not swept: Bullet ends a swept move where the other body *was*, so that a
+        body behind a moving one cannot catch up with it.
+        """
+        bodies, awake = self._bodies, self.awake
+        way = np.sqrt((bodies.velocities[awake, :3] ** 2).sum(axis=1)) * time_step
+        least = bodies.least[awake]
+        fast = (least > 0.0) & (way > _FAST * least)
+        for body in awake[fast != bodies.swept[awake]].tolist():
+            bodies.swept[body] = not bodies.swept[body]
+            self._engine.set_sweep(
+                body, float(_SWEEP * bodies.least[body]) if bodies.swept[body] else 0.0)
+
     def _read(self) -> None:
-        moving = np.flatnonzero(self._bodies.state >= State.LOOSE)
-        if len(moving):
-            poses, velocities = self._engine.read(moving.tolist())
-            self._bodies.poses[moving] = poses
-            self._bodies.velocities[moving] = velocities
+        awake = self.awake
+        if len(awake):
+            poses, velocities = self._engine.read(awake.tolist())
+            self._bodies.poses[awake] = poses
+            self._bodies.velocities[awake] = velocities
 
     def _lift_to_ground(self, time_step: float) -> None:
         """

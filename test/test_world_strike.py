@@ -1,0 +1,184 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Striking: projectiles, contact impulses, driven bodies, stand-ins for trees."""
+
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Shape
+from procphys_ros.physics.world import Proxies, State, World
+from procphys_ros.physics.world.driven import velocity_between
+
+DT = 1.0 / 60.0
+G = 9.81
+BRICK = np.array([0.215, 0.1025, 0.065])
+BRICK_MASS = 2.7
+
+
+def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
+    """Give a pose."""
+    return np.array([x, y, z, *attitude])
+
+
+def wall(world, rows=14, columns=10):
+    """Add a standing half-brick wall in the plane y = 0."""
+    poses = [at(0.225 * (i - columns / 2) + 0.1125 * (row % 2), 0, 0.0325 + 0.075 * row)
+             for row in range(rows) for i in range(columns)]
+    return world.add_bricks(np.array(poses), np.tile(BRICK, (len(poses), 1)),
+                            np.full(len(poses), BRICK_MASS))
+
+
+@pytest.mark.parametrize('speed', [20.0, 100.0, 250.0])
+def test_small_fast_projectile_does_not_tunnel(speed):
+    """Shoot 0.2 kg at a standing wall from many distances: it never comes out behind."""
+    with World() as world:
+        ids = wall(world)
+        before = world.poses(ids).copy()
+        balls = np.array([
+            world.add_projectile(Shape.CAPSULE, np.full(3, 0.06), 0.2,
+                                 at(0.16 * (i - 5), -2.0 - 0.13 * i, 0.6),
+                                 [0, speed, 0, 0, 0, 0], restitution=0.0) for i in range(11)])
+        for _ in range(40):
+            world.step(DT)
+            assert world.poses(balls)[:, 1].max() < 0.0
+        np.testing.assert_array_equal(world.poses(ids), before)
+
+
+def test_contact_impulse_is_the_change_of_momentum():
+    """Throw 50 kg at a wall that stands: the impulses add up to m Δv within 1 %."""
+    with World(gravity=(0, 0, 0)) as world:
+        wall(world)
+        ball = world.add_projectile(Shape.CAPSULE, np.full(3, 0.3), 50.0, at(0.03, -0.5, 0.5),
+                                    [1.0, 8.0, 0.5, 0, 0, 0], restitution=0.0)
+        given = np.zeros(3)
+        for _ in range(30):
+            world.step(DT)
+            others, _, impulse = world.contacts().on(ball)
+            given += impulse.sum(axis=0)
+            assert (world.bodies.state[others] == State.HELD).all()
+        change = 50.0 * (world.velocities([ball])[0, :3] - [1.0, 8.0, 0.5])
+        assert change[1] < -390.0
+        np.testing.assert_allclose(given, change, atol=0.01 * np.linalg.norm(change))
+
+
+def test_collision_of_loose_bodies_keeps_momentum():
+    """Let two tumbling boxes collide in empty space."""
+    with World(gravity=(0, 0, 0)) as world:
+        ids = np.array([
+            world.add_projectile(Shape.BOX, [0.5, 0.4, 0.3], 30.0, at(0, 0, 5),
+                                 [3, 0, 0, 0, 1, 2], restitution=0.2),
+            world.add_projectile(Shape.BOX, [0.3, 0.3, 0.6], 12.0, at(1.2, 0.1, 5.1),
+                                 [-2, 0.1, 0, 1, 0, 0], restitution=0.2)])
+        mass = world.bodies.mass[ids]
+        before = mass @ world.velocities(ids)[:, :3]
+        touched = 0
+        for _ in range(60):
+            world.step(DT)
+            touched += len(world.contacts())
+        assert touched > 0
+        np.testing.assert_allclose(mass @ world.velocities(ids)[:, :3], before, atol=1e-9)
+
+
+def test_ball_bounces_by_its_restitution():
+    """Throw a ball at the ground, which takes the root of the ball's value, half its speed."""
+    with World() as world:
+        ball = world.add_projectile(Shape.CAPSULE, np.full(3, 0.4), 1.0, at(0, 0, 1.3),
+                                    [0, 0, -10, 0, 0, 0], restitution=0.25)
+        speeds = []
+        for _ in range(20):
+            world.step(DT)
+            speeds.append(world.velocities([ball])[0, 2])
+        assert max(speeds) / -min(speeds) == pytest.approx(0.5, abs=0.06)
+
+
+def test_driven_body_keeps_its_course_and_feels_what_it_pushes():
+    """Push a crate on ice with 2 m/s²: the course is exact, the force is mass times that."""
+    with World(friction=0.0) as world:
+        crate = world.add_projectile(Shape.BOX, [0.5, 0.5, 0.5], 20.0, at(0.36, 0, 0.2505),
+                                     np.zeros(6), friction=0.0, restitution=0.0)
+        pusher = world.add_driven(Shape.BOX, [0.2, 0.4, 0.2], at(0, 0, 0.25), friction=0.0)
+        forces = []
+        for step in range(120):
+            world.drive(pusher, at(((step + 1) * DT) ** 2, 0, 0.25))
+            world.step(DT)
+            forces.append(world.wrench(pusher)[0])
+        np.testing.assert_allclose(world.poses([pusher])[0, :3], [4.0, 0, 0.25], atol=1e-12)
+        assert world.poses([crate])[0, 0] == pytest.approx(4.0 + 0.35, abs=0.03)
+        assert np.mean(forces[20:]) == pytest.approx(-20.0 * 2.0, rel=0.02)
+
+
+def test_driven_body_turns_exactly_and_wakes_what_rests():
+    """Sweep a bar round: it hits a resting brick, which flies, and ends where it was sent."""
+    with World() as world:
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.8, 0.4, 0.0335))
+        for _ in range(90):
+            world.step(DT)
+        assert world.bodies.state[brick] == State.RESTING
+        bar = world.add_driven(Shape.BOX, [2.0, 0.1, 0.1], at(0, 0, 0.07))
+        for step in range(60):
+            world.drive(bar, at(0, 0, 0.07, rotation.from_yaw(2.0 * DT * (step + 1))))
+            world.step(DT)
+        np.testing.assert_allclose(world.poses([bar])[0], at(0, 0, 0.07, rotation.from_yaw(2.0)),
+                                   atol=1e-12)
+        assert np.hypot(*(world.poses([brick])[0, :2] - [0.8, 0.4])) > 0.3
+
+
+def test_velocity_between_poses_leads_from_one_to_the_other():
+    """Turn by less and by more than half a turn: the shorter way is taken."""
+    axis = np.array([0.6, 0.0, 0.8])
+    for angle in (0.3, -2.0):
+        end = at(1, 2, 3, rotation.from_axis_angle(axis, np.array(angle)))
+        np.testing.assert_allclose(velocity_between(at(1, 0, 3), end, 0.5),
+                                   [0, 4, 0, *(2.0 * angle * axis)], atol=1e-12)
+
+
+def test_proxy_feels_like_its_effective_mass_wherever_it_is_hit():
+    """Throw 5 kg at the end of a 3 kg proxy: the impulse is v m M / (m + M) within 10 %."""
+    with World(gravity=(0, 0, 0)) as world:
+        proxies = Proxies(world)
+        ball = world.add_projectile(Shape.CAPSULE, np.full(3, 0.2), 5.0, at(-0.3, 0, 4.4),
+                                    [5, 0, 0, 0, 0, 0], friction=0.0, restitution=0.0)
+        total = np.zeros(3)
+        pose, velocity = at(0, 0, 4), np.zeros(6)
+        for _ in range(12):
+            proxies.place(np.array([77]), pose[None], velocity[None], np.array([3.0]),
+                          np.array([[0.1, 0.1, 1.0]]), DT)
+            world.step(DT)
+            hits = proxies.hits(world.contacts())
+            assert (hits.key == 77).all()
+            assert (hits.other == ball).all()
+            given = hits.impulse.sum(axis=0)
+            velocity[:3] += given / 3.0
+            pose[:3] += velocity[:3] * DT
+            total += given
+        assert total[0] == pytest.approx(5 * 5 * 3 / 8, rel=0.1)
+        assert world.velocities([ball])[0, 0] == pytest.approx(5 - total[0] / 5, abs=1e-6)
+
+
+def test_proxies_out_of_use_meet_nothing():
+    """Place a proxy, then none: a ball flies through where it was."""
+    with World(gravity=(0, 0, 0)) as world:
+        proxies = Proxies(world)
+        size = np.array([[0.1, 0.1, 1.0]])
+        proxies.place(np.array([5]), at(0, 0, 4)[None], np.zeros((1, 6)), np.ones(1), size, DT)
+        nothing = np.zeros(0)
+        proxies.place(nothing, np.zeros((0, 7)), np.zeros((0, 6)), nothing, np.zeros((0, 3)), DT)
+        ball = world.add_projectile(Shape.CAPSULE, np.full(3, 0.2), 5.0, at(-0.5, 0, 4),
+                                    [10, 0, 0, 0, 0, 0])
+        for _ in range(12):
+            world.step(DT)
+        assert world.poses([ball])[0, 0] == pytest.approx(1.5, abs=1e-9)
+        assert len(proxies.hits(world.contacts()).key) == 0
