@@ -15,11 +15,11 @@
 
 """Bytes of ROS messages written straight from numpy arrays; nothing here needs ROS."""
 
-from procphys_ros.messages.cdr import stamp
+from procphys_ros.messages.cdr import Stamp, stamp
 from procphys_ros.messages.markers import SceneMarkers
 from procphys_ros.messages.points import break_rows, point_cloud
 from procphys_ros.messages.poses import pose_array
 from procphys_ros.messages.scene_description import scene_description
 
 __all__ = ['break_rows', 'point_cloud', 'pose_array', 'scene_description', 'SceneMarkers',
-           'stamp']
+           'Stamp', 'stamp']

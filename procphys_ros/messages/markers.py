@@ -65,6 +65,10 @@ class SceneMarkers:
         self._clear, fields = _blank_rows(0, 1, frame_id)
         fields['action'] = Action.DELETEALL
 
+    def __len__(self) -> int:
+        """Give the number of parts."""
+        return len(self._sent)
+
     def whole(self, poses: np.ndarray, at: Stamp) -> bytes:
         """
         Write every marker that exists, after one that clears what stood there before.

@@ -1,0 +1,140 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Node `sim`: parameters in, a simulation that keeps real time, poses and markers out."""
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from procphys_ros.errors import SceneError
+from procphys_ros.ros.commands import CommandQueue
+from procphys_ros.ros.diagnostics import Diagnostics
+from procphys_ros.ros.pacing import Pacer
+from procphys_ros.ros.parameters import Parameters
+from procphys_ros.ros.publishers import Publishers
+from procphys_ros.ros.services import create_services
+from procphys_ros.ros.session import Session
+from procphys_ros.ros.topic_commands import TopicCommands
+
+_STATUS_PERIOD = 1.0  # [s] between diagnostics
+_WARNING_PERIOD = 1.0  # [s] least time between warnings about rejected commands
+
+
+class SimNode(Node):
+    """
+    Simulates a scene of trees and buildings and shows it on topics.
+
+    Everything runs in one thread: a timer on a steady clock, at `publish_rate`, runs the steps
+    that are due and publishes. Commands wait in one queue until the next step. The node publishes
+    /clock, so it never uses ROS time itself.
+
+    Parameters: see `parameter_table.GLOBAL`, and `parameter_table.OBJECT` for each object.
+
+    Publishers:
+        ~/poses (geometry_msgs/PoseArray): every part, in part order
+        ~/markers (visualization_msgs/MarkerArray): what changed; all of it for a new subscriber
+        ~/scene_description (std_msgs/String): objects, parts and bonds as JSON, latched
+        ~/breaks (sensor_msgs/PointCloud2): a row per broken bond
+        ~/wind_info (geometry_msgs/Vector3Stamped): wind at reference height, all included
+        /clock (rosgraph_msgs/Clock): simulation time
+        /diagnostics (diagnostic_msgs/DiagnosticArray): once a second
+
+    Subscribers:
+        ~/wind (geometry_msgs/Vector3Stamped): mean air velocity [m/s]
+        ~/impulse (geometry_msgs/WrenchStamped): [N·s], [N·m·s] on the part header.frame_id
+        ~/wrench (geometry_msgs/WrenchStamped): the same as a lasting force [N], [N·m]
+
+    Services:
+        ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
+        ~/gust, ~/apply_impulse, ~/clear_wrenches, ~/step_simulation, ~/reset_simulation,
+        ~/reload_scene (std_srvs/Trigger)
+
+    :raises ProcPhysError: when the scene cannot be built.
+    """
+
+    def __init__(self, **options):
+        super().__init__('sim', **options)
+        self.parameters = Parameters(self)
+        self._warn_about_settings()
+        rate = self.parameters['publish_rate']
+        self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
+                           budget=1.0 / rate)
+        self.session = Session(self.parameters, self.pacer)
+        self.commands = CommandQueue(self._warn_about_rejection)
+        frame = self.parameters['world_frame']
+        self._output = Publishers(self, frame, self.parameters['marker_rate'])
+        self._diagnostics = Diagnostics(self, self.commands)
+        self._topic_commands = TopicCommands(self, self.commands, self.session, frame)
+        create_services(self, self.commands, self.session)
+        self.session.on_scene = self._start_scene
+        self.session.on_reset = self._output.restart_markers
+        self.session.on_steps = lambda: self._output.publish(self.session.simulation, True)
+        self.parameters.on_change(self._apply)
+        # A node that publishes /clock must not wait for it: its timers run on a steady clock.
+        self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._ticks = self.create_timer(1.0 / rate, self._tick, clock=self.steady_clock)
+        self._status = self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
+        self._start_scene()
+        self.pacer.restart()
+
+    def destroy_node(self) -> None:
+        """Let go of the simulation, then of the node."""
+        self.session.simulation.close()
+        super().destroy_node()
+
+    def _tick(self) -> None:
+        """Take commands, run the steps that are due, publish."""
+        self._topic_commands.take_all()
+        self.commands.drain()
+        simulation = self.session.simulation
+        steps = 0 if self.session.paused else self.pacer.advance(self._step)
+        self._output.publish(simulation, has_moved=steps > 0)
+
+    def _step(self) -> None:
+        self.session.simulation.step()
+        self._diagnostics.note(self.session.simulation.timings)
+
+    def _report(self) -> None:
+        self._diagnostics.publish(self.session.simulation, self.pacer, self.session.paused)
+
+    def _start_scene(self) -> None:
+        self._output.start_scene(self.session.simulation)
+
+    def _apply(self, names: set[str]) -> None:
+        """Let changed parameters take effect; they have been checked before."""
+        if 'publish_rate' in names:
+            period = 1.0 / self.parameters['publish_rate']
+            self._ticks.timer_period_ns = round(period * 1e9)
+            self.pacer.budget = period
+        self._output.marker_rate = self.parameters['marker_rate']
+        if 'real_time_factor' in names:
+            self.pacer.factor = self.parameters['real_time_factor']
+            self.pacer.restart()
+        if any(name.startswith('wind.') for name in names):
+            self.session.change_wind(names)
+
+    def _warn_about_rejection(self, name: str, reason: str) -> None:
+        self.get_logger().warning(f'{name} rejected: {reason}',
+                                  throttle_duration_sec=_WARNING_PERIOD)
+
+    def _warn_about_settings(self) -> None:
+        if self.get_parameter('use_sim_time').value:
+            self.get_logger().warning('use_sim_time is set on the node that publishes /clock; '
+                                      'it keeps its own time')
+        for name in self.parameters.unknown_overrides():
+            self.get_logger().warning(f'there is no parameter {name}')
+        if not self.parameters['scene.objects']:
+            raise SceneError('scene.objects is empty, there is nothing to simulate; give a scene '
+                             'with --ros-args --params-file config/demo.yaml')

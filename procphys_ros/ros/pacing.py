@@ -1,0 +1,82 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Pacing: how many steps are due, so that simulated time keeps up with real time or slows."""
+
+from collections.abc import Callable
+from time import monotonic
+
+_WINDOW = 1.0  # [s] of real time over which the real-time factor is measured
+
+
+class Pacer:
+    """
+    Runs as many steps as real time asks for, within a budget of real time.
+
+    What could not be computed in time is let go: simulated time slows, nothing piles up.
+
+    :param time_step: length of a step [s].
+    :param factor: simulated seconds per second; 0 = as many steps as the budget allows.
+    :param budget: real time that one call may spend on steps before it returns [s].
+    :param clock: gives steady real time [s].
+    :ivar measured: real-time factor over the last second or so; NaN before the first.
+    """
+
+    def __init__(self, time_step: float, factor: float, budget: float,
+                 clock: Callable[[], float] = monotonic):
+        self.factor = factor
+        self.budget = budget
+        self.time_step = time_step
+        self._clock = clock
+        self.restart()
+
+    def restart(self) -> None:
+        """Start anew from now, owing nothing (after a pause, a reset, a slow command)."""
+        self._last = self._window_start = self._clock()
+        self._owed = 0.0
+        self._window_steps = 0
+        self.measured = float('nan')
+
+    def advance(self, step: Callable[[], None]) -> int:
+        """
+        Run the steps that are due.
+
+        :param step: computes one step.
+        :returns: how many were run.
+        """
+        now = self._clock()
+        self._owed += (now - self._last) * self.factor
+        self._last = now
+        steps = 0
+        while self._is_due() and (not steps or self._clock() - now < self.budget):
+            step()
+            steps += 1
+            self._owed -= self.time_step
+        if self._is_due():
+            self._owed = 0.0  # overloaded: slow down instead of catching up later
+        self._measure(steps)
+        return steps
+
+    def _is_due(self) -> bool:
+        # The small share makes a clock that ticks just short of a step count as on time.
+        return self.factor == 0.0 or self._owed >= 0.999 * self.time_step
+
+    def _measure(self, steps: int) -> None:
+        self._window_steps += steps
+        elapsed = self._clock() - self._window_start
+        if elapsed >= _WINDOW:
+            self.measured = self._window_steps * self.time_step / elapsed
+            self._window_start += elapsed
+            self._window_steps = 0

@@ -1,0 +1,230 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The table of parameters: each stands here once, with all that is said about it anywhere."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import math
+import numbers
+import re
+from typing import Any
+
+from procphys_ros.errors import SceneError
+
+_FASTEST = 150.0  # [m/s] above every wind measured on the ground
+_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
+_LARGEST = 1e9  # [any unit] beyond it a value is a mistake
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """
+    One parameter of the node.
+
+    :ivar name: dotted; of an object's parameter the part behind `<name>.`.
+    :ivar default: also says the type: bool, int, float, str, list of floats or of str.
+    :ivar description: for `ros2 param describe` and the README.
+    :ivar unit: '' where there is none.
+    :ivar low, high: least and largest number allowed.
+    :ivar choices: texts allowed; () = any.
+    :ivar read_only: fixed once the node runs.
+    :ivar takes_effect: 'now', 'reload' (at ~/reload_scene) or 'use' (when next used).
+    :ivar optional: the default stands for "not given".
+    """
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ''
+    low: float = -_LARGEST
+    high: float = _LARGEST
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+    takes_effect: str = 'now'
+    optional: bool = False
+
+    def read(self, value: Any, name: str = '') -> Any:
+        """
+        Check a value and give it the parameter's own type; integers pass for doubles.
+
+        :param value: what was given.
+        :param name: full name for messages, when it is an object's parameter.
+        :raises SceneError: naming the parameter, the value and what is allowed.
+        """
+        name = name or self.name
+        if isinstance(self.default, bool):
+            if not isinstance(value, bool):
+                raise SceneError(f'{name} is {value!r}, it must be true or false')
+            return value
+        if isinstance(self.default, (int, float)):
+            return self._number(value, name)
+        if isinstance(self.default, str):
+            return self._text(value, name)
+        items = list(value) if _is_sequence(value) else None
+        if self.default and isinstance(self.default[0], float):
+            if items is None or len(items) != len(self.default):
+                raise SceneError(f'{name} is {_short(value)}, it must be a list of '
+                                 f'{len(self.default)} numbers')
+            return [self._number(item, name) for item in items]
+        if items is None or not all(isinstance(item, str) for item in items):
+            raise SceneError(f'{name} is {_short(value)}, it must be a list of texts')
+        return [item for item in items if item]
+
+    def _number(self, value: Any, name: str) -> Any:
+        whole = isinstance(self.default, int)
+        wanted = numbers.Integral if whole else numbers.Real
+        kind = 'whole number' if whole else 'number'
+        if isinstance(value, bool) or not isinstance(value, wanted):
+            raise SceneError(f'{name} is {_short(value)}, it must be a {kind}')
+        if not math.isfinite(value) or not self.low <= value <= self.high:
+            raise SceneError(f'{name} is {value:g}, it must be a {kind} from {self.low:g} to '
+                             f'{self.high:g}' + (f' {self.unit}' if self.unit else ''))
+        return int(value) if whole else float(value)
+
+    def _text(self, value: Any, name: str) -> str:
+        if not isinstance(value, str):
+            raise SceneError(f'{name} is {_short(value)}, it must be a text')
+        if self.choices and value not in self.choices:
+            raise SceneError(f'{name} is {_short(value)}, it must be one of '
+                             f'{", ".join(self.choices)}')
+        return value
+
+
+def _is_sequence(value: Any) -> bool:
+    return not isinstance(value, (str, Mapping)) and hasattr(value, '__len__')
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f'{text[:57]}...'
+
+
+GLOBAL = (
+    Parameter('scene.objects', [], 'names of the objects that the scene holds',
+              takes_effect='reload'),
+    Parameter('seed', 0, 'seed of everything random', low=0, high=2**62, takes_effect='reload'),
+    Parameter('time_step', 1.0 / 60.0, 'length of one simulation step', 's', 1e-4, 0.1,
+              takes_effect='reload'),
+    Parameter('gravity', 9.81, 'downward acceleration', 'm/s²', 0.0, 100.0,
+              takes_effect='reload'),
+    Parameter('world_frame', 'world', 'frame of everything published', read_only=True),
+    Parameter('publish_rate', 30.0, 'rate of ~/poses, ~/wind_info and /clock', 'Hz', 0.1, 240.0),
+    Parameter('marker_rate', 30.0, 'highest rate of ~/markers', 'Hz', 0.1, 240.0),
+    Parameter('real_time_factor', 1.0,
+              'simulated seconds per second; 0 = as fast as possible', '', 0.0, 1000.0),
+    Parameter('wind.velocity', [0.0, 0.0, 0.0],
+              'mean air velocity at wind.reference_height, the direction it blows to', 'm/s',
+              -_FASTEST, _FASTEST),
+    Parameter('wind.turbulence_intensity', 0.15,
+              'standard deviation along the wind over mean speed', '', 0.0, 1.0),
+    Parameter('wind.profile', 'log', 'growth of the mean wind with height',
+              choices=('log', 'power', 'uniform')),
+    Parameter('wind.roughness_length', 0.03,
+              'of the log profile; grass 0.03, forest about 1', 'm', 1e-6, 5.0),
+    Parameter('wind.exponent', 0.2, 'of the power profile', '', 0.0, 1.0),
+    Parameter('wind.reference_height', 10.0, 'height at which wind.velocity holds', 'm',
+              0.5, 300.0),
+    Parameter('wind.spectrum', 'kaimal', 'spectrum of the turbulence',
+              choices=('kaimal', 'von_karman')),
+    Parameter('gust.amplitude', 10.0, 'change of the wind at the peak of ~/gust', 'm/s',
+              -_FASTEST, _FASTEST, takes_effect='use'),
+    Parameter('gust.duration', 5.0, 'from the first change to the last', 's', 0.05, 3600.0,
+              takes_effect='use'),
+    Parameter('gust.rise', 0.0, 'time a cosine gust takes to rise, and to fall; 0 = half of '
+              'gust.duration', 's', 0.0, 1800.0, takes_effect='use', optional=True),
+    Parameter('gust.direction', [0.0, 0.0, 0.0],
+              'where the gust blows to; all 0 = along the mean wind', takes_effect='use',
+              optional=True),
+    Parameter('gust.kind', 'cosine', 'cosine (rise, hold, fall) or eog (IEC 61400-1 extreme '
+              'operating gust)', choices=('cosine', 'eog'), takes_effect='use'),
+    Parameter('gust.upwind', 30.0, 'distance of the gust front from the origin when it starts',
+              'm', 0.0, 10000.0, takes_effect='use'),
+    Parameter('impulse.target', '', 'part that ~/apply_impulse hits, as oak_0/17 or an index',
+              takes_effect='use'),
+    Parameter('impulse.linear', [0.0, 0.0, 0.0], 'impulse at its centre of mass', 'N·s',
+              takes_effect='use'),
+    Parameter('impulse.angular', [0.0, 0.0, 0.0], 'angular impulse', 'N·m·s',
+              takes_effect='use'),
+)
+
+OBJECT = (
+    Parameter('grammar', '', 'file in grammars/, a path, or package://procphys_ros/…',
+              takes_effect='reload'),
+    Parameter('grammar_text', '', 'the grammar itself, instead of a file',
+              takes_effect='reload'),
+    Parameter('defines', [], 'values that override the grammar\'s own, as "name=number"',
+              takes_effect='reload'),
+    Parameter('count', 0, 'instances, called <name>_0, <name>_1, …; 0 = one, called <name>', '',
+              0, 100_000, takes_effect='reload'),
+    Parameter('layout', 'grid', 'how instances are placed', choices=('row', 'grid', 'scatter'),
+              takes_effect='reload'),
+    Parameter('spacing', 8.0, 'distance between instances', 'm', 1e-3, 1e5,
+              takes_effect='reload'),
+    Parameter('origin', [0.0, 0.0, 0.0], 'where the layout is centred', 'm', -1e6, 1e6,
+              takes_effect='reload'),
+    Parameter('yaw', 0.0, 'heading of every instance about the vertical', 'rad', -1e3, 1e3,
+              takes_effect='reload'),
+    Parameter('seed', -1, 'seed of the first instance; -1 = from the seed of the scene', '',
+              -1, 2**62, takes_effect='reload'),
+    Parameter('variants', 0, 'different individuals among the instances; 0 = all differ', '',
+              0, 100_000, takes_effect='reload'),
+)
+
+_GLOBAL = {p.name: p for p in GLOBAL}
+_OBJECT = {p.name: p for p in OBJECT}
+_GROUPS = {name.split('.')[0] for name in _GLOBAL}
+
+
+def find(name: str, objects: list[str]) -> Parameter | None:
+    """
+    Find the row of the table that describes a parameter; None when there is none.
+
+    :param name: full name, as `wind.velocity` or `oak.count`.
+    :param objects: names of the objects that have parameters.
+    """
+    owner, _, key = name.partition('.')
+    return _GLOBAL.get(name) or (_OBJECT.get(key) if owner in objects else None)
+
+
+def check_object_names(names: list[str]) -> None:
+    """Raise SceneError for a name that cannot head parameters, or would hide the node's own."""
+    for name in names:
+        if not _NAME.match(name):
+            raise SceneError(f'scene.objects: {_short(name)} cannot name an object; use letters, '
+                             'digits and _, beginning with a letter')
+        if name in _GROUPS:
+            raise SceneError(f'scene.objects: "{name}" cannot name an object, parameters of the '
+                             f'node begin with it (taken: {", ".join(sorted(_GROUPS))})')
+
+
+def nested(values: Mapping[str, Any], objects: list[str]) -> dict[str, Any]:
+    """
+    Give parameters as the nested mapping that a scene is built from.
+
+    :param values: by full name.
+    :param objects: names of the objects.
+    """
+    tree: dict[str, Any] = {}
+    for name, value in values.items():
+        parameter = find(name, objects)
+        if parameter is None or parameter.optional and value == parameter.default:
+            continue
+        *groups, last = name.split('.')
+        target = tree
+        for group in groups:
+            target = target.setdefault(group, {})
+        target[last] = value
+    return tree

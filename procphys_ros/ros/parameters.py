@@ -1,0 +1,137 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Declare the parameters on a node, check every change, and hold their present values."""
+
+from collections.abc import Callable
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from procphys_ros.errors import nearest_names, ProcPhysError
+from procphys_ros.ros.parameter_table import (
+    check_object_names,
+    find,
+    GLOBAL,
+    nested,
+    OBJECT,
+    Parameter,
+)
+from procphys_ros.scene.settings import read_settings
+
+
+class Parameters:
+    """
+    The node's parameters with their present values, checked and in the types of the table.
+
+    Types are declared dynamic and checked here, because a statically typed double refuses an
+    integer (`wind.velocity: [5, 0, 0]` would stop the node).
+
+    :param node: the node that they are declared on.
+    :raises SceneError: when a value given at start is not allowed.
+    """
+
+    def __init__(self, node: Node):
+        self._node = node
+        self._values: dict[str, Any] = {}
+        self._objects: list[str] = []
+        self._on_change: Callable[[set[str]], None] = lambda names: None
+        for parameter in GLOBAL:
+            self._declare(parameter, parameter.name)
+        self._declare_objects()
+        read_settings(self.nested())
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._take_over)
+
+    def __getitem__(self, name: str) -> Any:
+        return self._values[name]
+
+    def on_change(self, callback: Callable[[set[str]], None]) -> None:
+        """Have a function called with the names that changed, after they have."""
+        self._on_change = callback
+
+    def nested(self) -> dict[str, Any]:
+        """Give the present values as `Scene.from_parameters` reads them."""
+        return nested(self._values, self._objects)
+
+    def unknown_overrides(self) -> list[str]:
+        """Say which values given at start belong to no parameter, with what may be meant."""
+        return [f'{name}{nearest_names(name, self._values)}'
+                for name in sorted(self._node._parameter_overrides)
+                if name not in self._values and name != 'use_sim_time'
+                and not name.startswith('qos_overrides.')]
+
+    def _declare(self, parameter: Parameter, name: str) -> None:
+        declared = self._node.declare_parameter(name, parameter.default, _descriptor(parameter))
+        self._values[name] = parameter.read(declared.value, name)
+
+    def _declare_objects(self) -> None:
+        """Declare the parameters of objects that are new in `scene.objects`."""
+        check_object_names(self._values['scene.objects'])
+        for name in self._values['scene.objects']:
+            if name not in self._objects:
+                self._objects.append(name)
+                for parameter in OBJECT:
+                    self._declare(parameter, f'{name}.{parameter.name}')
+
+    def _check(self, changes: list[RosParameter]) -> SetParametersResult:
+        """Judge changes without any side effect; what is not ours is not refused."""
+        try:
+            values = dict(self._values)
+            for change in changes:
+                parameter = find(change.name, self._objects)
+                if parameter is not None:
+                    values[change.name] = parameter.read(change.value, change.name)
+            check_object_names(values['scene.objects'])
+            read_settings(nested(values, self._objects))
+        except ProcPhysError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take_over(self, changes: list[RosParameter]) -> None:
+        """Store changes that have been accepted, and pass them on."""
+        names = set()
+        for change in changes:
+            parameter = find(change.name, self._objects)
+            if parameter is not None and change.name in self._values:
+                self._values[change.name] = parameter.read(change.value, change.name)
+                names.add(change.name)
+        if 'scene.objects' in names:
+            self._declare_objects()
+        self._on_change(names)
+
+
+def _descriptor(parameter: Parameter) -> ParameterDescriptor:
+    unit = f' [{parameter.unit}]' if parameter.unit else ''
+    when = {'now': '', 'reload': '; takes effect at ~/reload_scene', 'use': ''}
+    descriptor = ParameterDescriptor(
+        description=f'{parameter.description}{unit}{when[parameter.takes_effect]}',
+        additional_constraints=f'one of {", ".join(parameter.choices)}'
+        if parameter.choices else '',
+        read_only=parameter.read_only, dynamic_typing=True)
+    if type(parameter.default) is float:
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=parameter.low, to_value=parameter.high)]
+    elif type(parameter.default) is int:
+        descriptor.integer_range = [
+            IntegerRange(from_value=int(parameter.low), to_value=int(parameter.high), step=0)]
+    return descriptor

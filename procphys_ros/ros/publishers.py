@@ -1,0 +1,137 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Publishers of the node: what goes out, how often, and what is not built for nobody."""
+
+from time import monotonic
+
+from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from procphys_ros import messages
+from procphys_ros.messages import SceneMarkers
+from procphys_ros.ros import qos
+from procphys_ros.simulation import Simulation
+
+# A new subscriber may be known here before it knows this publisher, and then misses the first
+# message; so it gets the whole set once more [s].
+_SECOND_WHOLE_SET = 1.0
+
+_EARLY = 0.2  # share of their period that markers may come early, for ticks that jitter
+
+
+class Publishers:
+    """
+    Publishes the state of a simulation; the expensive topics only while somebody listens.
+
+    :param node: the node that publishes.
+    :param frame: `frame_id` of everything.
+    :param marker_rate: highest rate of the markers [Hz].
+    """
+
+    def __init__(self, node: Node, frame: str, marker_rate: float):
+        self.marker_rate = marker_rate
+        self._frame = frame
+        self._poses = node.create_publisher(PoseArray, '~/poses', qos.ARRAYS)
+        self._markers = node.create_publisher(MarkerArray, '~/markers', qos.ARRAYS)
+        self._breaks = node.create_publisher(PointCloud2, '~/breaks', qos.ARRAYS)
+        self._description = node.create_publisher(String, '~/scene_description', qos.LATCHED)
+        self._wind_info = node.create_publisher(Vector3Stamped, '~/wind_info', qos.ARRAYS)
+        self._clock = node.create_publisher(Clock, '/clock', qos.NEWEST)
+        self._scene_markers: SceneMarkers | None = None
+        self._pose_watch = _Watch(self._poses)
+        self._marker_watch = _Watch(self._markers)
+        self._whole_again = self._next_markers = 0.0
+
+    def start_scene(self, simulation: Simulation) -> None:
+        """Announce a scene that has been loaded; whoever watches gets all of it anew."""
+        self._scene_markers = None
+        self._whole_again = self._next_markers = 0.0
+        self._description.publish(String(data=messages.scene_description(
+            simulation.blueprint, simulation.scene.objects, self._frame)))
+
+    def restart_markers(self) -> None:
+        """Send the whole set of markers next (the time has jumped back)."""
+        self._scene_markers = None
+
+    def publish(self, simulation: Simulation, has_moved: bool) -> None:
+        """
+        Publish the present state.
+
+        :param has_moved: whether steps were run since the last call.
+        """
+        at = messages.stamp(simulation.time)
+        if self._pose_watch.has_risen() or (has_moved and self._pose_watch.count):
+            self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
+        self._publish_markers(simulation, at)
+        self._publish_breaks(simulation, at)
+        clock = Clock()
+        clock.clock.sec, clock.clock.nanosec = at
+        self._clock.publish(clock)
+        if self._wind_info.get_subscription_count():
+            self._publish_wind(simulation, at)
+
+    def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:
+        now = monotonic()
+        if self._marker_watch.has_risen():
+            self._scene_markers = None
+            self._whole_again = now + _SECOND_WHOLE_SET
+        period = 1.0 / self.marker_rate
+        if not self._marker_watch.count or now < self._next_markers - _EARLY * period:
+            return
+        self._next_markers = max(self._next_markers + period, now)
+        if self._whole_again and now > self._whole_again:
+            self._scene_markers = None
+            self._whole_again = 0.0
+        if self._scene_markers is None or len(self._scene_markers) != len(simulation.poses):
+            self._scene_markers = SceneMarkers(simulation.blueprint, simulation.scene.objects,
+                                               self._frame)
+            self._markers.publish(self._scene_markers.whole(simulation.poses, at))
+            return
+        data = self._scene_markers.changes(simulation.poses, at)
+        if data is not None:
+            self._markers.publish(data)
+
+    def _publish_breaks(self, simulation: Simulation, at: messages.Stamp) -> None:
+        events = simulation.log.take()
+        if len(events) and self._breaks.get_subscription_count():
+            rows = messages.break_rows(events)
+            self._breaks.publish(messages.point_cloud(rows, at, self._frame))
+
+    def _publish_wind(self, simulation: Simulation, at: messages.Stamp) -> None:
+        message = Vector3Stamped()
+        message.header.stamp.sec, message.header.stamp.nanosec = at
+        message.header.frame_id = self._frame
+        x, y, z = sum(simulation.wind.at_reference(simulation.time)).tolist()
+        message.vector = Vector3(x=x, y=y, z=z)
+        self._wind_info.publish(message)
+
+
+class _Watch:
+    """Counts the subscribers of a topic and notices new ones."""
+
+    def __init__(self, publisher: Publisher):
+        self._publisher = publisher
+        self.count = 0
+
+    def has_risen(self) -> bool:
+        """Count anew, and say whether there are more than last time."""
+        before, self.count = self.count, self._publisher.get_subscription_count()
+        return self.count > before
