@@ -125,7 +125,7 @@ def test_energy_never_rises_without_wind(stiffness: float, ratio: float):
     for _ in range(600):
         forest.step(1.0 / 60.0)
         energy.append(forest.energy())
-    assert np.diff(energy).max() <= 1e-3 * energy[0]
+    assert np.diff(energy).max() <= 1e-9 * energy[0]
     assert energy[-1] < 0.5 * energy[0]
 
 

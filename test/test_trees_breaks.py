@@ -1,0 +1,240 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Trees at their limits: swing limits, breaks, what comes off, and rough treatment."""
+
+from dataclasses import replace
+
+from grown_trees import beam, bush, LENGTH, RADIUS
+import numpy as np
+import pytest
+
+from procphys_ros import skeleton
+from procphys_ros.blueprint import Blueprint, box_inertia, chain, Law, Mortar, Shape
+from procphys_ros.errors import SceneError
+from procphys_ros.physics.trees import Cause, Forest
+
+_DT = 1.0 / 60.0
+_NO_WEIGHT = (0.0, 0.0, 0.0)
+
+
+def _wind(forest: Forest, speed: float) -> np.ndarray:
+    return np.tile([speed, 0.0, 0.0], (len(forest), 1))
+
+
+def _pull(forest: Forest, load: float) -> np.ndarray:
+    """Load the tip of an upright beam across until it rests; return the lever arms."""
+    for _ in range(900):
+        tip = 1.5 * forest.poses[-1, :3] - 0.5 * forest.poses[-2, :3]
+        forest.apply_impulse(len(forest) - 1, tip, (load * _DT, 0.0, 0.0))
+        forest.step(_DT)
+    return tip
+
+
+def test_cantilever_breaks_at_its_root():
+    """Expect the break where P·L/Z first exceeds the strength, and the stress as load."""
+    strength = 5e6
+    limit = strength * np.pi * RADIUS ** 3 / 4.0 / LENGTH
+    below = Forest(beam(10, strength=strength, damping_ratio=0.7), gravity=_NO_WEIGHT)
+    _pull(below, 0.99 * limit)
+    assert len(below.overloaded()[0]) == 0
+    above = Forest(beam(10, strength=strength, damping_ratio=0.7), gravity=_NO_WEIGHT)
+    _pull(above, 1.03 * limit)
+    rows, causes, loads, bonds = above.overloaded()
+    assert rows.tolist() == [0] and causes.tolist() == [Cause.BENDING] and bonds.tolist() == [0]
+    assert loads[0] == pytest.approx(1.03 * strength, rel=5e-3)
+
+
+def test_weight_breaks_a_weak_joint():
+    """Expect the transmitted force at rest, the weight above, to be tested in newtons."""
+    blueprint = beam(2)
+    weight = 9.81 * blueprint.mass[1]
+    for force, found in ((1.01 * weight, 0), (0.99 * weight, 1)):
+        hinges = replace(blueprint.hinges, break_force=np.array([np.inf, force]))
+        forest = Forest(replace(blueprint, hinges=hinges))
+        forest.step(_DT)
+        rows, causes, loads, _ = forest.overloaded()
+        assert len(rows) == found
+    assert causes.tolist() == [Cause.FORCE] and loads[0] == pytest.approx(weight, rel=1e-9)
+
+
+def test_twist_breaks_a_joint():
+    """Expect the moment about the segment, locked or not, to be tested against break_torque."""
+    forest = Forest(beam(1, break_torque=50.0), gravity=_NO_WEIGHT)
+    for moment, found in ((45.0, 0), (-55.0, 1)):
+        forest.apply_impulse(0, angular=(0.0, 0.0, moment * _DT))
+        forest.step(_DT)
+        rows, causes, loads, _ = forest.overloaded()
+        assert len(rows) == found
+    assert causes.tolist() == [Cause.TWIST] and loads[0] == pytest.approx(55.0, rel=1e-6)
+
+
+def test_storm_breaks_thin_trees_first():
+    """Expect a gale to overload weak wood and to spare strong wood of the same shape."""
+    weak, strong = Forest(bush(strength=2e6)), Forest(bush(strength=2e9))
+    for _ in range(120):
+        weak.step(_DT, _wind(weak, 40.0))
+        strong.step(_DT, _wind(strong, 40.0))
+    assert len(weak.overloaded()[0]) > 0 and len(strong.overloaded()[0]) == 0
+
+
+def test_subtrees_are_contiguous():
+    """Expect rows [row, end) to be exactly the descendants of a row, parents first."""
+    forest = Forest(chain([bush(40, 1), bush(25, 2).placed((5, 0, 0))]))
+    for row in range(len(forest)):
+        inside = {row}
+        for i in range(len(forest)):
+            if forest.parents[i] in inside:
+                inside.add(i)
+        assert sorted(inside) == list(range(row, forest.ends[row]))
+        assert forest.parents[row] < row
+
+
+def test_detached_rows_leave_the_articulation():
+    """Expect poses and velocities as they were, rows that stay put, and no more breaks there."""
+    forest = Forest(bush(strength=1e5))
+    for _ in range(30):
+        forest.step(_DT, _wind(forest, 20.0))
+    row = int(forest.ends[0] // 3)
+    poses, velocities = forest.poses.copy(), forest.velocities.copy()
+    rows, taken, speeds = forest.detach(row)
+    assert rows.tolist() == list(range(row, forest.ends[row]))
+    assert np.array_equal(taken, poses[rows]) and np.array_equal(speeds, velocities[rows])
+    for _ in range(30):
+        forest.step(_DT, _wind(forest, 20.0))
+        assert not np.isin(forest.overloaded()[0], rows).any()
+    assert np.array_equal(forest.poses[rows], taken)
+    assert not forest.active[rows].any() and forest.active.sum() == len(forest) - len(rows)
+
+
+def test_stump_springs_back_when_a_bough_comes_off():
+    """Expect what is left to rise once its load is gone, to the moment over the stiffness."""
+    blueprint = _gallows()
+    forest = Forest(blueprint)
+    forest.detach(1)
+    for _ in range(1200):
+        forest.step(_DT)
+    lean = 2.0 * np.arcsin(forest.poses[0, 4])
+    moment = 9.81 * blueprint.mass[1] * blueprint.poses[1, 0]
+    own = 9.81 * blueprint.mass[0] * 0.5 * np.sin(lean)
+    assert -lean == pytest.approx((moment - own) / blueprint.hinges.swing_stiffness[0], rel=1e-3)
+
+
+def _gallows() -> Blueprint:
+    """Build a post that carries a bar on one side."""
+    return skeleton.from_nodes([[0, 0, 0], [0, 0, 1], [1, 0, 1]], [-1, 0, 1], [0.03, 0.03, 0.03],
+                               damping_ratio=0.3, modulus=1e9)
+
+
+def test_detaching_inside_what_is_left_takes_only_that():
+    """Expect a second break below the first to return the rows that were still there."""
+    forest = Forest(beam(10))
+    assert forest.detach(7)[0].tolist() == [7, 8, 9]
+    assert forest.detach(4)[0].tolist() == [4, 5, 6]
+    forest.step(_DT)
+    assert forest.active.tolist() == [True] * 4 + [False] * 6
+
+
+def test_released_rows_go_on_as_their_own_tree():
+    """Expect the cut part to fall and its own breaks and detachments to work."""
+    forest = Forest(beam(10))
+    forest.release(4)
+    for _ in range(60):
+        forest.step(_DT)
+    assert np.all(forest.poses[4:, 2] < forest.poses[3, 2] + LENGTH - 4.0)
+    assert np.all(np.abs(forest.poses[:4, :2]) < 1e-9)
+    assert forest.detach(2)[0].tolist() == [2, 3]
+    assert forest.detach(6)[0].tolist() == [6, 7, 8, 9]
+    forest.step(_DT)
+    assert forest.active.tolist() == [True] * 2 + [False] * 2 + [True] * 2 + [False] * 4
+
+
+@pytest.mark.parametrize('stiffness', [8e7, 8e9])
+def test_swing_limits_hold_in_a_storm(stiffness: float):
+    """Expect no joint beyond its limit in 60 m/s of wind, however soft it is."""
+    forest = Forest(bush(stiffness=stiffness, swing_limit=0.3))
+    touched = False
+    for _ in range(300):
+        forest.step(_DT, _wind(forest, 60.0))
+        bend = np.hypot(*forest._state.bend[:, :2].T)
+        assert bend.max() <= 0.3 * (1.0 + 1e-12)
+        touched |= bool(bend.max() > 0.299)
+    assert touched or stiffness > 8e7
+
+
+def test_limits_take_energy_out():
+    """Expect a branch thrown against its limit to stop there, its energy never rising."""
+    forest = Forest(bush(stiffness=8e8, swing_limit=0.2, damping_ratio=0.0), air_density=0.0)
+    rng = np.random.default_rng(5)
+    for row in rng.integers(0, len(forest), 10):
+        forest.apply_impulse(int(row), linear=rng.normal(0.0, 30.0, 3))
+    forest.step(_DT)
+    energy = [forest.energy()]
+    for _ in range(300):
+        forest.step(_DT)
+        energy.append(forest.energy())
+    assert np.diff(energy).max() <= 1e-9 * energy[0]
+    assert energy[-1] < 1e-2 * energy[0]
+
+
+def test_rough_treatment_leaves_everything_finite():
+    """Expect finite poses for any stiffness, damping, wind to 60 m/s and hits of 300 N·s."""
+    rng = np.random.default_rng(3)
+    forest = Forest(chain([
+        bush(int(rng.integers(12, 40)), i, stiffness=8e9 * 10 ** rng.uniform(-2, 4),
+             damping_ratio=float(rng.choice([0.0, 0.02, 0.5, 2.0])),
+             swing_limit=float(rng.choice([0.2, 0.8, 1.5, 3.0]))).placed((6.0 * i, 0, 0))
+        for i in range(16)]))
+    for i in range(600):
+        wind = rng.normal(0.0, 25.0, (1, 3)) + rng.normal(0.0, 5.0, (len(forest), 3))
+        if i % 20 == 0:
+            for row in rng.integers(0, len(forest), 10):
+                point = forest.poses[row, :3] + rng.normal(0.0, 0.2, 3)
+                forest.apply_impulse(int(row), point, rng.normal(0.0, 300.0, 3))
+        forest.step(_DT, wind)
+        assert np.isfinite(forest.poses).all() and np.isfinite(forest.velocities).all()
+    reach = np.linalg.norm(forest.poses[:, :3] - forest.poses[forest._plan.row[0], :3], axis=1)
+    assert reach.max() < 120.0
+
+
+def test_other_parts_are_left_alone():
+    """Expect bricks and mortar in the same blueprint to be no rows, and bonds to stay named."""
+    box = np.array([[0.2, 0.1, 0.1]])
+    brick = Blueprint(
+        shape=np.array([Shape.BOX], np.uint8), size=box, visual_size=box,
+        density=np.array([1900.0]), mass=np.array([3.8]),
+        inertia=box_inertia(np.array([3.8]), box),
+        poses=np.array([[9.0, 0, 0.05, 0, 0, 0, 1]]), kind=np.zeros(1, np.int16),
+        material=np.zeros(1, np.int16), texture=np.zeros(1, np.int16), leaf_area=np.zeros(1),
+        bonds=np.array([[-1, 0]], np.int32), bond_law=np.array([Law.MORTAR], np.uint8),
+        bond_frame=np.array([[9.0, 0, 0, 0, 0, 0, 1]]), bond_extent=np.full((1, 2), 0.1),
+        bond_area=np.full(1, 0.01), mortar=Mortar(*(np.ones(1) for _ in range(6))),
+        kinds=('brick',), materials=('clay',), textures=('red',))
+    forest = Forest(chain([brick, beam(3), brick]))
+    assert forest.parts.tolist() == [1, 2, 3] and forest.bonds.tolist() == [1, 2, 3]
+    forest.step(_DT)
+    assert len(Forest(brick)) == 0
+    Forest(brick).step(_DT)
+
+
+def test_hinges_that_are_no_trees_are_refused():
+    """Expect a part on two hinges, a ring, and a lopsided part to be named."""
+    blueprint = beam(3)
+    with pytest.raises(SceneError, match='one hinge only'):
+        Forest(replace(blueprint, bonds=np.array([[-1, 0], [0, 1], [0, 1]], np.int32)))
+    with pytest.raises(SceneError, match='2 hinges form a ring'):
+        Forest(replace(blueprint, bonds=np.array([[-1, 0], [2, 1], [1, 2]], np.int32)))
+    with pytest.raises(SceneError, match='symmetric'):
+        Forest(replace(blueprint, inertia=blueprint.inertia * [1.0, 1.1, 1.0]))
