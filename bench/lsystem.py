@@ -20,17 +20,14 @@ Run `python bench/lsystem.py`; figures are medians of several runs in one proces
 """
 
 from collections.abc import Callable
-import math
 from pathlib import Path
 import statistics
-import sys
 import time
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-
-from procphys_ros.lsystem import LSystem  # noqa: E402
+from procphys_ros.lsystem import LSystem
 
 _RUNS = 5
+_LIMIT = 100_000_000  # modules
 _GRAMMARS = Path(__file__).resolve().parents[1] / 'grammars'
 _STOCHASTIC = """
 define: s = 0.9
@@ -131,10 +128,10 @@ def _read(system: LSystem) -> None:
 def main() -> None:
     """Print all figures."""
     systems = {
-        'abop 2.6': LSystem.load(_GRAMMARS / 'abop_2_6.lsys', max_modules=math.inf),
-        'abop 2.7': LSystem.load(_GRAMMARS / 'abop_2_7.lsys', max_modules=math.inf),
-        'stochastic': LSystem.parse(_STOCHASTIC, max_modules=math.inf),
-        'context': LSystem.parse(_CONTEXT, max_modules=math.inf),
+        'abop 2.6': LSystem.load(_GRAMMARS / 'abop_2_6.lsys', max_modules=_LIMIT),
+        'abop 2.7': LSystem.load(_GRAMMARS / 'abop_2_7.lsys', max_modules=_LIMIT),
+        'stochastic': LSystem.parse(_STOCHASTIC, max_modules=_LIMIT),
+        'context': LSystem.parse(_CONTEXT, max_modules=_LIMIT),
     }
     for name, system in systems.items():
         _report(name, system)

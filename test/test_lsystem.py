@@ -188,6 +188,8 @@ def test_weights_may_depend_on_parameters():
           A(x) -> C : 1 - x"""
     assert {_text(text, 1, seed=seed) for seed in range(20)} == {'CB'}
     assert _text('axiom: A\nproduction:\nA -> B : 0', 1) == 'A'
+    guarded = 'axiom: A(0)A(1)\nproduction:\nA(x) : x > 0 -> B : 1/x\nA(x) : x == 0 -> C : 1'
+    assert _text(guarded, 1) == 'CB'
 
 
 def test_random_arguments_differ():

@@ -15,6 +15,7 @@
 
 """Context-sensitive rules of L-systems, on both sides and across brackets."""
 
+import numpy as np
 import pytest
 
 from procphys_ros.errors import GrammarError
@@ -121,6 +122,75 @@ def test_weights_with_contexts():
           A < B -> C : 1
           B -> D : 1000000"""
     assert {str(LSystem.parse(text).derive(1, seed=s)) for s in range(20)} == {'AC'}
+
+
+def _grow(random, depth):
+    """Make a random axis: letters, ignored marks and branches, as text."""
+    text = ''
+    for _ in range(random.integers(2, 8)):
+        kind = random.random()
+        if kind < 0.35 and depth:
+            text += '[' + _grow(random, depth - 1) + ']'
+        else:
+            text += random.choice(list('ABAB+'))
+    return text
+
+
+def _read(text, at=0):
+    """Read a bracketed text into nested lists."""
+    axis = []
+    while at < len(text) and text[at] != ']':
+        if text[at] == '[':
+            branch, at = _read(text, at + 1)
+            axis.append(branch)
+        else:
+            axis.append(text[at])
+        at += 1
+    return axis, at
+
+
+def _fits(pattern, axis):
+    """Search a pattern in a tree by recursion over nested lists."""
+    at = 0
+    for wanted in pattern:
+        if wanted == '=':
+            return not any(isinstance(item, str) and item != '+' for item in axis[at:])
+        while at < len(axis):
+            item, at = axis[at], at + 1
+            if isinstance(wanted, list) and isinstance(item, list) and _fits(wanted, item):
+                break
+            if isinstance(item, str) and item != '+':
+                if item != wanted:
+                    return False
+                break
+        else:
+            return False
+    return True
+
+
+def _marked(axis, path, left, right):
+    """Write the tree with X for each B that has the contexts, as the definition says."""
+    text = ''
+    for number, item in enumerate(axis):
+        if isinstance(item, list):
+            text += '[' + _marked(item, path, left, right) + ']'
+            continue
+        good = path.endswith(left) and _fits(right, axis[number + 1:])
+        text += 'X' if item == 'B' and good else item
+        path += item.strip('+')
+    return text
+
+
+@pytest.mark.parametrize('right', ['A', 'AB', '[A]B', '[A]', '[A][B]', '[A=]', '[B[A]]',
+                                   '[AB=]A', '[[B]A]', '[A[B=]][A]'])
+@pytest.mark.parametrize('left', ['*', 'A', 'BA'])
+def test_random_trees(left, right):
+    """Agree with a search over nested lists on random trees."""
+    random = np.random.default_rng(7)
+    axiom = 'A' + ''.join(f'[{_grow(random, 4)}]' for _ in range(70))
+    expected = _marked(_read(axiom)[0], '', left.strip('*'), _read(right)[0])
+    assert _step(axiom, f'{left} < B > {right} -> X', 'ignore: +') == expected
+    assert expected.count('X') > 0
 
 
 @pytest.mark.parametrize('rule, words', [

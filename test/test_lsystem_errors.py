@@ -62,6 +62,8 @@ from procphys_ros.lsystem import LSystem
     ('axiom: A\nproduction:\nA -> * B', 3, 6, '"*" stands alone'),
     ('axiom: A\nproduction:\nA -> B =] C', 3, 0, ''),
     ('axiom: A(__import__("os"))', 1, 0, 'found'),
+    ('axiom: A(' + '-' * 5000 + '1)', 1, 0, 'nested deeper'),
+    ('axiom: A(' + '1+' * 5000 + '1)', 1, 0, 'nested deeper'),
     ('axiom: A\nproduction:\nA -> B(open("/etc/passwd"))', 3, 0, 'found'),
 ])
 def test_message(text, line, column, words):
@@ -102,7 +104,7 @@ def test_arrows():
 
 def test_comments_and_spacing():
     """Skip comments and blank lines anywhere."""
-    text = '# a tree\n\naxiom: A # start\n\nproduction: # rules\n# none\n A -> B # end\n\n   C # more'
+    text = '# tree\n\naxiom: A # start\n\nproduction: # rules\n# none\n A -> B # end\n\n   C # on'
     assert str(LSystem.parse(text).derive(1)) == 'BC'
 
 

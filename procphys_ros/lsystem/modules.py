@@ -17,6 +17,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -84,12 +85,12 @@ class Modules(Sequence):
     values: np.ndarray
     origin: np.ndarray
 
-    @property
+    @cached_property
     def counts(self) -> np.ndarray:
         """Count the parameters of each module, (M,)."""
         return np.asarray(self.vocabulary.arities, np.int64)[self.key]
 
-    @property
+    @cached_property
     def starts(self) -> np.ndarray:
         """Find where the parameters of each module begin in `values`, (M,)."""
         counts = self.counts
@@ -104,7 +105,7 @@ class Modules(Sequence):
             starts = self.starts
             return [self._module(row, starts[row]) for row in rows]
         row = range(len(self))[index]
-        return self._module(row, int(self.counts[:row].sum()))
+        return self._module(row, self.starts[row])
 
     def __iter__(self) -> Iterator[Module]:
         return iter(self[:])

@@ -23,7 +23,6 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
-from procphys_ros.errors import GrammarError
 from procphys_ros.language import Value
 from procphys_ros.lsystem.contexts import follow_tree, match_left, match_right
 from procphys_ros.lsystem.modules import Modules
@@ -213,17 +212,23 @@ def _draw(rules: Sequence[Rule], values: Sequence[dict], count: int,
     """Give the number of the rule for each row, -1 where no condition is true, (N,)."""
     weights = np.zeros((len(rules), count))
     for number, rule in enumerate(rules):
-        weight: Value = 1.0
-        if rule.weight is not None:
-            weight = rule.weight.evaluate(values[number], count, generator)
-            if np.any(np.less(weight, 0.0)):
-                raise GrammarError(f'weight {np.min(weight):g} is negative', *rule.weight.place)
-        truth: Value = 1.0
+        true = np.ones(count, bool)
         if rule.condition is not None:
-            truth = np.not_equal(rule.condition.evaluate(values[number], count, generator), 0.0)
-        weights[number] = weight * truth
+            true &= np.not_equal(rule.condition.evaluate(values[number], count, generator), 0.0)
+        weights[number, true] = _weigh(rule, _select(values[number], true),
+                                       int(np.count_nonzero(true)), generator)
     limits = np.cumsum(weights, axis=0)
     if len(rules) == 1:
         return np.where(limits[0] > 0.0, 0, -1)
     drawn = generator.random(count) * limits[-1]
     return np.where(limits[-1] > 0.0, np.argmax(limits > drawn, axis=0), -1)
+
+
+def _weigh(rule: Rule, values: dict, count: int, generator: np.random.Generator) -> Value:
+    """Evaluate the weight of a rule where its condition holds."""
+    if rule.weight is None:
+        return 1.0
+    weight = rule.weight.evaluate(values, count, generator)
+    if np.any(np.less(weight, 0.0)):
+        raise rule.weight.place.error(f'weight {np.min(weight):g} is negative')
+    return weight

@@ -166,7 +166,8 @@ class RuleCompiler:
 
     def _is_anything(self, tree: Tree, line: int) -> bool:
         """Recognise the lone `*`, which stands for nothing."""
-        stars = list(tree.scan_values(lambda token: getattr(token, 'type', '') == 'ANYTHING'))
+        stars = [child for child in tree.children if child.data != 'bracket'
+                 and child.children[0].children[0].type == 'ANYTHING']
         if stars and len(tree.children) > 1:
             raise Place.of(stars[0], self.source, line).error(
                 '"*" stands alone, for an empty context or successor')

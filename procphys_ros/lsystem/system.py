@@ -29,7 +29,7 @@ from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
 
 MAX_MODULES = 2_000_000  # longest string; about 1 GB while the turtle reads it
-_MOST_STEPS = 100_000
+_MOST_STEPS = 10_000
 
 
 @dataclass(frozen=True)

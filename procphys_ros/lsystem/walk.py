@@ -155,7 +155,7 @@ def _advance(state, length):
 
 @njit(cache=True)
 def _after_segment(state):
-    """Apply the rates and the tropism, and remove rounding from the frame."""
+    """Apply rates and tropism (after segments without bone too); remove rounding."""
     for k in range(_COUNT):
         if state[RATES + k] != 1.0:
             state[VALUES + k] *= state[RATES + k]
