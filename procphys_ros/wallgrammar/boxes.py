@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Boxes: parts on their way into a blueprint, in integer micrometres so that faces meet exactly."""
+"""Boxes: parts on their way into a blueprint, in whole micrometres so that faces meet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace

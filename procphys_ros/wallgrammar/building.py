@@ -14,7 +14,7 @@
 
 """Building: from the text of a wall grammar to a blueprint of bricks and mortar."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +28,12 @@ from procphys_ros.wallgrammar.assembly import assemble, from_contacts, on_ground
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.derivation import Deriver, Piece
+from procphys_ros.wallgrammar.interior import Interior
 from procphys_ros.wallgrammar.materials import Material
 from procphys_ros.wallgrammar.parser import parse
-from procphys_ros.wallgrammar.site import join, Site
+from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.spec import Spec
+from procphys_ros.wallgrammar.stability import check_connected
 from procphys_ros.wallgrammar.tables import check_panel, read_layouts, read_materials
 
 MOST_PARTS = 200_000  # default bound on the parts of one building
@@ -106,8 +108,7 @@ class WallGrammar:
         deriver = Deriver(self.spec, values, generator)
         corners = np.array([[x.number(values, generator), y.number(values, generator)]
                             for x, y in building.footprint])
-        height = micro(storeys * storey_height)
-        return _Construction(self, deriver, corners, height).blueprint()
+        return _Construction(self, deriver, corners, storeys, storey_height).blueprint()
 
     def _storeys(self, values: dict[str, float]) -> tuple[int, float]:
         building = self.spec.building
@@ -124,10 +125,13 @@ class WallGrammar:
 class _Construction:
     """One run of the builder."""
 
-    def __init__(self, grammar: WallGrammar, deriver: Deriver, corners: np.ndarray, height: int):
+    def __init__(self, grammar: WallGrammar, deriver: Deriver, corners: np.ndarray, storeys: int,
+                 storey_height: float):
         self.grammar = grammar
         self.deriver = deriver
-        self.height = height
+        self.storeys = storeys
+        self.storey_height = storey_height
+        self.height = micro(storeys * storey_height)
         building = grammar.spec.building
         self.site = Site(grammar.materials, grammar.most_parts, building.place)
         self.pieces = self._derive(corners)
@@ -164,17 +168,23 @@ class _Construction:
         return first
 
     def blueprint(self) -> Blueprint:
-        pieces = [walls.gauge_pieces(p, self.layout.gauge) for p in self.pieces]
-        for facade, panels in zip(self.plan.facades, pieces):
-            elevation = walls.Elevation(facade, self._fit(panels, facade.length),
-                                        np.zeros((0, 4), int))
-            walls.build(self.site, elevation, self.grammar.spec.panels, self.grammar.layouts,
-                        self.layout)
-        boxes = self.site.boxes()
-        frames = np.array([[0.0, 0.0, 0.0, *rotation.from_yaw(yaw)] for yaw in self.plan.yaws])
+        """Build walls, partitions, floors and roof, and bond them."""
+        grammar, site = self.grammar, self.site
+        site.frames += [np.array([0.0, 0.0, 0.0, *rotation.from_yaw(yaw)])
+                        for yaw in self.plan.yaws]
+        elevations = [walls.Elevation(
+            facade, self._fit(walls.gauge_pieces(pieces, self.layout.gauge), facade.length),
+            grammar.spec.panels, grammar.layouts, self.layout)
+            for facade, pieces in zip(self.plan.facades, self.pieces)]
+        interior = Interior(site, self.plan, elevations, grammar.spec.building, self.storeys,
+                            self.storey_height, self.deriver)
+        interior.cut_and_lay()
+        boxes = site.boxes()
+        frames = np.array(site.frames)
         patches = [on_ground(boxes, frames, len(self.plan.yaws)),
-                   from_contacts(contacts.find(boxes), boxes, frames)]
-        return assemble(boxes, join(patches), frames, self.grammar.materials, self.site.kinds)
+                   from_contacts(contacts.find(boxes), boxes, frames), *site.patches]
+        check_connected(boxes, patches, frames, site)
+        return assemble(boxes, patches, frames, grammar.materials, site.kinds)
 
     @staticmethod
     def _fit(pieces: list[Piece], length: int) -> list[Piece]:

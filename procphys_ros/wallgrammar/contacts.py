@@ -30,7 +30,7 @@ class Contacts(NamedTuple):
 
     :ivar first, second: rows of the boxes, (m,).
     :ivar axis: axis of the frame that the first part's face looks along, (m,).
-    :ivar low, high: contact patch; along `axis` the two faces, the joint between them [µm], (m, 3).
+    :ivar low, high: contact patch [µm], (m, 3); along `axis` the joint between the two faces.
     """
 
     first: np.ndarray
@@ -42,7 +42,7 @@ class Contacts(NamedTuple):
 
 def spread(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Number the elements of groups of given sizes.
+    Count through the elements of groups of given sizes.
 
     :param count: size of each group, (n,).
     :returns: group of each element and its position inside the group, (sum of count,) each.
@@ -82,7 +82,7 @@ def _along(boxes: Boxes, cell_low: np.ndarray, cell_high: np.ndarray, axis: int)
 
 def _same_planes(frame: np.ndarray, ahead: np.ndarray,
                  behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Number the planes; faces in a plane without an opposite face get -1."""
+    """Give planes numbers; faces in a plane without an opposite face get -1."""
     n = len(frame)
     keys = np.column_stack([np.concatenate([frame, frame]), np.concatenate([ahead, behind])])
     order = np.lexsort((keys[:, 1], keys[:, 0]))

@@ -130,8 +130,8 @@ def read(points: np.ndarray, thickness: int, joint: int, places: list[Place]) ->
                in zip(lengths, frame, quarter, _origins(points, yaws, frame))]
     if not closed:
         return Footprint(points, yaws, tuple(facades))
-    facades = [replace(a, length=_exact_length(a, b, yaws, points, i))
-               for i, (a, b) in enumerate(zip(facades, facades[1:] + facades[:1]))]
+    facades = [replace(a, length=_exact_length(a, b))
+               for a, b in zip(facades, facades[1:] + facades[:1])]
     turns = (angles - np.roll(angles, 1) + np.pi) % (2.0 * np.pi) - np.pi
     for i, turn in enumerate(turns):
         if np.pi - abs(turn) < np.radians(_SHARPEST):
@@ -185,20 +185,20 @@ def _frames(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     yaws: list[float] = []
     frame, quarter = [], []
     for angle in angles:
-        for f, yaw in enumerate(yaws):
-            turns = (angle - yaw) / (0.5 * np.pi)
-            if abs(turns - round(turns)) * 0.5 * np.pi < _ALIGNED:
-                break
-        else:
-            f, turns = len(yaws), 0.0
+        turns = [(angle - yaw) / (0.5 * np.pi) for yaw in yaws]
+        fitting = [f for f, turn in enumerate(turns)
+                   if abs(turn - round(turn)) * 0.5 * np.pi < _ALIGNED]
+        if not fitting:
+            fitting = [len(yaws)]
             yaws.append(float(angle))
-        frame.append(f)
-        quarter.append(round(turns) % 4)
+            turns.append(0.0)
+        frame.append(fitting[0])
+        quarter.append(round(turns[fitting[0]]) % 4)
     return np.array(yaws), np.array(frame), np.array(quarter)
 
 
 def _origins(points: np.ndarray, yaws: np.ndarray, frame: np.ndarray) -> list[tuple[int, int]]:
-    """Express edge starts in their frames, with equal coordinates where they differ by rounding."""
+    """Express edge starts in their frames, coordinates equal where only rounding differs."""
     out = np.zeros((len(frame), 2), np.int64)
     for f, yaw in enumerate(yaws):
         c, s = np.cos(yaw), np.sin(yaw)
@@ -213,8 +213,7 @@ def _origins(points: np.ndarray, yaws: np.ndarray, frame: np.ndarray) -> list[tu
     return [(int(x), int(y)) for x, y in out]
 
 
-def _exact_length(facade: Facade, following: Facade, yaws: np.ndarray, points: np.ndarray,
-                  i: int) -> int:
+def _exact_length(facade: Facade, following: Facade) -> int:
     """Measure an edge between whole micrometres where both ends lie in one frame."""
     if facade.frame != following.frame:
         return facade.length

@@ -14,8 +14,9 @@
 
 """Site: where the boxes of a building gather while it is built."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar.assembly import Patches
@@ -32,12 +33,17 @@ class Site:
     :ivar most_parts: bound on the number of parts.
     :ivar place: of the building in its text, for errors.
     :ivar kinds: names of the kinds met so far.
+    :ivar frames: pose of each frame in the building [m], 7 each; upright frames come first.
+    :ivar patches: bonds between parts of different frames.
+    :ivar count: parts so far.
     """
 
     materials: dict[str, Material]
     most_parts: int
     place: Place
     kinds: list[str] = field(default_factory=list)
+    frames: list[np.ndarray] = field(default_factory=list)
+    patches: list[Patches] = field(default_factory=list)
     count: int = 0
     _boxes: list[Boxes] = field(default_factory=list)
     _members: int = 0
@@ -82,6 +88,19 @@ class Site:
         self.count += len(boxes)
         return rows
 
+    def add_members(self, boxes: Boxes, longest: int) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Add members, cut into pieces.
+
+        :param boxes: uncut members.
+        :param longest: greatest length of a piece [µm].
+        :returns: part at the low and part at the high end of each member, (n,) each.
+        """
+        rows = self.add(boxes, longest)
+        member = self._boxes[-1].member
+        first = rows.start + np.flatnonzero(np.diff(member, prepend=-1))
+        return first, np.append(first[1:], rows.stop) - 1
+
     @property
     def next_member(self) -> int:
         """Number that the next member may take."""
@@ -90,8 +109,3 @@ class Site:
     def boxes(self) -> Boxes:
         """Give all parts so far, in part order."""
         return stack(self._boxes)
-
-
-def join(patches: Sequence[Patches]) -> list[Patches]:
-    """Drop empty groups of bonds."""
-    return [p for p in patches if len(p.pair)]

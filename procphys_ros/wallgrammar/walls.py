@@ -37,21 +37,6 @@ _OPENING = -2
 _BEAM = -3
 
 
-@dataclass(frozen=True)
-class Elevation:
-    """
-    A derived facade with everything that its masonry must leave room for.
-
-    :ivar facade: where it stands.
-    :ivar pieces: panels with level edges on the courses.
-    :ivar pockets: left, bottom, right, top of holes in the masonry [µm], (n, 4).
-    """
-
-    facade: Facade
-    pieces: Sequence[Piece]
-    pockets: np.ndarray
-
-
 def gauge_pieces(pieces: Sequence[Piece], gauge: int) -> list[Piece]:
     """Move level edges of panels onto near course lines; panels that vanish are dropped."""
     moved = [p._replace(scope=p.scope._replace(bottom=int(snap_level(p.scope.bottom, gauge)),
@@ -60,51 +45,91 @@ def gauge_pieces(pieces: Sequence[Piece], gauge: int) -> list[Piece]:
     return [p for p in moved if p.scope.top > p.scope.bottom]
 
 
-def build(site: Site, elevation: Elevation, panels: dict[str, Panel],
-          layouts: dict[str, Layout], wall_layout: Layout) -> None:
+@dataclass
+class Elevation:
     """
-    Build one facade.
+    A derived wall before it is built, so that floors and roofs can ask for room in it.
 
-    :param site: takes the parts.
-    :param elevation: what to build.
-    :param panels: what the names of panels stand for.
-    :param layouts: by name.
-    :param wall_layout: the layout that sets thickness and courses of the walls.
+    :ivar facade: where it stands.
+    :ivar pieces: panels, level edges on the courses.
+    :ivar panels: what the names of panels stand for.
+    :ivar layouts: by name.
+    :ivar layout: the one that sets thickness and courses.
+    :ivar unit: kind of its bricks.
     """
-    facade = elevation.facade
-    classes = _classes(elevation.pieces, panels, layouts)
-    owners = np.array([_owner(p, panels, classes) for p in elevation.pieces], int)
-    scopes = np.array([p.scope[:4] for p in elevation.pieces], int).reshape(-1, 4)
-    _check(elevation, panels, owners, wall_layout)
-    regions = _paint(site, scopes, owners)
-    bearings = {i: _bear(elevation.pieces[i], regions, facade, wall_layout)
-                for i in np.flatnonzero(owners == _BEAM)}
-    lintels = np.array([s[:4] for s, _ in bearings.values()], int).reshape(-1, 4)
-    holes = np.concatenate([lintels, elevation.pockets.reshape(-1, 4)])
-    covered = _paint(site, np.concatenate([scopes, holes]), np.concatenate(
-        [owners, np.full(len(lintels), _BEAM), np.full(len(elevation.pockets), EMPTY)]))
-    for (name, depth), owner in classes.items():
-        layout = layouts[panels[name].kind]
-        runs = courses(covered, owner, depth, layout, facade)
-        site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
-        kind = site.kind('brick' if layout.pieces == 1 else 'board')
-        joint = Joint.MORTAR if layout.pieces == 1 else Joint.FIXING
-        site.add(facade.place(lay(runs, layout, kind, joint, site.next_member)))
-    wall = Wall(site, facade, wall_layout.thickness, wall_layout.joint)
-    for i, piece in enumerate(elevation.pieces):
-        panel = panels[piece.panel]
-        if panel.kind == 'glazing':
-            glazing(wall, piece, *panel.arguments)
-        elif panel.kind == 'boards':
-            door(wall, piece, *panel.arguments)
-        elif panel.kind == 'beam':
-            scope, kind = bearings[i]
-            beam(wall, piece._replace(scope=scope), *panel.arguments, kind)
+
+    facade: Facade
+    pieces: Sequence[Piece]
+    panels: dict[str, Panel]
+    layouts: dict[str, Layout]
+    layout: Layout
+    unit: str = 'brick'
+
+    def __post_init__(self) -> None:
+        self._classes = _classes(self.pieces, self.panels, self.layouts)
+        owners = np.array([_owner(p, self.panels, self._classes) for p in self.pieces], int)
+        scopes = np.array([p.scope[:4] for p in self.pieces], int).reshape(-1, 4)
+        _check(self, owners)
+        bare = self._paint(scopes, owners)
+        self._bearings = {int(i): _bear(self.pieces[i], bare, self.facade, self.layout)
+                          for i in np.flatnonzero(owners == _BEAM)}
+        beams = np.array([s[:4] for s, _ in self._bearings.values()], int).reshape(-1, 4)
+        self._scopes = np.concatenate([scopes, beams])
+        self._owners = np.concatenate([owners, np.full(len(beams), _BEAM)])
+        self._regions = self._paint(self._scopes, self._owners)
+        self._pockets: list[tuple[int, int, int, int]] = []
+
+    def _paint(self, rectangles: np.ndarray, owners: np.ndarray) -> Regions:
+        regions = paint(rectangles, owners)
+        if regions is None:
+            raise self.pieces[0].place.error('a facade is divided too finely; use fewer panels')
+        return regions
+
+    def obstacle(self, left: int, bottom: int, right: int, top: int) -> str | None:
+        """Name the first panel that is no masonry inside a rectangle [µm], if there is one."""
+        for scope, owner, i in zip(self._scopes, self._owners, range(len(self._scopes))):
+            if owner < _MASONRY and (scope[0] < right and scope[2] > left and scope[1] < top
+                                     and scope[3] > bottom):
+                return self.pieces[i].panel if i < len(self.pieces) else 'lintel'
+        return None
+
+    def cut(self, left: int, bottom: int, right: int, top: int) -> None:
+        """Leave a rectangle [µm] free of masonry."""
+        self._pockets.append((left, bottom, right, top))
+
+    def build(self, site: Site) -> None:
+        """
+        Lay the masonry and fill the openings.
+
+        :param site: takes the parts.
+        """
+        pockets = np.array(self._pockets, int).reshape(-1, 4)
+        covered = self._paint(np.concatenate([self._scopes, pockets]), np.concatenate(
+            [self._owners, np.full(len(pockets), EMPTY)]))
+        for (name, depth), owner in self._classes.items():
+            layout = self.layouts[self.panels[name].kind]
+            runs = courses(covered, owner, depth, layout, self.facade)
+            site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
+            kind = site.kind(self.unit if layout.pieces == 1 else 'board')
+            joint = Joint.MORTAR if layout.pieces == 1 else Joint.FIXING
+            site.add(self.facade.place(lay(runs, layout, kind, joint, site.next_member)))
+        self._fill(Wall(site, self.facade, self.layout.thickness, self.layout.joint))
+
+    def _fill(self, wall: Wall) -> None:
+        for i, piece in enumerate(self.pieces):
+            panel = self.panels[piece.panel]
+            if panel.kind == 'glazing':
+                glazing(wall, piece, *panel.arguments)
+            elif panel.kind == 'boards':
+                door(wall, piece, *panel.arguments)
+            elif panel.kind == 'beam':
+                scope, kind = self._bearings[i]
+                beam(wall, piece._replace(scope=scope), *panel.arguments, kind)
 
 
 def _classes(pieces: Sequence[Piece], panels: dict[str, Panel],
              layouts: dict[str, Layout]) -> dict[tuple[str, int], int]:
-    """Number the panel types that are tiled; a type that stands further out is another one."""
+    """Count the panel types that are tiled; a type that stands further out is another one."""
     classes: dict[tuple[str, int], int] = {}
     for piece in pieces:
         if panels[piece.panel].kind in layouts:
@@ -121,10 +146,9 @@ def _owner(piece: Piece, panels: dict[str, Panel], classes: dict[tuple[str, int]
     return classes.get((piece.panel, piece.scope.depth), _OPENING)
 
 
-def _check(elevation: Elevation, panels: dict[str, Panel], owners: np.ndarray,
-           layout: Layout) -> None:
+def _check(elevation: Elevation, owners: np.ndarray) -> None:
     """Refuse what no mason could build: windows in corners, panels that stand off the wall."""
-    facade = elevation.facade
+    facade, layout = elevation.facade, elevation.layout
     low = max(-facade.start.yielded, 0)
     high = facade.length - max(-facade.end.yielded, 0)
     for piece, owner in zip(elevation.pieces, owners):
@@ -141,13 +165,6 @@ def _check(elevation: Elevation, panels: dict[str, Panel], owners: np.ndarray,
         if scope.depth > 0 and at_corner and owner >= _MASONRY:
             raise piece.place.error(f'the panel "{piece.panel}" is set back into the corner, '
                                     f'where the neighbouring wall stands')
-
-
-def _paint(site: Site, rectangles: np.ndarray, owners: np.ndarray) -> Regions:
-    regions = paint(rectangles, owners)
-    if regions is None:
-        raise site.place.error('a facade is divided too finely; use fewer panels')
-    return regions
 
 
 def _bear(piece: Piece, regions: Regions, facade: Facade, layout: Layout) -> tuple[Scope, str]:
@@ -178,7 +195,7 @@ def _bear(piece: Piece, regions: Regions, facade: Facade, layout: Layout) -> tup
     for length, under, side in zip(grown, ends, ('left', 'right')):
         if spans and under < _MASONRY and length < _LEAST_BEARING:
             raise piece.place.error(
-                f'the beam "{piece.panel}" bears only {length / 1e6:g} m on the wall at its {side} '
-                f'side, at least {_LEAST_BEARING / 1e6:g} m are needed: leave a wider pier')
+                f'the beam "{piece.panel}" bears only {length / 1e6:g} m on the wall at its '
+                f'{side} side, at least {_LEAST_BEARING / 1e6:g} m are needed: leave a wider pier')
     return (scope._replace(left=scope.left - grown[0], right=scope.right + grown[1]),
             'lintel' if spans else 'beam')

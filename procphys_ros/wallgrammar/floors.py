@@ -1,0 +1,158 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Floors: joists with boards, or slabs, that bear on the walls of every storey."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, stack
+from procphys_ros.wallgrammar.contacts import spread
+from procphys_ros.wallgrammar.footprint import Facade, Footprint
+from procphys_ros.wallgrammar.plan import along_facade, Bay, bays, Rectangle, span_axis
+from procphys_ros.wallgrammar.regions import snap_level
+from procphys_ros.wallgrammar.site import Site
+from procphys_ros.wallgrammar.walls import Elevation
+
+_JOIST = (50_000, 150_000)  # [µm] width and least height: C24 joists span up to 3.5 m like this
+_SPACING = 450_000          # [µm] of joists, UK practice (NHBC 6.4)
+_CLEAR = 60_000             # [µm] between a joist and the wall along it
+_PACKING = 5_000            # [µm] of mortar on either side of a joist in its pocket
+_JOIST_PIECE = 1_500_000    # [µm] joists splinter into pieces of at most this length
+_BOARD = (200_000, 22_000)  # [µm] width and thickness of floor boards
+_BOARD_PIECE = 1_200_000    # [µm]
+_EXPANSION = 10_000         # [µm] between boards and walls
+_SLAB_PIECE = 3_000_000     # [µm] largest extent of a piece of slab; pieces crack apart
+
+
+def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevation],
+                 partitions: Sequence[Elevation], rooms: Sequence[Rectangle]) -> None:
+    """
+    Lay joists into pockets of the walls and boards onto them.
+
+    :param site: takes the parts.
+    :param plan: right-angled footprint.
+    :param level: upper side of the joists [µm], on a course.
+    :param walls: of the facades, in their order; pockets are cut into them.
+    :param partitions: walls inside, likewise.
+    :param rooms: where boards go.
+    """
+    layout = walls[0].layout
+    axis = span_axis(plan)
+    height = -(-_JOIST[1] // layout.gauge) * layout.gauge
+    joists = []
+    for bay in bays(plan, axis, layout.thickness):
+        for low, high in _joist_lines(bay, axis):
+            cuts = [(walls[end], low, high) for end in bay.ends]
+            cuts += [(p, low, high) for p in partitions if _crosses(p.facade, bay, axis, low, high)]
+            holes = [(wall, (*along_facade(wall.facade, a, b), level - height, level))
+                     for wall, a, b in cuts]
+            holes = [(wall, (x0, z0, x1, z1)) for wall, (x0, x1, z0, z1) in holes]
+            if any(wall.obstacle(*hole) for wall, hole in holes):
+                continue  # an opening is in the way: its neighbours carry the boards
+            for wall, hole in holes:
+                wall.cut(*hole)
+            joists.append(_joist(bay, axis, low, high, level, height))
+    if joists:
+        boxes = stack(joists)
+        boxes.kind[:], boxes.material[:] = site.kind('joist'), site.material('timber')
+        site.add(boxes, _JOIST_PIECE)
+        _boards(site, rooms, 1 - axis, level)
+
+
+def _joist_lines(bay: Bay, axis: int) -> list[tuple[int, int]]:
+    """Space joists evenly across a bay: edges of their cells, pocket included."""
+    low, high = bay.inner.low[1 - axis] + _CLEAR, bay.inner.high[1 - axis] - _CLEAR
+    width = _JOIST[0] + 2 * _PACKING
+    if high - low < width:
+        return []
+    count = max(-(-(high - low - width) // _SPACING), 1) + 1
+    starts = np.rint(np.linspace(low, high - width, count)).astype(int)
+    return [(int(s), int(s) + width) for s in starts]
+
+
+def _crosses(facade: Facade, bay: Bay, axis: int, low: int, high: int) -> bool:
+    """Say whether joists of a bay run through a partition."""
+    if facade.quarter % 2 == axis:
+        return False
+    inside = bay.outer.low[axis] < facade.origin[axis] < bay.outer.high[axis]
+    start, end = along_facade(facade, low, high)
+    return inside and end > 0 and start < facade.length
+
+
+def _joist(bay: Bay, axis: int, low: int, high: int, level: int, height: int) -> Boxes:
+    start, end = bay.outer.low[axis], bay.outer.high[axis]
+    cell = np.array([[0, 0, level - height], [0, 0, level]])
+    cell[:, axis] = start, end
+    cell[:, 1 - axis] = low, high
+    margin = [0, 0, 0]
+    margin[1 - axis] = _PACKING
+    return from_cells(cell[0], cell[1], margin, margin, axis=axis, joint=Joint.BEARING)
+
+
+def _boards(site: Site, rooms: Sequence[Rectangle], axis: int, level: int) -> None:
+    """Cover rooms with boards that run along an axis."""
+    cells = []
+    for room in rooms:
+        low, high = np.array(room.low) + _EXPANSION, np.array(room.high) - _EXPANSION
+        if (high - low < _BOARD[0]).any():
+            continue
+        across = 1 - axis
+        lines = np.linspace(low[across], high[across],
+                            -(-int(high[across] - low[across]) // _BOARD[0]) + 1)
+        lines = np.rint(lines).astype(int)
+        cell = np.zeros((len(lines) - 1, 2, 3), int)
+        cell[:, 0, axis], cell[:, 1, axis] = low[axis], high[axis]
+        cell[:, 0, across], cell[:, 1, across] = lines[:-1], lines[1:]
+        cell[:, 0, 2], cell[:, 1, 2] = level, level + _BOARD[1]
+        cells.append(cell)
+    if cells:
+        cell = np.concatenate(cells)
+        site.add(from_cells(cell[:, 0], cell[:, 1], axis=axis, kind=site.kind('board'),
+                            material=site.material('timber'), joint=Joint.FIXING), _BOARD_PIECE)
+
+
+def slab_floor(site: Site, plan: Footprint, level: int, depth: int,
+               walls: Sequence[Elevation]) -> None:
+    """
+    Lay a slab over the whole plan, bearing on the full thickness of all walls.
+
+    :param site: takes the parts.
+    :param plan: right-angled footprint.
+    :param level: upper side [µm], on a course.
+    :param depth: thickness [µm].
+    :param walls: of facades and partitions; they are interrupted where the slab passes.
+    :raises GrammarError: when a window or beam stands where the slab passes.
+    """
+    layout = walls[0].layout
+    bottom = int(snap_level(level - depth, layout.gauge))
+    for wall in walls:
+        found = wall.obstacle(0, bottom, wall.facade.length, level)
+        if found:
+            raise site.place.error(f'the slab from {bottom / 1e6:g} to {level / 1e6:g} m meets '
+                                   f'the panel "{found}"; leave a strip of wall there')
+        wall.cut(0, bottom, wall.facade.length, level)
+    low, high = [], []
+    for bay in bays(plan, span_axis(plan), layout.thickness):
+        counts = [-(-s // _SLAB_PIECE) for s in bay.outer.size]
+        lines = [np.rint(np.linspace(a, b, n + 1)).astype(int) for a, b, n in
+                 zip(bay.outer.low, bay.outer.high, counts)]
+        row, column = spread(np.full(counts[0], counts[1]))
+        low.append(np.column_stack([lines[0][row], lines[1][column], np.full(len(row), bottom)]))
+        high.append(np.column_stack([lines[0][row + 1], lines[1][column + 1],
+                                     np.full(len(row), level)]))
+    site.add(from_cells(np.concatenate(low), np.concatenate(high),
+                        [0, 0, max(level - depth - bottom, 0)], 0, kind=site.kind('slab'),
+                        material=site.material('concrete'), member=site.next_member))

@@ -1,0 +1,133 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Interior: floors, partitions and roof of a building, by the words of its grammar."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.errors import nearest_names
+from procphys_ros.wallgrammar.boxes import micro
+from procphys_ros.wallgrammar.derivation import Deriver
+from procphys_ros.wallgrammar.floors import slab_floor, timber_floor
+from procphys_ros.wallgrammar.footprint import Footprint
+from procphys_ros.wallgrammar.partitions import elevations, half_brick, halve, rooms_of
+from procphys_ros.wallgrammar.regions import snap_level
+from procphys_ros.wallgrammar.roofs import Roof
+from procphys_ros.wallgrammar.site import Site
+from procphys_ros.wallgrammar.spec import Building, Call
+from procphys_ros.wallgrammar.walls import Elevation
+
+_FLOORS = {'none': (), 'timber': (), 'slab': ((0.05, 1.0),)}
+_ROOFS = {'none': (), 'flat': (), 'gable': ((10.0, 70.0),), 'hip': ((10.0, 70.0),)}
+_PARTITIONS = {'none': (), 'halves': ((1.0, 100.0),)}
+
+
+@dataclass
+class Interior:
+    """
+    Builds everything that stands behind the facades, then the facades with room for it.
+
+    :ivar site: takes the parts.
+    :ivar plan: the footprint.
+    :ivar walls: of the facades.
+    :ivar building: what the text asks for.
+    :ivar storeys: number of storeys.
+    :ivar storey_height: [m].
+    :ivar deriver: evaluates expressions.
+    """
+
+    site: Site
+    plan: Footprint
+    walls: Sequence[Elevation]
+    building: Building
+    storeys: int
+    storey_height: float
+    deriver: Deriver
+
+    def cut_and_lay(self) -> None:
+        """
+        Build all parts.
+
+        :raises GrammarError: for unknown words, and for what the footprint cannot carry.
+        """
+        floors, depth = self._read(self.building.floors, 'floors', _FLOORS)
+        roof, pitch = self._read(self.building.roof, 'roof', _ROOFS)
+        partitions, least = self._read(self.building.partitions, 'partitions', _PARTITIONS)
+        if roof == 'flat' and floors == 'none':
+            floors, only_top = 'timber', True
+        else:
+            only_top = False
+        layout = self.walls[0].layout
+        levels = [int(snap_level(micro(s * self.storey_height), layout.gauge))
+                  for s in range(self.storeys + 1)]
+        rooms, inner = self._rooms(partitions, least, levels)
+        for wall in inner:
+            self.site.expect(wall.facade.length / layout.pitch * levels[-1] / layout.gauge)
+        for level in levels[-1:] if only_top else levels[1:]:
+            if floors == 'slab':
+                slab_floor(self.site, self.plan, level, micro(depth), [*self.walls, *inner])
+            elif floors == 'timber':
+                timber_floor(self.site, self.plan, level, self.walls, inner, rooms)
+        for wall in (*self.walls, *inner):
+            wall.build(self.site)
+        if roof in ('gable', 'hip'):
+            self._roof(roof, pitch, levels[-1])
+
+    def _read(self, call: Call | None, key: str,
+              table: dict[str, tuple[tuple[float, float], ...]]) -> tuple[str, float]:
+        """Read a word with its number; the table gives words and the bounds of their numbers."""
+        if call is None or call.name == 'none':
+            return 'none', 0.0
+        if call.name not in table:
+            allowed = ', '.join(f'{n}(number)' if b else n for n, b in table.items())
+            raise call.place.error(f'unknown {key} "{call.name}"'
+                                   f'{nearest_names(call.name, table)} (allowed: {allowed})')
+        bounds = table[call.name]
+        if len(call.arguments) != len(bounds):
+            raise call.place.error(f'"{call.name}" takes {len(bounds)} numbers, '
+                                   f'found {len(call.arguments)}')
+        value = 0.0
+        for (low, high), argument in zip(bounds, call.arguments):
+            value = argument.number(self.deriver.values, self.deriver.generator)
+            if not low <= value <= high:
+                raise argument.place.error(f'the number of "{call.name}" must be from {low:g} to '
+                                           f'{high:g}, found {value:g}')
+        if not self.plan.right_angled or len(self.plan.facades) < 3:
+            raise call.place.error(f'{key}: {call.name} needs a footprint with right angles only; '
+                                   f'use none here')
+        return call.name, value
+
+    def _rooms(self, partitions: str, least: float, levels: list[int]) -> tuple:
+        if not self.plan.right_angled or len(self.plan.facades) < 3:
+            return [], []
+        layout = half_brick(self.walls[0].layout)
+        rooms = rooms_of(self.plan, self.walls[0].layout.thickness)
+        if partitions == 'none':
+            return rooms, []
+        rooms, between = halve(rooms, micro(least), layout.thickness)
+        return rooms, elevations(between, layout, levels, self.building.place)
+
+    def _roof(self, kind: str, pitch: float, level: int) -> None:
+        if len(self.plan.facades) != 4:
+            raise self.building.roof.place.error(
+                f'a {kind} roof needs a rectangular footprint, found '
+                f'{len(self.plan.facades)} corners; use flat or none')
+        roof = Roof(self.site, self.walls, level, pitch)
+        if kind == 'gable':
+            roof.gable(0)  # ridge along the first facade
+        else:
+            roof.hip(int(np.argmax(roof.high - roof.low)))

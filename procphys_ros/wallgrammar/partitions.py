@@ -1,0 +1,109 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Partitions: half-brick walls that divide every storey into rooms."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from procphys_ros.language import Place
+from procphys_ros.wallgrammar.bonds import Layout
+from procphys_ros.wallgrammar.derivation import Piece, Scope
+from procphys_ros.wallgrammar.footprint import Corner, Facade, Footprint
+from procphys_ros.wallgrammar.plan import bays, Rectangle, span_axis
+from procphys_ros.wallgrammar.regions import snap_level
+from procphys_ros.wallgrammar.spec import Panel
+from procphys_ros.wallgrammar.walls import Elevation
+
+_DOOR = (900_000, 2_100_000)  # [µm] width and height of door openings
+_DOOR_PLACE = 0.375           # of the length of the wall: clear of the middle, where others meet it
+_LINTEL = 150_000             # [µm] least height of lintels
+_PIER = 300_000               # [µm] least wall beside a door
+
+
+def rooms_of(plan: Footprint, thickness: int) -> list[Rectangle]:
+    """Give the rooms without partitions."""
+    return [bay.inner for bay in bays(plan, span_axis(plan), thickness)]
+
+
+def halve(rooms: Sequence[Rectangle], least: int,
+          thickness: int) -> tuple[list[Rectangle], list[tuple[Rectangle, int]]]:
+    """
+    Halve rooms across their longer side for as long as both halves keep a least extent.
+
+    :param rooms: to start with.
+    :param least: extent that no room may fall below [µm].
+    :param thickness: of the walls between them [µm].
+    :returns: the rooms, and the walls with the axis that each runs along.
+    """
+    done: list[Rectangle] = []
+    walls: list[tuple[Rectangle, int]] = []
+    todo = list(rooms)
+    while todo:
+        room = todo.pop(0)
+        axis = 0 if room.size[0] >= room.size[1] else 1
+        half = (room.size[axis] - thickness) // 2
+        if half < least:
+            done.append(room)
+            continue
+        middle = room.low[axis] + half
+        low, high = list(room.high), list(room.low)
+        low[axis], high[axis] = middle, middle + thickness
+        todo += [Rectangle(room.low, tuple(low)), Rectangle(tuple(high), room.high)]
+        first, last = list(room.low), list(room.high)
+        first[axis], last[axis] = middle, middle + thickness
+        walls.append((Rectangle(tuple(first), tuple(last)), 1 - axis))
+    return done, walls
+
+
+def half_brick(layout: Layout) -> Layout:
+    """Give the layout of partitions: the bricks of the facades in running bond."""
+    return replace(layout, bond='running', offset=0.5, pieces=1)
+
+
+def elevations(walls: Sequence[tuple[Rectangle, int]], layout: Layout, levels: Sequence[int],
+               place: Place) -> list[Elevation]:
+    """
+    Plan the partitions, each with a door opening on every storey.
+
+    :param walls: where they stand and the axis they run along.
+    :param layout: of their bricks.
+    :param levels: floor of each storey and the top of the walls [µm].
+    :param place: of the building in the text.
+    """
+    panels = {'wall': Panel('wall', 'partition', (), place),
+              'door': Panel('door', 'none', (), place),
+              'lintel': Panel('lintel', 'beam', ('concrete',), place)}
+    out = []
+    for rectangle, axis in walls:
+        quarter = 0 if axis == 0 else 1
+        origin = rectangle.low if axis == 0 else (rectangle.high[0], rectangle.low[1])
+        tied = Corner(joint=layout.joint)
+        facade = Facade(rectangle.size[axis], 0, quarter, origin, tied, tied)
+        pieces = [Piece(Scope(0, 0, facade.length, levels[-1]), 'wall', place)]
+        for floor, ceiling in zip(levels, levels[1:]):
+            pieces += _door(facade.length, floor, ceiling, layout, place)
+        out.append(Elevation(facade, pieces, panels, {'partition': layout}, layout, 'partition'))
+    return out
+
+
+def _door(length: int, floor: int, ceiling: int, layout: Layout, place: Place) -> list[Piece]:
+    left = round(_DOOR_PLACE * length) - _DOOR[0] // 2
+    head = int(snap_level(floor + _DOOR[1], layout.gauge))
+    over = head + -(-_LINTEL // layout.gauge) * layout.gauge
+    if left < _PIER or left + _DOOR[0] + _PIER > length or over + layout.gauge > ceiling:
+        return []
+    right = left + _DOOR[0]
+    return [Piece(Scope(left, floor, right, head), 'door', place),
+            Piece(Scope(left, head, right, over), 'lintel', place)]

@@ -1,0 +1,168 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Slopes: rafters, battens and tiles of one plane of a roof, in the frame of that plane."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micro, stack
+from procphys_ros.wallgrammar.site import Site
+
+RAFTER = (0.05, 0.12)    # [m] width and depth; C24 at 0.6 m spans about 3 m like this (TRADA)
+RAFTER_SPACING = 0.6     # [m] largest
+_BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
+_TILE = (0.40, 0.02)     # [m] width and thickness of what stands for a few tiles
+_GAUGE = 0.32            # [m] largest distance of battens
+_APART = 0.001           # [m] tiles do not touch each other
+_CLEAR = 0.005           # [m] between pieces that meet at a hip
+_PIECE = 1_500_000       # [µm] rafters and battens splinter into pieces of at most this length
+OVERHANG = 0.25          # [m] of the eaves
+
+
+class Ends(NamedTuple):
+    """
+    Rafters as added to the site.
+
+    :ivar foot, head: part at the eaves and at the top of each, (n,).
+    :ivar place: middle of each along the eaves [m], (n,).
+    :ivar reach: length from the eaves line to the top [m], (n,).
+    """
+
+    foot: np.ndarray
+    head: np.ndarray
+    place: np.ndarray
+    reach: np.ndarray
+
+
+@dataclass(frozen=True)
+class Slope:
+    """
+    A plane of a roof; local x runs up the slope, y along the eaves, z out of the plane.
+
+    The origin lies on the underside of the rafters, over the outer edge of the wall.
+
+    :ivar pose: of the frame in the building [m], (7,).
+    :ivar pitch: [rad].
+    :ivar span: horizontal distance from the eaves to the ridge [m].
+    :ivar length: of the eaves, which run from y = -length to 0 [m].
+    :ivar hipped: whether the plane ends at hips instead of gables.
+    """
+
+    pose: np.ndarray
+    pitch: float
+    span: float
+    length: float
+    hipped: bool
+
+    @classmethod
+    def at(cls, origin: np.ndarray, inwards: float, pitch: float, span: float, length: float,
+           hipped: bool) -> 'Slope':
+        """
+        Place a slope.
+
+        :param origin: start of the eaves seen from outside, from the left [m], (3,).
+        :param inwards: direction in plan from the eaves to the ridge [rad].
+        """
+        tilt = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(-pitch))
+        turn = rotation.multiply(rotation.from_yaw(inwards), tilt)
+        return cls(np.concatenate([origin, turn]), pitch, span, length, hipped)
+
+    def world(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Give points of the slope's frame in the building [m], (n, 3)."""
+        points = np.column_stack(np.broadcast_arrays(x, y, z)).astype(float)
+        return self.pose[:3] + rotation.rotate(self.pose[3:], points)
+
+    def rafters(self, site: Site, frame: int, edge: float, ridge_half: float,
+                hip_half: float) -> Ends:
+        """
+        Set rafters from the eaves to the ridge, or to the hip where that comes first.
+
+        :param site: takes the parts.
+        :param frame: index of the slope's frame.
+        :param edge: distance of the outermost rafters from the ends of the eaves [m].
+        :param ridge_half: half the thickness of the ridge board [m].
+        :param hip_half: half the thickness of the hip boards [m].
+        """
+        count = max(int(np.ceil((self.length - 2 * edge) / RAFTER_SPACING)), 1) + 1
+        count += count % 2 if self.hipped else 0  # none in the middle, where the hips meet
+        place = np.linspace(edge, self.length - edge, count)
+        plan = np.full(count, self.span - ridge_half - _CLEAR)
+        if self.hipped:
+            near = np.minimum(place, self.length - place) - 0.5 * RAFTER[0]
+            plan = np.minimum(plan, near - np.sqrt(2.0) * hip_half - _CLEAR)
+        keep = plan > 0.2
+        place, reach = place[keep], plan[keep] / np.cos(self.pitch)
+        low = np.column_stack([np.full(len(place), -OVERHANG / np.cos(self.pitch)),
+                               -place - 0.5 * RAFTER[0], np.zeros(len(place))])
+        high = np.column_stack([reach, -place + 0.5 * RAFTER[0], np.full(len(place), RAFTER[1])])
+        boxes = from_cells(micro(low), micro(high), frame=frame, axis=0, joint=Joint.FIXING,
+                           kind=site.kind('rafter'), material=site.material('timber'))
+        foot, head = site.add_members(boxes, _PIECE)
+        return Ends(foot, head, place, reach)
+
+    def cover(self, site: Site, frame: int, rafters: Ends) -> None:
+        """
+        Nail battens across the rafters and hang tiles on them.
+
+        :param site: takes the parts.
+        :param frame: index of the slope's frame.
+        :param rafters: what there is to nail to.
+        """
+        top = rafters.reach.max()
+        bottom = -OVERHANG / np.cos(self.pitch)
+        rows = np.linspace(bottom, top - _BATTEN[0],
+                           int(np.ceil((top - _BATTEN[0] - bottom) / _GAUGE)) + 1)
+        battens, tiles, last = [], [], None
+        for x in rows:
+            ends = self._row(x + _BATTEN[0], RAFTER[1])
+            held = rafters.place[rafters.reach > x]
+            inside = (held - 0.5 * RAFTER[0] > ends[0]) & (held + 0.5 * RAFTER[0] < ends[1])
+            if not inside.any():
+                break
+            battens.append(_box([x, -ends[1], RAFTER[1]],
+                                [x + _BATTEN[0], -ends[0], RAFTER[1] + _BATTEN[1]], frame, 1))
+            if last is not None:
+                tiles += self._tiles(last + 0.5 * _BATTEN[0], x + 0.5 * _BATTEN[0], frame)
+            last = x
+        for boxes, kind, material, longest in ((battens, 'batten', 'timber', _PIECE),
+                                               (tiles, 'tile', 'tile', 0)):
+            if boxes:
+                column = stack(boxes)
+                column.kind[:], column.material[:] = site.kind(kind), site.material(material)
+                site.add(column, longest)
+
+    def _row(self, x: float, z: float) -> tuple[float, float]:
+        """Give where a row across the slope starts and ends along the eaves [m]."""
+        if not self.hipped:
+            return 0.0, self.length
+        inset = max(x * np.cos(self.pitch) - z * np.sin(self.pitch), -OVERHANG) + _CLEAR
+        return inset, self.length - inset
+
+    def _tiles(self, low: float, high: float, frame: int) -> list[Boxes]:
+        bottom = RAFTER[1] + _BATTEN[1]
+        start, end = self._row(high, bottom)
+        count = max(int(round((end - start) / _TILE[0])), 1)
+        lines = np.linspace(start, end, count + 1)
+        return [_box([low + _APART, -b + _APART, bottom],
+                     [high - _APART, -a - _APART, bottom + _TILE[1]], frame, 1)
+                for a, b in zip(lines, lines[1:])]
+
+
+def _box(low: list[float], high: list[float], frame: int, axis: int) -> Boxes:
+    return from_cells(micro(np.array(low)), micro(np.array(high)), frame=frame, axis=axis,
+                      joint=Joint.FIXING)

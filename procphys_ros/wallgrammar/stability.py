@@ -1,0 +1,56 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Stability: nothing may hang in the air."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import GROUND
+from procphys_ros.wallgrammar.assembly import Patches
+from procphys_ros.wallgrammar.boxes import Boxes, MICRO
+from procphys_ros.wallgrammar.site import Site
+
+
+def check_connected(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
+                    site: Site) -> None:
+    """
+    Refuse a building of which a part is not bonded to the ground, however indirectly.
+
+    :param boxes: all parts.
+    :param patches: all bonds.
+    :param frames: pose of each frame [m], (f, 7).
+    :param site: knows names and place.
+    :raises GrammarError: naming a part that hangs.
+    """
+    pair = np.concatenate([p.pair for p in patches])
+    ground = len(boxes)
+    nodes = np.where(pair == GROUND, ground, pair)
+    graph = coo_array((np.ones(len(nodes), np.int8), (nodes[:, 0], nodes[:, 1])),
+                      shape=(ground + 1, ground + 1))
+    group = connected_components(graph, directed=False)[1]
+    loose = np.flatnonzero(group[:ground] != group[ground])
+    if len(loose):
+        row = loose[0]
+        centre = (boxes.low[row] + boxes.high[row]) / (2.0 * MICRO)
+        frame = frames[boxes.frame[row]]
+        x, y, z = frame[:3] + rotation.rotate(frame[3:], centre)
+        raise site.place.error(
+            f'{len(loose)} parts would hang in the air, the first a '
+            f'{site.kinds[boxes.kind[row]]} at ({x:.2f}, {y:.2f}, {z:.2f}) m: nothing bonds it '
+            f'to the ground; put wall under it')
