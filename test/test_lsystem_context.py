@@ -187,7 +187,7 @@ def _marked(axis, path, left, right):
 def test_random_trees(left, right):
     """Agree with a search over nested lists on random trees."""
     random = np.random.default_rng(7)
-    axiom = 'A' + ''.join(f'[{_grow(random, 4)}]' for _ in range(70))
+    axiom = 'A' + ''.join(f'[{_grow(random, 4)}]' for _ in range(110))
     expected = _marked(_read(axiom)[0], '', left.strip('*'), _read(right)[0])
     assert _step(axiom, f'{left} < B > {right} -> X', 'ignore: +') == expected
     assert expected.count('X') > 0

@@ -26,7 +26,10 @@ from procphys_ros.lsystem import LSystem
     ('', 0, 0, 'the section "axiom:" is missing'),
     ('axoim: A', 1, 1, 'unknown section "axoim:"; did you mean axiom?'),
     ('axiom: A\nprodution:\nA -> B', 2, 1, 'did you mean production'),
-    ('A -> B', 1, 1, 'before any section'),
+    ('A -> B', 1, 1, 'outside any section'),
+    ('axiom: A\nangle: 3\nB', 3, 1, 'outside any section'),
+    ('axiom: A\nproduction:\nmaximum depth: 2\n\n  A -> ]', 5, 8, 'without a "["'),
+    ('axiom: A\nproduction:\nangle: 2\n  A F', 4, 0, 'expected'),
     ('axiom: A\naxiom: B', 2, 1, '"axiom:" stands twice, first on line 1'),
     ('axiom:', 1, 0, 'found the end, expected "*", a bracket or a module'),
     ('axiom: A [ B', 1, 10, 'this "[" is never closed'),
@@ -112,15 +115,20 @@ def test_every_section():
     """Read the settings of a grammar."""
     system = LSystem.parse("""
         name: oak
+        axiom: A
         derivation length: 2
+
         angle: 25
         define: r = 0.9
         module: Twig
         consider: A
         textures: oak_bark, oak_leaf
-        axiom: A
         production:
-          A -> F A
+          A
+            # with a condition that always holds
+
+            : 2 > 1
+            -> F A
         decomposition:
         interpretation:
           A -> + Twig

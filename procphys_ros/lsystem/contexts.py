@@ -86,6 +86,13 @@ def match_left(rows: np.ndarray, key: np.ndarray, before: np.ndarray,
 
 
 @njit(cache=True)
+def _past_branches(at, key, onward, closing):
+    while at < len(key) and key[at] == PUSH:
+        at = onward[closing[at] + 1]
+    return at
+
+
+@njit(cache=True)
 def _match_one(at, key, onward, closing, pattern, met, places, ends):
     """Match one right context; a named branch may be any of the branches that stand there."""
     depth = 0
@@ -94,9 +101,8 @@ def _match_one(at, key, onward, closing, pattern, met, places, ends):
     while p < len(pattern):
         code = pattern[p]
         fits = True
-        inside = at < len(key) and key[at] != POP
         if code == OPEN:
-            if inside and key[at] == PUSH:
+            if at < len(key) and key[at] == PUSH:
                 places[depth] = p
                 ends[depth] = closing[at]
                 depth += 1
@@ -104,16 +110,15 @@ def _match_one(at, key, onward, closing, pattern, met, places, ends):
             else:
                 fits = False
         elif code in (CLOSE, EXACT_CLOSE):
-            while code == EXACT_CLOSE and at < len(key) and key[at] == PUSH:
-                at = onward[closing[at] + 1]
+            if code == EXACT_CLOSE:
+                at = _past_branches(at, key, onward, closing)
             if code == CLOSE or at == ends[depth - 1]:
                 depth -= 1
                 at = onward[ends[depth] + 1]
             else:
                 fits = False
         else:
-            while at < len(key) and key[at] == PUSH:
-                at = onward[closing[at] + 1]
+            at = _past_branches(at, key, onward, closing)
             if at < len(key) and key[at] == code:
                 met[p] = at
                 at = onward[at + 1]

@@ -63,13 +63,13 @@ def split_statements(text: str, source: str) -> list[Statement]:
     lines = [line.split('#', 1)[0].rstrip() for line in text.splitlines()]
     for number, line in enumerate(lines, 1):
         header = _HEADER.match(line)
-        if header and not _ARROW.search(line[:header.end()]):
+        if header:
             _close(statements, section, buffer, start)
             found = _SYNONYMS.get(header[1].lower(), header[1].lower())
             buffer, start = [' ' * header.end() + line[header.end():]], number
             if found in ONE_LINE:  # rules may go on below `maximum depth:`
                 _close(statements, found, buffer, start)
-                buffer = []
+                section, buffer = section if section in RULE_SECTIONS else '', ['']
             else:
                 section = found
         elif line.strip():
@@ -87,7 +87,7 @@ def split_statements(text: str, source: str) -> list[Statement]:
 
 def _close(statements: list[Statement], section: str, buffer: list[str], start: int) -> None:
     text = '\n'.join(buffer).rstrip()
-    if section and (text.strip() or section not in RULE_SECTIONS) and buffer:
+    if section and (text.strip() or section not in RULE_SECTIONS):
         statements.append(Statement(section, text, start))
 
 
@@ -99,7 +99,7 @@ def _check_header(line: str, section: str, place: Place) -> None:
             raise place.error(f'unknown section "{found[1].strip()}:"{near} '
                               f'(sections: {", ".join(_HEADERS)})')
     if not section:
-        raise place.error(f'found "{line.strip()[:20]}" before any section; '
+        raise place.error(f'found "{line.strip()[:20]}" outside any section; '
                           f'begin with one of: {", ".join(_HEADERS)}')
 
 
@@ -112,11 +112,8 @@ def _starts_rule(lines: list[str], index: int, buffer: list[str]) -> bool:
         return False  # the rule in the buffer still waits for its arrow
     if _CARRIES_ON.match(lines[index]):
         return False
-    for line in lines[index:]:
-        if _ARROW.search(line):
-            return True
-        following = lines[index + 1:index + 2]
+    while not _ARROW.search(lines[index]):
         index += 1
-        if not following or not _CARRIES_ON.match(following[0]):
+        if index == len(lines) or lines[index].strip() and not _CARRIES_ON.match(lines[index]):
             return False
-    return False
+    return True

@@ -85,6 +85,13 @@ class Turtle:
         return draw(modules, (segments, pieces, leaves, triangles), textures)
 
     def _tables(self, op: np.ndarray) -> tuple:
+        """
+        Make room for all that the walk may record.
+
+        :returns: segments, boneless segments and leaves (rows of carrier, module, length or size,
+            and the whole state), triangles (carrier, module, texture, three corners), corners of
+            open polygons, and the angle of turns without a parameter [rad].
+        """
         count = np.bincount(op, minlength=len(Op))
         width = HEAD + walk.STATE_SIZE
         corners = 0

@@ -312,16 +312,13 @@ def walk(op, argument, starts, counts, values, state, depth, polygons, tables):
     :param state: the turtle's at the start, (STATE_SIZE,), changed.
     :param depth: deepest nesting of brackets.
     :param polygons: how many polygons may be open at once.
-    :param tables: to be filled: segments, boneless segments and leaves (rows of carrier, module,
-        length or size, and state), triangles (carrier, module, texture, three corners), room for
-        open corners (V, 3); and the angle of turns without parameter [rad].
+    :param tables: to be filled, see `turtle_reader`; and the angle of turns without one [rad].
     :returns: the fault, its module, and how many rows of each table are filled.
     """
     stack = np.empty((depth, STATE_SIZE))
     opened = np.empty(polygons, np.int64)
     filled = np.zeros(6, np.int64)
-    level = 0
-    cut = -1  # level of the branch whose rest is cut off
+    level, cut = 0, -1  # cut: level of the branch whose rest is left out
     for i in range(len(op)):
         code = op[i]
         if code == _PUSH:
