@@ -20,6 +20,7 @@ import pytest
 
 from procphys_ros.errors import GrammarError
 from procphys_ros.lsystem import LSystem
+from procphys_ros.resources import shared_folder
 
 # Lengths of the strings of published systems at n = 0, 1, 2, ... and the final number of F.
 _BUSH = """
@@ -75,7 +76,7 @@ def test_known_lengths(name):
 @pytest.mark.parametrize('name, lengths', [('2_6', 13), ('2_7', 16), ('2_8', 28)])
 def test_shipped_figures(name, lengths):
     """Ship the figures of the book with the strings of the book."""
-    system = LSystem.load(f'grammars/abop_{name}.lsys')
+    system = LSystem.load(shared_folder() / 'grammars' / f'abop_{name}.lsys')
     preamble = len(system.derive(0)) - {'2_6': 1, '2_7': 1, '2_8': 4}[name]
     known = _KNOWN[name.replace('_', '.')][1]
     assert [len(system.derive(n)) - preamble for n in range(7)] == known[:7]

@@ -15,10 +15,12 @@
 
 """Errors in the texts of L-systems: each says where, what was found and what is allowed."""
 
+import numpy as np
 import pytest
 
-from procphys_ros.errors import GrammarError
+from procphys_ros.errors import GrammarError, ProcPhysError
 from procphys_ros.lsystem import LSystem
+from procphys_ros.resources import shared_folder
 
 
 @pytest.mark.parametrize('text, line, column, words', [
@@ -77,6 +79,20 @@ def test_message(text, line, column, words):
     assert words in str(error) and str(error).startswith('tree.lsys')
     assert error.line == line and column in (0, error.column)
     assert '\n' not in str(error)
+
+
+def test_garbage():
+    """Answer every damaged grammar with an error of our own, or a tree."""
+    random = np.random.default_rng(3)
+    whole = (shared_folder() / 'grammars' / 'abop_2_8.lsys').read_text()
+    for _ in range(150):
+        text = list(whole)
+        for _ in range(3):
+            text[random.integers(len(text))] = random.choice(list('()[]<>:,.+-*/%^&|!~#@ \n1AFe"'))
+        try:
+            LSystem.parse(''.join(text), max_modules=20_000).draw(2)
+        except ProcPhysError as error:
+            assert str(error)
 
 
 def test_missing_file(tmp_path):

@@ -22,6 +22,7 @@ from procphys_ros import rotation
 from procphys_ros.errors import GrammarError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.lsystem.symbols import ATTRIBUTES
+from procphys_ros.resources import shared_folder
 
 
 def _draw(axiom, more='', **arguments):
@@ -257,7 +258,7 @@ def test_declared_textures():
 @pytest.mark.parametrize('figure', ['2_6', '2_7', '2_8'])
 def test_figures_stand(figure):
     """Grow the trees of the book upright, to the number of segments of the book."""
-    drawing = LSystem.load(f'grammars/abop_{figure}.lsys').draw()
+    drawing = LSystem.load(shared_folder() / 'grammars' / f'abop_{figure}.lsys').draw()
     branches = drawing.branches
     tops = branches.base + branches.length[:, None] * rotation.rotate(
         branches.attitude, [0.0, 0.0, 1.0])
