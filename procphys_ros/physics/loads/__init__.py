@@ -11,3 +11,21 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
 # See the License for the specific language governing permissions and
 # limitations under the License.
+
+
+"""Loads on parts: air blast, wind pressure and drag on boxes, swept projectiles."""
+
+from procphys_ros.physics.loads.blast import blast_boxes, blast_capsules, Impulses
+from procphys_ros.physics.loads.drag import drag_coefficients, exposed_faces, wall_forces
+from procphys_ros.physics.loads.sight import Sight
+from procphys_ros.physics.loads.sweep import (
+    Hits,
+    sweep_box_boxes,
+    sweep_box_capsules,
+    sweep_boxes,
+    sweep_capsules,
+)
+
+__all__ = ['Hits', 'Impulses', 'Sight', 'blast_boxes', 'blast_capsules', 'drag_coefficients',
+           'exposed_faces', 'sweep_box_boxes', 'sweep_box_capsules', 'sweep_boxes',
+           'sweep_capsules', 'wall_forces']

@@ -96,7 +96,7 @@ def _list_boxes(low, high, rows, origin, cell, shape):
     return starts, lists
 
 
-@njit(cache=True, error_model='numpy')
+@njit(cache=True, error_model='numpy', fastmath=True)
 def _hit(start, along, boxes, row):
     """Say whether the segment start + s along, s in [0, 1], enters a box that its end is not in."""
     x, y, z = start[0] - boxes[row, 0], start[1] - boxes[row, 1], start[2] - boxes[row, 2]

@@ -1,0 +1,96 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Wind on boxes: pressure and suction on the faces of buildings, drag on loose debris."""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.loads import faces
+from procphys_ros.physics.loads.sight import Sight
+
+AIR_DENSITY = 1.225  # [kg/m³] ISA at sea level
+_WINDWARD = 0.8      # EN 1991-1-4, table 7.1, zone D, height over depth 1
+_ELSEWHERE = -0.5    # same table, zones C and E: sides and lee
+_CUBE_DRAG = 1.05    # of a cube across the flow, Hoerner, Fluid-Dynamic Drag, 1965, chapter 3
+_OFF_FACE = 1e-4     # [m] rays start this far off a face
+
+
+def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
+                  sight: Sight | None = None) -> np.ndarray:
+    """
+    Find the faces that the wind can reach: nothing stands in front of them, nor the ground.
+
+    A face towards a room sees the opposite wall, so it is not exposed (internal pressure 0). It
+    takes a ray per face: ask again only when something has moved or broken.
+
+    :param poses: (N, 7) [m], xyzw, world; the ground is z = 0.
+    :param sizes: full extents, (N, 3) [m].
+    :param reach: how far ahead a face must be free [m].
+    :param sight: the boxes as already listed for rays; None = list them now.
+    :returns: (N, 6) bool, sides -x +x -y +y -z +z of each box.
+    """
+    poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
+    one = faces.cut(poses, sizes, np.ones((len(poses), 6), bool), patch=np.inf)
+    ahead = one.centre + reach * one.normal
+    free = (sight or Sight(poses, sizes)).clear(one.centre + _OFF_FACE * one.normal, ahead,
+                                                one.owner)
+    exposed = np.zeros((len(poses), 6), bool)
+    exposed[one.owner, one.face] = free & (ahead[:, 2] > 0.0)
+    return exposed
+
+
+def wall_forces(poses: np.ndarray, sizes: np.ndarray, exposed: np.ndarray,
+                wind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Compute the wind pressure on buildings.
+
+    Pressure = 1/2 · density · speed² · c; c is 0.8 square to the wind and -0.5 on faces along it
+    and in the lee (EN 1991-1-4, table 7.1), between them it follows the square of the cosine.
+
+    :param poses: (N, 7) [m], xyzw, world.
+    :param sizes: full extents, (N, 3) [m].
+    :param exposed: from `exposed_faces`, (N, 6) bool.
+    :param wind: air velocity at the boxes, (N, 3) [m/s], world.
+    :returns: forces and moments about the centres, (N, 3) [N] and (N, 3) [N·m], world.
+    """
+    patches = faces.cut(poses, sizes, exposed, patch=np.inf)
+    air = np.asarray(wind, float)[patches.owner]
+    square = np.einsum('ki,ki->k', air, air)
+    against = np.minimum(np.einsum('ki,ki->k', air, patches.normal), 0.0)
+    pressure = 0.5 * AIR_DENSITY * (
+        _ELSEWHERE * square + (_WINDWARD - _ELSEWHERE) * against ** 2)
+    return faces.gather(patches, -(pressure * patches.area)[:, None] * patches.normal, poses)
+
+
+def drag_coefficients(quaternions: np.ndarray, sizes: np.ndarray,
+                      relative_velocity: np.ndarray) -> np.ndarray:
+    """
+    Compute what the drag of loose boxes is over their velocity through the air.
+
+    The force is the coefficient times the air's velocity relative to the box. An implicit step
+    v' = (v + h u) / (1 + h), with h = coefficient · dt / mass and u the air's velocity, is stable
+    whatever the step.
+
+    :param quaternions: (N, 4) xyzw, world.
+    :param sizes: full extents, (N, 3) [m].
+    :param relative_velocity: air minus box, (N, 3) [m/s], world.
+    :returns: (N,) [N·s/m].
+    """
+    local = np.abs(rotation.rotate(rotation.conjugate(quaternions), relative_velocity))
+    x, y, z = np.asarray(sizes, float).T
+    # Speed times the area that the flow sees.
+    flow = local[:, 0] * y * z + local[:, 1] * z * x + local[:, 2] * x * y
+    return 0.5 * AIR_DENSITY * _CUBE_DRAG * flow

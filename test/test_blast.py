@@ -1,0 +1,274 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Blast impulses against published values, closed forms and lines of sight by brute force."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.errors import CommandError
+from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, Sight
+from procphys_ros.physics.loads.blast import incidence_factor
+
+HIGH = 50.0   # [m] so far from the ground that a charge counts as free
+CHARGE = 8.0  # [kg] cube root 2
+BRICK = (0.215, 0.1025, 0.065)
+
+
+def _boxes(*positions, size=(1.0, 1.0, 1.0), yaw=0.0):
+    poses = np.array([[*p, *rotation.from_yaw(yaw)] for p in positions], float)
+    return poses, np.tile(np.array(size, float), (len(poses), 1))
+
+
+def _wall(columns, courses, y=0.0, base=HIGH):
+    """Lay a wall of bricks with joints of 10 mm along x."""
+    positions = [(0.225 * i + 0.1125 * (j % 2), y, base + 0.075 * j)
+                 for j in range(courses) for i in range(columns)]
+    return _boxes(*positions, size=BRICK)
+
+
+@pytest.mark.parametrize(('z', 'bar'), [
+    (0.5, 39.5), (1.0, 9.96), (2.0, 2.05), (5.0, 0.289), (10.0, 0.099), (20.0, 0.0434)])
+def test_overpressure_is_that_of_kinney_and_graham(z, bar):
+    """Compare with values calculated from the book's fit."""
+    assert air_blast.overpressure(z) == pytest.approx(1e5 * bar, rel=0.01)
+
+
+@pytest.mark.parametrize('z', [0.5, 1.0, 3.0, 10.0, 30.0])
+def test_impulse_agrees_with_pressure_and_duration(z):
+    """Check that the fits describe one pulse: between a steep fall and a triangle, within 15 %."""
+    triangle = 0.5 * air_blast.overpressure(z) * air_blast.duration(z)
+    assert 0.4 < air_blast.impulse(z) / triangle < 1.15
+
+
+def test_reflection_goes_from_two_to_eight():
+    """Compare with the limits of weak and strong shocks in an ideal gas."""
+    assert air_blast.reflection(1e-3) == pytest.approx(2.0)
+    assert air_blast.reflection(1e12) == pytest.approx(8.0, rel=1e-4)
+
+
+def test_front_arrives_with_the_speed_of_the_shock():
+    """Compare the slope of the arrival time with the Rankine-Hugoniot speed; sound far away."""
+    for z in (0.3, 1.0, 4.0, 50.0):
+        step = 0.02 * z
+        speed = 2 * step / (air_blast.arrival(z + step) - air_blast.arrival(z - step))
+        assert speed == pytest.approx(air_blast.shock_speed(air_blast.overpressure(z)), rel=0.02)
+    assert air_blast.shock_speed(1.0) == pytest.approx(340.3, rel=1e-4)
+
+
+def test_ground_throws_back():
+    """Count a burst on the ground 1.8 times, a high one once, and fall steadily between."""
+    charges = [air_blast.effective_charge(27.0, h) for h in (0.0, 1.0, 2.0, 3.0, 100.0)]
+    assert charges[0] == pytest.approx(1.8 * 27.0)
+    assert charges[-2:] == pytest.approx([27.0, 27.0])
+    assert (np.diff(charges) <= 0.0).all()
+
+
+def test_plate_face_on_takes_the_reflected_impulse():
+    """Compare with reflected impulse times area, W^(1/3) times that of 1 kg at the same Z."""
+    poses, sizes = _boxes((10.1, 0.0, HIGH), size=(0.2, 0.3, 0.3))
+    found = blast_boxes((0.0, 0.0, HIGH), CHARGE, poses, sizes)
+    z = 10.0 / 2.0
+    wanted = 2.0 * air_blast.impulse(z) * air_blast.reflection(air_blast.overpressure(z)) * 0.09
+    assert_allclose(found.linear, [[wanted, 0.0, 0.0]], rtol=1e-9, atol=1e-9)
+    assert_allclose(found.angular, 0.0, atol=1e-9)
+    assert_allclose(found.arrival, 2.0 * air_blast.arrival(10.1 / 2.0), rtol=1e-9)
+
+
+def test_incidence_follows_conwep():
+    """Compare 0, 45 and 60 degrees with Cr cos² + (1 - cos)², and find nothing edge-on."""
+    z = 3.0
+    strength = air_blast.reflection(air_blast.overpressure(z))
+    for degrees in (0.0, 45.0, 60.0):
+        c = np.cos(np.radians(degrees))
+        assert incidence_factor(z, c) == pytest.approx(strength * c ** 2 + (1 - c) ** 2)
+    assert incidence_factor(z, 0.0) == 0.0
+
+
+def test_large_plate_is_summed_over_its_face():
+    """Compare a plate of 4 m at 3 m with an integral on a fine lattice."""
+    poses, sizes = _boxes((3.05, 1.0, HIGH), size=(0.1, 4.0, 4.0))
+    found = blast_boxes((0.0, 0.0, HIGH), CHARGE, poses, sizes)
+    line = (np.arange(400) + 0.5) / 100.0 - 2.0
+    y, z = np.meshgrid(line + 1.0, line)
+    distance = np.sqrt(9.0 + y ** 2 + z ** 2)
+    density = 2.0 * air_blast.impulse(distance / 2.0) * incidence_factor(
+        distance / 2.0, 3.0 / distance) * 1e-4
+    assert found.linear[0, 0] == pytest.approx(density.sum(), rel=0.02)
+    point = found.points(poses[:, :3])[0]
+    assert point[1] == pytest.approx((density * y).sum() / density.sum(), abs=0.02)
+    assert point[2] == pytest.approx(HIGH, abs=1e-6)
+
+
+def test_charge_in_a_room_pushes_all_walls_alike():
+    """Put a charge in the middle of a closed box of plates: the impulses cancel."""
+    poses, sizes = [], []
+    for axis in range(3):
+        for side in (-2.0, 2.0):
+            centre = np.array([0.0, 0.0, HIGH])
+            centre[axis] += side
+            poses.append([*centre, 0.0, 0.0, 0.0, 1.0])
+            sizes.append(np.where(np.arange(3) == axis, 0.1, 3.8))
+    found = blast_boxes((0.0, 0.0, HIGH), 1.0, np.array(poses), np.array(sizes)).linear
+    outward = np.array(poses)[:, :3] - [0.0, 0.0, HIGH]
+    sizes_of = np.einsum('ni,ni->n', found, outward) / 2.0
+    assert_allclose(sizes_of, sizes_of[0], rtol=1e-9)
+    assert sizes_of[0] > 0.0
+    assert_allclose(found.sum(axis=0), 0.0, atol=1e-6 * sizes_of[0])
+
+
+def test_turned_scene_has_turned_impulses():
+    """Turn scene and charge about the vertical: the impulses turn along."""
+    rng = np.random.default_rng(0)
+    positions = rng.uniform(-3.0, 3.0, (30, 3)) + [0.0, 0.0, HIGH]
+    plain, sizes = _boxes(*positions, size=(0.5, 0.3, 0.2))
+    turn = rotation.from_yaw(0.7)
+    turned = np.hstack([rotation.rotate(turn, plain[:, :3]), rotation.multiply(turn, plain[:, 3:])])
+    charge = np.array([5.0, 1.0, HIGH])
+    one = blast_boxes(charge, CHARGE, plain, sizes)
+    other = blast_boxes(rotation.rotate(turn, charge), CHARGE, turned, sizes)
+    assert_allclose(other.linear, rotation.rotate(turn, one.linear), atol=1e-9)
+    assert_allclose(other.angular, rotation.rotate(turn, one.angular), atol=1e-9)
+
+
+def test_what_stands_between_shields():
+    """Give nothing to a box behind a larger one, unless that one does not block."""
+    poses, sizes = _boxes((3.0, 0.0, HIGH), (6.0, 0.0, HIGH), (6.0, 8.0, HIGH))
+    charge = (0.0, 0.0, HIGH)
+    shielded = blast_boxes(charge, CHARGE, poses, sizes).linear
+    alone = blast_boxes(charge, CHARGE, poses[1:], sizes[1:]).linear
+    assert_allclose(shielded[1], 0.0)
+    assert_allclose(shielded[2], alone[1])
+    opened = blast_boxes(charge, CHARGE, poses, sizes, blocking=np.array([False, True, True]))
+    assert_allclose(opened.linear[1:], alone)
+
+
+def test_shadow_has_an_edge():
+    """Load the part of a long wall that looks past a screen, and not the rest."""
+    screen, screen_sizes = _boxes((3.0, 0.0, HIGH), size=(0.1, 2.0, 4.0))
+    wall, wall_sizes = _boxes((6.05, 0.0, HIGH), size=(0.1, 8.0, 0.4))
+    both = blast_boxes((0.0, 0.0, HIGH), CHARGE, np.vstack([screen, wall]),
+                       np.vstack([screen_sizes, wall_sizes])).linear[1, 0]
+    free = blast_boxes((0.0, 0.0, HIGH), CHARGE, wall, wall_sizes).linear[0, 0]
+    y = (np.arange(800) + 0.5) / 100.0 - 4.0
+    distance = np.hypot(6.0, y)
+    density = air_blast.impulse(distance / 2.0) * incidence_factor(distance / 2.0, 6.0 / distance)
+    assert both / free == pytest.approx(density[abs(y) > 2.0].sum() / density.sum(), abs=0.03)
+
+
+def test_only_the_near_side_of_a_wall_is_loaded():
+    """Load the near faces of the first of two leaves of bricks, through no joint."""
+    front, sizes = _wall(20, 20)
+    back, _ = _wall(20, 20, y=0.1125)
+    poses = np.vstack([front, back])
+    charge = np.array([2.2, -4.0, HIGH + 0.7])
+    found = blast_boxes(charge, 5.0, poses, np.vstack([sizes, sizes])).linear
+    near = front[:, :3] - [0.0, 0.05125, 0.0]
+    distance = np.linalg.norm(charge - near, axis=1)
+    scale = 5.0 ** (1 / 3)
+    wanted = scale * air_blast.impulse(distance / scale) * incidence_factor(
+        distance / scale, (near[:, 1] - charge[1]) / distance) * 0.215 * 0.065
+    inner = (front[:, 0] > 0.3) & (front[:, 0] < 4.2) & (front[:, 2] > HIGH + 0.1) & (
+        front[:, 2] < HIGH + 1.4)
+    assert_allclose(found[:400, 1], wanted, rtol=1e-9)
+    assert_allclose(found[:400][inner][:, [0, 2]], 0.0, atol=1e-12)
+    assert_allclose(found[400:][inner], 0.0, atol=1e-12)
+
+
+def test_charge_within_a_brick_reaches_the_others():
+    """Set off a charge inside a box: that box shields nobody."""
+    poses, sizes = _boxes((0.0, 0.0, HIGH), (3.0, 0.0, HIGH))
+    found = blast_boxes((0.1, 0.0, HIGH), 1.0, poses, sizes).linear
+    assert_allclose(found[0], 0.0)
+    assert found[1, 0] > 100.0
+
+
+def test_sight_agrees_with_testing_every_box():
+    """Compare rays through a heap of turned boxes with a slab test of ray against every box."""
+    rng = np.random.default_rng(4)
+    count, rays = 300, 2000
+    attitudes = rng.normal(size=(count, 4))
+    attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
+    poses = np.hstack([rng.uniform(-6, 6, (count, 3)), attitudes])
+    sizes = rng.uniform(0.1, 1.2, (count, 3))
+    starts, ends = rng.uniform(-9, 9, (2, rays, 3))
+    owners = rng.integers(-1, count, rays)
+    found = Sight(poses, sizes, seal=0.0).clear(starts, ends, owners)
+    back = rotation.conjugate(poses[:, 3:])[None]
+    p = rotation.rotate(back, starts[:, None] - poses[None, :, :3])
+    v = rotation.rotate(back, np.broadcast_to((ends - starts)[:, None], p.shape))
+    bounds = np.sort(np.stack([(-0.5 * sizes - p) / v, (0.5 * sizes - p) / v]), axis=0)
+    enter = np.maximum(bounds[0].max(axis=2), 0.0)
+    leave = np.minimum(bounds[1].min(axis=2), 1.0)
+    holds_end = (np.abs(p + v) <= 0.5 * sizes).all(axis=2)
+    hindered = (enter <= leave) & ~holds_end & (owners[:, None] != np.arange(count))
+    np.testing.assert_array_equal(found, ~hindered.any(axis=1))
+    assert 0.1 < found.mean() < 0.9
+
+
+def test_segment_takes_the_impulse_of_its_shadow():
+    """Push a stick away from the charge, in proportion to its length, least when end-on."""
+    stick = np.array([[5.0, 0.0, HIGH, 0.0, 0.0, 0.0, 1.0]])
+    charge = (0.0, 0.0, HIGH)
+    long, short = (blast_capsules(charge, CHARGE, stick, np.array([[0.1, 0.1, length]])).linear
+                   for length in (2.1, 1.1))
+    assert_allclose(long[0, 1:], 0.0, atol=1e-12)
+    cap = 0.25 * np.pi * 0.01
+    assert long[0, 0] / short[0, 0] == pytest.approx((0.2 + cap) / (0.1 + cap))
+    lying = stick.copy()
+    lying[0, 3:] = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.pi / 2)
+    end_on = blast_capsules(charge, CHARGE, lying, np.array([[0.1, 0.1, 2.1]])).linear
+    assert end_on[0, 0] / long[0, 0] == pytest.approx(cap / (0.2 + cap))
+
+
+def test_segment_takes_diffraction_and_drag():
+    """Compare a thin stick with half the reflected pressure while passing, then drag."""
+    peak, length = air_blast.overpressure(2.5), 1.02
+    stick = np.array([[5.0, 0.0, HIGH, 0.0, 0.0, 0.0, 1.0]])
+    found = blast_capsules((0.0, 0.0, HIGH), CHARGE, stick, np.array([[0.02, 0.02, length]]))
+    passing = 0.5 * peak * air_blast.reflection(peak) * 0.02 / air_blast.shock_speed(peak)
+    drag = 1.2 * air_blast.dynamic_pressure(peak) * 2.0 * air_blast.duration(2.5) / 3.0
+    shadow = 0.02 * 1.0 + 0.25 * np.pi * 0.02 ** 2
+    assert found.linear[0, 0] == pytest.approx((passing + drag) * shadow, rel=1e-9)
+
+
+def test_walls_shield_segments():
+    """Put a wall before one of two sticks."""
+    sticks = np.array([[5.0, 0.0, HIGH, 0, 0, 0, 1.0], [-5.0, 0.0, HIGH, 0, 0, 0, 1.0]])
+    wall = Sight(*_boxes((2.0, 0.0, HIGH), size=(0.2, 3.0, 3.0)))
+    found = blast_capsules((0.0, 0.0, HIGH), 1.0, sticks, np.full((2, 3), [0.1, 0.1, 1.0]), wall)
+    assert_allclose(found.linear[0], 0.0)
+    assert found.linear[1, 0] < -0.1
+
+
+@pytest.mark.parametrize(('point', 'charge', 'words'), [
+    ((0.0, 0.0, 1.0), -1.0, ['explosion.charge', '-1']),
+    ((0.0, 0.0, 1.0), float('nan'), ['explosion.charge', 'nan']),
+    ((0.0, float('inf'), 1.0), 1.0, ['explosion.position', 'inf']),
+    ((0.0, 1.0), 1.0, ['explosion.position', 'three']),
+])
+def test_bad_explosions_are_refused(point, charge, words):
+    """Name the parameter and the value."""
+    with pytest.raises(CommandError) as caught:
+        blast_boxes(point, charge, *_boxes((5.0, 0.0, 0.0)))
+    assert all(word in str(caught.value) for word in words)
+
+
+def test_no_boxes_no_impulses():
+    """Explode in an empty scene."""
+    found = blast_boxes((0.0, 0.0, 1.0), 1.0, np.empty((0, 7)), np.empty((0, 3)))
+    assert found.linear.shape == (0, 3)

@@ -1,0 +1,109 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Wind pressure on buildings and drag on debris against closed forms."""
+
+import numpy as np
+from numpy.testing import assert_allclose
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.physics.loads import drag_coefficients, exposed_faces, wall_forces
+
+DENSITY = 1.225  # [kg/m³]
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+
+
+def _room():
+    """Set up four walls of 4 x 3 m without a roof: -x, +x, -y, +y, 1 m above the ground."""
+    poses = np.array([[-2.1, 0, 2.5, *UPRIGHT], [2.1, 0, 2.5, *UPRIGHT],
+                      [0, -2.1, 2.5, *UPRIGHT], [0, 2.1, 2.5, *UPRIGHT]])
+    return poses, np.array([[0.2, 4.4, 3.0]] * 2 + [[4.0, 0.2, 3.0]] * 2)
+
+
+def test_wind_reaches_the_outside_only():
+    """Find the outer faces and the tops exposed, neither rooms nor undersides."""
+    exposed = exposed_faces(*_room())
+    wanted = np.zeros((4, 6), bool)
+    wanted[:, 5] = True
+    wanted[[0, 1, 2, 3], [0, 1, 2, 3]] = True
+    wanted[:2, 2:4] = True  # the ends of the longer walls
+    np.testing.assert_array_equal(exposed, wanted)
+
+
+def test_distant_wall_does_not_count():
+    """Ask for a free way of 3 m only: the room's inner faces, 4 m apart, are exposed too."""
+    near = exposed_faces(*_room(), reach=3.0)
+    assert near[0, 1] and near[1, 0] and near[2, 3] and near[3, 2]
+
+
+def test_free_wall_takes_pressure_and_suction():
+    """Compare with (0.8 + 0.5) · q · A, whichever way the wall stands."""
+    for yaw in (0.0, 0.9):
+        pose = np.array([[0.0, 0.0, 5.0, *rotation.from_yaw(yaw)]])
+        sizes = np.array([[0.2, 6.0, 3.0]])
+        wind = rotation.rotate(pose[:, 3:], np.array([[12.0, 0.0, 0.0]]))
+        exposed = np.array([[True, True, False, False, False, False]])
+        force, moment = wall_forces(pose, sizes, exposed, wind)
+        wanted = 1.3 * 0.5 * DENSITY * 144.0 * 18.0 * wind / 12.0
+        assert_allclose(force, wanted, rtol=1e-12)
+        assert_allclose(moment, 0.0, atol=1e-9)
+
+
+def test_room_takes_what_a_free_wall_takes_and_its_sides_are_sucked_out():
+    """Sum up a room in a wind along x: 1.3 q A along, the side walls pulled outward alike."""
+    poses, sizes = _room()
+    force, _ = wall_forces(poses, sizes, exposed_faces(poses, sizes), np.tile([10.0, 0, 0], (4, 1)))
+    q = 0.5 * DENSITY * 100.0
+    assert force[:, 0].sum() == pytest.approx(1.3 * q * 4.4 * 3.0)
+    assert force[0, 0] == pytest.approx(0.8 * q * 4.4 * 3.0)
+    assert force[3, 1] == pytest.approx(0.5 * q * 4.0 * 3.0)
+    assert force[2, 1] == pytest.approx(-force[3, 1])
+
+
+def test_pressure_follows_the_angle():
+    """Compare a windward face at 60 degrees with -0.5 + 1.3 cos²."""
+    wind = 20.0 * np.array([[np.cos(np.pi / 3), np.sin(np.pi / 3), 0.0]])
+    force, _ = wall_forces(np.array([[0, 0, 5.0, *UPRIGHT]]), np.array([[0.2, 1.0, 1.0]]),
+                           np.array([[True, False, False, False, False, False]]), wind)
+    assert force[0, 0] == pytest.approx(0.5 * DENSITY * 400.0 * (-0.5 + 1.3 * 0.25))
+
+
+def test_still_air_does_not_push():
+    """Find no force without wind."""
+    poses, sizes = _room()
+    force, moment = wall_forces(poses, sizes, np.ones((4, 6), bool), np.zeros((4, 3)))
+    assert not force.any() and not moment.any()
+
+
+def test_drag_of_a_cube_grows_with_the_square():
+    """Compare with 1/2 ρ 1.05 A v², face-on and with the √2 larger area of an edge."""
+    attitudes = np.array([UPRIGHT, rotation.from_yaw(np.pi / 4)])
+    velocity = np.array([[7.0, 0.0, 0.0]] * 2)
+    force = drag_coefficients(attitudes, np.full((2, 3), 0.3), velocity) * 7.0
+    wanted = 0.5 * DENSITY * 1.05 * 0.09 * 49.0
+    assert_allclose(force, [wanted, np.sqrt(2.0) * wanted], rtol=1e-12)
+
+
+@pytest.mark.parametrize('dt', [1 / 60, 20.0])
+def test_falling_board_reaches_its_terminal_speed(dt):
+    """Drop a board flat in implicit steps, small and huge: v² = 2 m g / (ρ c A)."""
+    mass, sizes = 5.0, np.array([[1.0, 0.5, 0.02]])
+    speed = 0.0
+    for _ in range(2000):
+        relative = np.array([[0.0, 0.0, speed]])
+        rate = drag_coefficients(np.array([UPRIGHT]), sizes, relative)[0] / mass
+        speed = (speed + 9.81 * dt) / (1.0 + rate * dt)
+    assert speed == pytest.approx(np.sqrt(2 * mass * 9.81 / (DENSITY * 1.05 * 0.5)), rel=1e-3)
