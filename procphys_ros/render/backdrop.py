@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Backdrop: ground with a metre grid that fades into the horizon."""
+"""Backdrop: ground with a metre grid that fades into the horizon, and the sky above it."""
 
 import numpy as np
 
@@ -22,11 +22,12 @@ from procphys_ros.render import light
 from procphys_ros.render.mesh import Mesh
 
 SKY_BOTTOM = np.array([0.87, 0.91, 0.94])
-SKY_TOP = np.array([0.42, 0.62, 0.84])
+SKY_TOP = np.array([0.30, 0.53, 0.80])
 SHADOW = 0.55  # brightness of the ground in shadow, over that in the sun
 _SPOKES = 96
 _RINGS = np.array([0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 40.0])  # radii over the scene's radius
 _HAZE = np.array([0.0, 0.0, 0.15, 0.4, 0.7, 0.9, 1.0])  # share of sky colour at each ring
+_SKY_RISE = np.array([0.0, 3.0, 7.0, 13.0, 22.0, 40.0, 90.0])  # [degrees]
 _LINES = 24  # about so many grid lines across the scene
 _GRID_TONE = 0.90  # brightness of a grid line over that of the ground
 _LIFT = 2e-4  # height of the grid above the ground, over the scene's radius
@@ -38,29 +39,47 @@ def ground_colour() -> np.ndarray:
     return np.asarray(rgba('ground')[:3]) * light.on_surfaces(up, np.ones(1), np.ones(1))[0]
 
 
-def ground(low: np.ndarray, high: np.ndarray) -> list[tuple[Mesh, np.ndarray]]:
+def backdrop(points: np.ndarray) -> list[tuple[Mesh, np.ndarray]]:
     """
-    Build the ground and its grid as meshes with vertex colours.
+    Build the sky, the ground and its grid as meshes with vertex colours.
 
-    :param low, high: corners of the scene's box [m], (3,).
+    :param points: of the scene [m], (V, 3).
     """
+    low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high)[:2]
     radius = max(1.0, 0.5 * float(np.linalg.norm(high - low)))
-    return [_disc(middle, radius), _grid(middle, radius)]
+    return [_sky(middle, radius), _disc(middle, radius), _grid(middle, radius)]
+
+
+def _sky(middle: np.ndarray, radius: float) -> tuple[Mesh, np.ndarray]:
+    rise = np.radians(_SKY_RISE)
+    points, faces = _rings(np.cos(rise), np.sin(rise))
+    points *= radius * _RINGS[-1]
+    points[:, :2] += middle
+    share = np.repeat(np.sin(rise) ** 0.6, _SPOKES + 1)[:, None]
+    return _flat(points, faces), (1.0 - share) * SKY_BOTTOM + share * SKY_TOP
 
 
 def _disc(middle: np.ndarray, radius: float) -> tuple[Mesh, np.ndarray]:
+    points, faces = _rings(_RINGS, np.zeros(len(_RINGS)))
+    points *= radius
+    points += [*middle, -2.0 * _LIFT * radius]
+    haze = np.repeat(_HAZE, _SPOKES + 1)[:, None]
+    return _flat(points, faces), (1.0 - haze) * ground_colour() + haze * SKY_BOTTOM
+
+
+def _rings(radii: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lay a surface of revolution around the vertical: points (V, 3) and triangles (F, 3)."""
     turn = np.linspace(0.0, 2.0 * np.pi, _SPOKES + 1)
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    points = np.zeros((len(_RINGS), _SPOKES + 1, 3))
-    points[..., :2] = middle + radius * _RINGS[:, None, None] * circle
-    points[..., 2] = -2.0 * _LIFT * radius
-    index = np.arange(len(_RINGS) * (_SPOKES + 1)).reshape(len(_RINGS), -1)
+    points = np.zeros((len(radii), _SPOKES + 1, 3))
+    points[..., :2] = radii[:, None, None] * circle
+    points[..., 2] = heights[:, None]
+    index = np.arange(len(radii) * (_SPOKES + 1)).reshape(len(radii), -1)
     a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
                             np.stack([a, c, d], -1).reshape(-1, 3)])
-    haze = np.repeat(_HAZE, _SPOKES + 1)[:, None]
-    return _flat(points.reshape(-1, 3), faces), (1 - haze) * ground_colour() + haze * SKY_BOTTOM
+    return points.reshape(-1, 3), faces
 
 
 def _grid(middle: np.ndarray, radius: float) -> tuple[Mesh, np.ndarray]:

@@ -23,13 +23,14 @@ _BEARING = np.radians(-72.0)  # the camera stands mostly to the south of the sce
 _LOW, _HIGH = np.radians(4.0), np.radians(17.0)  # elevation for a lone tree and a wide scene
 
 
-def frame(low: np.ndarray, high: np.ndarray, size: tuple[int, int]) -> tuple:
+def frame(points: np.ndarray, size: tuple[int, int]) -> tuple:
     """
-    Give the camera position, focal point and up vector that show a box entirely.
+    Give the camera position, focal point and up vector that show all points.
 
-    :param low, high: corners of the box [m], (3,).
+    :param points: [m], (V, 3).
     :param size: width and height of the picture [px].
     """
+    low, high = points.min(axis=0), points.max(axis=0)
     centre, extent = 0.5 * (low + high), high - low
     breadth = float(np.hypot(extent[0], extent[1]) / max(extent[2], 1e-3))
     elevation = _LOW + (_HIGH - _LOW) * np.clip((breadth - 1.5) / 6.0, 0.0, 1.0)
@@ -37,11 +38,10 @@ def frame(low: np.ndarray, high: np.ndarray, size: tuple[int, int]) -> tuple:
                      np.sin(elevation)])
     right = np.array([-np.sin(_BEARING), np.cos(_BEARING), 0.0])
     up = np.cross(back, right)
-    signs = np.stack(np.meshgrid(*3 * [[-0.5, 0.5]]), -1).reshape(-1, 3)
-    corners = signs * extent
+    offset = points - centre
     slope = np.tan(np.radians(FIELD_OF_VIEW) / 2.0)
     width, height = slope * size[0] / size[1], slope
     distance = _MARGIN * max(
-        float((np.abs(corners @ right) / width + corners @ back).max()),
-        float((np.abs(corners @ up) / height + corners @ back).max()), 0.5)
+        float((np.abs(offset @ right) / width + offset @ back).max()),
+        float((np.abs(offset @ up) / height + offset @ back).max()), 0.5)
     return tuple(centre + distance * back), tuple(centre), (0.0, 0.0, 1.0)

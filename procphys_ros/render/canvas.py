@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from procphys_ros.render import light
-from procphys_ros.render.backdrop import ground_colour, SHADOW
+from procphys_ros.render.backdrop import ground_colour, SHADOW, SKY_TOP
 from procphys_ros.render.backend import load_pyvista
 from procphys_ros.render.mesh import Mesh
 
@@ -34,15 +34,14 @@ class Canvas:
     An off-screen picture in the making.
 
     :param size: width and height [px].
-    :param bottom, top: colours of the sky at the horizon and overhead, (3,).
     """
 
-    def __init__(self, size: tuple[int, int], bottom: np.ndarray, top: np.ndarray):
+    def __init__(self, size: tuple[int, int]):
         self._pyvista = load_pyvista()
         self._size = size
         self._plotter = self._pyvista.Plotter(
             off_screen=True, window_size=[_OVERSAMPLING * side for side in size], lighting=None)
-        self._plotter.set_background(tuple(bottom), top=tuple(top))
+        self._plotter.set_background(tuple(SKY_TOP))
 
     def add(self, mesh: Mesh, colours: np.ndarray, image: np.ndarray | None = None,
             opacity: float = 1.0) -> None:
@@ -67,6 +66,7 @@ class Canvas:
             picture = self._pyvista.Texture(image)
             picture.interpolate = True
             picture.mipmap = not _has_holes(image)
+            picture.SetMaximumAnisotropicFiltering(1)  # more costs minutes in software OpenGL
             actor.texture = picture
             if _has_holes(image):
                 actor.ForceOpaqueOn()

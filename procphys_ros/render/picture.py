@@ -28,10 +28,12 @@ from procphys_ros.blueprint import Blueprint, GROUND, Shape
 from procphys_ros.palette import Look, look
 from procphys_ros.render import camera as view
 from procphys_ros.render import light, mesh, texture
-from procphys_ros.render.backdrop import ground, SKY_BOTTOM, SKY_TOP
+from procphys_ros.render.backdrop import backdrop
 from procphys_ros.render.canvas import Canvas
 
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
+_NOTHING = np.zeros((1, 3))  # the origin: an empty scene has a place, too
+_EMPTY_SCENE = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])  # [m] corners to look at
 
 
 @dataclass(frozen=True)
@@ -61,22 +63,17 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     poses = np.asarray(poses, float)
     shown = np.ones(len(blueprint), bool) if exists is None else np.asarray(exists, bool)
     items = [item for item in _items(blueprint, poses, shown) if len(item.row)]
-    canvas = Canvas(size, SKY_BOTTOM, SKY_TOP)
-    if items:
-        points = np.concatenate([item.mesh.points for item in items])
-        low, high = points.min(axis=0), points.max(axis=0)
-    else:
-        low, high = np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 1.0])
-    low[2] = min(low[2], 0.0)
+    canvas = Canvas(size)
+    points = np.concatenate([_NOTHING, *(item.mesh.points for item in items)])
     centres, area = _leaf_cloud(blueprint, poses, shown)
     for item in items:
         image = texture.image(item.look.pattern)
         canvas.add(item.mesh, _colours(item, centres, area), image, item.look.rgba[3])
         canvas.add_shadow(item.mesh, image)
-    for surface, colours in ground(low, high):
+    for surface, colours in backdrop(points):
         canvas.add(surface, colours)
     if camera is None:
-        place = view.frame(low, high, size)
+        place = view.frame(points if items else _EMPTY_SCENE, size)
     else:
         place = tuple(camera[:3]), tuple(camera[3:]), (0.0, 0.0, 1.0)
     canvas.write(path, place, view.FIELD_OF_VIEW)

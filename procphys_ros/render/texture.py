@@ -26,8 +26,7 @@ _SURFACES = ('furrows', 'plates', 'rings', 'lenticels', 'grain')
 _CLUSTERS = {
     'broad': (42, (0.05, 0.80), 0.22, 0.19, 0.105, (20, 95)),
     'small': (60, (0.05, 0.85), 0.25, 0.13, 0.075, (15, 100)),
-    'streamer': (46, (0.00, 0.86), 0.06, 0.27, 0.060, (12, 50)),
-    'needles': (190, (0.00, 0.72), 0.02, 0.42, 0.014, (8, 62)),
+    'needles': (230, (0.00, 0.66), 0.02, 0.48, 0.014, (8, 78)),
 }
 
 
@@ -36,8 +35,8 @@ def image(pattern: str) -> np.ndarray | None:
     """
     Compute an image that multiplies a surface's colour, (P, P, 4) uint8, brightest part white.
 
-    Images of surfaces repeat without a seam; images of leaves are transparent around the leaves
-    and grow upwards from the middle of the lower edge.
+    The first row is the upper edge. Images of surfaces repeat without a seam; images of leaves are
+    transparent around the leaves and grow upwards from the middle of the lower edge.
 
     :param pattern: `Look.pattern`.
     :returns: None for a plain surface.
@@ -47,13 +46,15 @@ def image(pattern: str) -> np.ndarray | None:
         light, alpha = _surface(pattern, rng), np.ones((_PIXELS, _PIXELS))
     elif pattern in _CLUSTERS:
         light, alpha = _cluster(_CLUSTERS[pattern], rng)
+    elif pattern == 'streamer':
+        light, alpha = _streamer(rng)
     elif pattern in ('frond', 'frond_tip'):
         light, alpha = _frond(pattern == 'frond_tip', rng)
     elif pattern == 'fruit':
         light, alpha = _fruit()
     else:
         return None
-    pixels = np.stack([light, light, light, alpha], axis=-1)
+    pixels = np.stack([light, light, light, alpha], axis=-1)[::-1]
     return np.ascontiguousarray(np.round(255.0 * np.clip(pixels, 0.0, 1.0)).astype(np.uint8))
 
 
@@ -109,15 +110,27 @@ def _cluster(shape: tuple, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
     return light, alpha
 
 
+def _streamer(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Draw thin shoots side by side with narrow leaves along them: brightness and alpha."""
+    light, alpha = np.full((_PIXELS, _PIXELS), 0.7), np.zeros((_PIXELS, _PIXELS))
+    for x in (0.12, 0.32, 0.50, 0.69, 0.88):
+        low, high = rng.uniform(-0.1, 0.05), rng.uniform(0.75, 0.98)
+        for i, y in enumerate(np.arange(high, low - 0.15, -0.035)):
+            angle = np.radians((18.0 if i % 2 else -18.0) + 9.0 * rng.standard_normal())
+            _blade(light, alpha, (x, y - 0.1), angle, 0.17 * rng.uniform(0.8, 1.2), 0.034,
+                   rng.uniform(0.6, 1.0))
+    return light, alpha
+
+
 def _frond(tip: bool, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Draw a feathered palm leaf around its midrib; the tip half runs to a point."""
     light, alpha = np.full((_PIXELS, _PIXELS), 0.7), np.zeros((_PIXELS, _PIXELS))
-    for y in np.linspace(1.0, -0.35, 46):
-        reach = 0.50 * (np.sqrt(max(1.02 - y, 0.0)) if tip else 1.0)
+    for y in np.arange(1.0, -0.42, -1.0 / 18.0):
+        reach = 0.50 * (max(1.0 - y, 0.02) ** 0.8 if tip else 1.0)
         for side in (-1.0, 1.0):
             _blade(light, alpha, (0.5, y), side * np.radians(52.0 + 4.0 * rng.standard_normal()),
-                   reach / np.sin(np.radians(52.0)), 0.024, rng.uniform(0.65, 1.0))
-    _blade(light, alpha, (0.5, -0.2), 0.0, 1.5 if not tip else 1.2, 0.03, 0.95)
+                   reach / np.sin(np.radians(52.0)), 0.05, rng.uniform(0.65, 1.0))
+    _blade(light, alpha, (0.5, -0.2), 0.0, 1.2 if tip else 1.6, 0.05, 0.95)
     return light, alpha
 
 
