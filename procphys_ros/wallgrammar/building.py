@@ -23,7 +23,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import GrammarError
 from procphys_ros.language import resolve_defines
-from procphys_ros.wallgrammar import contacts, footprint, walls
+from procphys_ros.wallgrammar import contacts, corners, footprint, references, walls
 from procphys_ros.wallgrammar.assembly import assemble, from_contacts, on_ground
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import micro
@@ -67,6 +67,7 @@ class WallGrammar:
         :raises GrammarError: where the text does not fit the language.
         """
         spec = parse(text, source)
+        references.check(spec)
         materials = read_materials(spec)
         layouts = read_layouts(spec, materials)
         for panel in spec.panels.values():
@@ -106,9 +107,9 @@ class WallGrammar:
             values['storeys'] = building.storeys.number(values, generator)
         storeys, storey_height = self._storeys(values)
         deriver = Deriver(self.spec, values, generator)
-        corners = np.array([[x.number(values, generator), y.number(values, generator)]
+        points = np.array([[x.number(values, generator), y.number(values, generator)]
                             for x, y in building.footprint])
-        return _Construction(self, deriver, corners, storeys, storey_height).blueprint()
+        return _Construction(self, deriver, points, storeys, storey_height).blueprint()
 
     def _storeys(self, values: dict[str, float]) -> tuple[int, float]:
         building = self.spec.building
@@ -125,7 +126,7 @@ class WallGrammar:
 class _Construction:
     """One run of the builder."""
 
-    def __init__(self, grammar: WallGrammar, deriver: Deriver, corners: np.ndarray, storeys: int,
+    def __init__(self, grammar: WallGrammar, deriver: Deriver, points: np.ndarray, storeys: int,
                  storey_height: float):
         self.grammar = grammar
         self.deriver = deriver
@@ -134,15 +135,15 @@ class _Construction:
         self.height = micro(storeys * storey_height)
         building = grammar.spec.building
         self.site = Site(grammar.materials, grammar.most_parts, building.place)
-        self.pieces = self._derive(corners)
+        self.pieces = self._derive(points)
         self.layout = self._wall_layout()
-        self.plan = footprint.read(corners, self.layout.thickness, self.layout.joint,
+        self.plan = footprint.read(points, self.layout.thickness, self.layout.joint,
                                    list(building.corners))
 
-    def _derive(self, corners: np.ndarray) -> list[list[Piece]]:
+    def _derive(self, points: np.ndarray) -> list[list[Piece]]:
         starts = self.grammar.spec.building.facades
-        edges = np.roll(corners, -1, axis=0) - corners if len(corners) > 2 else np.diff(
-            corners, axis=0)
+        edges = (np.roll(points, -1, axis=0) - points if len(points) > 2
+                 else np.diff(points, axis=0))
         return [self.deriver.facade(starts[min(i, len(starts) - 1)],
                                     micro(float(np.hypot(*edge))), self.height)
                 for i, edge in enumerate(edges)]
@@ -179,6 +180,7 @@ class _Construction:
         interior = Interior(site, self.plan, elevations, grammar.spec.building, self.storeys,
                             self.storey_height, self.deriver)
         interior.cut_and_lay()
+        corners.bond(site, elevations)
         boxes = site.boxes()
         frames = np.array(site.frames)
         patches = [on_ground(boxes, frames, len(self.plan.yaws)),

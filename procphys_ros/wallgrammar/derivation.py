@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.errors import nearest_names
 from procphys_ros.language import Expression, Place
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.division import divide, Repeated, Share
@@ -112,8 +111,6 @@ class Deriver:
 
     def _panel(self, task: _Task) -> Piece:
         call = task.successor
-        if call.arguments:
-            raise call.place.error(f'the panel "{call.name}" takes no arguments')
         return Piece(task.scope, call.name, call.place)
 
     def _number(self, expression: Expression, task: _Task) -> float:
@@ -188,21 +185,11 @@ class Deriver:
             if strip.right > strip.left and strip.top > strip.bottom]
 
     def _apply(self, call: Call, task: _Task) -> _Task:
-        rules = self.spec.rules.get(call.name)
-        if rules is None:
-            known = [*self.spec.rules, *self.spec.panels]
-            raise call.place.error(f'unknown rule or panel "{call.name}"'
-                                   f'{nearest_names(call.name, known)} '
-                                   f'(rules: {", ".join(self.spec.rules) or "none"}; '
-                                   f'panels: {", ".join(self.spec.panels) or "none"})')
         if task.level >= _DEEPEST:
             raise call.place.error(f'rules are nested more than {_DEEPEST} deep: "{call.name}" '
                                    f'seems to call itself without end')
-        fitting = [r for r in rules if len(r.parameters) == len(call.arguments)]
-        if not fitting:
-            counts = ' or '.join(sorted({str(len(r.parameters)) for r in rules}))
-            raise call.place.error(f'the rule "{call.name}" takes {counts} arguments, '
-                                   f'found {len(call.arguments)}')
+        fitting = [r for r in self.spec.rules[call.name]
+                   if len(r.parameters) == len(call.arguments)]
         arguments = [self._number(a, task) for a in call.arguments]
         rule = self._choose(fitting, arguments, call, task)
         values = {**self.values, **dict(zip(rule.parameters, arguments))}

@@ -26,9 +26,10 @@ from procphys_ros.wallgrammar.regions import snap_level
 from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.walls import Elevation
 
-_JOIST = (50_000, 150_000)  # [µm] width and least height: C24 joists span up to 3.5 m like this
+_JOIST = (50_000, 150_000)  # [µm] width and least height
+_SLENDER = 20               # span over height of joists, a joiner's rule
 _SPACING = 450_000          # [µm] of joists, UK practice (NHBC 6.4)
-_CLEAR = 60_000             # [µm] between a joist and the wall along it
+_CLEAR = 110_000            # [µm] between a joist and the wall along it
 _PACKING = 5_000            # [µm] of mortar on either side of a joist in its pocket
 _JOIST_PIECE = 1_500_000    # [µm] joists splinter into pieces of at most this length
 _BOARD = (200_000, 22_000)  # [µm] width and thickness of floor boards
@@ -51,10 +52,11 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
     """
     layout = walls[0].layout
     axis = span_axis(plan)
-    height = -(-_JOIST[1] // layout.gauge) * layout.gauge
     joists = []
     for bay in bays(plan, axis, layout.thickness):
-        for low, high in _joist_lines(bay, axis):
+        wanted = max(_JOIST[1], bay.inner.size[axis] // _SLENDER)
+        height = -(-wanted // layout.gauge) * layout.gauge
+        for low, high in _joist_lines(bay, axis, partitions):
             cuts = [(walls[end], low, high) for end in bay.ends]
             cuts += [(p, low, high) for p in partitions if _crosses(p.facade, bay, axis, low, high)]
             holes = [(wall, (*along_facade(wall.facade, a, b), level - height, level))
@@ -72,15 +74,31 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
         _boards(site, rooms, 1 - axis, level)
 
 
-def _joist_lines(bay: Bay, axis: int) -> list[tuple[int, int]]:
-    """Space joists evenly across a bay: edges of their cells, pocket included."""
-    low, high = bay.inner.low[1 - axis] + _CLEAR, bay.inner.high[1 - axis] - _CLEAR
+def _joist_lines(bay: Bay, axis: int,
+                 partitions: Sequence[Elevation]) -> list[tuple[int, int]]:
+    """
+    Space joists evenly between the walls that run along them.
+
+    :returns: edges of their cells, pocket included.
+    """
+    across = 1 - axis
+    edges = [bay.inner.low[across], bay.inner.high[across]]
+    for wall in partitions:
+        facade = wall.facade
+        if facade.quarter % 2 == axis and edges[0] < facade.origin[across] < edges[1]:
+            # Along x the wall lies above its origin, along y below it.
+            low = facade.origin[across] - (wall.layout.thickness if facade.quarter else 0)
+            edges += [low, low + wall.layout.thickness]
+    edges.sort()
     width = _JOIST[0] + 2 * _PACKING
-    if high - low < width:
-        return []
-    count = max(-(-(high - low - width) // _SPACING), 1) + 1
-    starts = np.rint(np.linspace(low, high - width, count)).astype(int)
-    return [(int(s), int(s) + width) for s in starts]
+    lines = []
+    for start, end in zip(edges[0::2], edges[1::2]):
+        low, high = start + _CLEAR, end - _CLEAR
+        if high - low >= width:
+            count = max(-(-(high - low - width) // _SPACING), 1) + 1
+            starts = np.rint(np.linspace(low, high - width, count)).astype(int)
+            lines += [(int(s), int(s) + width) for s in starts]
+    return lines
 
 
 def _crosses(facade: Facade, bay: Bay, axis: int, low: int, high: int) -> bool:

@@ -81,7 +81,9 @@ class Interior:
             if floors == 'slab':
                 slab_floor(self.site, self.plan, level, micro(depth), [*self.walls, *inner])
             elif floors == 'timber':
-                timber_floor(self.site, self.plan, level, self.walls, inner, rooms)
+                bare = level == levels[-1] and roof in ('gable', 'hip')  # ties lie there
+                timber_floor(self.site, self.plan, level, self.walls, inner,
+                             [] if bare else rooms)
         for wall in (*self.walls, *inner):
             wall.build(self.site)
         if roof in ('gable', 'hip'):
@@ -127,7 +129,7 @@ class Interior:
                 f'a {kind} roof needs a rectangular footprint, found '
                 f'{len(self.plan.facades)} corners; use flat or none')
         roof = Roof(self.site, self.walls, level, pitch)
-        if kind == 'gable':
-            roof.gable(0)  # ridge along the first facade
-        else:
-            roof.hip(int(np.argmax(roof.high - roof.low)))
+        # A gable roof has its ridge along the first facade, a hip roof along the longer one.
+        axis = 0 if kind == 'gable' else int(np.argmax(roof.high - roof.low))
+        (roof.gable if kind == 'gable' else roof.hip)(axis)
+        roof.tie(axis)

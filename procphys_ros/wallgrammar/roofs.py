@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.wallgrammar.assembly import Patches
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micro, MICRO
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro
 from procphys_ros.wallgrammar.footprint import Corner
 from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.slopes import Ends, OVERHANG, RAFTER, Slope
@@ -29,11 +29,13 @@ from procphys_ros.wallgrammar.tiling import lay, Runs
 from procphys_ros.wallgrammar.walls import Elevation
 
 _PLATE = 100_000      # [µm] width of wall plates, at most the wall
-_RIDGE = 0.05         # [m] thickness of the ridge board
-_RIDGE_SEAT = 0.1     # [m] least depth of the ridge board below the rafters' ends
+_RIDGE = 0.075        # [m] thickness of the ridge board
+_RIDGE_SEAT = 0.15    # [m] least depth of the ridge board below the rafters' ends
+_RIDGE_ROOM = 12_000  # [µm] beside the ridge board in its pocket: it rests there, no more
 _HIP = 0.05           # [m] thickness of hip boards
+_TIE = (50_000, 600_000)  # [µm] width and spacing of ties between plates
 _PIECE = 1_500_000    # [µm] plates, ridges and hips splinter into pieces of at most this length
-_TIE_GAP = 0.01       # [m] mean gap of cut timber joints
+_TIE_GAP = 0.001      # [m] mean gap of cut timber joints
 _GABLE_CLEAR = 0.01   # [m] between the gable and the battens
 _LEAST_RUN = 50_000   # [µm] shorter pieces of a gable course are left out
 _EDGE = 0.06          # [m] between the outermost rafters and the gable
@@ -64,6 +66,20 @@ class Roof:
         """Height of the rafters' underside over the outer edge of the wall [m]."""
         return (self.height + self.gauge) / MICRO
 
+    def tie(self, axis: int) -> None:
+        """
+        Tie opposite plates together, so that the rafters do not push the walls apart.
+
+        :param axis: of the first frame, along which the ridge runs.
+        """
+        across = 1 - axis
+        first = int(self.low[axis]) + self.layout.thickness + _TIE[1]
+        last = int(self.high[axis]) - self.layout.thickness - _TIE[1] - _TIE[0]
+        for place in np.rint(np.linspace(first, last, max(-(-(last - first) // _TIE[1]), 1) + 1)):
+            self._timber(across, (self.low[across] + self.plate, self.high[across] - self.plate),
+                         (int(place), int(place) + _TIE[0]), self.height,
+                         self.height + self.gauge, 0, 'tie')
+
     def gable(self, axis: int) -> None:
         """
         Build a gable roof.
@@ -86,7 +102,7 @@ class Roof:
         half = micro(0.5 * _RIDGE)
         for wall in self.walls:
             if wall.facade.quarter % 2 == across:
-                self._gable_wall(wall, bottom, top, half)
+                self._gable_wall(wall, bottom, top, half + _RIDGE_ROOM)
         ridge = self._timber(axis, (self.low[axis], self.high[axis]), (middle - half,
                              middle + half), bottom, top, 0, 'ridge')
         for slope in self._opposite(axis, span, size[axis], False):

@@ -56,6 +56,7 @@ class Elevation:
     :ivar layouts: by name.
     :ivar layout: the one that sets thickness and courses.
     :ivar unit: kind of its bricks.
+    :ivar rows: parts of its masonry, once built.
     """
 
     facade: Facade
@@ -78,6 +79,7 @@ class Elevation:
         self._owners = np.concatenate([owners, np.full(len(beams), _BEAM)])
         self._regions = self._paint(self._scopes, self._owners)
         self._pockets: list[tuple[int, int, int, int]] = []
+        self.rows: list[int] = []
 
     def _paint(self, rectangles: np.ndarray, owners: np.ndarray) -> Regions:
         regions = paint(rectangles, owners)
@@ -112,7 +114,8 @@ class Elevation:
             site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
             kind = site.kind(self.unit if layout.pieces == 1 else 'board')
             joint = Joint.MORTAR if layout.pieces == 1 else Joint.FIXING
-            site.add(self.facade.place(lay(runs, layout, kind, joint, site.next_member)))
+            rows = site.add(self.facade.place(lay(runs, layout, kind, joint, site.next_member)))
+            self.rows += range(rows.start, rows.stop)
         self._fill(Wall(site, self.facade, self.layout.thickness, self.layout.joint))
 
     def _fill(self, wall: Wall) -> None:
