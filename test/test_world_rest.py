@@ -285,10 +285,20 @@ def test_wall_merges_into_its_rows_and_keeps_its_faces():
             sizes.append(BRICK)
     poses, sizes = np.array(poses), np.array(sizes)
     turn = at(3, 1, 2, rotation.from_yaw(0.4))
-    merged, extents = merge_boxes(rotation.compose(turn, poses), sizes)
+    merged, extents = merge_boxes(rotation.compose(turn, poses), sizes, tolerance=2e-3)
     assert len(merged) == 12
     np.testing.assert_allclose(extents[:, 0], 7 * 0.225 + 0.215, atol=1e-9)
-    block, extent = merge_boxes(rotation.compose(turn, poses), sizes, tolerance=0.12)
+    block, extent = merge_boxes(rotation.compose(turn, poses), sizes)
     assert len(block) == 1
     np.testing.assert_allclose(extent[0], [7 * 0.225 + 0.215, 0.1025, 11 * 0.075 + 0.065],
                                atol=1e-9)
+
+
+def test_thick_and_thin_walls_do_not_merge_and_joints_are_closed():
+    """Put a thin wall on a thick one: two boxes that touch where the joint was."""
+    sizes = np.array([[1.0, 0.215, 0.3], [1.0, 0.1025, 0.3]])
+    poses = np.array([at(0, 0, 0.15), at(0, 0.05, 0.46)])
+    merged, extents = merge_boxes(poses, sizes)
+    assert len(merged) == 2
+    tops, bottoms = merged[:, 2] + 0.5 * extents[:, 2], merged[:, 2] - 0.5 * extents[:, 2]
+    assert np.sort(tops)[0] == pytest.approx(np.sort(bottoms)[1])

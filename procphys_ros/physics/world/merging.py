@@ -20,11 +20,13 @@ import numpy as np
 from procphys_ros import rotation
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
+TOOTHING = 0.12  # [m], half a brick and a joint: how far courses of a bond stick out
 _FLUSH = 2e-3  # [m], faces less apart are one
+_ALIKE = 0.3  # largest difference of the extents across of boxes that are joined
 _ALIGNED = 1e-3  # largest deviation of a rotation matrix from a quarter turn
 
 
-def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = _FLUSH
+def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = TOOTHING
                 ) -> tuple[np.ndarray, np.ndarray]:
     """
     Join boxes that lie end to end into larger ones.
@@ -35,8 +37,8 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = _FLUSH
 
     :param poses: (P, 7).
     :param sizes: full extents [m], (P, 3).
-    :param tolerance: how far the ends of courses that are stacked may be apart [m]; half a
-        brick's length joins the toothed courses of a bond, then mean ends are taken.
+    :param tolerance: how far the ends of courses that are stacked may be apart [m]; the mean is
+        taken. Toothed ends, if kept, wedge into each other and never come to rest.
     :returns: poses (K, 7) and sizes (K, 3), K ≤ P.
     """
     frame = poses[0].copy()
@@ -47,6 +49,7 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = _FLUSH
     bounds = np.stack([centre - 0.5 * extent, centre + 0.5 * extent], axis=1)
     for axis, slack in ((0, _FLUSH), (1, _FLUSH), (2, tolerance)):
         bounds = _merge_along(bounds, axis, slack)
+    _close_joints(bounds)
     local = np.concatenate([bounds.mean(axis=1),
                             np.tile(rotation.IDENTITY, (len(bounds), 1))], axis=1)
     return (np.concatenate([rotation.compose(frame, local), poses[~aligned]]),
@@ -64,6 +67,8 @@ def _merge_along(bounds: np.ndarray, axis: int, tolerance: float) -> np.ndarray:
     breaks = np.zeros(len(bounds), bool)
     for lane in lanes:
         breaks[1:] |= np.diff(lane[order]) != 0
+    extent = (bounds[:, 1] - bounds[:, 0])[:, across]
+    breaks[1:] |= (np.abs(np.diff(extent, axis=0)) > _ALIKE * extent[1:]).any(axis=1)
     gap = bounds[1:, 0, axis] - bounds[:-1, 1, axis]
     breaks[1:] |= (gap > JOINT) | (gap < -JOINT)
     breaks[0] = True
@@ -73,6 +78,25 @@ def _merge_along(bounds: np.ndarray, axis: int, tolerance: float) -> np.ndarray:
     merged[:, 0, axis] = np.minimum.reduceat(bounds[:, 0, axis], start)
     merged[:, 1, axis] = np.maximum.reduceat(bounds[:, 1, axis], start)
     return merged
+
+
+def _close_joints(bounds: np.ndarray) -> None:
+    """
+    Stretch boxes over the joints to their neighbours, (K, 2, 3), in place.
+
+    The edge of another body that gets into an open joint would never come out again.
+    """
+    for axis in range(3):
+        low, high = bounds[:, 0], bounds[:, 1]
+        facing = np.ones((len(bounds), len(bounds)), bool)
+        for across in range(3):
+            if across != axis:
+                facing &= (high[:, None, across] > low[None, :, across] + _FLUSH)
+                facing &= (low[:, None, across] < high[None, :, across] - _FLUSH)
+        gap = low[None, :, axis] - high[:, None, axis]
+        facing &= (gap > 0.0) & (gap < JOINT)
+        reach = np.where(facing, gap, np.inf).min(axis=1, initial=np.inf)
+        high[:, axis] += np.where(np.isfinite(reach), reach, 0.0)
 
 
 @njit(cache=True)

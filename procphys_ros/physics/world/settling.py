@@ -26,7 +26,11 @@ REST_SPIN = 0.6  # [rad/s]
 REST_RIM = 0.3  # [m/s], and spin times radius: large bodies must turn more slowly
 REST_TIME = 0.5  # [s], how long a body is quiet before it comes to rest
 CHECK_INTERVAL = 0.1  # [s] between looks at the quiet bodies; reading contacts is dear
-STUCK_TIME = 3.0  # [s], a body that is quiet for so long is held by more than the check sees
+STAY_REACH = 0.02  # [m], a body whose farthest point keeps within this stays where it is
+STAY_TIME = 1.0  # [s], how long a body stays, though it trembles, before it comes to rest
+STUCK_TIME = 4.0  # [s], a body that stays for so long is held by more than the check sees
+TREMBLE_TIME = 0.1  # [s], a body that stays for so long trembles and hits nothing; one that was
+#                     set free counts as such until it leaves, or wedged heaps wake each other
 WAKE_SPEED = 0.3  # [m/s], speed change by a hit that sets a resting body free
 SUPPORT_SHIFT = 0.01  # [m], move of a support that sets free what rests on it
 _TOUCH = 2e-3  # [m], gap below which a contact counts as touching
@@ -88,14 +92,30 @@ class Supports:
         return np.unique(self.resting[row[moved]])
 
 
-def count_quiet(bodies: Bodies, awake: np.ndarray, time_step: float) -> None:
-    """Add the step to the quiet time of slow bodies, restart the clock of the others."""
-    velocity = bodies.velocities[awake]
+def count_quiet(bodies: Bodies, awake: np.ndarray, time_step: float) -> np.ndarray:
+    """
+    Keep the clocks of the loose bodies, and choose those that may have come to rest.
+
+    A body is quiet while it is slow. Pieces wedged into each other never are; they count when
+    they stay in one place, trembling or not.
+
+    :returns: ids, (K,).
+    """
+    velocity, pose, anchor = bodies.velocities[awake], bodies.poses[awake], bodies.anchor[awake]
+    radius = bodies.radius[awake]
     speed = np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
     spin = np.sqrt((velocity[:, 3:] ** 2).sum(axis=1))
-    slow = ((speed < REST_SPEED) & (spin < REST_SPIN)
-            & (spin * bodies.radius[awake] < REST_RIM))
-    bodies.quiet[awake] = np.where(slow, bodies.quiet[awake] + time_step, 0.0)
+    slow = (speed < REST_SPEED) & (spin < REST_SPIN) & (spin * radius < REST_RIM)
+    quiet = np.where(slow, bodies.quiet[awake] + time_step, 0.0)
+    way = np.sqrt(((pose[:, :3] - anchor[:, :3]) ** 2).sum(axis=1))
+    same = np.abs((pose[:, 3:] * anchor[:, 3:]).sum(axis=1))
+    turn = 2.0 * np.arccos(np.minimum(same, 1.0))
+    stays = way + turn * radius < STAY_REACH
+    stay = np.where(stays, bodies.stay[awake] + time_step, 0.0)
+    bodies.quiet[awake], bodies.stay[awake] = quiet, stay
+    left = awake[~stays]
+    bodies.anchor[left] = bodies.poses[left]
+    return awake[(quiet > REST_TIME - 1e-9) | (stay > STAY_TIME - 1e-9)]
 
 
 def at_rest(bodies: Bodies, quiet: np.ndarray, contacts: Contacts) -> np.ndarray:
@@ -105,7 +125,7 @@ def at_rest(bodies: Bodies, quiet: np.ndarray, contacts: Contacts) -> np.ndarray
     A body stands when its centre of mass lies over the polygon of what it touches; a slab that
     starts to topple is slow, too, but does not.
 
-    :param quiet: ids of the bodies that have been slow long enough, (K,).
+    :param quiet: ids from `count_quiet`, (K,).
     :param contacts: of the last step, each listed both ways.
     :returns: ids, (R,).
     """
@@ -118,7 +138,7 @@ def at_rest(bodies: Bodies, quiet: np.ndarray, contacts: Contacts) -> np.ndarray
     start = np.searchsorted(candidate[row], np.arange(len(quiet) + 1))
     stands = _stands(start, contacts.point[row], contacts.normal[row],
                      bodies.poses[quiet, :2])
-    return quiet[stands | ((bodies.quiet[quiet] > STUCK_TIME) & (np.diff(start) > 0))]
+    return quiet[stands | ((bodies.stay[quiet] > STUCK_TIME) & (np.diff(start) > 0))]
 
 
 def _touching(contacts: Contacts) -> np.ndarray:

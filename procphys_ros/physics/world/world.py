@@ -21,7 +21,8 @@ import numpy as np
 from procphys_ros.physics.world import settling
 from procphys_ros.physics.world.bodies import State
 from procphys_ros.physics.world.contacts import Contacts
-from procphys_ros.physics.world.population import FRICTION, GRAVITY, Population
+from procphys_ros.physics.world.population import Population
+from procphys_ros.physics.world.registry import FRICTION, GRAVITY
 
 _DEPTH = 0.02  # [m] under the ground from which a body is put back to where it touched it
 _FAST = 0.5  # way in one step, as a share of a body's least extent, above which it is swept
@@ -84,8 +85,7 @@ class World(Population):
         moving = np.flatnonzero(bodies.state >= State.LOOSE)
         if not len(resting) or not len(moving):
             return
-        speed = np.abs(bodies.velocities[moving]).max(axis=1)
-        moving = moving[speed > settling.WAKE_SPEED]
+        moving = moving[bodies.stay[moving] < settling.TREMBLE_TIME]
         bounds = self._engine.bounds(moving.tolist())
         self.thaw(settling.about_to_be_hit(bodies, resting, moving, bounds, time_step))
 
@@ -140,15 +140,14 @@ class World(Population):
         self.set_velocities(chosen, velocities)
 
     def _settle(self, time_step: float) -> None:
-        bodies, awake = self._bodies, self.awake
-        settling.count_quiet(bodies, awake, time_step)
+        bodies = self._bodies
+        candidates = settling.count_quiet(bodies, self.awake, time_step)
         self._since_check += time_step
         if self._since_check > settling.CHECK_INTERVAL - 1e-9:
             self._since_check = 0.0
-            quiet = awake[bodies.quiet[awake] > settling.REST_TIME - 1e-9]
-            if len(quiet):
+            if len(candidates):
                 contacts = self.contacts().both_ways()
-                rests = settling.at_rest(bodies, quiet, contacts)
+                rests = settling.at_rest(bodies, candidates, contacts)
                 self._supports.add(bodies, contacts, rests)
                 self._hold(rests, State.RESTING)
         self.thaw(self._supports.lost(bodies))
