@@ -137,7 +137,7 @@ def test_turned_scene_has_turned_impulses():
     positions = rng.uniform(-3.0, 3.0, (30, 3)) + [0.0, 0.0, HIGH]
     plain, sizes = _boxes(*positions, size=(0.5, 0.3, 0.2))
     turn = rotation.from_yaw(0.7)
-    turned = np.hstack([rotation.rotate(turn, plain[:, :3]), rotation.multiply(turn, plain[:, 3:])])
+    turned = rotation.compose(np.array([0.0, 0.0, 0.0, *turn]), plain)
     charge = np.array([5.0, 1.0, HIGH])
     one = blast_boxes(charge, CHARGE, plain, sizes)
     other = blast_boxes(rotation.rotate(turn, charge), CHARGE, turned, sizes)

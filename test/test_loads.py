@@ -65,7 +65,8 @@ def test_free_wall_takes_pressure_and_suction():
 def test_room_takes_what_a_free_wall_takes_and_its_sides_are_sucked_out():
     """Sum up a room in a wind along x: 1.3 q A along, the side walls pulled outward alike."""
     poses, sizes = _room()
-    force, _ = wall_forces(poses, sizes, exposed_faces(poses, sizes), np.tile([10.0, 0, 0], (4, 1)))
+    wind = np.tile([10.0, 0.0, 0.0], (4, 1))
+    force, _ = wall_forces(poses, sizes, exposed_faces(poses, sizes), wind)
     q = 0.5 * DENSITY * 100.0
     assert force[:, 0].sum() == pytest.approx(1.3 * q * 4.4 * 3.0)
     assert force[0, 0] == pytest.approx(0.8 * q * 4.4 * 3.0)

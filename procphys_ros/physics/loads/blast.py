@@ -68,22 +68,22 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     :param sight: the boxes as already listed for rays; None = list them now.
     :raises CommandError: when point or charge are out of range.
     """
-    point, scale = _check(point, charge)
+    place, scale = _check(point, charge)
     poses = np.asarray(poses, float)
     sizes = np.asarray(sizes, float)
-    patches = faces.cut(poses, sizes, faces.facing(poses, sizes, point))
+    patches = faces.cut(poses, sizes, faces.facing(poses, sizes, place))
     if sight is None:
         sight = Sight(poses, sizes, blocking=blocking)
-    free = sight.clear(patches.centre + _OFF_FACE * patches.normal, point, patches.owner)
+    free = sight.clear(patches.centre + _OFF_FACE * patches.normal, place, patches.owner)
     patches = patches.take(free)
-    towards = point - patches.centre
+    towards = place - patches.centre
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
     z = distance / scale
     per_area = scale * air_blast.impulse(z) * incidence_factor(z, cosine)
     linear, angular = faces.gather(
         patches, -(per_area * patches.area)[:, None] * patches.normal, poses)
-    return Impulses(linear, angular, _arrival(point, scale, poses))
+    return Impulses(linear, angular, _arrival(place, scale, poses))
 
 
 def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,
@@ -101,9 +101,9 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
     :param sight: boxes that shield; None = nothing does.
     :raises CommandError: when point or charge are out of range.
     """
-    point, scale = _check(point, charge)
+    place, scale = _check(point, charge)
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
-    away = poses[:, :3] - point
+    away = poses[:, :3] - place
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
     away /= distance[:, None]
     diameter, length = sizes[:, 0], sizes[:, 2]
@@ -118,9 +118,9 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
     ceiling = scale * air_blast.impulse(z) * air_blast.reflection(peak)
     size = np.minimum(passing + drag, ceiling) * shadow
     if sight is not None:
-        size *= sight.clear(poses[:, :3], point, np.full(len(poses), -1))
+        size *= sight.clear(poses[:, :3], place, np.full(len(poses), -1))
     return Impulses(size[:, None] * away, np.zeros((len(poses), 3)),
-                    _arrival(point, scale, poses))
+                    _arrival(place, scale, poses))
 
 
 def incidence_factor(z: np.ndarray, cosine: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@
 
 from dataclasses import dataclass
 
+from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
@@ -66,30 +67,39 @@ def cut(poses: np.ndarray, sizes: np.ndarray, wanted: np.ndarray,
     :param patch: wished edge of a patch [m]; inf = one patch per face.
     """
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
-    counts = np.clip(np.ceil(sizes / patch), 1, _MOST_PATCHES).astype(int)
-    parts = [_cut_face(sizes, counts, face, np.flatnonzero(wanted[:, face]))
-             for face in range(6)]
-    owner, face, place, area = (np.concatenate(column) for column in zip(*parts))
-    matrices = rotation.to_matrix(poses[:, 3:])
-    sign = 2.0 * (face % 2) - 1.0
-    normal = matrices[owner, :, face // 2] * sign[:, None]
-    centre = poses[owner, :3] + (matrices[owner] @ place[:, :, None])[:, :, 0]
-    return Patches(owner, face, centre, normal, area)
+    counts = np.clip(np.ceil(sizes / patch), 1, _MOST_PATCHES).astype(np.int64)
+    return Patches(*_cut(poses, rotation.to_matrix(poses[:, 3:]), sizes, counts, wanted))
 
 
-def _cut_face(sizes: np.ndarray, counts: np.ndarray, face: int, boxes: np.ndarray) -> tuple:
-    """Return owner, face, place in the box and area of the patches of one face of some boxes."""
-    axis, side = face // 2, 2 * (face % 2) - 1
-    u, v = (axis + 1) % 3, (axis + 2) % 3
-    per_box = counts[boxes, u] * counts[boxes, v]
-    owner = np.repeat(boxes, per_box)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(per_box) - per_box, per_box)
-    place = np.empty((len(owner), 3))
-    place[:, axis] = 0.5 * side * sizes[owner, axis]
-    for k, index in ((u, number // counts[owner, v]), (v, number % counts[owner, v])):
-        place[:, k] = ((index + 0.5) / counts[owner, k] - 0.5) * sizes[owner, k]
-    area = sizes[owner, u] * sizes[owner, v] / (counts[owner, u] * counts[owner, v])
-    return owner, np.full(len(owner), face), place, area
+@njit(cache=True)
+def _cut(poses, axes, sizes, counts, wanted):
+    """Write the patches face by face, so that like patches of neighbours follow each other."""
+    total = 0
+    for face in range(6):
+        u, v = (face // 2 + 1) % 3, (face // 2 + 2) % 3
+        for i in range(len(poses)):
+            if wanted[i, face]:
+                total += counts[i, u] * counts[i, v]
+    owner, faces = np.empty(total, np.int64), np.empty(total, np.int64)
+    centre, normal, area = np.empty((total, 3)), np.empty((total, 3)), np.empty(total)
+    row = 0
+    for face in range(6):
+        axis, side = face // 2, 2.0 * (face % 2) - 1.0
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for i in range(len(poses)):
+            if not wanted[i, face]:
+                continue
+            du, dv = sizes[i, u] / counts[i, u], sizes[i, v] / counts[i, v]
+            for number in range(counts[i, u] * counts[i, v]):
+                a = (number // counts[i, v] + 0.5) * du - 0.5 * sizes[i, u]
+                b = (number % counts[i, v] + 0.5) * dv - 0.5 * sizes[i, v]
+                owner[row], faces[row], area[row] = i, face, du * dv
+                for k in range(3):
+                    normal[row, k] = side * axes[i, k, axis]
+                    centre[row, k] = (poses[i, k] + 0.5 * sizes[i, axis] * normal[row, k]
+                                      + a * axes[i, k, u] + b * axes[i, k, v])
+                row += 1
+    return owner, faces, centre, normal, area
 
 
 def gather(patches: Patches, loads: np.ndarray, poses: np.ndarray) -> tuple:

@@ -49,7 +49,9 @@ class Sight:
         # One row per box: centre, rotation matrix, half extents.
         self._boxes = np.hstack([poses[:, :3], matrices.reshape(-1, 9), halves])
         low, high = poses[:, :3] - reach, poses[:, :3] + reach
-        rows = np.arange(len(poses)) if blocking is None else np.flatnonzero(blocking)
+        self._blocking = (np.ones(len(poses), bool) if blocking is None
+                          else np.asarray(blocking, bool))
+        rows = np.flatnonzero(self._blocking)
         origin = low[rows].min(axis=0) if len(rows) else np.zeros(3)
         span = high[rows].max(axis=0) - origin if len(rows) else np.zeros(3)
         cell = max(_LEAST_CELL, float(np.cbrt(np.prod(np.maximum(span, 1.0)) / _MOST_CELLS)))
@@ -66,7 +68,8 @@ class Sight:
         """
         starts = np.ascontiguousarray(starts, float)
         ends = np.ascontiguousarray(np.broadcast_to(ends, starts.shape), float)
-        return _trace(starts, ends, np.asarray(owners, np.int64), self._boxes, self._grid)
+        return _trace(starts, ends, np.asarray(owners, np.int64), self._boxes,
+                      self._blocking, self._grid)
 
 
 @njit(cache=True)
@@ -98,7 +101,7 @@ def _list_boxes(low, high, rows, origin, cell, shape):
 
 @njit(cache=True, error_model='numpy', fastmath=True)
 def _hit(start, along, boxes, row):
-    """Say whether the segment start + s along, s in [0, 1], enters a box that its end is not in."""
+    """Say whether the segment from start to start + along enters a box that its end is not in."""
     x, y, z = start[0] - boxes[row, 0], start[1] - boxes[row, 1], start[2] - boxes[row, 2]
     enter, leave = 0.0, 1.0
     holds_end = True
@@ -151,35 +154,50 @@ def _enter(start, along, origin, cell, shape, walk):
 
 
 @njit(cache=True, error_model='numpy')
-def _passes(start, along, owner, boxes, grid, walk):
-    """Walk one ray through the grid until a box hinders it."""
+def _hinder(start, along, owner, boxes, grid, walk):
+    """Walk one ray through the grid; return the first box found to hinder it, or -1."""
     origin, cell, shape, starts, lists = grid
     leave = _enter(start, along, origin, cell, shape, walk)
     if leave < 0.0:
-        return True
+        return -1
     strides = (shape[1] * shape[2], shape[2], 1)
     index = int(walk[0, 0]) * strides[0] + int(walk[0, 1]) * strides[1] + int(walk[0, 2])
     while True:
         for i in range(starts[index], starts[index + 1]):
             row = lists[i]
             if row != owner and _hit(start, along, boxes, row):
-                return False
+                return row
         k = 0 if walk[2, 0] <= walk[2, 1] else 1
         if walk[2, 2] < walk[2, k]:
             k = 2
         walk[0, k] += walk[1, k]
         if walk[2, k] > leave or walk[0, k] < 0.0 or walk[0, k] >= shape[k]:
-            return True
+            return -1
         index += strides[k] if walk[1, k] > 0.0 else -strides[k]
         walk[2, k] += walk[3, k]
 
 
 @njit(cache=True)
-def _trace(begins, ends, owners, boxes, grid):
+def _trace(begins, ends, owners, boxes, blocking, grid):
+    """
+    Say which rays are free.
+
+    Neighbours in a wall are hindered by neighbours: the box as many rows from the ray's owner as
+    it was for the ray before is tried first, which saves most walks.
+    """
     free = np.empty(len(begins), np.bool_)
     walk, along = np.empty((4, 3)), np.empty(3)
+    ahead = 0
     for i in range(len(begins)):
         for k in range(3):
             along[k] = ends[i, k] - begins[i, k]
-        free[i] = _passes(begins[i], along, owners[i], boxes, grid, walk)
+        guess = owners[i] + ahead
+        if (ahead != 0 and 0 <= guess < len(boxes) and blocking[guess]
+                and _hit(begins[i], along, boxes, guess)):
+            free[i] = False
+            continue
+        row = _hinder(begins[i], along, owners[i], boxes, grid, walk)
+        free[i] = row < 0
+        if row >= 0:
+            ahead = row - owners[i]
     return free
