@@ -38,7 +38,7 @@ from procphys_ros.wallgrammar.spec import (
 )
 
 _DEEPEST = 64          # rules inside rules
-_MOST_PANELS = 50_000  # on one facade
+_MOST_STEPS = 100_000  # rules and divisions on one facade
 
 
 class Scope(NamedTuple):
@@ -93,25 +93,23 @@ class Deriver:
         :param length: of the facade [µm].
         :param height: [µm].
         :returns: panels, in the order of the text.
-        :raises GrammarError: for unknown names, rules that call each other without end, too many
-            panels.
+        :raises GrammarError: for rules that call each other without end, and too many divisions.
         """
         pieces: list[Piece] = []
         tasks = [_Task(start, Scope(0, 0, length, height), self.values, 0)]
+        applied = 0
         while tasks:
             task = tasks.pop()
-            if isinstance(task.successor, Call) and task.successor.name in self.spec.panels:
-                pieces.append(self._panel(task))
-                if len(pieces) > _MOST_PANELS:
-                    raise task.successor.place.error(
-                        f'more than {_MOST_PANELS} panels on one facade; make the parts larger')
-            else:
-                tasks.extend(reversed(self._expand(task)))
+            call = task.successor
+            if isinstance(call, Call) and call.name in self.spec.panels:
+                pieces.append(Piece(task.scope, call.name, call.place))
+                continue
+            applied += 1
+            if applied + len(tasks) > _MOST_STEPS:
+                raise start.place.error(f'the facade takes more than {_MOST_STEPS} divisions; '
+                                        f'make its parts larger')
+            tasks.extend(reversed(self._expand(task)))
         return pieces
-
-    def _panel(self, task: _Task) -> Piece:
-        call = task.successor
-        return Piece(task.scope, call.name, call.place)
 
     def _number(self, expression: Expression, task: _Task) -> float:
         scope = task.scope

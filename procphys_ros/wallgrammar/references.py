@@ -46,7 +46,7 @@ def check(spec: Spec) -> None:
                 _check_call(spec, call)
 
 
-def _calls(node: Successor | Part | Repeat) -> Iterator[Call]:
+def _calls(node: 'Successor | Part | Repeat') -> Iterator[Call]:
     if isinstance(node, Call):
         yield node
     elif isinstance(node, Split | Repeat):
