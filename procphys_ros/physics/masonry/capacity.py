@@ -90,8 +90,8 @@ def tear_out(graph: BondGraph, parts: np.ndarray, direction: np.ndarray,
     """
     Give what a set of parts withstands when it is struck along a direction.
 
-    All bonds around the set fail together at their limits: an upper bound, close for brittle joints
-    of like size around a brick or two.
+    All bonds around the set fail together at their limits: an upper bound, close for brittle
+    joints of like size around a brick or two.
 
     :param parts: the struck parts, they move as one.
     :param direction: of the blow, world, (3,), any length but zero.

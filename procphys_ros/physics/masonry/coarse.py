@@ -25,11 +25,11 @@ Vaněk, Mandel, Brezina 1996, Computing 56.
 from numba import njit
 import numpy as np
 from scipy.sparse import bsr_matrix, csc_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from procphys_ros.physics.masonry import links
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
-
 
 
 @njit(cache=True)
@@ -178,53 +178,52 @@ class CoarseSpace:
     def __init__(self, graph: BondGraph, parts: np.ndarray, size: int):
         self.owner, made = _aggregate(parts, graph.start, graph.incident, graph.alive, graph.first,
                                       graph.second, size)
-        self.count = _merge_small(parts, self.owner, made, graph.start, graph.incident,
-                                  graph.alive, graph.first, graph.second, max(size // 3, 1))
+        merged = _merge_small(parts, self.owner, made, graph.start, graph.incident,
+                              graph.alive, graph.first, graph.second, max(size // 3, 1))
+        self.count = max(merged, 1)  # without any part one empty aggregate stays
         member = self.owner[parts]
         population = np.bincount(member, minlength=self.count)
         self.middle = np.column_stack([
             np.bincount(member, graph.centre[parts, c], self.count) for c in range(3)])
-        self.middle /= np.maximum(population, 1)[:, None]
+        self.middle = self.middle / np.maximum(population, 1)[:, None]
         self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
-        self.factor = ()
-        self.refresh(graph, np.flatnonzero(graph.alive))
+        matrix = self._assembled(graph)
+        self._component = connected_components(matrix, directed=False)[1][::6]
+        self.factor = _factor(matrix)
 
     def columns(self, parts: np.ndarray) -> np.ndarray:
-        """List the columns of the factor that belong to the aggregates of some parts."""
+        """
+        List the columns of the factor that a right-hand side on some parts can reach.
+
+        These are whole components of the factored matrix: an aggregate may lie in two islands.
+        """
         wanted = np.zeros(self.count, bool)
-        wanted[self.owner[parts]] = True
-        return np.flatnonzero(wanted[self.factor[4] // 6])
+        wanted[self._component[self.owner[parts]]] = True
+        return np.flatnonzero(wanted[self._component[self.factor[4] // 6]])
 
-    def refresh(self, graph: BondGraph, bonds: np.ndarray) -> None:
-        """
-        Assemble and factor the coarse matrix.
-
-        :param bonds: living bonds of supported parts; the others would make it singular.
-        """
+    def _assembled(self, graph: BondGraph) -> csc_matrix:
+        """Assemble the coarse matrix from the living bonds of the set."""
+        mine = self.owner >= 0
+        bonds = np.flatnonzero(graph.alive & (mine[graph.first] | mine[graph.second]))
         a, b = self.owner[graph.first[bonds]], self.owner[graph.second[bonds]]
         crossing = a != b
         bonds, a, b = bonds[crossing], a[crossing], b[crossing]
         n = self.count
-        everyone = np.arange(n)
         key = np.concatenate([a * n + a, b * n + b, a * n + b, b * n + a]).astype(np.int64)
         real = np.concatenate([a >= 0, b >= 0, (a >= 0) & (b >= 0), (a >= 0) & (b >= 0)])
-        unique = np.unique(np.concatenate([key[real], everyone * n + everyone]))
+        unique = np.unique(key[real])
         slot = np.searchsorted(unique, key).reshape(4, -1).T
         blocks = np.zeros((len(unique), 6, 6))
         _assemble(bonds, graph.links, graph.first, graph.second, self.owner, graph.centroid,
                   self.middle, np.ascontiguousarray(slot), blocks)
-        diagonal = blocks[np.searchsorted(unique, everyone * n + everyone)]
         start = np.searchsorted(unique, np.arange(n + 1) * n)
-        matrix = bsr_matrix((blocks, unique % n, start), shape=(6 * n, 6 * n)).tocsc()
-        self.factor = _factor(matrix, np.trace(diagonal, axis1=1, axis2=2))
+        return bsr_matrix((blocks, unique % n, start), shape=(6 * n, 6 * n)).tocsc()
 
 
-def _factor(matrix: csc_matrix, trace: np.ndarray) -> tuple:
-    """Factor a symmetric positive definite matrix; rows without stiffness become identity."""
-    empty = np.repeat(trace <= 0.0, 6).astype(float)
-    shift = csc_matrix((empty, (np.arange(len(empty)), np.arange(len(empty)))), matrix.shape)
-    lu = splu((matrix + shift).tocsc(), permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
-              options=dict(SymmetricMode=True))
+def _factor(matrix: csc_matrix) -> tuple:
+    """Factor a symmetric positive definite matrix for `solve`."""
+    lu = splu(matrix, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
+              options={'SymmetricMode': True})
     if np.any(lu.perm_r != lu.perm_c):
         raise FloatingPointError('coarse matrix is not positive definite')
     lower = lu.L

@@ -23,7 +23,7 @@ from procphys_ros.physics.masonry import strength
 from procphys_ros.physics.masonry.solver import StressSolver
 from procphys_ros.physics.masonry.strength import Cause
 
-_BAND = 0.7  # of the worst utilisation; see `strength.worst_first`
+_BAND = 0.7  # of the worst utilisation
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,14 @@ class Fracture:
 
     :param solver: loads are set there; bonds break there.
     :param dynamic_factor: of bonds that break by overload, see `StressSolver.cut`.
+    :param band: see `strength.worst_first`.
     """
 
-    def __init__(self, solver: StressSolver, dynamic_factor: float = 1.0):
+    def __init__(self, solver: StressSolver, dynamic_factor: float = 1.0,
+                 band: float = _BAND):
         self.solver = solver
         self.dynamic_factor = dynamic_factor
+        self.band = band
         self._judged = None
 
     @property
@@ -102,10 +105,10 @@ class Fracture:
             bonds = np.flatnonzero(moving & (share > 1.0))
             cause[bonds] = Cause.MECHANISM
         else:
-            bonds = strength.worst_first(graph, share, _BAND)
+            bonds = strength.worst_first(graph, share, self.band)
         stays, low, high = strength.opening(graph, bonds, wrench[bonds])
         stays &= cause[bonds] == Cause.TENSION
         if np.any(stays):
-            solver.open(bonds[stays], low[stays], high[stays])
+            solver.crack(bonds[stays], low[stays], high[stays])
         solver.cut(bonds[~stays], self.dynamic_factor)
         return Failures(bonds, cause[bonds], share[bonds], ~stays)

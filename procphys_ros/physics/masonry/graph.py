@@ -23,6 +23,7 @@ from procphys_ros.physics.masonry import links
 
 HUB = 24  # bonds; a part with more of them (a slab) is long compared with what it ties together
 
+
 class BondGraph:
     """
     Mortar bonds of a blueprint as flat arrays, in the frame of its poses.
@@ -40,6 +41,7 @@ class BondGraph:
     :ivar axes: bond frame, columns are x, y along the patch and z the normal, (M, 3, 3).
     :ivar area: of the patch [m²], (M,).
     :ivar extent: patch along its x and y [m], (M, 2).
+    :ivar whole_extent: the same before anything opened [m], (M, 2).
     :ivar spring: stiffness along x, y, z [N/m] and about x, y, z [N·m/rad], (M, 6).
     :ivar mortar: strengths and stiffnesses, one row per bond.
     :ivar mass: of the parts [kg], (N,).
@@ -70,7 +72,8 @@ class BondGraph:
         self.links = np.empty((len(self), 18))
         self.alive = np.ones(len(self), bool)
         self.start, self.incident = links.incidence(self.count, self.first, self.second)
-        self._rest = (self.centroid.copy(), self.area.copy(), self.extent.copy())
+        self._rest = (self.centroid.copy(), self.area.copy())
+        self.whole_extent = self.extent.copy()
         self._spread(np.arange(len(self)))
 
     def __len__(self) -> int:
@@ -109,7 +112,8 @@ class BondGraph:
     def restore(self) -> None:
         """Make every bond whole again."""
         self.alive[:] = True
-        self.centroid, self.area, self.extent = (a.copy() for a in self._rest)
+        self.centroid, self.area = (a.copy() for a in self._rest)
+        self.extent = self.whole_extent.copy()
         self._spread(np.arange(len(self)))
 
     def neighbours(self, parts: np.ndarray) -> np.ndarray:

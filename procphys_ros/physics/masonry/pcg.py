@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Conjugate gradients preconditioned by blocks and rigid aggregates, resumable at any iteration."""
+"""Conjugate gradients preconditioned by blocks and rigid aggregates, resumable."""
 
 from numba import njit
 import numpy as np
@@ -120,7 +120,8 @@ def iterate(parts, bonds, graph, preconditioner, state, reach, old, tolerance, l
     worst = residual_size(parts, residual, reach)
     done = 0
     while done < limit and worst > tolerance:
-        product = _precondition(parts, residual, blocks, owner, arm, factor, columns, rigid, work, z)
+        product = _precondition(parts, residual, blocks, owner, arm, factor, columns, rigid, work,
+                                z)
         beta = product / old if old > 0.0 else 0.0
         old = product
         _turn(parts, z, beta, p, q)

@@ -81,9 +81,7 @@ class StressSolver:
         self.state += 1
         self._bonds_changed(np.arange(graph.count))
         self._relabel()
-        self._coarse = CoarseSpace(graph, np.flatnonzero(self.supported), _AGGREGATE)
-        self._coarse_fresh = True
-        self._look()
+        self._refresh()
 
     def set_loads(self, force: np.ndarray, moment: np.ndarray | None = None) -> None:
         """
@@ -127,10 +125,11 @@ class StressSolver:
         graph.cut(bonds)
         self._residual += dynamic_factor * released
         self._sudden += (dynamic_factor - 1.0) * released
+        self._relabel()
         self._after_change(bonds)
 
-    def open(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
-        """Crack bonds partly, see `strength.opening` and `BondGraph.narrow`."""
+    def crack(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+        """Open bonds partly, see `strength.opening` and `BondGraph.narrow`."""
         graph = self.graph
         for sign, change in ((-1.0, lambda: graph.narrow(bonds, low, high)), (1.0, None)):
             links.add_pulls(bonds, graph.links, graph.first, graph.second, self.displacement,
@@ -170,7 +169,6 @@ class StressSolver:
         touched = np.unique(np.concatenate([graph.first[bonds], graph.second[bonds]]))
         self._bonds_changed(touched[touched < graph.count])
         self._coarse_fresh = False
-        self._topology_old = True
         self._stale_view = True
         self._patience = 0
         self.state += 1
@@ -187,13 +185,10 @@ class StressSolver:
                                                        graph.alive)
         for array in (self.displacement, self._residual, self._sudden):
             array[:-1][~self.supported] = 0.0
-        self._topology_old = False
 
     def _look(self) -> None:
         """Find the islands out of equilibrium: the active parts and bonds."""
         graph = self.graph
-        if self._topology_old:
-            self._relabel()
         size = pcg.residual_sizes(self._residual, graph.reach)
         self.residual = float(size.max(initial=0.0))
         active = np.zeros(graph.count + 1, bool)
@@ -221,7 +216,7 @@ class StressSolver:
         :param limit: largest number of iterations.
         :returns: the largest nodal residual [N].
         """
-        while limit > 0 and not self.converged:
+        while limit > 0 and not self.converged and self._patience < _PATIENCE:
             stale = not self._coarse_fresh
             if stale and self._patience >= _STALE_AFTER:
                 self._refresh()
@@ -246,10 +241,8 @@ class StressSolver:
         return done
 
     def _refresh(self) -> None:
-        graph = self.graph
-        supported = np.append(self.supported, False)
-        self._coarse.refresh(graph, np.flatnonzero(
-            graph.alive & (supported[graph.first] | supported[graph.second])))
+        """Aggregate anew what is connected now, and factor."""
+        self._coarse = CoarseSpace(self.graph, np.flatnonzero(self.supported), _AGGREGATE)
         self._coarse_fresh = True
         self._look()
 

@@ -38,7 +38,8 @@ import numpy as np
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
 
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
-_LIGAMENT = 0.05    # least share of the patch side that may stay closed: below it crushes away
+_LIGAMENT = 0.05    # least share of the whole side that may stay closed: less crushes away
+_MARGIN = 0.95      # of the side that balances the resultant: utilisation 0.9 once opened
 
 
 class Cause(IntEnum):
@@ -99,8 +100,10 @@ def opening(graph: BondGraph, bonds: np.ndarray,
 
     A pulled bond breaks. A pressed one opens from its pulled edge until the pressure, linear
     without tension, balances the resultant: it stays closed over 3·(e/2 - eccentricity) from the
-    pressed edge (elementary theory of the section without tension; each axis by itself). When that
-    is next to nothing, or the resultant is outside the patch, it breaks.
+    pressed edge (elementary theory of the section without tension), less a margin so that opening
+    comes to an end. Eccentric along both sides, each side opens as if the other's eccentricity
+    were added in proportion: rather too much than too little. When next to nothing stays closed, or the
+    resultant is outside the patch, the bond breaks.
 
     :param bonds: rows, (K,).
     :param wrench: of these bonds, bond frame, (K, 6).
@@ -111,8 +114,10 @@ def opening(graph: BondGraph, bonds: np.ndarray,
     safe = np.where(press > 0.0, press, 1.0)[:, None]
     eccentricity = np.column_stack([wrench[:, 4], -wrench[:, 3]]) / safe
     extent = graph.extent[bonds]
-    closed = np.minimum(3.0 * (0.5 * extent - np.abs(eccentricity)), extent)
-    stays = (press > 0.0) & np.all(closed > _LIGAMENT * extent, axis=1)
+    kern = 6.0 * np.abs(eccentricity) / extent  # 1 on the edge of the middle third
+    kern *= (kern.sum(axis=1) / np.maximum(kern.max(axis=1), 1e-12))[:, None]
+    closed = np.minimum(_MARGIN * 0.5 * (3.0 - kern), 1.0) * extent
+    stays = (press > 0.0) & np.all(closed > _LIGAMENT * graph.whole_extent[bonds], axis=1)
     edge = 0.5 * extent
     low = np.where(eccentricity > 0.0, edge - closed, -edge)
     high = np.where(eccentricity > 0.0, edge, closed - edge)

@@ -1,0 +1,205 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Progressive failure: what stands, what arches, what falls, what topples."""
+
+from masonry_walls import blueprint, bonded, BRICK, DENSITY, wall, wall_boxes
+import numpy as np
+import pytest
+
+from procphys_ros.physics.masonry import BondGraph, Cause, Fracture, StressSolver
+
+G = 9.81  # [m/s²]
+
+
+def settle(fracture, iterations=200000):
+    """Advance until stable; give all failures as (bond, cause, utilisation, broken) columns."""
+    rounds = fracture.advance(iterations)
+    assert fracture.stable
+    return [np.concatenate([getattr(r, name) for r in rounds] or [np.zeros(0)])
+            for name in ('bond', 'cause', 'utilisation', 'broken')]
+
+
+def start(plan, **kwargs):
+    """Build graph, solver and fracture."""
+    return Fracture(StressSolver(BondGraph(plan), **kwargs))
+
+
+def block_wall(height, courses, tension, thickness=0.1025):
+    """Stack wide blocks into a wall whose only joints are full beds."""
+    lift = height / courses
+    centres = np.column_stack([np.zeros((courses, 2)), (np.arange(courses) + 0.5) * lift])
+    return bonded(centres, [1.0, thickness, lift - 1e-9], tension=tension, gap=1e-3)
+
+
+def push(fracture, plan, ratio):
+    """Accelerate everything along y by a ratio of g."""
+    force = np.zeros((len(plan), 3))
+    force[:, 1] = plan.mass * G * ratio
+    fracture.solver.set_loads(force)
+
+
+def test_sound_wall_breaks_nothing():
+    """Judge a free-standing wall with a window under its weight: all bonds within strength."""
+    plan = wall(14, 20, holes=[(1.0, 0.5, 1.6, 1.0)])
+    fracture = start(plan)
+    bond, *_ = settle(fracture)
+    assert not len(bond)
+    assert fracture.solver.utilisation()[0].max() < 1.0
+    assert fracture.advance(1000) == []
+
+
+def test_nothing_breaks_before_the_stresses_have_converged():
+    """Spend one iteration at a time on an overload: break only in equilibrium."""
+    plan = wall(12, 14)
+    fracture = start(plan)
+    settle(fracture)
+    push(fracture, plan, 3.0)
+    waited = 0
+    while not (rounds := fracture.advance(1)):
+        assert not fracture.stable
+        waited += 1
+    assert waited > 5
+    assert rounds[0].utilisation.max() > 1.0
+
+
+def gap_in_wall(tension):
+    """Remove the foot of a wall over 1.2 m at once; give the fracture, centres and what fell."""
+    centres, sizes = wall_boxes(16, 20)
+    gone = np.flatnonzero((centres[:, 2] < 0.15) & (np.abs(centres[:, 0] - 1.8) < 0.6))
+    fracture = start(bonded(centres, sizes, tension=tension, cohesion=1.5 * tension, friction=0.6))
+    settle(fracture)
+    assert fracture.solver.supported.all()
+    fracture.solver.remove_parts(gone)
+    settle(fracture)
+    return fracture, centres, np.setdiff1d(np.flatnonzero(~fracture.solver.supported), gone)
+
+
+def test_sound_wall_spans_a_removed_support():
+    """Lose nothing above the gap with ordinary mortar."""
+    _, _, fallen = gap_in_wall(0.2e6)
+    assert not len(fallen)
+
+
+def test_poor_wall_arches_over_a_removed_support():
+    """Drop a stepped triangle above the gap with mortar of a tenth of the strength."""
+    _, centres, fallen = gap_in_wall(0.02e6)
+    assert 10 < len(fallen) < 60
+    height = centres[fallen, 2]
+    aside = np.abs(centres[fallen, 0] - 1.8)
+    assert height.max() < 0.75  # the arch keeps the courses above
+    low, high = aside[height < 0.2].max(), aside[height > height.max() - 0.1].max()
+    assert high < 0.5 * low < 0.5  # it narrows upwards
+
+
+def test_wall_without_strength_falls_through_to_the_top():
+    """Drop the whole shaft above the gap of a dry wall; what stands beside it stays."""
+    fracture, centres, fallen = gap_in_wall(0.0)
+    assert centres[fallen, 2].max() > 1.4
+    beside = np.abs(centres[:, 0] - 1.8) > 1.5
+    assert fracture.solver.supported[beside & (centres[:, 2] < 1.0)].all()
+
+
+def test_dry_wall_cracks_at_the_kern_but_topples_at_its_aspect_ratio():
+    """Open the foot of a dry wall from t/3h on, and let it go only near t/h."""
+    height, thickness = 2.5, 0.1025
+    for ratio, opens, falls in ((0.95 / 3, False, False), (0.5, True, False), (0.85, True, False),
+                                (1.02, True, True)):
+        plan = block_wall(height, 10, tension=0.0)
+        fracture = start(plan, tolerance=1e-3)
+        push(fracture, plan, ratio * thickness / height)
+        _, cause, _, broken = settle(fracture)
+        assert bool(len(cause)) == opens
+        assert (not fracture.solver.supported.all()) == falls
+        assert bool(np.any(broken)) == falls
+
+
+def test_mortared_wall_topples_as_soon_as_it_cracks():
+    """Drop a wall lower than f_t/(2ρg) at its first crack, as the closed form has it."""
+    height, thickness, tension = 2.5, 0.1025, 0.2e6
+    assert height < tension / (2 * DENSITY * G)
+    crack = (tension + DENSITY * G * height) * thickness / (3 * DENSITY * G * height ** 2)
+    for factor, falls in ((0.99, False), (1.01, True)):
+        plan = block_wall(height, 10, tension)
+        fracture = start(plan, tolerance=1e-3)
+        push(fracture, plan, factor * crack)
+        settle(fracture)
+        assert not np.any(fracture.solver.supported) if falls else fracture.solver.supported.all()
+
+
+def test_mechanism_is_reported_and_turned_loose():
+    """Hang a block on a bond so soft that it swings away: call it a mechanism, let it fall."""
+    frame = [[0.0, 0.0, 0.5, 0.0, 0.5 ** 0.5, 0.0, 0.5 ** 0.5],
+             [-0.5, 0, 0, 0, 0, 0, 1.0]]
+    plan = blueprint([[-0.5, 0, 0.5], [1.0, 0, 0.5]], [[1.0, 0.1, 1.0], [2.0, 0.1, 0.1]],
+                     [[0, 1], [-1, 0]], frame, [[0.1, 0.1], [1.0, 0.1]])
+    plan.mortar.normal_stiffness[0] = plan.mortar.shear_stiffness[0] = 1e6
+    fracture = start(plan)
+    _, cause, _, broken = settle(fracture)
+    assert cause.tolist() == [Cause.MECHANISM]
+    assert broken.all()
+    assert fracture.solver.supported.tolist() == [True, False]
+
+
+def test_sudden_removal_breaks_what_slow_removal_spares():
+    """Take a prop from a beam: f_t between once and twice the change of stress decides."""
+    plan = bonded([[0, 0, 0.05], [0, 0, 0.151], [0.4, 0, 0.05]],
+                  [[0.1, 0.1, 0.1], [1.0, 0.1, 0.1], [0.1, 0.1, 0.1]], gap=0.002,
+                  density=[1.0, 1.0, 1.0], tension=1e5, cohesion=1e6)
+    force = np.zeros((3, 3))
+    outcome = []
+    for load in (15.0, 40.0, 200.0):
+        for factor in (1.0, 2.0):
+            fracture = start(plan, tolerance=1e-3)
+            settle(fracture)
+            force[1] = 0, 0, -load
+            fracture.solver.set_loads(force, np.array([[0] * 3, [0, 0.4 * load, 0], [0] * 3]))
+            settle(fracture)
+            fracture.solver.remove_parts(np.array([2]), dynamic_factor=factor)
+            settle(fracture)
+            outcome.append(bool(fracture.solver.supported[1]))
+    assert outcome == [True, True, True, False, False, False]
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+def test_rounds_of_many_bonds_end_like_breaking_one_at_a_time(seed):
+    """Break in bands and singly: the same bricks fall, within two bricks."""
+    plan = wall(12, 14, tension=0.02e6, cohesion=0.03e6)
+    rng = np.random.default_rng(seed)
+    gone = rng.choice(len(plan), 8, replace=False)
+    outcome = []
+    for band in (0.7, 1.0):
+        fracture = start(plan)
+        fracture.band = band
+        settle(fracture)
+        fracture.solver.remove_parts(gone)
+        settle(fracture)
+        outcome.append(fracture.solver.supported.copy())
+    assert np.sum(outcome[0] != outcome[1]) <= 2
+
+
+def test_same_input_breaks_the_same_bonds_in_the_same_order():
+    """Repeat a collapse and compare every failure."""
+    runs = []
+    for _ in range(2):
+        plan = wall(12, 14, tension=0.01e6, cohesion=0.02e6)
+        fracture = start(plan)
+        settle(fracture)
+        fracture.solver.remove_parts(np.flatnonzero(
+            (plan.poses[:, 2] < BRICK[2]) & (plan.poses[:, 0] > 1.0)))
+        runs.append(settle(fracture))
+    assert len(runs[0][0])
+    for one, two in zip(*runs):
+        np.testing.assert_array_equal(one, two)
