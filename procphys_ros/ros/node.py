@@ -67,7 +67,9 @@ class SimNode(Node):
     def __init__(self, **options):
         super().__init__('sim', **options)
         self.parameters = Parameters(self)
-        self._warn_about_settings()
+        if not self.parameters['scene.objects']:
+            raise SceneError('scene.objects is empty, there is nothing to simulate; give a scene '
+                             'with --ros-args --params-file config/demo.yaml')
         rate = self.parameters['publish_rate']
         self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
                            budget=1.0 / rate)
@@ -86,6 +88,7 @@ class SimNode(Node):
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._ticks = self.create_timer(1.0 / rate, self._tick, clock=self.steady_clock)
         self._status = self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
+        self._warn_about_settings()
         self._start_scene()
         self.pacer.restart()
 
@@ -135,6 +138,3 @@ class SimNode(Node):
                                       'it keeps its own time')
         for name in self.parameters.unknown_overrides():
             self.get_logger().warning(f'there is no parameter {name}')
-        if not self.parameters['scene.objects']:
-            raise SceneError('scene.objects is empty, there is nothing to simulate; give a scene '
-                             'with --ros-args --params-file config/demo.yaml')

@@ -19,6 +19,7 @@ from collections.abc import Callable
 from time import monotonic
 
 _WINDOW = 1.0  # [s] of real time over which the real-time factor is measured
+_PATIENCE = 3.0  # calls that may be late in a row before the time they stand for is let go
 
 
 class Pacer:
@@ -57,7 +58,8 @@ class Pacer:
         :returns: how many were run.
         """
         now = self._clock()
-        self._owed += (now - self._last) * self.factor
+        # After a standstill of the process (a slow command, a busy machine) nothing is made up.
+        self._owed += min(now - self._last, _PATIENCE * self.budget) * self.factor
         self._last = now
         steps = 0
         while self._is_due() and (not steps or self._clock() - now < self.budget):

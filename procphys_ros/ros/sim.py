@@ -86,7 +86,9 @@ def banner(node: SimNode) -> str:
 def status(node: SimNode) -> str:
     """Say how it goes, in one line."""
     simulation = node.session.simulation
-    pace = 'paused' if node.session.paused else f'real-time factor {node.pacer.measured:.2f}'
+    measured = node.pacer.measured
+    pace = ('paused' if node.session.paused else 'starting' if np.isnan(measured)
+            else f'real-time factor {measured:.2f}')
     wind = np.linalg.norm(sum(simulation.wind.at_reference(simulation.time)))
     return (f't {simulation.time:8.2f} s   {pace}   wind {wind:4.1f} m/s   '
             f'{simulation.bonds_broken} broken')

@@ -1,0 +1,179 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The node as a process of its own, and a client that talks to it over loopback."""
+
+from collections.abc import Callable
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from time import monotonic
+from typing import Any
+
+os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)  # own domain: sessions do not meet
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import GetParameters, SetParameters
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
+
+ROOT = Path(__file__).resolve().parents[1]
+PATIENCE = 60.0  # [s] a cold start compiles kernels first
+SAPLING = """
+axiom: Width(0.08) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) F(1) [ +(40) F(0.8) ] F(1)
+"""
+SCENE: dict[str, Any] = {
+    'scene': {'objects': ['sapling', 'post']},
+    'sapling': {'grammar_text': SAPLING, 'count': 3, 'layout': 'row', 'spacing': 4.0},
+    'post': {'grammar_text': SAPLING, 'origin': [0.0, 6.0, 0.0]},
+}
+PARTS = 16
+
+
+class NodeProcess:
+    """
+    The executable `sim` in another process.
+
+    :param folder: where its parameter file goes.
+    :param parameters: nested mapping; None = no parameter file.
+    :param arguments: further ROS arguments.
+    """
+
+    def __init__(self, folder: Path, parameters: dict | None = None, *arguments: str):
+        command = [sys.executable, '-m', 'procphys_ros.ros.sim', '--ros-args', *arguments]
+        if parameters is not None:
+            path = folder / 'scene.yaml'  # JSON is YAML
+            path.write_text(json.dumps({'/**': {'ros__parameters': parameters}}), 'utf-8')
+            command += ['--params-file', str(path)]
+        self.process = subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+            env={**os.environ, 'PYTHONUNBUFFERED': '1'})
+
+    def wait_for_banner(self) -> str:
+        """Read what the node prints until it runs."""
+        lines = []
+        for line in self.process.stdout:
+            lines.append(line)
+            if 'Ctrl-C' in line:
+                return ''.join(lines)
+        raise AssertionError(f'the node ended: {self.process.stderr.read()}')
+
+    def finish(self, how: signal.Signals | None = None) -> tuple[int, str]:
+        """Send a signal, wait for the end, and give the exit code and what the node complained."""
+        if how is not None:
+            self.process.send_signal(how)
+        _, errors = self.process.communicate(timeout=PATIENCE)
+        lines = errors.splitlines(keepends=True)  # PyBullet greets whoever imports it
+        return self.process.returncode, ''.join(
+            line for line in lines if not line.startswith('pybullet build time'))
+
+    def kill(self) -> None:
+        """End the process whatever it does."""
+        if self.process.poll() is None:
+            self.process.kill()
+            self.process.communicate()
+
+
+class Client:
+    """A node in this process that listens to `sim`, sends to it and calls its services."""
+
+    def __init__(self) -> None:
+        self.node = rclpy.create_node('test_client')
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+
+    def spin_until(self, done: Callable[[], Any], what: str) -> None:
+        """Handle what arrives until a condition holds."""
+        end = monotonic() + PATIENCE
+        while not done():
+            assert monotonic() < end, f'waited in vain for {what}'
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def listen(self, kind: type, topic: str, profile: Any = 5, **options: Any) -> list:
+        """Subscribe, and give the list that messages will be appended to."""
+        received: list = []
+        self.node.create_subscription(kind, topic, received.append, profile, **options)
+        return received
+
+    def next_message(self, kind: type, topic: str, profile: Any = 5) -> Any:
+        """Subscribe, give the first message that arrives, and unsubscribe."""
+        received: list = []
+        subscription = self.node.create_subscription(kind, topic, received.append, profile)
+        self.spin_until(lambda: received, f'a message on {topic}')
+        self.node.destroy_subscription(subscription)
+        return received[0]
+
+    def publisher(self, kind: type, topic: str) -> Any:
+        """Make a publisher and wait until the node has it."""
+        publisher = self.node.create_publisher(kind, topic, 1000)
+        self.spin_until(publisher.get_subscription_count, f'a subscriber of {topic}')
+        return publisher
+
+    def call(self, kind: type, service: str, request: Any) -> Any:
+        """Call a service and give its answer."""
+        client = self.node.create_client(kind, service)
+        self.spin_until(client.service_is_ready, f'the service {service}')
+        future = client.call_async(request)
+        self.spin_until(future.done, f'an answer of {service}')
+        self.node.destroy_client(client)
+        return future.result()
+
+    def trigger(self, name: str) -> Any:
+        """Call one of the Trigger services of `sim`."""
+        return self.call(Trigger, f'/sim/{name}', Trigger.Request())
+
+    def switch(self, name: str, on: bool) -> Any:
+        """Call one of the SetBool services of `sim`."""
+        return self.call(SetBool, f'/sim/{name}', SetBool.Request(data=on))
+
+    def set_parameter(self, name: str, value: Any) -> Any:
+        """Set a parameter of `sim`; give the result with `successful` and `reason`."""
+        request = SetParameters.Request(
+            parameters=[Parameter(name, value=value).to_parameter_msg()])
+        return self.call(SetParameters, '/sim/set_parameters', request).results[0]
+
+    def get_parameter(self, name: str) -> Any:
+        """Read a parameter of `sim`."""
+        answer = self.call(GetParameters, '/sim/get_parameters',
+                           GetParameters.Request(names=[name]))
+        return Parameter.from_parameter_msg(
+            Parameter(name).to_parameter_msg().__class__(name=name, value=answer.values[0])).value
+
+    def diagnostics_where(self, fits: Callable[[dict[str, str]], bool]) -> dict[str, str]:
+        """Wait for a status whose values fit, and give them; 'message' is among them."""
+        received: list[DiagnosticArray] = []
+        subscription = self.node.create_subscription(DiagnosticArray, '/diagnostics',
+                                                     received.append, 10)
+
+        def values() -> dict[str, str]:
+            if not received:
+                return {}
+            status = received[-1].status[0]
+            return {'message': status.message, **{v.key: v.value for v in status.values}}
+
+        self.spin_until(lambda: received and fits(values()), 'diagnostics that fit')
+        self.node.destroy_subscription(subscription)
+        return values()

@@ -1,0 +1,330 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The node over loopback: a real `sim` in another process, a real client in this one."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy')
+
+from geometry_msgs.msg import PoseArray, Vector3Stamped, WrenchStamped
+from node_process import Client, NodeProcess, PARTS, SAPLING, SCENE
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from visualization_msgs.msg import Marker, MarkerArray
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+@pytest.fixture(scope='module', autouse=True)
+def process(tmp_path_factory):
+    """Run one node for all tests here."""
+    rclpy.init()
+    process = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
+    process.wait_for_banner()
+    yield process
+    process.kill()
+    rclpy.try_shutdown()
+
+
+@pytest.fixture
+def client():
+    """Give a client to a node that runs from time 0, in still air."""
+    client = Client()
+    assert client.switch('set_pause', False).success
+    assert client.set_parameter('wind.velocity', [0.0, 0.0, 0.0]).successful
+    assert client.trigger('reset_simulation').success
+    yield client
+    client.close()
+
+
+def array_of(message: PoseArray) -> np.ndarray:
+    """Read poses as an array (N, 7)."""
+    return np.array([[p.position.x, p.position.y, p.position.z, p.orientation.x, p.orientation.y,
+                      p.orientation.z, p.orientation.w] for p in message.poses])
+
+
+def rejected(client: Client) -> int:
+    """Read how many commands have been rejected so far."""
+    return int(client.diagnostics_where(lambda v: True)['commands rejected'])
+
+
+def wrench(part: str, x: float = 0.0, turn: float = 0.0) -> WrenchStamped:
+    """Make an impulse or a force along x, and about z, on a part."""
+    message = WrenchStamped()
+    message.header.frame_id = part
+    message.wrench.force.x = x
+    message.wrench.torque.z = turn
+    return message
+
+
+def test_poses_arrive_with_every_part(client):
+    """Publish all parts as unit quaternions in the world frame, stamped with growing time."""
+    received = client.listen(PoseArray, '/sim/poses')
+    client.spin_until(lambda: len(received) >= 5, 'poses')
+    poses = array_of(received[-1])
+    assert poses.shape == (PARTS, 7)
+    assert received[0].header.frame_id == 'world'
+    np.testing.assert_allclose(np.linalg.norm(poses[:, 3:], axis=1), 1.0, atol=1e-9)
+    stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in received]
+    assert np.all(np.diff(stamps) > 0)
+
+
+def test_clock_grows_and_jumps_back_at_a_reset(client):
+    """Publish simulation time, and start anew from zero when reset."""
+    received = client.listen(Clock, '/clock')
+    client.spin_until(lambda: received and received[-1].clock.sec >= 1, 'one second')
+    assert client.trigger('reset_simulation').success
+    received.clear()
+    client.spin_until(lambda: len(received) > 1 and received[-1].clock.sec == 0, 'time 0')
+
+
+def test_late_joiner_gets_the_scene_description(client):
+    """Keep the description for whoever comes later."""
+    scene = json.loads(client.next_message(String, '/sim/scene_description', LATCHED).data)
+    assert [o['name'] for o in scene['objects']] == ['sapling_0', 'sapling_1', 'sapling_2',
+                                                      'post']
+    assert [o['first'] for o in scene['objects']] == [0, 4, 8, 12]
+    assert len(scene['parts']['name']) == PARTS
+    assert scene['parts']['name'][5] == 'sapling_1/segment_1'
+    assert len(scene['bonds']['parts']) == PARTS
+
+
+def test_new_subscriber_gets_all_markers_even_when_paused(client):
+    """Send the whole set to whoever begins to look, and nothing more while nothing moves."""
+    client.switch('set_pause', True)
+    received = client.listen(MarkerArray, '/sim/markers')
+    client.spin_until(lambda: received, 'markers')
+    markers = [m for m in received[0].markers if m.action == Marker.ADD]
+    assert sorted(m.id for m in markers) == list(range(PARTS))
+    assert {m.ns for m in markers} == {'sapling_0', 'sapling_1', 'sapling_2', 'post'}
+    clock = client.listen(Clock, '/clock')
+    client.spin_until(lambda: len(clock) > 60, 'two seconds')
+    assert len(received) <= 2
+
+
+def test_markers_follow_what_moves(client):
+    """Send only the tree that was struck."""
+    received = client.listen(MarkerArray, '/sim/markers')
+    clock = client.listen(Clock, '/clock')
+    client.spin_until(lambda: received and len(clock) > 60, 'the whole set, twice')
+    received.clear()
+    client.publisher(WrenchStamped, '/sim/impulse').publish(wrench('post/2', 20.0))
+    client.spin_until(lambda: received, 'changes')
+    assert {m.ns for m in received[0].markers} == {'post'}
+
+
+def test_impulse_moves_the_named_tree_alone(client):
+    """Strike one part by name; its tree moves, the others stand."""
+    before = array_of(client.next_message(PoseArray, '/sim/poses'))
+    client.publisher(WrenchStamped, '/sim/impulse').publish(wrench('sapling_1/segment_3', 30.0))
+    received = client.listen(PoseArray, '/sim/poses')
+    client.spin_until(
+        lambda: received and abs(array_of(received[-1])[7, 0] - before[7, 0]) > 0.02, 'motion')
+    moved = np.abs(array_of(received[-1]) - before).max(axis=1)
+    np.testing.assert_allclose(moved[[0, 1, 2, 3, 8, 9, 10, 11]], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize('part', ['elm/3', 'sapling_0/99', '', '🌳/1', 'sapling_0/brick_1', '-1'])
+def test_impulse_on_an_unknown_part_is_rejected_and_counted(client, part):
+    """Drop the command, count it, and say why in the diagnostics."""
+    before = rejected(client)
+    client.publisher(WrenchStamped, '/sim/impulse').publish(wrench(part, 1.0))
+    values = client.diagnostics_where(lambda v: int(v['commands rejected']) > before)
+    assert values['last rejection'].startswith('impulse: ')
+
+
+@pytest.mark.parametrize('value', [math.nan, math.inf, 1e308])
+def test_hostile_numbers_are_rejected(client, value):
+    """Refuse wind and impulses that are not finite or absurd; the poses stay finite."""
+    before = rejected(client)
+    wind = Vector3Stamped()
+    wind.vector.x = value
+    client.publisher(Vector3Stamped, '/sim/wind').publish(wind)
+    client.publisher(WrenchStamped, '/sim/impulse').publish(wrench('post/1', value))
+    client.publisher(WrenchStamped, '/sim/wrench').publish(wrench('post/1', 0.0, value))
+    client.diagnostics_where(lambda v: int(v['commands rejected']) >= before + 3)
+    assert np.isfinite(array_of(client.next_message(PoseArray, '/sim/poses'))).all()
+
+
+def test_wind_in_another_frame_is_rejected(client):
+    """Refuse vectors that would need a transform."""
+    before = rejected(client)
+    wind = Vector3Stamped()
+    wind.header.frame_id = 'base_link'
+    client.publisher(Vector3Stamped, '/sim/wind').publish(wind)
+    values = client.diagnostics_where(lambda v: int(v['commands rejected']) > before)
+    assert 'base_link' in values['last rejection'] and 'world' in values['last rejection']
+
+
+def test_wind_blows_as_told_and_can_be_switched_off(client):
+    """Take a mean wind from the topic and show it, turbulence included, on wind_info."""
+    client.set_parameter('wind.turbulence_intensity', 0.0)
+    wind = Vector3Stamped()
+    wind.vector.x = 6.0
+    client.publisher(Vector3Stamped, '/sim/wind').publish(wind)
+    received = client.listen(Vector3Stamped, '/sim/wind_info')
+    client.spin_until(lambda: received and received[-1].vector.x == pytest.approx(6.0), 'wind')
+    assert client.set_parameter('wind.turbulence_intensity', 0.2).successful
+    client.spin_until(lambda: abs(received[-1].vector.x - 6.0) > 1e-3, 'turbulence')
+    assert client.switch('set_wind_enabled', False).success
+    client.spin_until(lambda: received[-1].vector.x == 0.0, 'still air')
+
+
+def test_strong_wrench_breaks_a_tree_and_the_break_is_told(client):
+    """Publish a row per broken bond that names the parts."""
+    received = client.listen(PointCloud2, '/sim/breaks')
+    client.set_parameter('scene.objects', ['sapling', 'post'])
+    text = SAPLING.replace('DampingRatio', 'Strength(1e6) DampingRatio')
+    assert client.set_parameter('post.grammar_text', text).successful
+    assert client.trigger('reload_scene').success
+    client.publisher(WrenchStamped, '/sim/wrench').publish(wrench('post/3', 3000.0))
+    client.spin_until(lambda: received, 'breaks')
+    fields = {f.name: f.offset for f in received[0].fields}
+    row = np.frombuffer(bytes(received[0].data[:received[0].point_step]), np.uint8)
+    part = row[fields['part_b']:][:4].view(np.int32)[0]
+    assert 12 <= part < 16
+    assert row[fields['load']:][:4].view(np.float32)[0] > 1.0
+    assert client.trigger('clear_wrenches').success
+    assert client.set_parameter('post.grammar_text', SAPLING).successful
+    assert client.trigger('reload_scene').success
+
+
+def test_same_steps_from_a_reset_give_identical_poses(client):
+    """Pause, reset and step twice over; the poses agree to the last bit."""
+    assert client.set_parameter('wind.velocity', [9.0, 0.0, 0.0]).successful
+    assert client.set_parameter('impulse.target', 'sapling_0/3').successful
+    assert client.set_parameter('impulse.linear', [0, 5, 0]).successful
+    assert client.switch('set_pause', True).success
+    runs = []
+    for _ in range(2):
+        assert client.trigger('reset_simulation').success
+        assert client.trigger('apply_impulse').success
+        for _ in range(5):
+            assert client.trigger('step_simulation').success
+        message = client.next_message(PoseArray, '/sim/poses')
+        stamp = message.header.stamp
+        assert stamp.sec + 1e-9 * stamp.nanosec == pytest.approx(5 / 60, abs=1e-6)
+        runs.append(array_of(message))
+    np.testing.assert_array_equal(runs[0], runs[1])
+
+
+def test_time_stands_still_while_paused(client):
+    """Publish one and the same time while paused."""
+    client.switch('set_pause', True)
+    received = client.listen(Clock, '/clock')
+    client.spin_until(lambda: len(received) > 10, 'clock')
+    assert len({(m.clock.sec, m.clock.nanosec) for m in received}) == 1
+
+
+def test_step_is_refused_while_running(client):
+    """Say how to step instead."""
+    answer = client.trigger('step_simulation')
+    assert not answer.success and 'set_pause' in answer.message
+
+
+def test_apply_impulse_without_a_target_is_refused(client):
+    """Name the parameter that is missing."""
+    client.set_parameter('impulse.target', '')
+    answer = client.trigger('apply_impulse')
+    assert not answer.success and 'impulse.target' in answer.message
+
+
+def test_gust_in_still_air_needs_a_direction(client):
+    """Refuse a gust that has nowhere to go, take it when it has."""
+    answer = client.trigger('gust')
+    assert not answer.success and 'gust.direction' in answer.message
+    assert client.set_parameter('gust.direction', [0, 1, 0]).successful
+    assert client.set_parameter('gust.upwind', 0).successful
+    assert client.trigger('gust').success
+    received = client.listen(Vector3Stamped, '/sim/wind_info')
+    client.spin_until(lambda: received and received[-1].vector.y > 3.0, 'the gust')
+
+
+def test_integers_are_accepted_for_doubles(client):
+    """Take whole numbers where the table says double, scalar and vector."""
+    assert client.set_parameter('wind.velocity', [5, 0, 0]).successful
+    assert client.set_parameter('publish_rate', 25).successful
+    assert client.get_parameter('publish_rate') == 25
+    assert client.set_parameter('publish_rate', 30.0).successful
+
+
+@pytest.mark.parametrize(('name', 'value', 'said'), [
+    ('wind.velocity', [1.0, math.nan, 0.0], 'wind.velocity'),
+    ('wind.velocity', [1.0, 2.0], '3 numbers'),
+    ('wind.velocity', [140.0, 140.0, 0.0], '150'),
+    ('wind.turbulence_intensity', 3.0, ''),
+    ('wind.profile', 'logarithmic', 'log, power, uniform'),
+    ('wind.roughness_length', 'rough', 'number'),
+    ('publish_rate', 0.0, ''),
+    ('world_frame', 'map', 'read-only'),
+    ('sapling.count', -1, ''),
+    ('sapling.count', 2.5, 'whole number'),
+    ('scene.objects', ['wind'], 'cannot name an object'),
+    ('scene.objects', ['two words'], 'letters'),
+])
+def test_bad_parameter_is_refused_with_a_reason(client, name, value, said):
+    """Leave the old value, and say what is allowed."""
+    before = client.get_parameter(name)
+    result = client.set_parameter(name, value)
+    assert not result.successful and said in result.reason
+    assert client.get_parameter(name) == before
+
+
+def test_reload_takes_new_objects_and_keeps_the_scene_on_an_error(client):
+    """Rebuild from changed parameters; with a broken grammar say where, and go on as before."""
+    assert client.set_parameter('scene.objects', ['sapling', 'post', 'elm']).successful
+    answer = client.trigger('reload_scene')
+    assert not answer.success and 'elm' in answer.message
+    assert len(client.next_message(PoseArray, '/sim/poses').poses) == PARTS
+    assert client.set_parameter('elm.grammar_text', 'axiom: F(1) F(1').successful
+    answer = client.trigger('reload_scene')
+    assert not answer.success and 'elm.grammar_text:1' in answer.message
+    assert client.set_parameter('elm.grammar_text', SAPLING).successful
+    assert client.trigger('reload_scene').success
+    assert len(client.next_message(PoseArray, '/sim/poses').poses) == PARTS + 4
+    scene = json.loads(client.next_message(String, '/sim/scene_description', LATCHED).data)
+    assert scene['objects'][-1] == {'name': 'elm', 'first': 16, 'count': 4}
+    assert client.set_parameter('scene.objects', ['sapling', 'post']).successful
+    assert client.trigger('reload_scene').success
+
+
+def test_a_thousand_commands_are_all_answered_for(client):
+    """Count every command of a flood as taken or as rejected."""
+    before = client.diagnostics_where(lambda v: True)
+    publisher = client.publisher(WrenchStamped, '/sim/impulse')
+    for i in range(1000):
+        publisher.publish(wrench('sapling_0/1' if i % 2 else 'nobody/1', 1e-3))
+    for key in ('commands taken', 'commands rejected'):
+        goal = int(before[key]) + 500
+        values = client.diagnostics_where(lambda v: int(v[key]) >= goal)  # noqa: B023
+        assert int(values[key]) == goal
+
+
+def test_overloaded_node_slows_down_and_still_answers(client):
+    """Ask for far more than can be computed: services answer, the status warns."""
+    assert client.set_parameter('real_time_factor', 1000.0).successful
+    values = client.diagnostics_where(lambda v: v['message'].startswith('overloaded'))
+    assert float(values['real-time factor']) < 950.0
+    assert client.switch('set_wind_enabled', True).success
+    assert client.set_parameter('real_time_factor', 1.0).successful
+    client.diagnostics_where(lambda v: v['message'] == 'running')

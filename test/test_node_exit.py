@@ -1,0 +1,118 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""How the node starts and ends: exit codes, one readable line, no traceback."""
+
+import signal
+
+from node_process import NodeProcess, SCENE
+import pytest
+
+pytest.importorskip('rclpy')
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Give a function that starts nodes and see to it that they end."""
+    started = []
+
+    def run(parameters: dict | None, *arguments: str) -> NodeProcess:
+        started.append(NodeProcess(tmp_path, parameters, *arguments))
+        return started[-1]
+
+    yield run
+    for process in started:
+        process.kill()
+
+
+def with_(**changes) -> dict:
+    """Give the scene with some top-level keys replaced."""
+    return {**SCENE, **changes}
+
+
+@pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_the_node_with_code_zero(start, how):
+    """End quietly when told to."""
+    process = start(SCENE)
+    banner = process.wait_for_banner()
+    assert '4 objects, 16 parts' in banner and '/sim/poses' in banner
+    code, errors = process.finish(how)
+    assert code == 0 and errors == ''
+
+
+@pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGTERM])
+def test_node_ends_while_it_runs_as_fast_as_possible(start, how):
+    """Hear a signal although there is always a step to compute."""
+    process = start(with_(real_time_factor=0.0))
+    process.wait_for_banner()
+    for _ in range(2):
+        process.process.stdout.readline()
+    assert process.finish(how)[0] == 0
+
+
+def test_use_sim_time_does_not_stop_the_node(start):
+    """Run on the steady clock although told to wait for the clock that it publishes itself."""
+    process = start(with_(use_sim_time=True))
+    process.wait_for_banner()
+    lines = [process.process.stdout.readline() for _ in range(3)]
+    assert 'real-time factor' in lines[-1]
+    code, errors = process.finish(signal.SIGTERM)
+    assert code == 0 and 'use_sim_time' in errors
+
+
+def test_unknown_parameter_is_warned_of(start):
+    """Name what is misspelt and what may be meant, and run."""
+    process = start(with_(sapling={**SCENE['sapling'], 'spacng': 3.0}))
+    process.wait_for_banner()
+    code, errors = process.finish(signal.SIGTERM)
+    assert code == 0 and 'sapling.spacng; did you mean sapling.spacing' in errors
+
+
+@pytest.mark.parametrize(('parameters', 'said'), [
+    (with_(post={'grammar_text': 'axiom: F(1) [ F(1)'}), 'post.grammar_text:1'),
+    (with_(post={'grammar': 'oack.lsys'}), 'there is no grammar "oack.lsys"'),
+    (with_(post={}), 'post.grammar'),
+    (with_(scene={'objects': ['']}), 'scene.objects is empty'),
+    (with_(wind={'velocity': [5, 0]}), 'wind.velocity'),
+    (with_(wind={'velocity': 'strong'}), 'wind.velocity'),
+    (with_(time_step=5.0), 'time_step'),
+    (with_(seed=1.5), 'seed'),
+    (with_(post={'grammar_text': 'axiom: Width(-1) F(1)'}), 'Width'),
+])
+def test_bad_scene_ends_the_node_with_one_line(start, parameters, said):
+    """Exit with code 1 and one line that names the cause."""
+    code, errors = start(parameters).finish()
+    assert code == 1
+    assert len(errors.splitlines()) == 1, errors
+    assert errors.startswith('sim: ') and said in errors
+
+
+def test_missing_parameter_file_is_named(start):
+    """Exit with code 1, naming the file, without a traceback."""
+    code, errors = start(None, '--params-file', '/does/not/exist.yaml').finish()
+    assert code == 1
+    assert '/does/not/exist.yaml' in errors and 'Traceback' not in errors
+
+
+def test_mixed_list_is_explained(start):
+    """Tell how to write a list that the YAML reader of ROS refuses."""
+    code, errors = start(None, '-p', 'wind.velocity:=[1, 2.5, 0]').finish()
+    assert code == 1 and '[1.0, 2.5, 0.0]' in errors and 'Traceback' not in errors
+
+
+def test_nothing_to_simulate_is_said(start):
+    """Tell how to give a scene when none is given."""
+    code, errors = start(None).finish()
+    assert code == 1 and '--params-file' in errors and 'Traceback' not in errors
