@@ -54,26 +54,104 @@ def rigid_sum(mass: np.ndarray, inertia: np.ndarray, poses: np.ndarray,
     :param poses: of the parts' centres of mass, (P, 7).
     :param velocities: of the parts in world axes, (P, 6); None = at rest.
     """
-    mass = np.asarray(mass, float)
-    total = float(mass.sum())
-    centre = mass @ poses[:, :3] / total
-    arm = poses[:, :3] - centre
-    axes = rotation.to_matrix(poses[:, 3:])
-    own = np.einsum('pij,pj,pkj->pik', axes, inertia, axes)
-    square = (arm * arm).sum(axis=1)
-    tensor = (own.sum(axis=0) + np.eye(3) * (mass @ square)
-              - np.einsum('p,pi,pj->ij', mass, arm, arm))
+    if velocities is None:
+        velocities = np.zeros((len(poses), 6))
+    mass, inertia, poses, velocities = (np.ascontiguousarray(column, float) for column in
+                                        (mass, inertia, poses, velocities))
+    total, centre, drift, tensor, spin = _collect(mass, inertia, poses, velocities)
     moments, principal = np.linalg.eigh(tensor)
     if np.linalg.det(principal) < 0.0:
         principal[:, 0] *= -1.0
     pose = np.concatenate([centre, rotation.from_matrix(principal)])
-    velocity = np.zeros(6)
-    if velocities is not None:
-        velocity[:3] = mass @ velocities[:, :3] / total
-        spin = (np.einsum('pij,pj->i', own, velocities[:, 3:])
-                + (mass[:, None] * np.cross(arm, velocities[:, :3])).sum(axis=0))
-        velocity[3:] = np.linalg.solve(tensor, spin)
-    return RigidSum(total, moments, pose, velocity, rotation.relative(pose, poses))
+    velocity = np.concatenate([drift, np.linalg.solve(tensor, spin)])
+    return RigidSum(total, moments, pose, velocity, relative_rows(pose, poses))
+
+
+@njit(cache=True)
+def _collect(mass, inertia, poses, velocities):
+    """Sum up mass, centre, drift, inertia tensor and spin about the centre."""
+    total = mass.sum()
+    centre, drift, spin = np.zeros(3), np.zeros(3), np.zeros(3)
+    for p in range(len(mass)):
+        centre += mass[p] * poses[p, :3]
+        drift += mass[p] * velocities[p, :3]
+    centre /= total
+    drift /= total
+    tensor = np.zeros((3, 3))
+    for p in range(len(mass)):
+        axes = _axes(poses[p, 3:])
+        own = np.zeros((3, 3))
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    own[i, j] += axes[i, k] * inertia[p, k] * axes[j, k]
+        arm = poses[p, :3] - centre
+        push = mass[p] * velocities[p, :3]
+        square = (arm * arm).sum()
+        for i in range(3):
+            tensor[i, i] += mass[p] * square
+            for j in range(3):
+                tensor[i, j] += own[i, j] - mass[p] * arm[i] * arm[j]
+                spin[i] += own[i, j] * velocities[p, 3 + j]
+        spin[0] += arm[1] * push[2] - arm[2] * push[1]
+        spin[1] += arm[2] * push[0] - arm[0] * push[2]
+        spin[2] += arm[0] * push[1] - arm[1] * push[0]
+    return total, centre, drift, tensor, spin
+
+
+@njit(cache=True)
+def _axes(q):
+    """Give the rotation matrix of one unit quaternion."""
+    x, y, z, w = q
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+
+
+@njit(cache=True)
+def relative_rows(frame, poses):
+    """
+    Express many poses in one frame: `rotation.relative`, ten times faster for a few dozen rows.
+
+    :param frame: (7,).
+    :param poses: (P, 7).
+    """
+    out = np.empty((len(poses), 7))
+    axes = _axes(frame[3:])
+    ax, ay, az, aw = -frame[3], -frame[4], -frame[5], frame[6]
+    for p in range(len(poses)):
+        arm = poses[p, :3] - frame[:3]
+        for i in range(3):
+            out[p, i] = axes[0, i] * arm[0] + axes[1, i] * arm[1] + axes[2, i] * arm[2]
+        bx, by, bz, bw = poses[p, 3], poses[p, 4], poses[p, 5], poses[p, 6]
+        out[p, 3] = aw * bx + ax * bw + ay * bz - az * by
+        out[p, 4] = aw * by - ax * bz + ay * bw + az * bx
+        out[p, 5] = aw * bz + ax * by - ay * bx + az * bw
+        out[p, 6] = aw * bw - ax * bx - ay * by - az * bz
+    return out
+
+
+@njit(cache=True)
+def aligned_extents(poses, sizes, tolerance):
+    """
+    Tell which boxes are turned by quarter turns only, and their extents along the axes.
+
+    :param poses: (P, 7).
+    :param sizes: full extents in the boxes' own axes [m], (P, 3).
+    :param tolerance: largest deviation of a rotation matrix from a quarter turn.
+    :returns: mask (P,), extents (P, 3).
+    """
+    aligned = np.ones(len(poses), np.bool_)
+    extents = np.zeros((len(poses), 3))
+    for p in range(len(poses)):
+        axes = _axes(poses[p, 3:])
+        for i in range(3):
+            for j in range(3):
+                whole = np.round(axes[i, j])
+                aligned[p] &= abs(axes[i, j] - whole) < tolerance
+                extents[p, i] += abs(whole) * sizes[p, j]
+    return aligned, extents
 
 
 @njit(cache=True)

@@ -18,6 +18,7 @@ from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.physics.world.assembly import aligned_extents, relative_rows
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
 TOOTHING = 0.12  # [m], half a brick and a joint: how far courses of a bond stick out
@@ -42,17 +43,16 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = TOOTHIN
     :returns: poses (K, 7) and sizes (K, 3), K ≤ P.
     """
     frame = poses[0].copy()
-    turns = rotation.to_matrix(rotation.multiply(rotation.conjugate(frame[3:]), poses[:, 3:]))
-    aligned = (np.abs(turns - np.round(turns)) < _ALIGNED).all(axis=(1, 2))
-    extent = np.einsum('pij,pj->pi', np.abs(np.round(turns[aligned])), sizes[aligned])
-    centre = rotation.relative(frame, poses[aligned])[:, :3]
+    inside = relative_rows(frame, poses)
+    aligned, extent = aligned_extents(inside, sizes, _ALIGNED)
+    centre, extent = inside[aligned, :3], extent[aligned]
     bounds = np.stack([centre - 0.5 * extent, centre + 0.5 * extent], axis=1)
     for axis, slack in ((0, _FLUSH), (1, _FLUSH), (2, tolerance)):
         bounds = _merge_along(bounds, axis, slack)
     _close_joints(bounds)
-    local = np.concatenate([bounds.mean(axis=1),
-                            np.tile(rotation.IDENTITY, (len(bounds), 1))], axis=1)
-    return (np.concatenate([rotation.compose(frame, local), poses[~aligned]]),
+    centres = frame[:3] + bounds.mean(axis=1) @ rotation.to_matrix(frame[3:]).T
+    merged = np.column_stack([centres, np.tile(frame[3:], (len(bounds), 1))])
+    return (np.concatenate([merged, poses[~aligned]]),
             np.concatenate([bounds[:, 1] - bounds[:, 0], sizes[~aligned]]))
 
 
