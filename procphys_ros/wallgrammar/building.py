@@ -157,8 +157,8 @@ class _Construction:
             if layout is not None:
                 found.setdefault((layout.thickness, layout.gauge, layout.joint), (layout, piece))
         if not found:
-            raise grammar.spec.building.place.error('no facade has a panel with a layout, so there '
-                                                    'is no wall')
+            raise grammar.spec.building.place.error('no facade has a panel with a layout, so '
+                                                    'there is no wall')
         (first, one), *others = found.values()
         for layout, piece in others:
             raise piece.place.error(

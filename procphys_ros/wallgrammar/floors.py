@@ -58,7 +58,8 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
         height = -(-wanted // layout.gauge) * layout.gauge
         for low, high in _joist_lines(bay, axis, partitions):
             cuts = [(walls[end], low, high) for end in bay.ends]
-            cuts += [(p, low, high) for p in partitions if _crosses(p.facade, bay, axis, low, high)]
+            cuts += [(p, low, high) for p in partitions
+                     if _crosses(p.facade, bay, axis, low, high)]
             holes = [(wall, (*along_facade(wall.facade, a, b), level - height, level))
                      for wall, a, b in cuts]
             holes = [(wall, (x0, z0, x1, z1)) for wall, (x0, x1, z0, z1) in holes]

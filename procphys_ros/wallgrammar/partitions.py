@@ -27,7 +27,7 @@ from procphys_ros.wallgrammar.spec import Panel
 from procphys_ros.wallgrammar.walls import Elevation
 
 _DOOR = (900_000, 2_100_000)  # [µm] width and height of door openings
-_DOOR_PLACE = 0.375           # of the length of the wall: clear of the middle, where others meet it
+_DOOR_PLACE = 0.375           # of the length: clear of the middle, where other walls meet it
 _LINTEL = 150_000             # [µm] least height of lintels
 _PIER = 300_000               # [µm] least wall beside a door
 
