@@ -18,13 +18,13 @@
 import numpy as np
 
 from procphys_ros import skeleton
-from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.blueprint import Blueprint
 
 _SMALLEST, _LARGEST, _MEAN = 12, 94, 44.5  # segments per tree
 _SPACING = 6.0  # [m]
 
 
-def plant(count: int, seed: int = 0) -> Blueprint:
+def plant(count: int, seed: int = 0) -> list[Blueprint]:
     """
     Plant trees on a square grid.
 
@@ -36,8 +36,8 @@ def plant(count: int, seed: int = 0) -> Blueprint:
     sizes = _SMALLEST + np.rint(
         (_LARGEST - _SMALLEST) * rng.beta(3.0, 3.0 * (1.0 - share) / share, count)).astype(int)
     side = int(np.ceil(np.sqrt(count)))
-    return chain([tree(size, rng).placed((_SPACING * (i % side), _SPACING * (i // side), 0.0))
-                  for i, size in enumerate(sizes)])
+    return [tree(size, rng).placed((_SPACING * (i % side), _SPACING * (i // side), 0.0))
+            for i, size in enumerate(sizes)]
 
 
 def tree(segments: int, rng: np.random.Generator) -> Blueprint:
@@ -48,7 +48,7 @@ def tree(segments: int, rng: np.random.Generator) -> Blueprint:
     :param rng: of the shape.
     """
     trunk = max(4, segments // 6)
-    nodes, parents, radii, heading = [np.zeros(3)], [-1], [0.15], [np.array([0.0, 0.0, 1.0])]
+    nodes, parents, radii, heading = [np.zeros(3)], [-1], [0.1], [np.array([0.0, 0.0, 1.0])]
     while len(nodes) <= segments:
         if len(nodes) <= trunk:
             start = len(nodes) - 1

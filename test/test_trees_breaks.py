@@ -168,7 +168,7 @@ def test_swing_limits_hold_in_a_storm(stiffness: float):
     touched = False
     for _ in range(300):
         forest.step(_DT, _wind(forest, 60.0))
-        bend = np.hypot(*forest._state.bend[:, :2].T)
+        bend = np.hypot(*forest.bends[:, :2].T)
         assert bend.max() <= 0.3 * (1.0 + 1e-12)
         touched |= bool(bend.max() > 0.299)
     assert touched or stiffness > 8e7

@@ -21,6 +21,8 @@ import math
 from numba import njit
 import numpy as np
 
+from procphys_ros.physics.trees.spatial import KERNEL
+
 
 class Cause(IntEnum):
     """Why a branch joint breaks."""
@@ -30,7 +32,7 @@ class Cause(IntEnum):
     BENDING = 2  # bending stress M/Z beyond `strength`; load in Pa
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out, load_out):
     """
     Fill in the overloaded rows with the cause that exceeds its capacity most.
@@ -45,12 +47,15 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out,
     found = 0
     for i in rows:
         f = wrenches[i]
-        x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
-        twist = f[3] * x + f[4] * y + f[5] * z
-        square = f[3] * f[3] + f[4] * f[4] + f[5] * f[5]
-        loads = (math.sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]), abs(twist),
-                 math.sqrt(max(0.0, square - twist * twist)) / section[i])
-        worst = 1.0
+        force = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
+        twist = f[3] * frame[i, 9] + f[4] * frame[i, 10] + f[5] * frame[i, 11]
+        bending = f[3] * f[3] + f[4] * f[4] + f[5] * f[5] - twist * twist
+        strong = capacity[i, 2] * section[i]
+        if (force <= capacity[i, 0] ** 2 and abs(twist) <= capacity[i, 1]
+                and bending <= strong * strong):
+            continue  # squares suffice for the many that hold
+        loads = (math.sqrt(force), abs(twist), math.sqrt(max(0.0, bending)) / section[i])
+        worst = 0.0
         for j in range(3):
             use = loads[j] / capacity[i, j]
             if use > worst:
@@ -58,8 +63,7 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out,
                 row_out[found] = i
                 cause_out[found] = j
                 load_out[found] = loads[j]
-        if worst > 1.0:
-            found += 1
+        found += 1
     return found
 
 

@@ -54,6 +54,7 @@ class Forest:
     :ivar active: rows that the kernel moves, (S,) bool.
     :ivar poses: centre of mass and attitude xyzw [m], (S, 7), world; inactive rows stay put.
     :ivar velocities: linear of the centre of mass and angular [m/s], [rad/s], (S, 6), world.
+    :ivar bends: joint coordinates: bends about the two axes, twist [rad], stretch [m], (S, 4).
     :ivar joint_wrenches: force and moment that the parent exerts on the segment at the joint in
         the last step [N], [N·m], (S, 6), world.
     """
@@ -97,6 +98,10 @@ class Forest:
     @property
     def velocities(self) -> np.ndarray:
         return self._state.velocities
+
+    @property
+    def bends(self) -> np.ndarray:
+        return self._state.bend
 
     @property
     def joint_wrenches(self) -> np.ndarray:

@@ -223,7 +223,7 @@ def integrate(rows, above, model, state, scratch, dt):
             pose.advance_bend(i, scratch.rate[k, 0], scratch.rate[k, 1], dt, model, state)
             if model.joint[i] == _SPRUNG:
                 joints.advance_extra(i, k, dt, model, state, scratch)
-            pose.place(i, rows[above[k]] if above[k] >= 0 else -1, model, state)
+            pose.place(k, rows, above, model, state)
         carry(i, k, x, y, z, h, dt, frame, m, state.velocities)
 
 

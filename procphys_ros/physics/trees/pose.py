@@ -48,17 +48,19 @@ def rotate(q, x, y, z):
 
 
 @njit(**INLINE)
-def place(i, p, model, state):
+def place(k, rows, above, model, state):
     """
-    Set frame and pose of row i, hinged to row p (-1: to the world).
+    Set frame and pose of entry k of a tree from its parent, or from the world.
 
     The joint turns about x, then about the turned y, then twists about the segment and slides
     along it.
     """
-    mount, bend, frame, poses = model.mount, state.bend, state.frame, state.poses
+    i, mount = rows[k], model.mount
+    bend, frame, poses = state.bend, state.frame, state.poses
     rest = (mount[i, 3], mount[i, 4], mount[i, 5], mount[i, 6])
     x, y, z = mount[i, 0], mount[i, 1], mount[i, 2]
-    if p >= 0:
+    if above[k] >= 0:
+        p = rows[above[k]]
         parent = (poses[p, 3], poses[p, 4], poses[p, 5], poses[p, 6])
         x, y, z = rotate(parent, x, y, z + bend[p, 3])
         x += frame[p, 0]
@@ -99,15 +101,15 @@ def set_frame(i, x, y, z, q, cosine, sine, frame):
     frame[i, 11] = az
 
 
-@njit(cache=True)
+@njit(**KERNEL)
 def place_all(plan, model, state):
     """Place every active row that hangs on a joint."""
     for t in range(len(plan.start) - 1):
-        for k in range(plan.start[t], plan.start[t + 1]):
-            i = plan.row[k]
-            if model.joint[i] != _FREE:
-                p = plan.above[k]
-                place(i, plan.row[plan.start[t] + p] if p >= 0 else -1, model, state)
+        rows = plan.row[plan.start[t]:plan.start[t + 1]]
+        above = plan.above[plan.start[t]:plan.start[t + 1]]
+        for k in range(len(rows)):
+            if model.joint[rows[k]] != _FREE:
+                place(k, rows, above, model, state)
 
 
 @njit(**INLINE)
