@@ -61,7 +61,8 @@ def wall_forces(poses: np.ndarray, sizes: np.ndarray, exposed: np.ndarray,
     and in the lee (EN 1991-1-4, table 7.1), between them it follows the square of the cosine.
 
     :param poses: (N, 7) [m], xyzw, world.
-    :param sizes: full extents, (N, 3) [m].
+    :param sizes: full extents, (N, 3) [m]; with the joints where mortar closes the wall, which is
+        a fifth more load on bricks.
     :param exposed: from `exposed_faces`, (N, 6) bool.
     :param wind: air velocity at the boxes, (N, 3) [m/s], world.
     :returns: forces and moments about the centres, (N, 3) [N] and (N, 3) [N·m], world.

@@ -15,7 +15,7 @@
 
 """The wind over a scene: mean, turbulence and gusts as one function of place and time."""
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -62,7 +62,9 @@ class Wind:
     turbulence model). The answer depends on place, time and the commands given, never on the
     calls made before: going back in time gives the same wind again.
 
-    :ivar settings: what the wind was set up with.
+    The turbulence turns with the mean wind about the scene's origin.
+
+    :ivar settings: what the wind was set up with, or last changed to.
     :ivar enabled: False = still air everywhere; eddies and gusts travel on meanwhile.
     """
 
@@ -70,7 +72,6 @@ class Wind:
         self._seed = seed
         self._draw_eddies(settings)
         self.settings = settings
-        self.enabled = True
         self.reset()
 
     def reset(self) -> None:
@@ -102,7 +103,7 @@ class Wind:
         """
         velocity = tuple(replace(self.settings, velocity=velocity).velocity)
         travelled = _travelled(self._stretch(time), time)
-        self._stretches = [s for s in self._stretches if s.start < time]
+        del self._stretches[bisect_left(self._stretches, time, key=_start):]
         if not self._stretches or self._stretches[-1].velocity != velocity:
             self._stretches.append(_Stretch(time, velocity, travelled))
 
@@ -173,7 +174,7 @@ class Wind:
         self._period = large.spacing * large.field.shape[:3]
 
     def _stretch(self, time: float) -> _Stretch:
-        later = bisect_right(self._stretches, time, key=lambda stretch: stretch.start)
+        later = bisect_right(self._stretches, time, key=_start)
         return self._stretches[max(later - 1, 0)]
 
     def _fill(self, points: np.ndarray, time: float, out: np.ndarray, intensity: float,
@@ -195,6 +196,10 @@ class Wind:
         if len(gusts):
             kernel.add_gusts(points, out, gusts, float(time))
         return out
+
+
+def _start(stretch: _Stretch) -> float:
+    return stretch.start
 
 
 def _travelled(stretch: _Stretch, time: float) -> float:
