@@ -23,6 +23,7 @@ import time
 
 import numpy as np
 import pybullet
+from scipy.spatial import cKDTree
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
@@ -119,22 +120,39 @@ def loose_bricks(count, seconds=8.0):
         return settle(world, seconds)
 
 
-def fragments(count, seconds=8.0):
-    """Let a block of count fragments of 48 bricks each collapse; also give ms per fragment."""
-    rng = np.random.default_rng(1)
-    block = wall(6, 8)
-    sizes, mass = np.tile(BRICK, (48, 1)), np.full(48, MASS)
-    inertia = box_inertia(mass, sizes)
-    side = int(np.ceil((count / 8) ** 0.5))
-    spent = 0.0
+def building(columns, rows):
+    """Give the poses of four walls round a square, (K, 7)."""
+    side = wall(columns, rows)
+    side[:, :2] += [0.05 - 0.5 * columns * PITCH[0], -0.5 * columns * PITCH[0]]
+    corners = [np.array([0, 0, 0, *rotation.from_yaw(0.5 * np.pi * i)]) for i in range(4)]
+    return np.concatenate([rotation.compose(corner, side) for corner in corners])
+
+
+def demolition(columns, rows, count, seconds=8.0):
+    """
+    Let a building fall as cells round random points, all but its eight lowest courses.
+
+    :returns: bricks, real-time factors overall and in the worst second, bodies that still move,
+        ms to make one fragment.
+    """
+    rng = np.random.default_rng(3)
+    poses = building(columns, rows)
+    size, mass = np.tile(BRICK, (len(poses), 1)), np.full(len(poses), MASS)
+    inertia = box_inertia(mass, size)
+    loose = np.flatnonzero(poses[:, 2] > 8 * PITCH[2])
+    foot = np.flatnonzero(poses[:, 2] <= 8 * PITCH[2])
+    cell = cKDTree(poses[rng.choice(loose, count, replace=False), :3]).query(poses[loose, :3])[1]
     with World() as world:
+        world.add_bricks(poses[foot], size[foot], mass[foot])
+        start = time.perf_counter()
         for i in range(count):
-            place = np.array([i % side * 1.6, i // side % side * 1.6, 0.1 + i // side ** 2 * 0.7,
-                              *rotation.from_yaw(rng.uniform(0.0, 6.28))])
-            total = rigid_sum(mass, inertia, rotation.compose(place, block))
-            spent += timed(world.add_fragment, np.full(48, Shape.BOX), sizes, total.local_poses,
-                           total.mass, total.inertia, total.pose)
-        return (*settle(world, seconds), spent / count)
+            rows = loose[cell == i]
+            total = rigid_sum(mass[rows], inertia[rows], poses[rows])
+            world.add_fragment(np.full(len(rows), Shape.BOX), size[rows], total.local_poses,
+                               total.mass, total.inertia, total.pose,
+                               np.concatenate([rng.normal(0.0, 0.3, 3), np.zeros(3)]))
+        made = (time.perf_counter() - start) / count * 1e3
+        return (len(poses), *settle(world, seconds), made)
 
 
 def main():
@@ -153,9 +171,11 @@ def main():
         overall, worst, awake = loose_bricks(count)
         print(f'{count} loose bricks fall and settle: real-time factor {overall:.1f} over 8 s, '
               f'{worst:.2f} in the worst second, {awake} still move')
-    overall, worst, awake, made = fragments(300)
-    print(f'300 fragments of 48 bricks each collapse: real-time factor {overall:.1f} over 8 s, '
-          f'{worst:.2f} in the worst second, {awake} still move, made in {made:.2f} ms each')
+    for columns, rows, count in ((14, 36, 100), (22, 57, 200), (38, 100, 300)):
+        bricks, overall, worst, awake, made = demolition(columns, rows, count)
+        print(f'{bricks} bricks fall as {count} fragments: real-time factor {overall:.1f} over '
+              f'8 s, {worst:.2f} in the worst second, {awake} still move, made in {made:.2f} ms '
+              'each')
 
 
 if __name__ == '__main__':

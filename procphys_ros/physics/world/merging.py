@@ -47,8 +47,9 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = TOOTHIN
     aligned, extent = aligned_extents(inside, sizes, _ALIGNED)
     centre, extent = inside[aligned, :3], extent[aligned]
     bounds = np.stack([centre - 0.5 * extent, centre + 0.5 * extent], axis=1)
-    for axis, slack in ((0, _FLUSH), (1, _FLUSH), (2, tolerance)):
-        bounds = _merge_along(bounds, axis, slack)
+    for axis in (0, 1):
+        bounds = _merge_along(bounds, axis)
+    bounds = _stack(bounds[np.argsort(bounds[:, 0, 2], kind='stable')], tolerance)
     _close_joints(bounds)
     centres = frame[:3] + bounds.mean(axis=1) @ rotation.to_matrix(frame[3:]).T
     merged = np.column_stack([centres, np.tile(frame[3:], (len(bounds), 1))])
@@ -56,19 +57,17 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = TOOTHIN
             np.concatenate([bounds[:, 1] - bounds[:, 0], sizes[~aligned]]))
 
 
-def _merge_along(bounds: np.ndarray, axis: int, tolerance: float) -> np.ndarray:
+def _merge_along(bounds: np.ndarray, axis: int) -> np.ndarray:
     """Join neighbours along one axis whose faces across are flush, (K, 2, 3) -> fewer."""
     across = [a for a in range(3) if a != axis]
     # Sort into lanes of equal faces; lanes are told apart by neighbouring values, not by
     # rounding, so that values at the edge of a rounding cell stay together.
-    lanes = [_clusters(bounds[:, side, a], tolerance) for a in across for side in (0, 1)]
+    lanes = [_clusters(bounds[:, side, a], _FLUSH) for a in across for side in (0, 1)]
     order = np.lexsort([bounds[:, 0, axis], *lanes])
     bounds = bounds[order]
     breaks = np.zeros(len(bounds), bool)
     for lane in lanes:
         breaks[1:] |= np.diff(lane[order]) != 0
-    extent = (bounds[:, 1] - bounds[:, 0])[:, across]
-    breaks[1:] |= (np.abs(np.diff(extent, axis=0)) > _ALIKE * extent[1:]).any(axis=1)
     gap = bounds[1:, 0, axis] - bounds[:-1, 1, axis]
     breaks[1:] |= (gap > JOINT) | (gap < -JOINT)
     breaks[0] = True
@@ -78,6 +77,44 @@ def _merge_along(bounds: np.ndarray, axis: int, tolerance: float) -> np.ndarray:
     merged[:, 0, axis] = np.minimum.reduceat(bounds[:, 0, axis], start)
     merged[:, 1, axis] = np.maximum.reduceat(bounds[:, 1, axis], start)
     return merged
+
+
+@njit(cache=True)
+def _stack(bounds, tolerance):
+    """
+    Join courses, sorted from below, that lie on each other with about the same outline.
+
+    Each course is compared with the lowest of its stack; mean faces are taken.
+    """
+    count = np.zeros(len(bounds))
+    lowest = np.empty_like(bounds)
+    stacked = np.zeros_like(bounds)
+    stacks = 0
+    for i in range(len(bounds)):
+        box = bounds[i]
+        found = stacks
+        for s in range(stacks):
+            fits = abs(box[0, 2] - stacked[s, 1, 2]) < JOINT
+            for axis in range(2):
+                extent = lowest[s, 1, axis] - lowest[s, 0, axis]
+                other = box[1, axis] - box[0, axis]
+                thin = min(extent, other) < 2.0 * tolerance
+                fits &= not thin or abs(other - extent) < _ALIKE * max(other, extent)
+                for side in range(2):
+                    fits &= abs(box[side, axis] - lowest[s, side, axis]) < tolerance
+            if fits:
+                found = s
+                break
+        if found == stacks:
+            stacks += 1
+            lowest[found] = box
+            stacked[found] = box
+            count[found] = 1.0
+            continue
+        count[found] += 1.0
+        stacked[found, :, :2] += (box[:, :2] - stacked[found, :, :2]) / count[found]
+        stacked[found, 1, 2] = box[1, 2]
+    return stacked[:stacks].copy()
 
 
 def _close_joints(bounds: np.ndarray) -> None:

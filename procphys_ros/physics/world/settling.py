@@ -184,25 +184,39 @@ def about_to_be_hit(bodies: Bodies, resting: np.ndarray, moving: np.ndarray,
 
     :param moving: ids, (K,).
     :param moving_bounds: their axis-aligned bounds now [m], (K, 6).
+    :param time_step: [s].
     """
     velocity = bodies.velocities[moving]
     shift = velocity[:, :3] * time_step
     low = moving_bounds[:, :3] + np.minimum(shift, 0.0)
     high = moving_bounds[:, 3:] + np.maximum(shift, 0.0)
-    speed = (np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
-             + np.sqrt((velocity[:, 3:] ** 2).sum(axis=1)) * bodies.radius[moving])
     mass = np.where(bodies.state[moving] == State.DRIVEN, np.inf, bodies.mass[moving])
-    hit = _reached(low, high, speed, mass, bodies.bounds[resting], bodies.mass[resting])
+    order = np.argsort(low[:, 0], kind='stable')
+    hit = _reached(low[order], high[order], rim_speed(bodies, moving)[order], mass[order],
+                   bodies.bounds[resting], bodies.mass[resting])
     return resting[hit]
+
+
+def rim_speed(bodies: Bodies, ids: np.ndarray) -> np.ndarray:
+    """Give the speed that no point of a body exceeds [m/s], (K,)."""
+    velocity = bodies.velocities[ids]
+    return (np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
+            + np.sqrt((velocity[:, 3:] ** 2).sum(axis=1)) * bodies.radius[ids])
 
 
 @njit(cache=True)
 def _reached(low, high, speed, mass, bounds, resting_mass):
-    """Test every moving box against every resting one."""
+    """Test moving boxes, sorted by their least x, against resting ones."""
     hit = np.zeros(len(bounds), np.bool_)
+    width = 0.0
+    for m in range(len(low)):
+        width = max(width, high[m, 0] - low[m, 0])
     for r in range(len(bounds)):
-        for m in range(len(low)):
-            if (low[m, 0] <= bounds[r, 3] and high[m, 0] >= bounds[r, 0]
+        first = np.searchsorted(low[:, 0], bounds[r, 0] - width)
+        for m in range(first, len(low)):
+            if low[m, 0] > bounds[r, 3]:
+                break
+            if (high[m, 0] >= bounds[r, 0]
                     and low[m, 1] <= bounds[r, 4] and high[m, 1] >= bounds[r, 1]
                     and low[m, 2] <= bounds[r, 5] and high[m, 2] >= bounds[r, 2]
                     and speed[m] > WAKE_SPEED * (1.0 + resting_mass[r] / mass[m])):

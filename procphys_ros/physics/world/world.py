@@ -85,7 +85,10 @@ class World(Population):
         moving = np.flatnonzero(bodies.state >= State.LOOSE)
         if not len(resting) or not len(moving):
             return
-        moving = moving[bodies.stay[moving] < settling.TREMBLE_TIME]
+        moving = moving[(bodies.stay[moving] < settling.TREMBLE_TIME)
+                        & (settling.rim_speed(bodies, moving) > settling.WAKE_SPEED)]
+        if not len(moving):
+            return
         bounds = self._engine.bounds(moving.tolist())
         self.thaw(settling.about_to_be_hit(bodies, resting, moving, bounds, time_step))
 
