@@ -25,15 +25,15 @@ import sys
 from time import monotonic
 from typing import Any
 
-os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)  # own domain: sessions do not meet
-os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
+
+os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)  # own domain: sessions do not meet
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 60.0  # [s] a cold start compiles kernels first

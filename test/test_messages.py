@@ -17,12 +17,9 @@
 
 from types import SimpleNamespace
 
+from geometry_msgs.msg import PoseArray
 import numpy as np
 import pytest
-
-pytest.importorskip('rclpy')
-
-from geometry_msgs.msg import PoseArray
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray

@@ -18,13 +18,10 @@
 import json
 import math
 
-import numpy as np
-import pytest
-
-pytest.importorskip('rclpy')
-
 from geometry_msgs.msg import PoseArray, Vector3Stamped, WrenchStamped
 from node_process import Client, NodeProcess, PARTS, SAPLING, SCENE
+import numpy as np
+import pytest
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -101,8 +98,8 @@ def test_clock_grows_and_jumps_back_at_a_reset(client):
 def test_late_joiner_gets_the_scene_description(client):
     """Keep the description for whoever comes later."""
     scene = json.loads(client.next_message(String, '/sim/scene_description', LATCHED).data)
-    assert [o['name'] for o in scene['objects']] == ['sapling_0', 'sapling_1', 'sapling_2',
-                                                      'post']
+    names = [o['name'] for o in scene['objects']]
+    assert names == ['sapling_0', 'sapling_1', 'sapling_2', 'post']
     assert [o['first'] for o in scene['objects']] == [0, 4, 8, 12]
     assert len(scene['parts']['name']) == PARTS
     assert scene['parts']['name'][5] == 'sapling_1/segment_1'

@@ -20,8 +20,6 @@ import signal
 from node_process import NodeProcess, SCENE
 import pytest
 
-pytest.importorskip('rclpy')
-
 
 @pytest.fixture
 def start(tmp_path):

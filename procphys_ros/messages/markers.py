@@ -39,9 +39,14 @@ _VISIBLE = 1e-4
 class PlacedObject(Protocol):
     """An object of a scene: its name and the range of its parts."""
 
-    name: str
-    first: int
-    count: int
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def first(self) -> int: ...
+
+    @property
+    def count(self) -> int: ...
 
 
 class SceneMarkers:

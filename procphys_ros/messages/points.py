@@ -15,6 +15,8 @@
 
 """PointCloud2 as bytes: one point per row of a structured numpy array."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from procphys_ros.messages.cdr import ENCAPSULATION, Stamp, Writer
@@ -37,7 +39,7 @@ def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
     writer = Writer()
     writer.header(at, frame_id)
     writer.numbers('I', 1, len(rows))  # height, width
-    fields = rows.dtype.fields
+    fields: Mapping = rows.dtype.fields or {}
     writer.numbers('I', len(fields))
     for name, (kind, offset, *_) in fields.items():
         writer.string(name)

@@ -18,7 +18,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 import math
-import numbers
 import re
 from typing import Any
 
@@ -85,7 +84,7 @@ class Parameter:
 
     def _number(self, value: Any, name: str) -> Any:
         whole = isinstance(self.default, int)
-        wanted = numbers.Integral if whole else numbers.Real
+        wanted = int if whole else (int, float)
         kind = 'whole number' if whole else 'number'
         if isinstance(value, bool) or not isinstance(value, wanted):
             raise SceneError(f'{name} is {_short(value)}, it must be a {kind}')

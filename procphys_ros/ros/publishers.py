@@ -18,6 +18,7 @@
 from time import monotonic
 
 from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped
+import numpy as np
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
@@ -119,7 +120,7 @@ class Publishers:
         message = Vector3Stamped()
         message.header.stamp.sec, message.header.stamp.nanosec = at
         message.header.frame_id = self._frame
-        x, y, z = sum(simulation.wind.at_reference(simulation.time)).tolist()
+        x, y, z = np.sum(simulation.wind.at_reference(simulation.time), axis=0).tolist()
         message.vector = Vector3(x=x, y=y, z=z)
         self._wind_info.publish(message)
 

@@ -13,17 +13,10 @@
 # limitations under the License.
 
 
-"""Executable `sim`: starts the node, says what runs, and ends it cleanly."""
+"""Executable `sim`: runs the node."""
 
+import signal
 import sys
-
-import numpy as np
-import rclpy
-from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-
-from procphys_ros.errors import ProcPhysError, SceneError
-from procphys_ros.ros.node import SimNode
 
 
 def main(args: list[str] | None = None) -> int:
@@ -33,65 +26,13 @@ def main(args: list[str] | None = None) -> int:
     :param args: command line, with ROS arguments; None = the process's own.
     :returns: exit code: 0 when told to stop, 1 when the scene cannot be read.
     """
-    try:
-        return _run(args)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        return 0
-    except (ProcPhysError, ParameterException) as error:
-        print(f'sim: {error}', file=sys.stderr)
-        return 1
-    finally:
-        rclpy.try_shutdown()
-
-
-def _run(args: list[str] | None) -> int:
-    _start_ros(args)
-    node = SimNode()
-    print(banner(node), flush=True)
-    node.create_timer(1.0, lambda: print(status(node), flush=True), clock=node.steady_clock)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        executor.spin()
-    except RuntimeError:
-        if rclpy.ok():
-            raise  # else a signal has ended the context while the executor was about to wait
-    finally:
-        node.destroy_node()
-    return 0
-
-
-def _start_ros(args: list[str] | None) -> None:
-    """Start rclpy; it reads the command line and the parameter files."""
-    try:
-        rclpy.init(args=args)
-    except RuntimeError as error:  # RCLError and UnknownROSArgsError: only their text tells
-        reason = str(error).partition(': ')[2] or str(error)
-        hint = ('; write the numbers of a list alike, [1.0, 2.5, 0.0]'
-                if 'Sequence should be of same type' in reason else '')
-        raise SceneError(reason.split(', at /')[0] + hint) from error
-
-
-def banner(node: SimNode) -> str:
-    """Say what runs and where to look."""
-    name = node.get_fully_qualified_name()
-    return '\n'.join((
-        f'procphys_ros: {node.session.summary()}',
-        f'  out  {name}/poses {name}/markers {name}/scene_description {name}/breaks '
-        f'{name}/wind_info /clock /diagnostics',
-        f'  in   {name}/wind {name}/impulse {name}/wrench',
-        '  stop with Ctrl-C'))
-
-
-def status(node: SimNode) -> str:
-    """Say how it goes, in one line."""
-    simulation = node.session.simulation
-    measured = node.pacer.measured
-    pace = ('paused' if node.session.paused else 'starting' if np.isnan(measured)
-            else f'real-time factor {measured:.2f}')
-    wind = np.linalg.norm(sum(simulation.wind.at_reference(simulation.time)))
-    return (f't {simulation.time:8.2f} s   {pace}   wind {wind:4.1f} m/s   '
-            f'{simulation.bonds_broken} broken')
+    # rclpy handles signals once it is started. Importing takes a second or more, and a signal
+    # must end the process as cleanly in that time; so the imports come after this.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: sys.exit(0))
+    from procphys_ros.ros.running import run
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    return run(args)
 
 
 if __name__ == '__main__':

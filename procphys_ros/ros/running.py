@@ -1,0 +1,94 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Run the node as a process: start it, say what runs, end it cleanly."""
+
+import sys
+
+import numpy as np
+import rclpy
+from rclpy.exceptions import NotInitializedException, ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+
+from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.ros.node import SimNode
+
+
+def run(args: list[str] | None) -> int:
+    """
+    Run the node until it is told to stop.
+
+    :param args: command line, with ROS arguments; None = the process's own.
+    :returns: exit code: 0 when told to stop, 1 when the scene cannot be read.
+    """
+    try:
+        _start_ros(args)
+        _spin()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except (ProcPhysError, ParameterException) as error:
+        print(f'sim: {error}', file=sys.stderr)
+        return 1
+    except (RuntimeError, NotInitializedException):
+        if rclpy.ok():
+            raise  # else a signal has ended the context under the hands of whoever used it
+    finally:
+        rclpy.try_shutdown()
+    return 0
+
+
+def _spin() -> None:
+    node = SimNode()
+    print(banner(node), flush=True)
+    node.create_timer(1.0, lambda: print(status(node), flush=True), clock=node.steady_clock)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        executor.spin()
+    finally:
+        node.destroy_node()
+
+
+def _start_ros(args: list[str] | None) -> None:
+    """Start rclpy; it reads the command line and the parameter files."""
+    try:
+        rclpy.init(args=args)
+    except RuntimeError as error:  # RCLError and UnknownROSArgsError: only their text tells
+        reason = str(error).partition(': ')[2] or str(error)
+        hint = ('; write the numbers of a list alike, [1.0, 2.5, 0.0]'
+                if 'Sequence should be of same type' in reason else '')
+        raise SceneError(reason.split(', at /')[0] + hint) from error
+
+
+def banner(node: SimNode) -> str:
+    """Say what runs and where to look."""
+    name = node.get_fully_qualified_name()
+    return '\n'.join((
+        f'procphys_ros: {node.session.summary()}',
+        f'  out  {name}/poses {name}/markers {name}/scene_description {name}/breaks '
+        f'{name}/wind_info /clock /diagnostics',
+        f'  in   {name}/wind {name}/impulse {name}/wrench',
+        '  stop with Ctrl-C'))
+
+
+def status(node: SimNode) -> str:
+    """Say how it goes, in one line."""
+    simulation = node.session.simulation
+    measured = node.pacer.measured
+    pace = ('paused' if node.session.paused else 'starting' if np.isnan(measured)
+            else f'real-time factor {measured:.2f}')
+    wind = np.linalg.norm(np.sum(simulation.wind.at_reference(simulation.time), axis=0))
+    return (f't {simulation.time:8.2f} s   {pace}   wind {wind:4.1f} m/s   '
+            f'{simulation.bonds_broken} broken')

@@ -1,0 +1,136 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The house in order: layers import downwards only, files stay small, nothing is left out."""
+
+import ast
+from pathlib import Path
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+
+from procphys_ros import __version__
+from procphys_ros.resources import shared_folder
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / 'procphys_ros'
+MODULES = sorted(PACKAGE.rglob('*.py'))
+SOURCES = [*MODULES, *sorted((ROOT / 'test').glob('*.py')), *sorted((ROOT / 'bench').glob('*.py')),
+           ROOT / 'setup.py']
+LONGEST = 400  # lines of a file
+
+# A module may import from its own layer's package and from layers with a smaller number.
+LAYERS = {
+    'errors': 0, 'rotation': 0, 'resources': 0, 'palette': 0, '': 0,
+    'blueprint': 1, 'skeleton': 2,
+    'language': 2, 'lsystem': 3, 'wallgrammar': 3,
+    'physics': 3, 'physics.wind': 3, 'physics.trees': 3, 'physics.masonry': 3,
+    'physics.loads': 3, 'physics.world': 4,
+    'scene': 5, 'simulation': 6, 'messages': 7, 'render': 8, 'ros': 9,
+}
+# Who may know a library that the rest of the house must not depend on.
+ONLY_IN = {
+    'rclpy': 'ros', 'pybullet': 'physics.world', 'pyvista': 'render', 'vtk': 'render',
+    'std_msgs': 'ros', 'std_srvs': 'ros', 'geometry_msgs': 'ros', 'sensor_msgs': 'ros',
+    'visualization_msgs': 'ros', 'diagnostic_msgs': 'ros', 'rosgraph_msgs': 'ros',
+    'rcl_interfaces': 'ros', 'builtin_interfaces': 'ros', 'simulation_interfaces': 'ros',
+}
+
+
+def layer_name(module: str) -> str:
+    """Name the layer of a dotted module inside the package."""
+    parts = module.split('.')
+    depth = 2 if parts[0] == 'physics' else 1
+    return '.'.join(parts[:depth])
+
+
+def imports(path: Path) -> set[str]:
+    """List the dotted names that a file imports, wherever in it."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f'{path} imports relatively'
+            found |= {f'{node.module}.{alias.name}' for alias in node.names}
+    return found
+
+
+@pytest.mark.parametrize('path', MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_imports_go_downwards(path):
+    """Import nothing from a higher layer, nor from a neighbour on the same floor."""
+    own = layer_name('.'.join(path.relative_to(PACKAGE).with_suffix('').parts)
+                     .removesuffix('.__init__').removesuffix('__init__'))
+    for name in imports(path):
+        top, _, inner = name.partition('.')
+        if top == 'procphys_ros' and inner:
+            other = layer_name(inner)
+            if other not in LAYERS:
+                other = layer_name(inner.rpartition('.')[0])
+            assert other == own or LAYERS[other] < max(LAYERS[own], 1), f'{own} imports {name}'
+        if top in ONLY_IN:
+            assert own == ONLY_IN[top], f'{own} imports {name}, only {ONLY_IN[top]} may'
+
+
+@pytest.mark.parametrize('path', SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_file_is_small_and_has_its_licence(path):
+    """Begin with the Apache header, and end before the ceiling."""
+    text = path.read_text('utf-8')
+    assert text.startswith('# Copyright 2026 The procphys_ros authors\n')
+    assert 'Licensed under the Apache License, Version 2.0' in text[:200]
+    assert len(text.splitlines()) <= LONGEST
+
+
+def test_core_runs_without_ros():
+    """Import everything below the ROS edge and find no rclpy loaded."""
+    code = ('import sys, procphys_ros.simulation, procphys_ros.messages; '
+            'sys.exit("rclpy" in sys.modules)')
+    assert subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=False).returncode == 0
+
+
+def test_version_is_the_same_everywhere():
+    """Say one version in package.xml and in the code, and begin the changelog."""
+    manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
+    assert manifest.findtext('version') == __version__
+    assert manifest.findtext('name') == 'procphys_ros'
+    assert manifest.findtext('license') == 'Apache-2.0'
+    assert 'Forthcoming' in (ROOT / 'CHANGELOG.rst').read_text('utf-8')
+
+
+def test_manifest_names_every_ros_package_that_is_imported():
+    """Depend in package.xml on each message package that the node uses."""
+    manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
+    declared = {d.text for d in manifest.findall('exec_depend')}
+    used = {name.split('.')[0] for path in (PACKAGE / 'ros').glob('*.py')
+            for name in imports(path)}
+    assert used & ONLY_IN.keys() <= declared
+
+
+def test_executables_call_modules_that_exist():
+    """Start a module with a main from each script that `ros2 run` finds."""
+    for script in sorted((ROOT / 'scripts').iterdir()):
+        module = re.search(r'-m (procphys_ros[\w.]+)', script.read_text('utf-8'))[1]
+        path = ROOT / Path(*module.split('.')).with_suffix('.py')
+        assert '\ndef main(' in path.read_text('utf-8'), script
+        assert script.stat().st_mode & 0o111, f'{script} is not executable'
+
+
+def test_shared_files_are_found():
+    """Find the grammars and the demo scene next to the code."""
+    assert (shared_folder() / 'config' / 'demo.yaml').is_file()
+    assert list((shared_folder() / 'grammars').glob('*.lsys'))
