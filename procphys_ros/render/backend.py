@@ -39,6 +39,7 @@ def load_pyvista() -> ModuleType:
         raise RenderUnavailableError(f'{_NO_PYVISTA} ({error})') from error
     if not os.environ.get('DISPLAY') and not _has_headless_opengl():
         raise RenderUnavailableError(_NO_OPENGL)
+    pyvista.vtk_verbosity('error')  # else VTK warns that there is no display, which is the point
     return pyvista
 
 

@@ -24,7 +24,7 @@ _SURFACES = ('furrows', 'plates', 'rings', 'lenticels', 'grain')
 # Leaf clusters: blades, spread of their roots along and across the twig, blade length and width,
 # angle to the twig [degrees]; lengths over the image side.
 _CLUSTERS = {
-    'broad': (42, (0.05, 0.80), 0.22, 0.19, 0.105, (20, 95)),
+    'broad': (64, (0.05, 0.80), 0.22, 0.19, 0.105, (20, 95)),
     'small': (60, (0.05, 0.85), 0.25, 0.13, 0.075, (15, 100)),
     'needles': (230, (0.00, 0.66), 0.02, 0.48, 0.014, (8, 78)),
 }
@@ -113,11 +113,11 @@ def _cluster(shape: tuple, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
 def _streamer(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Draw thin shoots side by side with narrow leaves along them: brightness and alpha."""
     light, alpha = np.full((_PIXELS, _PIXELS), 0.7), np.zeros((_PIXELS, _PIXELS))
-    for x in (0.12, 0.32, 0.50, 0.69, 0.88):
-        low, high = rng.uniform(-0.1, 0.05), rng.uniform(0.75, 0.98)
-        for i, y in enumerate(np.arange(high, low - 0.15, -0.035)):
+    for x in (0.09, 0.25, 0.40, 0.58, 0.74, 0.90):
+        low, high = rng.uniform(0.0, 0.35), rng.uniform(0.70, 0.98)
+        for i, y in enumerate(np.arange(high, low, -0.035)):
             angle = np.radians((18.0 if i % 2 else -18.0) + 9.0 * rng.standard_normal())
-            _blade(light, alpha, (x, y - 0.1), angle, 0.17 * rng.uniform(0.8, 1.2), 0.034,
+            _blade(light, alpha, (x, y - 0.1), angle, 0.18 * rng.uniform(0.8, 1.2), 0.030,
                    rng.uniform(0.6, 1.0))
     return light, alpha
 
