@@ -19,7 +19,7 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.world import expand, rigid_sum, solid_inertia, State, World
+from procphys_ros.physics.world import expand, Pieces, rigid_sum, solid_inertia, State, World
 from procphys_ros.physics.world.engine import LINEAR_DAMPING
 
 DT = 1.0 / 60.0
@@ -189,6 +189,48 @@ def test_solid_inertia_of_sphere_and_rod():
                                np.full(3, 0.4 * 5 * 0.04))
     rod = solid_inertia(Shape.CAPSULE, [0.1, 0.1, 2.0], 3.0)
     assert rod[0] == pytest.approx(3 * 4 / 12 + 3 * 0.0025 / 4)
+
+
+@pytest.mark.parametrize('angle', [20.0, 28.0, 36.0, 45.0])
+def test_friction_holds_or_slides_as_coulomb_says(angle):
+    """Tilt gravity: below atan μ a brick stays, above it slides with g (sin - μ cos)."""
+    friction, tilt = 0.6, np.radians(angle)
+    gravity = (G * np.sin(tilt), 0.0, -G * np.cos(tilt))
+    with World(gravity=gravity, friction=friction) as world:
+        body = world.add_projectile(Shape.BOX, [0.4, 0.4, 0.1], 5.0, at(0, 0, 0.0501),
+                                    np.zeros(6), friction=friction, restitution=0.0)
+        run(world, 0.5)
+        start = world.velocities([body])[0, 0]
+        run(world, 0.5)
+        gain = (world.velocities([body])[0, 0] - start) / 0.5
+    if np.tan(tilt) < friction:
+        assert abs(world.velocities([body])[0, 0]) < 0.01
+    else:
+        felt = (np.sin(tilt) - gain / G) / np.cos(tilt)
+        assert felt == pytest.approx(friction, rel=0.04)
+
+
+def test_lowest_point_of_a_compound_is_that_of_its_corners():
+    """Turn boxes and capsules at random: compare with all corners and round ends."""
+    rng = np.random.default_rng(8)
+    _, _, local, sizes = random_parts(rng, 12)
+    sizes[6:, 1] = sizes[6:, 0]
+    sizes[6:, 2] += sizes[6:, 0]
+    shapes = np.array([Shape.BOX] * 6 + [Shape.CAPSULE] * 6)
+    pieces = Pieces(shapes, sizes, local)
+    pose = at(1, 2, 30, rotation.from_axis_angle(np.array([0.6, 0.8, 0]), np.array(1.1)))
+    world = rotation.compose(pose, local)
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    heights = [(world[i, :3] + rotation.rotate(world[i, 3:], 0.5 * corners * sizes[i]))[:, 2].min()
+               for i in range(6)]
+    for i in range(6, 12):
+        half = 0.5 * (sizes[i, 2] - sizes[i, 0])
+        ends = world[i, 2] + half * rotation.rotate(world[i, 3:], np.array([0, 0, 1.0]))[2] * \
+            np.array([-1.0, 1.0])
+        heights.append(ends.min() - 0.5 * sizes[i, 0])
+    assert pieces.lowest(pose) == pytest.approx(min(heights), abs=1e-12)
+    whole = [Pieces(shapes[i:i + 1], sizes[i:i + 1], local[i:i + 1]) for i in range(12)]
+    np.testing.assert_allclose([one.lowest(pose) for one in whole], heights, atol=1e-12)
 
 
 def test_two_worlds_do_not_disturb_each_other():

@@ -79,7 +79,7 @@ def _collect(mass, inertia, poses, velocities):
     drift /= total
     tensor = np.zeros((3, 3))
     for p in range(len(mass)):
-        axes = _axes(poses[p, 3:])
+        axes = axes_of(poses[p, 3:])
         own = np.zeros((3, 3))
         for i in range(3):
             for j in range(3):
@@ -100,7 +100,7 @@ def _collect(mass, inertia, poses, velocities):
 
 
 @njit(cache=True)
-def _axes(q):
+def axes_of(q):
     """Give the rotation matrix of one unit quaternion."""
     x, y, z, w = q
     return np.array([
@@ -118,7 +118,7 @@ def relative_rows(frame, poses):
     :param poses: (P, 7).
     """
     out = np.empty((len(poses), 7))
-    axes = _axes(frame[3:])
+    axes = axes_of(frame[3:])
     ax, ay, az, aw = -frame[3], -frame[4], -frame[5], frame[6]
     for p in range(len(poses)):
         arm = poses[p, :3] - frame[:3]
@@ -145,7 +145,7 @@ def aligned_extents(poses, sizes, tolerance):
     aligned = np.ones(len(poses), np.bool_)
     extents = np.zeros((len(poses), 3))
     for p in range(len(poses)):
-        axes = _axes(poses[p, 3:])
+        axes = axes_of(poses[p, 3:])
         for i in range(3):
             for j in range(3):
                 whole = np.round(axes[i, j])

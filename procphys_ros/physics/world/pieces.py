@@ -16,10 +16,13 @@
 
 from dataclasses import dataclass
 
+from numba import njit
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.physics.world.assembly import axes_of
+
+_BOX = int(Shape.BOX)  # numba reads no enums
 
 
 @dataclass(frozen=True)
@@ -50,16 +53,26 @@ class Pieces:
 
         :param pose: of the body in the world, (7,).
         """
-        poses = rotation.compose(pose, self.local_poses)
-        down = np.abs(rotation.to_matrix(poses[:, 3:])[:, 2])
-        box = (down * self.sizes).sum(axis=1)
-        round_end = self.sizes[:, 0]
-        capsule = down[:, 2] * np.maximum(self.sizes[:, 2] - round_end, 0.0) + round_end
-        reach = 0.5 * np.where(self.shapes == Shape.BOX, box, capsule)
-        return float((poses[:, 2] - reach).min())
+        return _lowest(pose, self.shapes, self.sizes, self.local_poses)
+
+
+@njit(cache=True)
+def _lowest(pose, shapes, sizes, local):
+    up = axes_of(pose[3:])[2].copy()  # the vertical in the body's axes
+    height = np.inf
+    for p in range(len(shapes)):
+        down = np.abs(up @ axes_of(local[p, 3:]))
+        size = sizes[p]
+        if shapes[p] == _BOX:
+            reach = down[0] * size[0] + down[1] * size[1] + down[2] * size[2]
+        else:
+            reach = down[2] * max(size[2] - size[0], 0.0) + size[0]
+        centre = pose[2] + up[0] * local[p, 0] + up[1] * local[p, 1] + up[2] * local[p, 2]
+        height = min(height, centre - 0.5 * reach)
+    return height
 
 
 def single(shape: int, size: np.ndarray) -> Pieces:
     """Give the one piece of a plain box or capsule."""
-    return Pieces(np.array([shape]), np.asarray(size, float)[None],
+    return Pieces(np.array([shape], np.int64), np.asarray(size, float)[None],
                   np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))

@@ -72,7 +72,7 @@ class Population(Registry):
         :param restitution: against a body of the same kind.
         :param tolerance: how far ends may be apart that `merge_boxes` makes one [m].
         """
-        pieces = _merged(Pieces(np.asarray(shapes), np.asarray(sizes, float),
+        pieces = _merged(Pieces(np.asarray(shapes, np.int64), np.asarray(sizes, float),
                                 np.asarray(local_poses, float)), tolerance)
         body = self._engine.add_compound(compound.describe(mass, inertia, pieces), pose)
         self._enter_loose(body, mass, inertia, pieces, pose)
@@ -187,6 +187,6 @@ def _merged(pieces: Pieces, tolerance: float) -> Pieces:
     if np.count_nonzero(box) < 2:
         return pieces
     poses, sizes = merge_boxes(pieces.local_poses[box], pieces.sizes[box], tolerance)
-    return Pieces(np.concatenate([np.full(len(poses), Shape.BOX), pieces.shapes[~box]]),
+    return Pieces(np.concatenate([np.full(len(poses), Shape.BOX, np.int64), pieces.shapes[~box]]),
                   np.concatenate([sizes, pieces.sizes[~box]]),
                   np.concatenate([poses, pieces.local_poses[~box]]))
