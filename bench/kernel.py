@@ -88,10 +88,10 @@ def _take_turns(work: dict[str, tuple[Callable, int]]) -> dict[str, float]:
     for turn in range(_ROUNDS + 1):
         for name, (step, repeats) in work.items():
             for _ in range(repeats):
-                start = time.perf_counter()
+                start = time.process_time()
                 step()
                 if turn:  # the first turn compiles and warms up
-                    samples[name].append(time.perf_counter() - start)
+                    samples[name].append(time.process_time() - start)
     return {name: statistics.median(values) for name, values in samples.items()}
 
 

@@ -65,7 +65,8 @@ def _mjcf(rows: Rows, sizes: np.ndarray, dt: float) -> str:
             open_ends.pop()
             lines.append('</body>')
         x, y, z, qx, qy, qz, qw = mount
-        spring = f'stiffness="{rows.swing[i, STIFFNESS]}" damping="{_BETA * rows.swing[i, STIFFNESS]}"'
+        stiffness = rows.swing[i, STIFFNESS]
+        spring = f'stiffness="{stiffness}" damping="{_BETA * stiffness}"'
         lines.append(
             f'<body pos="{x} {y} {z}" quat="{qw} {qx} {qy} {qz}"><joint axis="1 0 0" {spring}/>'
             f'<joint axis="0 1 0" {spring}/><inertial pos="0 0 {body[3]}" mass="{body[0]}" '
@@ -133,18 +134,23 @@ class PyBulletForest:
             linkParentIndices=above.tolist(),
             linkJointTypes=[bullet.JOINT_REVOLUTE] * (2 * count),
             linkJointAxis=[[1, 0, 0], [0, 1, 0]] * count, physicsClientId=self._client)
-        for link in range(-1, 2 * count):  # meets others, not itself nor other trees
-            bullet.setCollisionFilterGroupMask(ident, link, 2, 1, physicsClientId=self._client)
-        moments = np.column_stack([np.full((count, 3), _DUMMY), body[:, [1, 1, 2]]])
-        for link, moment in enumerate(moments.reshape(-1, 3).tolist()):
-            bullet.changeDynamics(ident, link, localInertiaDiagonal=moment, linearDamping=0,
-                                  angularDamping=0, jointDamping=0, physicsClientId=self._client)
+        self._finish(ident, body)
         links = list(range(2 * count))
         bullet.setJointMotorControlArray(
             ident, links, bullet.POSITION_CONTROL, targetPositions=[0.0] * (2 * count),
             positionGains=[_GAIN] * (2 * count), velocityGains=[1.0] * (2 * count),
             physicsClientId=self._client)
         return ident, links
+
+    def _finish(self, ident: int, body: np.ndarray) -> None:
+        """Set inertias; let a tree meet others, but not itself nor other trees."""
+        bullet, client = self._bullet, self._client
+        moments = np.column_stack([np.full((len(body), 3), _DUMMY), body[:, [1, 1, 2]]])
+        for link, moment in enumerate(moments.reshape(-1, 3).tolist()):
+            bullet.changeDynamics(ident, link, localInertiaDiagonal=moment, linearDamping=0,
+                                  angularDamping=0, jointDamping=0, physicsClientId=client)
+        for link in range(-1, 2 * len(body)):
+            bullet.setCollisionFilterGroupMask(ident, link, 2, 1, physicsClientId=client)
 
     def step(self) -> None:
         """Step all trees and read where their segments are."""

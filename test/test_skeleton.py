@@ -36,15 +36,16 @@ def _branches(count: int = 3, **changes: np.ndarray) -> skeleton.Branches:
     ones = np.ones(count)
     base = np.zeros((count, 3))
     base[:, 2] = 0.5 * np.arange(count)
-    columns = dict(
-        parent=np.arange(count) - 1, lateral=np.zeros(count, bool), base=base,
-        attitude=np.tile(rotation.IDENTITY, (count, 1)), length=0.5 * ones, width=0.1 * ones,
-        tip_width=0.08 * ones, density=800.0 * ones, modulus=8e9 * ones, strength=60e6 * ones,
-        bone_ratio=0.9 * ones, swing_limit=ones, swing_stiffness=np.nan * ones,
-        swing_damping=np.nan * ones, damping_ratio=0.05 * ones, twist_stiffness=np.nan * ones,
-        twist_damping=np.nan * ones, stretch_stiffness=np.nan * ones,
-        stretch_damping=np.nan * ones, break_force=np.inf * ones, break_torque=np.inf * ones,
-        texture=np.zeros(count, np.int16))
+    columns = {
+        'parent': np.arange(count) - 1, 'lateral': np.zeros(count, bool), 'base': base,
+        'attitude': np.tile(rotation.IDENTITY, (count, 1)), 'length': 0.5 * ones,
+        'width': 0.1 * ones, 'tip_width': 0.08 * ones, 'density': 800.0 * ones,
+        'modulus': 8e9 * ones, 'strength': 60e6 * ones, 'bone_ratio': 0.9 * ones,
+        'swing_limit': ones, 'swing_stiffness': np.nan * ones, 'swing_damping': np.nan * ones,
+        'damping_ratio': 0.05 * ones, 'twist_stiffness': np.nan * ones,
+        'twist_damping': np.nan * ones, 'stretch_stiffness': np.nan * ones,
+        'stretch_damping': np.nan * ones, 'break_force': np.inf * ones,
+        'break_torque': np.inf * ones, 'texture': np.zeros(count, np.int16)}
     return skeleton.Branches(**{**columns, **changes})
 
 

@@ -40,7 +40,6 @@ from procphys_ros.physics.trees.layout import (
 )
 from procphys_ros.physics.trees.spatial import (
     add,
-    body as symmetric,
     INLINE,
     KERNEL,
     read,
@@ -48,6 +47,7 @@ from procphys_ros.physics.trees.spatial import (
     shift_load,
     shift_motion,
     slide_slope,
+    symmetric,
     turn_slope,
     write,
 )

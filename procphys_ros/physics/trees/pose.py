@@ -25,6 +25,8 @@ from procphys_ros.physics.trees.state import Joint
 
 _FREE = int(Joint.FREE)
 _SPRUNG = int(Joint.SPRUNG)
+_S3, _S5, _S7, _S9 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0
+_C4, _C6, _C8, _C10 = 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0, -1.0 / 3628800.0
 
 
 @njit(**INLINE)
@@ -48,6 +50,18 @@ def rotate(q, x, y, z):
 
 
 @njit(**INLINE)
+def sine_cosine(x):
+    """Give sine and cosine of an angle, of a small one by series to rounding."""
+    s = x * x
+    if s < 0.015625:
+        sine = x + x * s * (_S3 + s * (_S5 + s * (_S7 + s * _S9)))
+        cosine = 1.0 - s * (0.5 - s * (_C4 + s * (_C6 + s * (_C8 + s * _C10))))
+    else:
+        sine, cosine = math.sin(x), math.cos(x)
+    return sine, cosine
+
+
+@njit(**INLINE)
 def place(k, rows, above, model, state):
     """
     Set frame and pose of entry k of a tree from its parent, or from the world.
@@ -67,8 +81,8 @@ def place(k, rows, above, model, state):
         y += frame[p, 1]
         z += frame[p, 2]
         rest = multiply(parent, rest)
-    sx, cx = math.sin(0.5 * bend[i, 0]), math.cos(0.5 * bend[i, 0])
-    sy, cy = math.sin(0.5 * bend[i, 1]), math.cos(0.5 * bend[i, 1])
+    sx, cx = sine_cosine(0.5 * bend[i, 0])
+    sy, cy = sine_cosine(0.5 * bend[i, 1])
     q = multiply(rest, (sx * cy, cx * sy, sx * sy, cx * cy))
     set_frame(i, x, y, z, q, 1.0 - 2.0 * sy * sy, 2.0 * sy * cy, frame)
     if model.joint[i] == _SPRUNG:

@@ -44,20 +44,7 @@ def yielding(k, rows, above, model, state, scratch, point, direction, dt):
     frame, x, y, z = state.frame, direction[0], direction[1], direction[2]
     arm = point - frame[rows[k], :3]
     hit = (arm[1] * z - arm[2] * y, arm[2] * x - arm[0] * z, arm[0] * y - arm[1] * x, x, y, z)
-    push = hit
-    path = [k]
-    while True:
-        i, up = rows[path[-1]], above[path[-1]]
-        if model.joint[i] == _FREE:
-            for c in range(6):
-                scratch.inertia[path[-1], 21 + c] = push[c]
-            break
-        push = pass_on(i, path[-1], model, state, scratch.factor, push)
-        if up < 0:
-            break
-        gap = apart(frame, i, rows[up])
-        push = shift_load(push, gap[0], gap[1], gap[2])
-        path.append(up)
+    path = descend(k, rows, above, model, state, scratch, hit)
     motion = scratch.motion
     for k in path[::-1]:
         i = rows[k]
@@ -73,6 +60,25 @@ def yielding(k, rows, above, model, state, scratch, point, direction, dt):
     k = path[0]
     return dot(hit, (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
                      motion[k, 5]))
+
+
+@njit(cache=True)
+def descend(k, rows, above, model, state, scratch, push):
+    """Pass a push at entry k down to the root; give the entries passed."""
+    path = [k]
+    while True:
+        i, up = rows[path[-1]], above[path[-1]]
+        if model.joint[i] == _FREE:
+            for c in range(6):
+                scratch.inertia[path[-1], 21 + c] = push[c]
+            break
+        push = pass_on(i, path[-1], model, state, scratch.factor, push)
+        if up < 0:
+            break
+        x, y, z = apart(state.frame, i, rows[up])
+        push = shift_load(push, x, y, z)
+        path.append(up)
+    return path
 
 
 @njit(cache=True)

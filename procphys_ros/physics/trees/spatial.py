@@ -26,14 +26,15 @@ from numba import njit
 
 WIDTH = 27  # of a row that keeps J, B, M and the load in this order
 FACTOR_WIDTH = 8  # of a row that keeps a slope, an inverse inertia and a drive
-# Without run-time reference counts: inlined array arguments cost an atomic increment per use, which
-# doubles the time of a step. Functions under these options cannot allocate.
+# Without run-time reference counts: inlined array arguments would cost an atomic increment per use
+# and double the time of a step. Functions under these options cannot allocate. Strict arithmetic
+# (no fused products) keeps what is balanced exactly balanced.
 KERNEL = {'cache': True, '_nrt': False}
 INLINE = {**KERNEL, 'inline': 'always'}
 
 
 @njit(**INLINE)
-def body(x, y, z, h, linear, cross, turn, spin):
+def symmetric(x, y, z, h, linear, cross, turn, spin):
     """
     Give J, B, M of a symmetric body about a point on its axis (x, y, z).
 
