@@ -21,7 +21,7 @@ import numpy as np
 from procphys_ros.wallgrammar.boxes import Boxes
 
 _BUCKET = 250_000  # [µm] side of a grid square: about one brick, so few candidates meet in it
-_LEAST = 2_000     # [µm] narrower overlaps are rounding, not contacts
+_LEAST = 12_000    # [µm] narrower laps hold nothing, unless the parts themselves are as thin
 
 
 class Contacts(NamedTuple):
@@ -71,7 +71,9 @@ def _along(boxes: Boxes, cell_low: np.ndarray, cell_high: np.ndarray, axis: int)
     first, second, square = _candidates(boxes, across, ahead, behind)
     low = np.maximum(boxes.low[first], boxes.low[second])
     high = np.minimum(boxes.high[first], boxes.high[second])
-    keep = ((high[:, across] - low[:, across]) > _LEAST).all(axis=1)
+    size = (boxes.high - boxes.low)[:, across]
+    least = np.minimum(_LEAST, np.minimum(size[first], size[second]) // 2)
+    keep = ((high[:, across] - low[:, across]) > least).all(axis=1)
     # A pair may meet in several squares: only the one with the patch's lower corner counts.
     keep &= (low[:, across] // _BUCKET == square).all(axis=1)
     first, second, low, high = first[keep], second[keep], low[keep], high[keep]

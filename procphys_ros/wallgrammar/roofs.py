@@ -24,9 +24,9 @@ from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro
 from procphys_ros.wallgrammar.footprint import Corner
 from procphys_ros.wallgrammar.site import Site
-from procphys_ros.wallgrammar.slopes import Ends, OVERHANG, RAFTER, Slope
+from procphys_ros.wallgrammar.slopes import Ends, OVERHANG, RAFTER, rafter_depth, Slope
 from procphys_ros.wallgrammar.tiling import lay, Runs
-from procphys_ros.wallgrammar.walls import Elevation
+from procphys_ros.wallgrammar.walls import Elevation, unit_of
 
 _PLATE = 100_000      # [µm] width of wall plates, at most the wall
 _RIDGE = 0.075        # [m] thickness of the ridge board
@@ -46,7 +46,8 @@ class Roof:
     """
     A roof under construction, ridge along the frame's x.
 
-    :ivar low, high: outer corners of the building [m], (2,) in the first frame.
+    :ivar low, high: outer corners of the building [µm], (2,) in the first frame.
+    :ivar depth: of the rafters [m].
     """
 
     def __init__(self, site: Site, walls: Sequence[Elevation], height: int, pitch: float):
@@ -59,7 +60,7 @@ class Roof:
         corners = np.array([w.facade.origin for w in walls])
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         self.plate = min(_PLATE, self.layout.thickness)
-        self.slopes: list[Slope] = []
+        self.depth = 0.0
 
     @property
     def eaves(self) -> float:
@@ -89,6 +90,7 @@ class Roof:
         across = 1 - axis
         size = (self.high - self.low) / MICRO
         span = 0.5 * size[across]
+        self.depth = rafter_depth(span, self.pitch)
         thickness = self.layout.thickness
         ends = (self.low[axis] + thickness, self.high[axis] - thickness)
         plates = [self._timber(axis, ends, (edge, edge + self.plate), self.height,
@@ -97,7 +99,7 @@ class Roof:
         seat = span - 0.5 * _RIDGE
         underside = self.eaves + seat * np.tan(self.pitch)
         bottom = micro(underside - _RIDGE_SEAT) // self.gauge * self.gauge
-        top = micro(underside + RAFTER[1] * np.cos(self.pitch) - 0.005)
+        top = micro(underside + self.depth * np.cos(self.pitch) - 0.005)
         middle = int(self.low[across] + self.high[across]) // 2
         half = micro(0.5 * _RIDGE)
         for wall in self.walls:
@@ -122,6 +124,7 @@ class Roof:
         across = 1 - axis
         size = (self.high - self.low) / MICRO
         span = 0.5 * size[across]
+        self.depth = rafter_depth(span, self.pitch)
         if size[axis] - size[across] < _SHORTEST_RIDGE:
             raise self.site.place.error(
                 f'a hip roof needs a footprint at least {_SHORTEST_RIDGE:g} m longer than wide, '
@@ -134,7 +137,7 @@ class Roof:
                                 self.height + self.gauge, 0)
                    for edge in (self.low[axis], self.high[axis] - self.plate)]
         underside = self.eaves + (span - 0.5 * _RIDGE) * np.tan(self.pitch)
-        top = micro(underside + RAFTER[1] * np.cos(self.pitch) - 0.005)
+        top = micro(underside + self.depth * np.cos(self.pitch) - 0.005)
         middle = int(self.low[across] + self.high[across]) // 2
         half = micro(0.5 * _RIDGE)
         ends = (self.low[axis] + micro(span), self.high[axis] - micro(span))
@@ -181,7 +184,7 @@ class Roof:
         course = np.arange(first, peak + 1)
         bottom = np.maximum(course * self.gauge, self.height)
         upper = (course + 1) * self.gauge
-        plane = self.eaves + (RAFTER[1] - _GABLE_CLEAR) / np.cos(self.pitch)
+        plane = self.eaves + (self.depth - _GABLE_CLEAR) / np.cos(self.pitch)
         inset = np.maximum(micro((upper / MICRO - plane) / np.tan(self.pitch)), 0)
         left = np.concatenate([inset, np.full(len(course), length // 2 + half)])
         right = np.concatenate([np.full(len(course), length - length // 2 - half), length - inset])
@@ -194,8 +197,9 @@ class Roof:
         zero = np.zeros(int(keep.sum()), int)
         runs = Runs(twice[0], left[keep], right[keep], twice[1], twice[2], zero, zero, zero)
         facade = replace(wall.facade, start=Corner(), end=Corner())
-        layout = replace(self.layout, pieces=1)
-        self.site.add(facade.place(lay(runs, layout, self.site.kind('brick'), Joint.MORTAR, 0)))
+        kind, joint = unit_of(self.layout, wall.unit)
+        self.site.add(facade.place(lay(runs, self.layout, self.site.kind(kind), joint,
+                                       self.site.next_member)))
 
     def _opposite(self, axis: int, span: float, length: float, hipped: bool) -> list[Slope]:
         """Give the two slopes whose eaves run along an axis."""
@@ -215,14 +219,14 @@ class Roof:
         points = slope.world(0.5 * width / np.cos(self.pitch), -rafters.place, 0.0)
         points[:, 2] = self.eaves + 0.25 * width * np.tan(self.pitch)
         upright = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-        reach = np.tile([0.5 * self.gauge / MICRO, 0.5 * RAFTER[1]], (len(points), 1))
+        reach = np.tile([0.5 * self.gauge / MICRO, 0.5 * self.depth], (len(points), 1))
         # A long rafter is cut in pieces: the one over the plate carries.
         self._bond(self._nearest(plates, points), rafters.foot, points, upright,
-                   (RAFTER[0], width), reach)
+                   (RAFTER, width), reach)
 
     def _square_end(self, slope: Slope, rafters: Ends) -> np.ndarray:
         """Locate the middles of the rafters' upper ends [m], (n, 3)."""
-        return slope.world(rafters.reach, -rafters.place, 0.5 * RAFTER[1])
+        return slope.world(rafters.reach, -rafters.place, 0.5 * self.depth)
 
     def _head(self, slope: Slope, rafters: Ends, holders: np.ndarray,
               points: np.ndarray) -> None:
@@ -233,7 +237,7 @@ class Roof:
         along[2] = 0.0
         normal = np.tile(along / np.linalg.norm(along), (len(points), 1))
         reach = np.column_stack([0.5 * (rafters.reach), np.full(len(points), 0.5 * _RIDGE)])
-        self._bond(rafters.head, self._nearest(holders, points), points, normal, RAFTER,
+        self._bond(rafters.head, self._nearest(holders, points), points, normal, (RAFTER, self.depth),
                    np.minimum(reach, 0.5))
 
     def _nearest(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -250,7 +254,7 @@ class Roof:
         rise = span * np.tan(self.pitch)
         plan = span * np.sqrt(2.0)
         slope = np.arctan2(rise, plan)
-        depth = (RAFTER[1] / np.cos(self.pitch) - 0.5 * _HIP / np.sqrt(2.0) * np.tan(self.pitch)
+        depth = (self.depth / np.cos(self.pitch) - 0.5 * _HIP / np.sqrt(2.0) * np.tan(self.pitch)
                  - 0.003) * np.cos(slope)
         end = (plan - 0.5 * _HIP - 0.005) / np.cos(slope)
         low, high = self.low / MICRO, self.high / MICRO

@@ -23,7 +23,9 @@ from procphys_ros import rotation
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micro, stack
 from procphys_ros.wallgrammar.site import Site
 
-RAFTER = (0.05, 0.12)    # [m] width and depth; C24 at 0.6 m spans about 3 m like this (TRADA)
+RAFTER = 0.05            # [m] width of rafters
+_SHALLOWEST = 0.12       # [m] least depth of rafters
+_SLENDER = 25.0          # length over depth of rafters, a joiner's rule
 RAFTER_SPACING = 0.6     # [m] largest
 _BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
 _TILE = (0.40, 0.02)     # [m] width and thickness of what stands for a few tiles
@@ -49,6 +51,16 @@ class Ends(NamedTuple):
     reach: np.ndarray
 
 
+def rafter_depth(span: float, pitch: float) -> float:
+    """
+    Give the depth of rafters [m].
+
+    :param span: horizontal distance from the eaves to the ridge [m].
+    :param pitch: [rad].
+    """
+    return max(_SHALLOWEST, span / np.cos(pitch) / _SLENDER)
+
+
 @dataclass(frozen=True)
 class Slope:
     """
@@ -61,6 +73,7 @@ class Slope:
     :ivar span: horizontal distance from the eaves to the ridge [m].
     :ivar length: of the eaves, which run from y = -length to 0 [m].
     :ivar hipped: whether the plane ends at hips instead of gables.
+    :ivar depth: of the rafters [m].
     """
 
     pose: np.ndarray
@@ -68,6 +81,7 @@ class Slope:
     span: float
     length: float
     hipped: bool
+    depth: float
 
     @classmethod
     def at(cls, origin: np.ndarray, inwards: float, pitch: float, span: float, length: float,
@@ -80,7 +94,8 @@ class Slope:
         """
         tilt = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(-pitch))
         turn = rotation.multiply(rotation.from_yaw(inwards), tilt)
-        return cls(np.concatenate([origin, turn]), pitch, span, length, hipped)
+        return cls(np.concatenate([origin, turn]), pitch, span, length, hipped,
+                   rafter_depth(span, pitch))
 
     def world(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Give points of the slope's frame in the building [m], (n, 3)."""
@@ -103,13 +118,13 @@ class Slope:
         place = np.linspace(edge, self.length - edge, count)
         plan = np.full(count, self.span - ridge_half - _CLEAR)
         if self.hipped:
-            near = np.minimum(place, self.length - place) - 0.5 * RAFTER[0]
+            near = np.minimum(place, self.length - place) - 0.5 * RAFTER
             plan = np.minimum(plan, near - np.sqrt(2.0) * hip_half - _CLEAR)
         keep = plan > 0.2
         place, reach = place[keep], plan[keep] / np.cos(self.pitch)
         low = np.column_stack([np.full(len(place), -OVERHANG / np.cos(self.pitch)),
-                               -place - 0.5 * RAFTER[0], np.zeros(len(place))])
-        high = np.column_stack([reach, -place + 0.5 * RAFTER[0], np.full(len(place), RAFTER[1])])
+                               -place - 0.5 * RAFTER, np.zeros(len(place))])
+        high = np.column_stack([reach, -place + 0.5 * RAFTER, np.full(len(place), self.depth)])
         boxes = from_cells(micro(low), micro(high), frame=frame, axis=0, joint=Joint.FIXING,
                            kind=site.kind('rafter'), material=site.material('timber'))
         foot, head = site.add_members(boxes, _PIECE)
@@ -129,13 +144,13 @@ class Slope:
                            int(np.ceil((top - _BATTEN[0] - bottom) / _GAUGE)) + 1)
         battens, tiles, last = [], [], None
         for x in rows:
-            ends = self._row(x + _BATTEN[0], RAFTER[1])
+            ends = self._row(x + _BATTEN[0], self.depth)
             held = rafters.place[rafters.reach > x]
-            inside = (held - 0.5 * RAFTER[0] > ends[0]) & (held + 0.5 * RAFTER[0] < ends[1])
+            inside = (held - 0.5 * RAFTER > ends[0]) & (held + 0.5 * RAFTER < ends[1])
             if not inside.any():
                 break
-            battens.append(_box([x, -ends[1], RAFTER[1]],
-                                [x + _BATTEN[0], -ends[0], RAFTER[1] + _BATTEN[1]], frame, 1))
+            battens.append(_box([x, -ends[1], self.depth],
+                                [x + _BATTEN[0], -ends[0], self.depth + _BATTEN[1]], frame, 1))
             if last is not None:
                 tiles += self._tiles(last + 0.5 * _BATTEN[0], x + 0.5 * _BATTEN[0], frame)
             last = x
@@ -154,7 +169,7 @@ class Slope:
         return inset, self.length - inset
 
     def _tiles(self, low: float, high: float, frame: int) -> list[Boxes]:
-        bottom = RAFTER[1] + _BATTEN[1]
+        bottom = self.depth + _BATTEN[1]
         start, end = self._row(high, bottom)
         count = max(int(round((end - start) / _TILE[0])), 1)
         lines = np.linspace(start, end, count + 1)

@@ -112,9 +112,9 @@ class Elevation:
             layout = self.layouts[self.panels[name].kind]
             runs = courses(covered, owner, depth, layout, self.facade)
             site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
-            kind = site.kind(self.unit if layout.pieces == 1 else 'board')
-            joint = Joint.MORTAR if layout.pieces == 1 else Joint.FIXING
-            rows = site.add(self.facade.place(lay(runs, layout, kind, joint, site.next_member)))
+            kind, joint = unit_of(layout, self.unit)
+            rows = site.add(self.facade.place(lay(runs, layout, site.kind(kind), joint,
+                                                  site.next_member)))
             self.rows += range(rows.start, rows.stop)
         self._fill(Wall(site, self.facade, self.layout.thickness, self.layout.joint))
 
@@ -128,6 +128,16 @@ class Elevation:
             elif panel.kind == 'beam':
                 scope, kind = self._bearings[i]
                 beam(wall, piece._replace(scope=scope), *panel.arguments, kind)
+
+
+def unit_of(layout: Layout, brick: str) -> tuple[str, Joint]:
+    """
+    Say what the units of a layout are and how they are joined: bricks laid, or boards nailed.
+
+    :param layout: of the wall.
+    :param brick: kind of its bricks.
+    """
+    return (brick, Joint.MORTAR) if layout.pieces == 1 else ('board', Joint.FIXING)
 
 
 def _classes(pieces: Sequence[Piece], panels: dict[str, Panel],
