@@ -187,7 +187,7 @@ class CoarseSpace:
             np.bincount(member, graph.centre[parts, c], self.count) for c in range(3)])
         self.middle = self.middle / np.maximum(population, 1)[:, None]
         self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
-        matrix = self._assembled(graph)
+        matrix = self.assembled(graph)
         self._component = connected_components(matrix, directed=False)[1][::6]
         self.factor = _factor(matrix)
 
@@ -201,7 +201,7 @@ class CoarseSpace:
         wanted[self._component[self.owner[parts]]] = True
         return np.flatnonzero(wanted[self._component[self.factor[4] // 6]])
 
-    def _assembled(self, graph: BondGraph) -> csc_matrix:
+    def assembled(self, graph: BondGraph) -> csc_matrix:
         """Assemble the coarse matrix from the living bonds of the set."""
         mine = self.owner >= 0
         bonds = np.flatnonzero(graph.alive & (mine[graph.first] | mine[graph.second]))

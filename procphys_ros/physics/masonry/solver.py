@@ -25,7 +25,8 @@ from procphys_ros.physics.masonry.graph import BondGraph
 
 _AGGREGATE = 12      # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
-_STALE_AFTER = 20    # iterations since a change; slower than that, the coarse factor is renewed
+_STALE_AFTER = 40    # iterations since a change after which the coarse space is renewed: it costs
+#                      as much as about 30 iterations
 _PATIENCE = 2000     # iterations since a change after which an island counts as a mechanism
 _ADRIFT = 0.05       # [m] displacement at which an island counts as a mechanism; sound masonry
 #                      moves by less than a millimetre

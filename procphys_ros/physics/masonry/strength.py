@@ -102,8 +102,8 @@ def opening(graph: BondGraph, bonds: np.ndarray,
     without tension, balances the resultant: it stays closed over 3·(e/2 - eccentricity) from the
     pressed edge (elementary theory of the section without tension), less a margin so that opening
     comes to an end. Eccentric along both sides, each side opens as if the other's eccentricity
-    were added in proportion: rather too much than too little. When next to nothing stays closed, or the
-    resultant is outside the patch, the bond breaks.
+    were added in proportion: rather too much than too little. When next to nothing stays closed,
+    or the resultant is outside the patch, the bond breaks.
 
     :param bonds: rows, (K,).
     :param wrench: of these bonds, bond frame, (K, 6).
