@@ -160,7 +160,8 @@ def test_fragment_answers_an_off_centre_impulse_like_a_rigid_body():
         np.testing.assert_allclose(kept[:3], want[:3] * (1 - LINEAR_DAMPING) ** DT, rtol=1e-9)
 
 
-def test_contact_uses_the_exact_inertia_of_a_fragment():
+@pytest.mark.parametrize('held_before', [False, True])
+def test_contact_uses_the_exact_inertia_of_a_fragment(held_before):
     """Let a dumbbell land on one end: the bounce-free spin follows from its inertia alone."""
     mass = np.array([2.0, 2.0])
     sizes = np.tile([0.2, 0.2, 0.2], (2, 1))
@@ -171,6 +172,10 @@ def test_contact_uses_the_exact_inertia_of_a_fragment():
                                np.array([5.0]), friction=0.0)
         world.remove(np.array([world.ground]))
         body = add_sum(world, total, np.full(2, Shape.BOX), sizes, friction=0.0)
+        if held_before:
+            world.freeze([body])
+            world.step(DT)
+            world.thaw([body])
         world.set_velocities([body], np.array([[0, 0, -1.0, 0, 0, 0]]))
         for _ in range(3):
             world.step(DT)
