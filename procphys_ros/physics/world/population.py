@@ -40,7 +40,7 @@ class Population(Registry):
         :param velocity: world axes, (6,); None = at rest.
         :param inertia: principal moments in its axes [kg·m²], (3,); None = of a solid.
         :param friction: against a body of the same kind.
-        :param restitution: against a body of the same kind.
+        :param restitution: against a body of the same kind; against the ground its root.
         """
         size, pose = np.asarray(size, float), np.asarray(pose, float)
         outline = (self._engine.box(size) if shape == Shape.BOX
