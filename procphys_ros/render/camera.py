@@ -19,6 +19,7 @@ import numpy as np
 
 FIELD_OF_VIEW = 32.0  # [degrees], vertical
 _MARGIN = 1.06  # the scene fills this inverse share of the frame
+_SAMPLE, _ROUNDS = 20000, 5  # points looked at, and how often the target is shifted
 _BEARING = np.radians(-72.0)  # the camera stands mostly to the south of the scene
 _LOW, _HIGH = np.radians(4.0), np.radians(17.0)  # elevation for a lone tree and a wide scene
 
@@ -38,10 +39,14 @@ def frame(points: np.ndarray, size: tuple[int, int]) -> tuple:
                      np.sin(elevation)])
     right = np.array([-np.sin(_BEARING), np.cos(_BEARING), 0.0])
     up = np.cross(back, right)
-    offset = points - centre
     slope = np.tan(np.radians(FIELD_OF_VIEW) / 2.0)
-    width, height = slope * size[0] / size[1], slope
-    distance = _MARGIN * max(
-        float((np.abs(offset @ right) / width + offset @ back).max()),
-        float((np.abs(offset @ up) / height + offset @ back).max()), 0.5)
+    reach = slope * np.array([size[0] / size[1], 1.0])
+    some = points[::len(points) // _SAMPLE + 1]
+    for _ in range(_ROUNDS):  # near things look larger: shift the target until both sides match
+        offset = some - centre
+        away, beside = offset @ back, offset @ np.stack([right, up], axis=-1)
+        distance = _MARGIN * max(float((np.abs(beside) / reach + away[:, None]).max()), 0.5)
+        seen = beside / (distance - away)[:, None]
+        shift = 0.5 * distance * (seen.max(axis=0) + seen.min(axis=0))
+        centre = centre + shift[0] * right + shift[1] * up
     return tuple(centre + distance * back), tuple(centre), (0.0, 0.0, 1.0)

@@ -17,8 +17,11 @@
 
 import numpy as np
 from scipy.ndimage import map_coordinates
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 SUN = np.array([-0.45, -0.62, 0.64]) / np.linalg.norm([-0.45, -0.62, 0.64])  # towards the sun
+ZENITH = np.array([0.0, 0.0, 1.0])
 _SUNSHINE = np.array([0.80, 0.76, 0.66])  # colour of full sun on a surface that faces it
 _SKYLIGHT = np.array([0.40, 0.44, 0.50])  # colour from the open sky above
 _BOUNCE = np.array([0.20, 0.20, 0.16])  # colour from the ground below
@@ -28,33 +31,61 @@ _CELLS = 96  # cells of the shade grid along its longest side
 _SMALLEST_CELL = 0.35  # [m]
 
 
-def shade(points: np.ndarray, leaves: np.ndarray, area: np.ndarray,
-          towards: np.ndarray) -> np.ndarray:
+class Shade:
     """
-    Tell how much light from one direction gets through the leaves to each point, 0 to 1.
+    What the leaves of a scene let through of the light from one direction.
 
     The leaf area is gathered in cells and summed along the ray: exp(-k * leaf area index).
 
-    :param points: [m], (V, 3).
     :param leaves: centres of the leaves [m], (L, 3).
     :param area: of each leaf [m²], (L,).
     :param towards: unit vector to the light, (3,).
     """
-    if len(leaves) == 0:
-        return np.ones(len(points))
-    side = np.cross(towards, [0.0, 1.0, 0.0] if abs(towards[1]) < 0.9 else [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side)
-    axes = np.stack([side, np.cross(towards, side), towards])
-    spots = leaves @ axes.T
-    low = spots.min(axis=0)
-    cell = max(_SMALLEST_CELL, float((spots.max(axis=0) - low).max()) / _CELLS)
-    index = ((spots - low) / cell).astype(int)
-    grid = np.zeros(index.max(axis=0) + 2)
-    np.add.at(grid, tuple(index.T), area / cell ** 2)
-    depth = np.cumsum(grid[..., ::-1], axis=2)[..., ::-1] - 0.5 * grid
-    where = ((points @ axes.T - low) / cell - 0.5).T
-    where[2] = np.maximum(where[2], 0.0)  # below all leaves: everything above counts
-    return np.exp(-_EXTINCTION * map_coordinates(depth, where, order=1, mode='constant'))
+
+    def __init__(self, leaves: np.ndarray, area: np.ndarray, towards: np.ndarray):
+        side = np.cross(towards, [0.0, 1.0, 0.0] if abs(towards[1]) < 0.9 else [1.0, 0.0, 0.0])
+        side /= np.linalg.norm(side)
+        self._axes = np.stack([side, np.cross(towards, side), towards])
+        if len(leaves) == 0:
+            leaves, area = np.zeros((1, 3)), np.zeros(1)
+        spots = leaves @ self._axes.T
+        self._low = spots.min(axis=0)
+        self._cell = max(_SMALLEST_CELL, float((spots.max(axis=0) - self._low).max()) / _CELLS)
+        index = ((spots - self._low) / self._cell).astype(int)
+        grid = np.zeros(index.max(axis=0) + 2)
+        np.add.at(grid, tuple(index.T), area / self._cell ** 2)
+        self._depth = np.cumsum(grid[..., ::-1], axis=2)[..., ::-1] - 0.5 * grid
+
+    def light(self, points: np.ndarray) -> np.ndarray:
+        """
+        Tell how much light gets through to each point, 0 to 1, (V,).
+
+        :param points: [m], world, (V, 3).
+        """
+        where = ((points @ self._axes.T - self._low) / self._cell - 0.5).T
+        where[2] = np.maximum(where[2], 0.0)  # below all leaves: everything above counts
+        index = map_coordinates(self._depth, where, order=1, mode='constant')
+        return np.exp(-_EXTINCTION * index)
+
+
+def crown_middles(positions: np.ndarray, links: np.ndarray, carriers: np.ndarray) -> np.ndarray:
+    """
+    Give for every part the middle of the crown of its plant [m], (N, 3).
+
+    Leaves are lit as if their crown were one rounded body, which shows its volume; the normals of
+    single leaves would be noise.
+
+    :param positions: of the parts [m], (N, 3).
+    :param links: pairs of parts that hold together, (M, 2).
+    :param carriers: part that carries each leaf, (L,).
+    """
+    count = len(positions)
+    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
+    plant = connected_components(graph, directed=False)[1]
+    weight = np.bincount(plant[carriers], minlength=count)
+    total = np.stack([np.bincount(plant[carriers], positions[carriers, axis], minlength=count)
+                      for axis in range(3)], axis=-1)
+    return (total / np.maximum(weight, 1)[:, None])[plant]
 
 
 def on_surfaces(normals: np.ndarray, sun: np.ndarray, sky: np.ndarray) -> np.ndarray:

@@ -20,8 +20,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Shape
@@ -38,11 +36,12 @@ _EMPTY_SCENE = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])  # [m] corners to 
 
 @dataclass(frozen=True)
 class _Item:
-    """One mesh to draw, with the row (of parts, leaves or ornaments) behind every piece."""
+    """One mesh to draw; `row` is the part, leaf or ornament behind each of its pieces."""
 
     mesh: mesh.Mesh
     look: Look
     row: np.ndarray
+    small: bool  # pieces so small that one value of shade serves for all their vertices
     outward: np.ndarray | None = None  # of leaves, per vertex
 
 
@@ -65,10 +64,11 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     items = [item for item in _items(blueprint, poses, shown) if len(item.row)]
     canvas = Canvas(size)
     points = np.concatenate([_NOTHING, *(item.mesh.points for item in items)])
-    centres, area = _leaf_cloud(blueprint, poses, shown)
+    leaves, area = _leaf_cloud(blueprint, poses, shown)
+    shades = [light.Shade(leaves, area, towards) for towards in (light.SUN, light.ZENITH)]
     for item in items:
         image = texture.image(item.look.pattern)
-        canvas.add(item.mesh, _colours(item, centres, area), image, item.look.rgba[3])
+        canvas.add(item.mesh, _colours(item, *shades), image, item.look.rgba[3])
         canvas.add_shadow(item.mesh, image)
     for surface, colours in backdrop(points):
         canvas.add(surface, colours)
@@ -81,60 +81,47 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
 
 def _items(blueprint: Blueprint, poses: np.ndarray, shown: np.ndarray) -> Iterator[_Item]:
     """Turn the parts, leaves and ornaments into one mesh per texture and kind."""
-    crowns = _crown_middles(blueprint, poses)
+    held = blueprint.bonds[blueprint.bonds[:, 0] != GROUND]
+    crowns = light.crown_middles(poses[:, :3], held, blueprint.leaves.part)
     for index, name in enumerate(blueprint.textures or ('',)):
         appearance = look(name)
         for shape, build in ((Shape.CAPSULE, mesh.branches), (Shape.BOX, mesh.boxes)):
             row = np.flatnonzero(
                 shown & (blueprint.texture == index) & (blueprint.shape == shape))
-            yield _Item(build(poses[row], blueprint.visual_size[row]), appearance, row)
+            yield _Item(build(poses[row], blueprint.visual_size[row]), appearance, row,
+                        small=shape == Shape.BOX)
         leaves = blueprint.leaves
         row = np.flatnonzero(shown[leaves.part] & (leaves.texture == index))
         frames = rotation.compose(poses[leaves.part[row]], leaves.pose[row])
         quads = mesh.crossed_quads(frames, leaves.size[row], appearance.aspect)
         away = quads.points - crowns[leaves.part[row]][quads.piece]
         away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-        yield _Item(quads, appearance, row, away)
+        yield _Item(quads, appearance, row, True, away)
         ornaments = blueprint.ornaments
         row = np.flatnonzero(shown[ornaments.part] & (ornaments.texture == index))
         yield _Item(mesh.loose_triangles(poses[ornaments.part[row]], ornaments.triangle[row]),
-                    appearance, row)
-
-
-def _crown_middles(blueprint: Blueprint, poses: np.ndarray) -> np.ndarray:
-    """
-    Give for every part the middle of the crown of its plant [m], (N, 3).
-
-    Leaves are lit as if their crown were one rounded body, which shows its volume; the normals of
-    single leaves would be noise.
-    """
-    held = blueprint.bonds[blueprint.bonds[:, 0] != GROUND]
-    count = len(blueprint)
-    links = coo_array((np.ones(len(held)), (held[:, 0], held[:, 1])), shape=(count, count))
-    plant = connected_components(links, directed=False)[1]
-    carrier = blueprint.leaves.part
-    weight = np.bincount(plant[carrier], minlength=count)
-    total = np.stack([np.bincount(plant[carrier], poses[carrier, axis], minlength=count)
-                      for axis in range(3)], axis=-1)
-    return (total / np.maximum(weight, 1)[:, None])[plant]
+                    appearance, row, True)
 
 
 def _leaf_cloud(blueprint: Blueprint, poses: np.ndarray,
                 shown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Give centre [m] and area [m²] of every leaf that is shown."""
-    leaves = blueprint.leaves.take(shown[blueprint.leaves.part])
-    frames = rotation.compose(poses[leaves.part], leaves.pose)
-    half = np.zeros((len(leaves), 3))
-    half[:, 2] = 0.5 * leaves.size
-    return (frames[:, :3] + rotation.rotate(frames[:, 3:], half),
-            _LEAF_SHARE * leaves.size ** 2)
+    leaves = blueprint.leaves
+    row = np.flatnonzero(shown[leaves.part])
+    frames = rotation.compose(poses[leaves.part[row]], leaves.pose[row])
+    along = rotation.rotate(frames[:, 3:], np.array([0.0, 0.0, 1.0]))
+    return (frames[:, :3] + 0.5 * leaves.size[row, None] * along,
+            _LEAF_SHARE * leaves.size[row] ** 2)
 
 
-def _colours(item: _Item, leaves: np.ndarray, area: np.ndarray) -> np.ndarray:
+def _colours(item: _Item, *shades: light.Shade) -> np.ndarray:
     """Give the lit colour of every vertex, (V, 3), each 0 to 1."""
     points = item.mesh.points
-    sun = light.shade(points, leaves, area, light.SUN)
-    sky = light.shade(points, leaves, area, np.array([0.0, 0.0, 1.0]))
+    if item.small:
+        middle = points.reshape(len(item.row), -1, 3).mean(axis=1)
+        sun, sky = (shade.light(middle)[item.mesh.piece] for shade in shades)
+    else:
+        sun, sky = (shade.light(points) for shade in shades)
     if item.outward is None:
         lit = light.on_surfaces(item.mesh.normals, sun, sky)
     else:
