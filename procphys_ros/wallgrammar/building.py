@@ -27,15 +27,16 @@ from procphys_ros.wallgrammar import contacts, corners, footprint, references, w
 from procphys_ros.wallgrammar.assembly import assemble, from_contacts, on_ground
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import micro
+from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Deriver, Piece
 from procphys_ros.wallgrammar.interior import Interior
 from procphys_ros.wallgrammar.materials import Material
 from procphys_ros.wallgrammar.parser import parse
-from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.spec import Spec
 from procphys_ros.wallgrammar.stability import check_connected
 from procphys_ros.wallgrammar.tables import check_panel, read_layouts, read_materials
 
+_HIGHEST = 1000.0     # [m]
 MOST_PARTS = 200_000  # default bound on the parts of one building
 
 
@@ -107,8 +108,8 @@ class WallGrammar:
             values['storeys'] = building.storeys.number(values, generator)
         storeys, storey_height = self._storeys(values)
         deriver = Deriver(self.spec, values, generator)
-        points = np.array([[x.number(values, generator), y.number(values, generator)]
-                            for x, y in building.footprint])
+        points = np.array([[c.number(values, generator) for c in corner]
+                           for corner in building.footprint])
         return _Construction(self, deriver, points, storeys, storey_height).blueprint()
 
     def _storeys(self, values: dict[str, float]) -> tuple[int, float]:
@@ -120,6 +121,9 @@ class WallGrammar:
         if not 0.1 <= storey_height <= 100.0:
             raise building.storey_height.place.error(f'storey_height must be from 0.1 to 100 m, '
                                                      f'found {storey_height:g}')
+        if storeys * storey_height > _HIGHEST:
+            raise building.place.error(f'the building is {storeys * storey_height:g} m high, at '
+                                       f'most {_HIGHEST:g} m are possible')
         return int(storeys), storey_height
 
 

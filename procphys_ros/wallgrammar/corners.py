@@ -21,9 +21,9 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.boxes import Boxes, MICRO
+from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Facade
 from procphys_ros.wallgrammar.plan import along_facade
-from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.walls import Elevation
 
 _LEAST_AREA = 1e-4   # [m²] smaller overlaps of beds do not hold anything

@@ -19,11 +19,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, stack
+from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.contacts import spread
 from procphys_ros.wallgrammar.footprint import Facade, Footprint
 from procphys_ros.wallgrammar.plan import along_facade, Bay, bays, Rectangle, span_axis
 from procphys_ros.wallgrammar.regions import snap_level
-from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.walls import Elevation
 
 _JOIST = (50_000, 150_000)  # [µm] width and least height

@@ -24,6 +24,7 @@ from procphys_ros.wallgrammar.boxes import Boxes, micro
 _ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-angled
 _MERGED = 3       # [µm] corners of one frame this close lie on one line
 _SHORTEST = 0.1   # [m] shortest edge
+_LONGEST = 10_000.0  # [m] longest edge
 _SHARPEST = 25.0  # [degrees] smallest angle between two facades, inside or outside
 
 
@@ -156,6 +157,8 @@ def _check(points: np.ndarray, places: list[Place], closed: bool) -> None:
     for i in range(count):
         if np.hypot(*(ends[i] - points[i])) < _SHORTEST:
             raise places[i].error(f'the edge from here is shorter than {_SHORTEST:g} m')
+        if np.hypot(*(ends[i] - points[i])) > _LONGEST:
+            raise places[i].error(f'the edge from here is longer than {_LONGEST:g} m')
     if not closed:
         return
     for i in range(count):

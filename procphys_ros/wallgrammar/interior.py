@@ -21,13 +21,13 @@ import numpy as np
 
 from procphys_ros.errors import nearest_names
 from procphys_ros.wallgrammar.boxes import micro
+from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Deriver
 from procphys_ros.wallgrammar.floors import slab_floor, timber_floor
 from procphys_ros.wallgrammar.footprint import Footprint
 from procphys_ros.wallgrammar.partitions import elevations, half_brick, halve, rooms_of
 from procphys_ros.wallgrammar.regions import snap_level
 from procphys_ros.wallgrammar.roofs import Roof
-from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.spec import Building, Call
 from procphys_ros.wallgrammar.walls import Elevation
 

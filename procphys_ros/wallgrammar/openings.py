@@ -19,9 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, stack
+from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Piece
 from procphys_ros.wallgrammar.footprint import Facade
-from procphys_ros.wallgrammar.site import Site
 
 _FRAME_FACE = 50_000     # [µm] face width of frames
 _FRAME_DEPTH = 70_000    # [µm]

@@ -68,8 +68,9 @@ def halve(rooms: Sequence[Rectangle], least: int,
 
 
 def half_brick(layout: Layout) -> Layout:
-    """Give the layout of partitions: the bricks of the facades in running bond."""
-    return replace(layout, bond='running', offset=0.5, pieces=1)
+    """Give the layout of partitions: the bricks of the facades, or pieces, in running bond."""
+    length = layout.unit[0] // layout.pieces
+    return replace(layout, bond='running', offset=0.5, pieces=1, unit=(length, *layout.unit[1:]))
 
 
 def elevations(walls: Sequence[tuple[Rectangle, int]], layout: Layout, levels: Sequence[int],

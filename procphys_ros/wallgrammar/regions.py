@@ -54,6 +54,10 @@ class Regions:
     z: np.ndarray
     owner: np.ndarray
 
+    def turned(self) -> 'Regions':
+        """Exchange the two directions."""
+        return Regions(self.z, self.x, self.owner.T)
+
     def runs_of(self, owner: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Find unbroken stretches of one class: row of the grid, left and right line, (n,)."""
         edge = np.zeros((self.owner.shape[0], self.owner.shape[1] + 2), np.int8)

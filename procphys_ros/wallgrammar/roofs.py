@@ -22,8 +22,8 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro
+from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Corner
-from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.slopes import Ends, OVERHANG, RAFTER, rafter_depth, Slope
 from procphys_ros.wallgrammar.tiling import lay, Runs
 from procphys_ros.wallgrammar.walls import Elevation, unit_of
@@ -96,10 +96,7 @@ class Roof:
         plates = [self._timber(axis, ends, (edge, edge + self.plate), self.height,
                                self.height + self.gauge, 5_000) for edge in
                   (self.low[across], self.high[across] - self.plate)]
-        seat = span - 0.5 * _RIDGE
-        underside = self.eaves + seat * np.tan(self.pitch)
-        bottom = micro(underside - _RIDGE_SEAT) // self.gauge * self.gauge
-        top = micro(underside + self.depth * np.cos(self.pitch) - 0.005)
+        bottom, top = self._ridge_levels(span)
         middle = int(self.low[across] + self.high[across]) // 2
         half = micro(0.5 * _RIDGE)
         for wall in self.walls:
@@ -129,34 +126,48 @@ class Roof:
             raise self.site.place.error(
                 f'a hip roof needs a footprint at least {_SHORTEST_RIDGE:g} m longer than wide, '
                 f'found {size.max():g} x {size.min():g} m; use gable(pitch) or flat')
-        plates = [self._timber(axis, (self.low[axis], self.high[axis]), (edge, edge + self.plate),
-                               self.height, self.height + self.gauge, 0)
-                  for edge in (self.low[across], self.high[across] - self.plate)]
-        inner = (self.low[across] + self.plate, self.high[across] - self.plate)
-        plates += [self._timber(across, inner, (edge, edge + self.plate), self.height,
-                                self.height + self.gauge, 0)
-                   for edge in (self.low[axis], self.high[axis] - self.plate)]
-        underside = self.eaves + (span - 0.5 * _RIDGE) * np.tan(self.pitch)
-        top = micro(underside + self.depth * np.cos(self.pitch) - 0.005)
+        plates = self._plate_ring(axis)
+        bottom, top = self._ridge_levels(span)
         middle = int(self.low[across] + self.high[across]) // 2
         half = micro(0.5 * _RIDGE)
         ends = (self.low[axis] + micro(span), self.high[axis] - micro(span))
-        ridge = self._timber(axis, ends, (middle - half, middle + half),
-                             micro(underside - _RIDGE_SEAT), top, 0, 'ridge')
-        hips = self._hips(axis, span, ridge, np.concatenate(plates))
+        ridge = self._timber(axis, ends, (middle - half, middle + half), bottom, top, 0, 'ridge')
+        hips = self._hips(axis, span, ridge, plates)
         slopes = [*self._opposite(axis, span, size[axis], True),
                   *self._opposite(across, span, size[across], True)]
         for slope in slopes:
             frame = self._frame(slope)
             rafters = slope.rafters(self.site, frame, 0.5, 0.5 * _RIDGE, 0.5 * _HIP)
             full = rafters.reach * np.cos(self.pitch) > span - 0.5 * _RIDGE - 0.01
-            self._seat(slope, rafters, np.concatenate(plates))
+            self._seat(slope, rafters, plates)
             ends_at = self._square_end(slope, rafters)
             rows = Ends(*(column[full] for column in rafters))
             self._head(slope, rows, ridge, ends_at[full])
             rows = Ends(*(column[~full] for column in rafters))
             self._head(slope, rows, hips, ends_at[~full])
             slope.cover(self.site, frame, rafters)
+
+    def _ridge_levels(self, span: float) -> tuple[int, int]:
+        """Give bottom (on a course) and top of the ridge board [µm]."""
+        underside = self.eaves + (span - 0.5 * _RIDGE) * np.tan(self.pitch)
+        bottom = micro(underside - _RIDGE_SEAT) // self.gauge * self.gauge
+        top = micro(underside + self.depth * np.cos(self.pitch) - 0.005)
+        if bottom < self.height + self.gauge:
+            raise self.site.place.error('the roof is too low to stand: give it more pitch, or the '
+                                        'building more depth')
+        return bottom, top
+
+    def _plate_ring(self, axis: int) -> np.ndarray:
+        """Lay plates on all four walls."""
+        across = 1 - axis
+        levels = (self.height, self.height + self.gauge)
+        inner = (self.low[across] + self.plate, self.high[across] - self.plate)
+        plates = [self._timber(axis, (self.low[axis], self.high[axis]), (edge, edge + self.plate),
+                               *levels, 0)
+                  for edge in (self.low[across], self.high[across] - self.plate)]
+        plates += [self._timber(across, inner, (edge, edge + self.plate), *levels, 0)
+                   for edge in (self.low[axis], self.high[axis] - self.plate)]
+        return np.concatenate(plates)
 
     def _frame(self, slope: Slope) -> int:
         self.site.frames.append(slope.pose)
@@ -237,8 +248,8 @@ class Roof:
         along[2] = 0.0
         normal = np.tile(along / np.linalg.norm(along), (len(points), 1))
         reach = np.column_stack([0.5 * (rafters.reach), np.full(len(points), 0.5 * _RIDGE)])
-        self._bond(rafters.head, self._nearest(holders, points), points, normal, (RAFTER, self.depth),
-                   np.minimum(reach, 0.5))
+        self._bond(rafters.head, self._nearest(holders, points), points, normal,
+                   (RAFTER, self.depth), np.minimum(reach, 0.5))
 
     def _nearest(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Choose of some parts the one whose middle line passes nearest to each point."""

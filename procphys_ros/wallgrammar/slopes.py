@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micro, stack
-from procphys_ros.wallgrammar.site import Site
+from procphys_ros.wallgrammar.construction import Site
 
 RAFTER = 0.05            # [m] width of rafters
 _SHALLOWEST = 0.12       # [m] least depth of rafters

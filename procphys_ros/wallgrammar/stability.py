@@ -20,11 +20,11 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
+from procphys_ros.rotation import rotate
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.boxes import Boxes, MICRO
-from procphys_ros.wallgrammar.site import Site
+from procphys_ros.wallgrammar.construction import Site
 
 
 def check_connected(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
@@ -49,7 +49,7 @@ def check_connected(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray
         row = loose[0]
         centre = (boxes.low[row] + boxes.high[row]) / (2.0 * MICRO)
         frame = frames[boxes.frame[row]]
-        x, y, z = frame[:3] + rotation.rotate(frame[3:], centre)
+        x, y, z = frame[:3] + rotate(frame[3:], centre)
         raise site.place.error(
             f'{len(loose)} parts would hang in the air, the first a '
             f'{site.kinds[boxes.kind[row]]} at ({x:.2f}, {y:.2f}, {z:.2f}) m: nothing bonds it '

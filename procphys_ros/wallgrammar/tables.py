@@ -28,6 +28,8 @@ from procphys_ros.wallgrammar.spec import Entry, Panel, Spec
 _LAYOUT_KEYS = ('bond', 'unit', 'joint', 'offset', 'pieces', 'material')
 _REQUIRED = ('density', 'tension', 'cohesion', 'compression')
 _SMALLEST = 0.01  # [m] smallest extent of a unit
+_LARGEST = 20.0   # [m] largest
+_JOINT = 0.01     # [m] when a layout names none
 
 
 def read_materials(spec: Spec) -> dict[str, Material]:
@@ -65,43 +67,45 @@ def read_layouts(spec: Spec, materials: dict[str, Material]) -> dict[str, Layout
     :param materials: that layouts may name.
     :raises GrammarError: for unknown or missing keys, bonds, materials, and impossible units.
     """
-    names = list(materials)
-    layouts = {}
-    for name, entries in spec.layouts.items():
-        place = spec.places[f'layout {name}']
-        _known_keys(entries, _LAYOUT_KEYS, f'layout "{name}"')
-        for key in ('unit', 'material'):
-            if key not in entries:
-                raise place.error(f'the layout "{name}" needs "{key}:"')
-        bond = _name(entries['bond']) if 'bond' in entries else name
-        if bond not in BONDS:
-            where = entries['bond'].place if 'bond' in entries else place
-            raise where.error(f'unknown bond "{bond}"{nearest_names(bond, BONDS)} '
-                              f'(bonds: {", ".join(BONDS)}); say "bond:" when the layout has '
-                              f'another name')
-        material = _name(entries['material'])
-        check_material(material, materials, entries['material'].place)
-        unit = [_value(v, entries['unit'].place) for v in entries['unit'].values]
-        if len(unit) != 3 or min(unit) < _SMALLEST:
-            raise entries['unit'].place.error(f'a unit is its length, width and height, each at '
-                                              f'least {_SMALLEST:g} m; found {unit}')
-        joint = _number(entries['joint']) if 'joint' in entries else 0.01
-        if not 0.0 <= joint < min(unit):
-            raise entries['joint'].place.error(f'a joint is from 0 to less than the unit, found '
-                                               f'{joint:g} m')
-        offset = _number(entries['offset']) if 'offset' in entries else 0.5
-        pieces = _number(entries['pieces']) if 'pieces' in entries else 1.0
-        if pieces < 1 or pieces != int(pieces) or pieces > 100:
-            raise entries['pieces'].place.error(f'pieces is a whole number from 1 to 100, found '
-                                                f'{pieces:g}')
-        layout = Layout(bond, tuple(micro(v) for v in unit), micro(joint), offset, int(pieces),
-                        names.index(material))
-        if layout.crossed and abs(layout.unit[0] - 2 * layout.unit[1] - layout.joint) > 1000:
-            raise entries['unit'].place.error(
-                f'{bond} bond needs a unit as long as two widths and a joint, '
-                f'{2 * unit[1] + joint:g} m, found {unit[0]:g} m')
-        layouts[name] = layout
-    return layouts
+    return {name: _layout(name, entries, spec.places[f'layout {name}'], materials)
+            for name, entries in spec.layouts.items()}
+
+
+def _layout(name: str, entries: dict[str, Entry], place: Place,
+            materials: dict[str, Material]) -> Layout:
+    _known_keys(entries, _LAYOUT_KEYS, f'layout "{name}"')
+    for key in ('unit', 'material'):
+        if key not in entries:
+            raise place.error(f'the layout "{name}" needs "{key}:"')
+
+    def place_of(key: str) -> Place:
+        return entries[key].place if key in entries else place
+
+    bond = _name(entries['bond']) if 'bond' in entries else name
+    if bond not in BONDS:
+        raise place_of('bond').error(
+            f'unknown bond "{bond}"{nearest_names(bond, BONDS)} (bonds: {", ".join(BONDS)}); say '
+            f'"bond:" when the layout has another name')
+    material = _name(entries['material'])
+    check_material(material, materials, place_of('material'))
+    unit = [_value(v, place_of('unit')) for v in entries['unit'].values]
+    if len(unit) != 3 or not _SMALLEST <= min(unit) <= max(unit) <= _LARGEST:
+        raise place_of('unit').error(f'a unit is its length, width and height, each from '
+                                     f'{_SMALLEST:g} to {_LARGEST:g} m; found {unit}')
+    joint = _number(entries['joint']) if 'joint' in entries else _JOINT
+    if not 0.0 <= joint < min(unit):
+        raise place_of('joint').error(f'a joint is from 0 to below the unit, found {joint:g} m')
+    offset = _number(entries['offset']) if 'offset' in entries else 0.5
+    pieces = _number(entries['pieces']) if 'pieces' in entries else 1.0
+    if not 1 <= pieces <= 100 or pieces != int(pieces):
+        raise place_of('pieces').error(f'pieces is a whole number from 1 to 100, found {pieces:g}')
+    layout = Layout(bond, tuple(micro(v) for v in unit), micro(joint), offset, int(pieces),
+                    list(materials).index(material))
+    if layout.crossed and abs(layout.unit[0] - 2 * layout.unit[1] - layout.joint) > 1000:
+        raise place_of('unit').error(
+            f'{bond} bond needs a unit as long as two widths and a joint, '
+            f'{2 * unit[1] + joint:g} m, found {unit[0]:g} m')
+    return layout
 
 
 def check_panel(panel: Panel, layouts: dict[str, Layout],

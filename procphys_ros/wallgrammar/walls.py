@@ -21,11 +21,11 @@ import numpy as np
 
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Joint
+from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Piece, Scope
 from procphys_ros.wallgrammar.footprint import Facade
 from procphys_ros.wallgrammar.openings import beam, door, glazing, Wall
 from procphys_ros.wallgrammar.regions import courses, EMPTY, paint, Regions, snap_level
-from procphys_ros.wallgrammar.site import Site
 from procphys_ros.wallgrammar.spec import Panel
 from procphys_ros.wallgrammar.tiling import lay
 
@@ -72,6 +72,7 @@ class Elevation:
         scopes = np.array([p.scope[:4] for p in self.pieces], int).reshape(-1, 4)
         _check(self, owners)
         bare = self._paint(scopes, owners)
+        self._check_units(bare)
         self._bearings = {int(i): _bear(self.pieces[i], bare, self.facade, self.layout)
                           for i in np.flatnonzero(owners == _BEAM)}
         beams = np.array([s[:4] for s, _ in self._bearings.values()], int).reshape(-1, 4)
@@ -86,6 +87,20 @@ class Elevation:
         if regions is None:
             raise self.pieces[0].place.error('a facade is divided too finely; use fewer panels')
         return regions
+
+    def _check_units(self, regions: Regions) -> None:
+        """Refuse units that are longer or higher than every stretch of their panel type."""
+        for (name, _), owner in self._classes.items():
+            unit = self.layouts[self.panels[name].kind].unit
+            _, left, right = regions.runs_of(owner)
+            _, bottom, top = regions.turned().runs_of(owner)
+            found = [int((regions.x[right] - regions.x[left]).max(initial=0)),
+                     int((regions.z[top] - regions.z[bottom]).max(initial=0))]
+            for what, size, room in (('long', unit[0], found[0]), ('high', unit[2], found[1])):
+                if room and size > room:
+                    place = next(p.place for p in self.pieces if p.panel == name)
+                    raise place.error(f'a unit {size / 1e6:g} m {what} is larger than the panel '
+                                      f'"{name}", which has {room / 1e6:g} m')
 
     def obstacle(self, left: int, bottom: int, right: int, top: int) -> str | None:
         """Name the first panel that is no masonry inside a rectangle [µm], if there is one."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Site: where the boxes of a building gather while it is built."""
+"""Construction: where the boxes of a building gather while it is built."""
 
 from dataclasses import dataclass, field
 
@@ -103,7 +103,7 @@ class Site:
 
     @property
     def next_member(self) -> int:
-        """Number that the next member may take."""
+        """Give the number that the next member may take."""
         return self._members
 
     def boxes(self) -> Boxes:
