@@ -32,6 +32,9 @@ from procphys_ros.physics.masonry import links
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
 
 
+_STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
+
+
 @njit(cache=True)
 def _aggregate(parts, start, incident, alive, first, second, size):
     """
@@ -160,6 +163,22 @@ def solve(start, row, value, pivot, source, columns, b, work):
         b[source[c]] = x
 
 
+def _strong(graph: BondGraph) -> np.ndarray:
+    """
+    Mark the living bonds across which aggregates may grow, (M,) bool.
+
+    Rigid modes suit what is stiff: a bond much softer than others of both its parts (a board on
+    brickwork, a bond that has opened) is left between aggregates.
+    """
+    stiffness = np.where(graph.alive, graph.spring[:, 2], 0.0)
+    stiffest = np.zeros(graph.count + 1)
+    np.maximum.at(stiffest, graph.first, stiffness)
+    np.maximum.at(stiffest, graph.second, stiffness)
+    stiffest[-1] = np.inf  # the ground yields to nothing
+    return graph.alive & (stiffness >= _STRONG * np.minimum(stiffest[graph.first],
+                                                            stiffest[graph.second]))
+
+
 class CoarseSpace:
     """
     Aggregates of a set of parts and the factored coarse matrix over them.
@@ -176,8 +195,8 @@ class CoarseSpace:
     """
 
     def __init__(self, graph: BondGraph, parts: np.ndarray, size: int):
-        self.owner, made = _aggregate(parts, graph.start, graph.incident, graph.alive, graph.first,
-                                      graph.second, size)
+        self.owner, made = _aggregate(parts, graph.start, graph.incident, _strong(graph),
+                                      graph.first, graph.second, size)
         merged = _merge_small(parts, self.owner, made, graph.start, graph.incident,
                               graph.alive, graph.first, graph.second, max(size // 3, 1))
         self.count = max(merged, 1)  # without any part one empty aggregate stays
