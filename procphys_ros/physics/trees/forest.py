@@ -29,6 +29,7 @@ from procphys_ros.physics.trees.layout import (
     EXTRA_PRELOAD,
     EXTRA_STIFFNESS,
     EXTRA_STRIDE,
+    LEAF_FLOW,
     MASS,
     PRELOAD_X,
     PRELOAD_Y,
@@ -75,6 +76,7 @@ class Forest:
         self._rooted = rows.parent.copy()
         self._model = state.make_model(rows)
         self._joints = self._model.joint.copy()
+        self._foliage = self._model.body[:, LEAF_FLOW].copy()
         self._state = state.make_state(len(rows.part))
         self._still = np.zeros((len(rows.part), 3))
         hinges = blueprint.hinges.take(
@@ -112,6 +114,7 @@ class Forest:
         for column in self._state:
             column[:] = 0.0
         self._model.joint[:] = self._joints
+        self._model.body[:, LEAF_FLOW] = self._foliage
         self.parents = self._rooted.copy()
         self.active = np.ones(len(self.parts), bool)
         self._wind = self._still
@@ -182,6 +185,15 @@ class Forest:
         self._state.rate[row] = 0.0
         self._state.stop[row] = 0.0
         self._stale = True
+
+    def keep_leaves(self, rows: np.ndarray, share: np.ndarray) -> None:
+        """
+        Leave segments only part of the leaves they grew with; the wind finds less to push.
+
+        :param rows: of the segments, (K,).
+        :param share: of their leaf area that is left, 0 to 1, (K,).
+        """
+        self._model.body[rows, LEAF_FLOW] = share * self._foliage[rows]
 
     def apply_impulse(self, row: int, point: Sequence[float] | None = None,
                       linear: Sequence[float] = (0.0, 0.0, 0.0),

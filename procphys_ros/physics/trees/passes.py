@@ -115,14 +115,14 @@ def load(i, k, body, bend, v, frame, a, wind, gravity, dt):
     """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
     cross, foliage, turning = drag(i, x, y, z, body, v, wind)
-    mass, h = body[i, MASS], body[i, REACH] + bend[i, 3]
+    mass, h, per = body[i, MASS], body[i, REACH] + bend[i, 3], 1.0 / dt
     air = cross + foliage
     along = cross * (wind[i, 0] * x + wind[i, 1] * y + wind[i, 2] * z)
-    fx = mass * (v[i, 0] / dt + gravity[0]) + air * wind[i, 0] - along * x
-    fy = mass * (v[i, 1] / dt + gravity[1]) + air * wind[i, 1] - along * y
-    fz = mass * (v[i, 2] / dt + gravity[2]) + air * wind[i, 2] - along * z
-    across = body[i, ACROSS] / dt
-    spin = (body[i, ALONG] / dt - across) * (v[i, 3] * x + v[i, 4] * y + v[i, 5] * z)
+    fx = mass * (v[i, 0] * per + gravity[0]) + air * wind[i, 0] - along * x
+    fy = mass * (v[i, 1] * per + gravity[1]) + air * wind[i, 1] - along * y
+    fz = mass * (v[i, 2] * per + gravity[2]) + air * wind[i, 2] - along * z
+    across = body[i, ACROSS] * per
+    spin = (body[i, ALONG] * per - across) * (v[i, 3] * x + v[i, 4] * y + v[i, 5] * z)
     j, b, m = symmetric(x, y, z, h, mass + dt * air, dt * cross,
                         body[i, ACROSS] + dt * turning, body[i, ALONG])
     p = (across * v[i, 3] + spin * x + h * (y * fz - z * fy),

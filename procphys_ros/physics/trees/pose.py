@@ -137,17 +137,19 @@ def advance_bend(i, first, second, dt, model, state):
     theta = model.swing[i, THETA]
     x = bend[i, 0] + dt * ((1.0 - theta) * rate[i, 0] + theta * first)
     y = bend[i, 1] + dt * ((1.0 - theta) * rate[i, 1] + theta * second)
-    limit = model.swing[i, LIMIT]
-    size = math.hypot(x, y)
-    if size > limit:
-        x *= limit / size
-        y *= limit / size
-        outward = max(0.0, first * x + second * y) / (limit * limit)
+    limit, square = model.swing[i, LIMIT], x * x + y * y
+    if square > limit * limit:
+        shrink = limit / math.sqrt(square)
+        x *= shrink
+        y *= shrink
+        square = limit * limit
+        outward = max(0.0, first * x + second * y) / square
         first -= outward * x
         second -= outward * y
-    if (stop[i, 0] != 0.0 or stop[i, 1] != 0.0) and size > 0.0:
-        stop[i, 0] = x / min(size, limit)
-        stop[i, 1] = y / min(size, limit)
+    if (stop[i, 0] != 0.0 or stop[i, 1] != 0.0) and square > 0.0:
+        size = math.sqrt(square)
+        stop[i, 0] = x / size
+        stop[i, 1] = y / size
     bend[i, 0] = x
     bend[i, 1] = y
     rate[i, 0] = first
