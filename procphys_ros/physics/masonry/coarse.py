@@ -223,6 +223,8 @@ class CoarseSpace:
     def assembled(self, graph: BondGraph) -> csc_matrix:
         """Assemble the coarse matrix from the living bonds of the set."""
         mine = self.owner >= 0
+        if not mine.any():
+            return csc_matrix(np.eye(6 * self.count))
         bonds = np.flatnonzero(graph.alive & (mine[graph.first] | mine[graph.second]))
         a, b = self.owner[graph.first[bonds]], self.owner[graph.second[bonds]]
         crossing = a != b
