@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.physics.wind.settings import check_number
+from procphys_ros.scene.particles import DustSettings, LeafSettings
 
 _Group = TypeVar('_Group')
 
@@ -36,6 +37,8 @@ class Settings:
     :ivar gravity: downward acceleration [m/s²].
     :ivar wind: mean wind and turbulence.
     :ivar gust: what `gust` starts when nothing else is said.
+    :ivar leaves: flutter and shedding.
+    :ivar dust: of bursting mortar and impacts.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -44,6 +47,8 @@ class Settings:
     gravity: float = 9.81
     wind: WindSettings = field(default_factory=WindSettings)
     gust: Gust = field(default_factory=Gust)
+    leaves: LeafSettings = field(default_factory=LeafSettings)
+    dust: DustSettings = field(default_factory=DustSettings)
 
     def __post_init__(self) -> None:
         if isinstance(self.seed, bool) or not isinstance(self.seed, numbers.Integral) \
@@ -62,7 +67,9 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
     """
     own = {key: parameters[key] for key in ('seed', 'time_step', 'gravity') if key in parameters}
     return Settings(**own, wind=_group(parameters, 'wind', WindSettings),
-                    gust=_group(parameters, 'gust', Gust))
+                    gust=_group(parameters, 'gust', Gust),
+                    leaves=_group(parameters, 'leaves', LeafSettings),
+                    dust=_group(parameters, 'dust', DustSettings))
 
 
 def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:

@@ -26,7 +26,9 @@ from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene
 from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.debris import Debris
+from procphys_ros.simulation.dust import Dust, NO_DUST, Puffs
 from procphys_ros.simulation.events import EventLog
+from procphys_ros.simulation.foliage import Foliage
 from procphys_ros.simulation.grove import Grove
 from procphys_ros.simulation.naming import PartNames
 
@@ -63,8 +65,13 @@ class Simulation:
         self.names = PartNames(scene.objects, self.blueprint)
         self.log = EventLog()
         self.timings: dict[str, float] = {}
-        self.wind = Wind(settings.wind, settings.seed if seed is None else seed)
+        seed = settings.seed if seed is None else seed
+        self.wind = Wind(settings.wind, seed)
         self._grove = Grove(self.blueprint, settings.gravity)
+        self._foliage = Foliage(self.blueprint, self._grove, settings.leaves, settings.gravity,
+                                seed)
+        self._dust = (Dust(self.blueprint, settings.dust.capacity, settings.gravity, seed)
+                      if settings.dust.enabled else None)
         self._buildings = Buildings(self.blueprint, settings.gravity)
         self._world: World | None = None
         self.reset()
@@ -89,6 +96,16 @@ class Simulation:
         """Count the loose bodies that move at present."""
         return len(self._world.awake)
 
+    @property
+    def leaf_poses(self) -> np.ndarray:
+        """Give the petioles of all leaves, fluttering, flying or fallen, world, (L, 7)."""
+        return self._foliage.poses(self.wind, self.poses, self.velocities, self.time)
+
+    @property
+    def dust(self) -> Puffs:
+        """Give the dust in the air and on the ground."""
+        return NO_DUST if self._dust is None else self._dust.puffs
+
     def reset(self) -> None:
         """Put everything back to rest and whole, the time to zero and the wind to its settings."""
         self.close()
@@ -99,11 +116,14 @@ class Simulation:
         self.log.clear()
         self.wind.reset()
         self._grove.forest.reset()
+        self._foliage.reset()
         self._world = World((0.0, 0.0, -self.scene.settings.gravity))
         self._debris = Debris(self.blueprint, self._world)
         self._buildings.reset()
         self._buildings.build(self._world)
         self._crumble(self._buildings.settle())
+        if self._dust is not None:
+            self._dust.reset(self.log)
 
     def close(self) -> None:
         """Free what lives outside Python; `reset` would make it anew."""
@@ -131,6 +151,11 @@ class Simulation:
             with self._stage('poses'):
                 self._grove.carry(self.poses, self.velocities)
                 self._debris.carry(self.poses, self.velocities)
+            with self._stage('leaves'):
+                self._foliage.blow(self.wind, self.poses, self.velocities, self.time,
+                                   self.time_step)
+            with self._stage('dust'):
+                self._smoke()
             self._steps += 1
 
     def set_wind(self, velocity: Sequence[float]) -> None:
@@ -240,7 +265,14 @@ class Simulation:
         if len(awake):
             points = self._world.poses(awake)[:, :3]
             self._debris.drag(self.wind.velocity(points, self.time), self.time_step)
+        if self._dust is not None:
+            self._dust.watch(self._world)
         self._world.step(self.time_step)
+
+    def _smoke(self) -> None:
+        if self._dust is not None:
+            self._dust.rise(self._world, self._debris.carrier, self.log, self.time_step)
+            self._dust.drift(self.wind, self.time, self.time_step)
 
     @contextmanager
     def _stage(self, name: str) -> Iterator[None]:

@@ -1,0 +1,203 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cloud: puffs of dust that drift, spread, thin out and come down, in a ring of fixed size."""
+
+from collections.abc import Callable
+from enum import IntEnum
+import math
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
+
+GRAIN_DENSITY = 2000.0  # [kg/m³] mortar and brick
+AIR_VISCOSITY = 1.81e-5  # [Pa·s] at 15 °C (ISO 2533)
+_AIR_DENSITY = 1.225  # [kg/m³], ISO 2533
+_MEDIAN, _SPREAD = 20e-6, math.log(2.0)  # [m], [-] of a lognormal of grain diameters by mass
+# Above 60 µm Stokes' law fails (Reynolds number near 1): such grains drop at once, like sand.
+_FINEST, _COARSEST = 1e-6, 60e-6  # [m]
+# Extinction of grains much larger than light waves: twice their shadow.
+_EXTINCTION = 3.0 / GRAIN_DENSITY  # [m³/kg], over the grain diameter: area per mass
+_PUFF_MASS = 1e-4  # [kg] of a puff, while there is room for so many
+_MOST_BIRTHS = 0.02  # puffs born at once, as a share of the ring; beyond, puffs get heavier
+_SMALLEST_PUFF = 0.08  # [m] deviation of a puff that is just born
+# Puffs in a neutral atmosphere have spread to 4 m after 100 m (Slade 1968, Meteorology and atomic
+# energy): σ² = 2Kt with K = 0.08 m times the speed. Half of it moves puffs, half widens them.
+_MIXING = 0.08  # [m]
+_STILL_MIXING = 0.02  # [m²/s] what falling rubble stirs up in still air; our choice
+_THINNEST = 1e-4  # optical depth below which nobody sees a puff
+
+
+class State(IntEnum):
+    """What has become of a puff."""
+
+    GONE = 0      # thinned out, or never born
+    AIRBORNE = 1
+    LYING = 2     # on the ground, for good
+
+
+class DustCloud:
+    """
+    Puffs of one grain size each; when the ring is full, the oldest are forgotten.
+
+    :param capacity: number of puffs that there can be.
+    :param seed: of grain sizes, places and turbulence.
+    :param gravity: downward acceleration [m/s²].
+
+    :ivar position: [m], world, (C, 3).
+    :ivar deviation: of the dust about the middle of each puff [m], (C,).
+    :ivar mass: [kg], (C,).
+    :ivar grain: diameter of its grains [m], (C,).
+    :ivar state: `State`, (C,) uint8.
+    :ivar owed: dust that is too little for a puff so far [kg].
+    """
+
+    def __init__(self, capacity: int, seed: int, gravity: float = 9.81):
+        self._seed = seed
+        self._gravity = gravity
+        self._noise = np.zeros((capacity, 3))
+        self.position = np.zeros((capacity, 3))
+        self.deviation, self.mass, self.grain, self._fall, self._birth = np.zeros((5, capacity))
+        self.state = np.zeros(capacity, np.uint8)
+        self.clear()
+
+    def clear(self) -> None:
+        """Let all dust vanish, and start the turbulence anew."""
+        self._rng = np.random.default_rng(self._seed)
+        self.state[:] = State.GONE
+        self._airborne = False
+        self._next = 0
+        self._time = 0.0
+        self.owed = 0.0
+
+    @property
+    def visible(self) -> np.ndarray:
+        """Give the rows of the puffs that there are, (K,)."""
+        return np.flatnonzero(self.state)
+
+    def opacity(self, rows: np.ndarray) -> np.ndarray:
+        """
+        Give how much light from behind is held back in the middle of puffs, 0 to 1.
+
+        :param rows: of puffs, (K,).
+        """
+        return -np.expm1(-_depth(self.mass[rows], self.grain[rows], self.deviation[rows]))
+
+    def age(self, rows: np.ndarray) -> np.ndarray:
+        """
+        Give for how long puffs have been there [s].
+
+        :param rows: of puffs, (K,).
+        """
+        return self._time - self._birth[rows]
+
+    def raise_dust(self, points: np.ndarray, spread: np.ndarray, energy: np.ndarray) -> int:
+        """
+        Let dust rise in proportion to energy.
+
+        What is too little for a puff is kept in `owed` [kg] and rises with the next.
+
+        :param points: where energy was set free [m], world, (K, 3).
+        :param spread: how far around there [m], (K,).
+        :param energy: [J], (K,).
+        :returns: number of puffs that rose.
+        """
+        if not len(energy):
+            return 0
+        growing = self.owed + np.cumsum(DUST_PER_ENERGY * energy)
+        most = max(int(_MOST_BIRTHS * len(self.state)), 1)
+        each = max(_PUFF_MASS, growing[-1] / most)
+        # A hair more, lest rounding keep back the last of a full set.
+        reached = np.floor(growing / each * (1.0 + 1e-12)).astype(np.intp)
+        counts = np.diff(reached, prepend=0)
+        self.owed = max(float(growing[-1] - reached[-1] * each), 0.0)
+        source = np.repeat(np.arange(len(points)), counts)
+        self._bear(points[source], np.asarray(spread)[source], each)
+        return len(source)
+
+    def step(self, time_step: float, wind: Callable[[np.ndarray], np.ndarray]) -> None:
+        """
+        Let all puffs drift, spread, thin out and settle.
+
+        :param time_step: [s].
+        :param wind: gives the air velocity [m/s] at points [m], (K, 3) to (K, 3), world.
+        """
+        self._time += time_step
+        if not self._airborne:
+            return
+        rows = np.flatnonzero(self.state == State.AIRBORNE)
+        self._airborne = len(rows) > 0
+        air = wind(self.position[rows])
+        noise = self._rng.standard_normal(out=self._noise[:len(rows)])
+        _drift(rows, air, noise, time_step, self._fall, self.mass, self.grain, self.position,
+               self.deviation, self.state)
+
+    def _bear(self, points: np.ndarray, spread: np.ndarray, mass: float) -> None:
+        count = len(points)
+        rows = (self._next + np.arange(count)) % len(self.state)
+        self._next = int(self._next + count) % len(self.state)
+        place = points + spread[:, None] * self._rng.standard_normal((count, 3))
+        place[:, 2] = np.abs(place[:, 2])
+        grain = _MEDIAN * np.exp(_SPREAD * self._rng.standard_normal(count))
+        self.position[rows] = place
+        self.deviation[rows] = np.maximum(_SMALLEST_PUFF, spread)
+        self._birth[rows] = self._time
+        self.mass[rows] = mass
+        self.grain[rows] = np.clip(grain, _FINEST, _COARSEST)
+        self._fall[rows] = stokes_speed(self.grain[rows], self._gravity)
+        self.state[rows] = State.AIRBORNE
+        self._airborne = True
+
+
+def stokes_speed(diameter: np.ndarray, gravity: float = 9.81) -> np.ndarray:
+    """
+    Give the speed at which grains settle in still air, Δρ·g·d²/(18·μ) [m/s].
+
+    :param diameter: of the grains [m], (K,).
+    :param gravity: [m/s²].
+    """
+    return (GRAIN_DENSITY - _AIR_DENSITY) * gravity * np.square(diameter) / (18.0 * AIR_VISCOSITY)
+
+
+@njit(cache=True)
+def _depth(mass, grain, deviation):  # pragma: no cover - compiled
+    """Give the optical depth through the middle of puffs of Gaussian profile."""
+    return _EXTINCTION / grain * mass / (2.0 * math.pi * deviation ** 2)
+
+
+@njit(cache=True)
+def _drift(rows, air, noise, dt, fall, mass, grain, position, deviation,
+           state):  # pragma: no cover - compiled
+    """
+    Move airborne puffs.
+
+    Turbulence does not carry dust through the ground: it is thrown back there. Only falling lays
+    it down.
+    """
+    for k in range(len(rows)):
+        i = rows[k]
+        speed = math.sqrt(air[k, 0] ** 2 + air[k, 1] ** 2 + air[k, 2] ** 2)
+        widening = (_STILL_MIXING + _MIXING * speed) * dt
+        step = math.sqrt(widening)
+        for c in range(3):
+            position[i, c] += air[k, c] * dt + step * noise[k, c]
+        height = abs(position[i, 2]) - fall[i] * dt
+        position[i, 2] = max(height, 0.0)
+        deviation[i] = math.sqrt(deviation[i] ** 2 + widening)
+        if height <= 0.0:
+            state[i] = 2
+        elif _EXTINCTION / grain[i] * mass[i] < 2.0 * math.pi * deviation[i] ** 2 * _THINNEST:
+            state[i] = 0

@@ -1,0 +1,139 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fall: leaves that came off fly with the wind, tumble down and lie where they land."""
+
+import math
+
+from numba import njit
+import numpy as np
+
+from procphys_ros import rotation
+
+_AIR_DENSITY = 1.225  # [kg/m³], ISO 2533
+_AREAL_DENSITY = 0.2  # [kg/m²] fresh, one-sided: 75 g/m² dry (Poorter et al. 2009) at 60 % water
+_PLATE_DRAG = 1.17  # flat plate across the flow (Hoerner 1965, Fluid-Dynamic Drag, 3-16)
+DRAG = 0.5 * _AIR_DENSITY * _PLATE_DRAG / _AREAL_DENSITY  # [1/m] deceleration over speed²
+_SPREAD = 0.12  # of the logarithm of the drag: some fall edge-on for longer than others
+_TUMBLING = 0.8  # tip speed over speed through the air (autorotating plates, Smith 1971)
+_LYING = 0.01  # [m] height of a leaf's axis when it lies on the ground
+
+
+class FallingLeaves:
+    """
+    Leaves in the air and on the ground; a leaf falls once, so there are never more than grew.
+
+    :param gravity: downward acceleration [m/s²].
+    :param seed: of how they tumble.
+
+    :ivar leaf: row of each in the leaves of the scene, in the order in which they fell, (K,).
+    :ivar poses: petioles, world, (K, 7).
+    :ivar velocities: [m/s], world, (K, 3).
+    :ivar flying: True until they land, (K,) bool.
+    """
+
+    def __init__(self, gravity: float, seed: int):
+        self._gravity = gravity
+        self._seed = seed
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all of them."""
+        self._rng = np.random.default_rng(self._seed)
+        self.leaf = np.zeros(0, np.intp)
+        self.poses = np.zeros((0, 7))
+        self.velocities = np.zeros((0, 3))
+        self.flying = np.zeros(0, bool)
+        self._drag = np.zeros(0)
+        self._spin = np.zeros((0, 3))
+
+    def __len__(self) -> int:
+        return len(self.leaf)
+
+    def let_go(self, leaf: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
+               size: np.ndarray) -> None:
+        """
+        Take over leaves that came off.
+
+        :param leaf: their rows, (K,).
+        :param poses: petioles, world, (K, 7).
+        :param velocities: of what they hung on [m/s], world, (K, 3).
+        :param size: lengths [m], (K,).
+        """
+        count = len(leaf)
+        axis = self._rng.standard_normal((count, 3))
+        axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+        drag = DRAG * np.exp(_SPREAD * self._rng.standard_normal(count))
+        self.leaf = np.concatenate([self.leaf, leaf])
+        self.poses = np.concatenate([self.poses, poses])
+        self.velocities = np.concatenate([self.velocities, velocities])
+        self.flying = np.concatenate([self.flying, np.ones(count, bool)])
+        self._drag = np.concatenate([self._drag, drag])
+        # Turns in radians per metre of way through the air.
+        self._spin = np.concatenate(
+            [self._spin, _TUMBLING * axis / (0.5 * np.maximum(size, 1e-3))[:, None]])
+
+    def step(self, rows: np.ndarray, air: np.ndarray, time_step: float) -> None:
+        """
+        Let them fly.
+
+        :param rows: those in the air, `flatnonzero(flying)`, (F,).
+        :param air: velocity of the air at these [m/s], world, (F, 3).
+        :param time_step: [s].
+        """
+        _fly(rows, air, time_step, self._gravity, self._drag, self._spin, self.poses,
+             self.velocities)
+        landed = rows[self.poses[rows, 2] <= _LYING]
+        if len(landed):
+            self.flying[landed] = False
+            self.velocities[landed] = 0.0
+            self.poses[landed, 2] = _LYING
+            self.poses[landed, 3:] = _laid_flat(self.poses[landed, 3:])
+
+
+def _laid_flat(attitude: np.ndarray) -> np.ndarray:
+    """Give attitudes (K, 4) with the leaf's axis level and in the heading that it had."""
+    axis = rotation.rotate(attitude, np.array([0.0, 0.0, 1.0]))
+    yaw = np.arctan2(axis[:, 1], axis[:, 0])
+    level = np.array([0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)])  # z onto x
+    turn = np.zeros((len(yaw), 4))
+    turn[:, 2], turn[:, 3] = np.sin(0.5 * yaw), np.cos(0.5 * yaw)
+    return rotation.multiply(turn, level)
+
+
+@njit(cache=True)
+def _fly(rows, air, dt, gravity, drag, spin, poses, velocities):  # pragma: no cover - compiled
+    """
+    Advance by quadratic drag with the slip of the last step, implicit and so never overshooting.
+
+    In still air the speed tends to √(gravity/drag) exactly, whatever the step.
+    """
+    for k in range(len(rows)):
+        i = rows[k]
+        slip = math.sqrt((air[k, 0] - velocities[i, 0]) ** 2 + (air[k, 1] - velocities[i, 1]) ** 2
+                         + (air[k, 2] - velocities[i, 2]) ** 2)
+        hold = dt * drag[i] * slip
+        for c in range(3):
+            weight = -gravity * dt if c == 2 else 0.0
+            velocities[i, c] = (velocities[i, c] + weight + hold * air[k, c]) / (1.0 + hold)
+            poses[i, c] += dt * velocities[i, c]
+        half = 0.5 * slip * dt
+        x, y, z = half * spin[i, 0], half * spin[i, 1], half * spin[i, 2]
+        a, b, c, d = poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6]
+        qx, qy = a + d * x + b * z - c * y, b + d * y + c * x - a * z
+        qz = c + d * z + a * y - b * x
+        qw = d - a * x - b * y - c * z
+        scale = 1.0 / math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
+        poses[i, 3], poses[i, 4], poses[i, 5] = qx * scale, qy * scale, qz * scale
+        poses[i, 6] = qw * scale

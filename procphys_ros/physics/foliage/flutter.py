@@ -1,0 +1,174 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Flutter: the fine motion of leaves about their petioles, as a function of place, wind and time.
+
+A leaf blade twists and nods at its own frequencies: leaf flutter is torsional galloping of the
+blade on its petiole (Tadrist et al. 2015, J. Fluids and Structures 56:1), and once it has set in
+it hardly grows with the wind (Tadrist et al. 2018, J. R. Soc. Interface 15:20180010). The mean
+drag turns the blade downwind, so that it is streamlined in strong wind (Vogel 1989, J. Exp.
+Botany 40:941).
+"""
+
+import math
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.blueprint import Leaves
+
+# Frequency of a blade of one size. With petioles in proportion to blades of one thickness,
+# stiffness goes with size³ and inertia with size⁴, so the frequency with size^-1/2; leaves of a
+# span of 6 cm flutter at a few cycles per second.
+_SIZE, _FREQUENCY = 0.06, 5.0  # [m], [Hz]
+_SPREAD = 0.2  # of the logarithm of the frequency, from leaf to leaf
+# Bending over twisting frequency, √(EI/GJ · J_twist/J_bend): petioles have EI/GJ of about 4.3
+# (Louf et al. 2018, Scientific Reports 8), a blade as wide as long J_twist/J_bend of 1/4.
+_NOD_RATIO = math.sqrt(4.3 / 4.0)
+_NOD_SPREAD = 0.2
+_ONSET = 8.0  # speed over frequency and size at which flutter has 63 % of its full amplitude
+_TWIST, _NOD = 0.45, 0.15  # [rad] full amplitudes: our choice, for want of published statistics
+_TURN_SPEED = 10.0  # [m/s] where crowns start to streamline; the drag of the kernel has it, too
+_TURN_MOST = 0.9  # largest drag over restoring moment: below 1, lest a blade facing the wind flip
+_MODES = 3  # nodding about x, about y, twisting about z
+
+
+class Flutter:
+    """
+    Motion of every leaf about its petiole; it keeps nothing in time and costs only when asked.
+
+    :param leaves: at rest.
+    :param seed: of frequencies and phases.
+
+    :ivar frequency: of twisting, (L,) [Hz].
+    """
+
+    def __init__(self, leaves: Leaves, seed: int):
+        rng = np.random.default_rng(seed)
+        count = len(leaves)
+        size = np.maximum(leaves.size, 1e-3)
+        self._rest = np.ascontiguousarray(leaves.pose, float)
+        self.frequency = (_FREQUENCY * np.sqrt(_SIZE / size)
+                          * np.exp(_SPREAD * rng.standard_normal(count)))
+        nod = _NOD_RATIO * np.exp(_NOD_SPREAD * rng.standard_normal((count, 2)))
+        ratio = np.column_stack([nod, np.ones(count)])
+        self._rate = 2.0 * np.pi * self.frequency[:, None] * ratio
+        self._phase = rng.uniform(0.0, 2.0 * np.pi, (count, _MODES))
+        self._onset = _ONSET * self.frequency * size
+
+    def poses(self, carrier: np.ndarray, frames: np.ndarray, air: np.ndarray,
+              time: float) -> np.ndarray:
+        """
+        Give the pose of every leaf in the frame of its part; without wind, the pose at rest.
+
+        The petiole stays where it is; the blade turns downwind and flutters about it.
+
+        :param carrier: row of `frames` and `air` that each leaf rides on, (L,) int.
+        :param frames: poses of the parts that carry leaves, world, (C, 7).
+        :param air: velocity of the air relative to these parts [m/s], world, (C, 3).
+        :param time: [s].
+        :returns: petiole poses, z along the leaf, (L, 7).
+        """
+        out = np.empty_like(self._rest)
+        _flutter(carrier, frames, air, time, self._rest, self._rate, self._phase, self._onset,
+                 out)
+        return out
+
+
+def carried(carrier: np.ndarray, frames: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """
+    Put poses that parts carry into the world.
+
+    :param carrier: row of `frames` that each rides on, (L,) int.
+    :param frames: poses of the parts, world, (C, 7).
+    :param local: poses in the frames of their parts, (L, 7).
+    :returns: poses, world, (L, 7).
+    """
+    out = np.empty_like(local)
+    _carry(carrier, frames, local, out)
+    return out
+
+
+@njit(cache=True)
+def _carry(carrier, frames, local, out):  # pragma: no cover - compiled
+    for i in range(len(local)):
+        c = carrier[i]
+        q = (frames[c, 3], frames[c, 4], frames[c, 5], frames[c, 6])
+        place = _into(-q[0], -q[1], -q[2], q[3], local[i, 0], local[i, 1], local[i, 2])
+        for j in range(3):
+            out[i, j] = frames[c, j] + place[j]
+        turn = _times(q, (local[i, 3], local[i, 4], local[i, 5], local[i, 6]))
+        for j in range(4):
+            out[i, 3 + j] = turn[j]
+
+
+@njit(cache=True)
+def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):  # pragma: no cover
+    for i in range(len(rest)):
+        c = carrier[i]
+        for j in range(7):
+            out[i, j] = rest[i, j]
+        speed = math.sqrt(air[c, 0] ** 2 + air[c, 1] ** 2 + air[c, 2] ** 2)
+        if not speed > 0.0:
+            continue
+        q = (rest[i, 3], rest[i, 4], rest[i, 5], rest[i, 6])
+        flow = _into(frames[c, 3], frames[c, 4], frames[c, 5], frames[c, 6],
+                     air[c, 0] / speed, air[c, 1] / speed, air[c, 2] / speed)
+        q = _times(_downwind(q, flow, speed), q)
+        share = 1.0 - math.exp(-(speed / onset[i]) ** 2)
+        half = 0.5 * share * _NOD
+        x = half * math.sin(rate[i, 0] * time + phase[i, 0])
+        y = half * math.sin(rate[i, 1] * time + phase[i, 1])
+        z = 0.5 * share * _TWIST * math.sin(rate[i, 2] * time + phase[i, 2])
+        w = 1.0 / math.sqrt(1.0 + x * x + y * y + z * z)
+        q = _times(q, (w * x, w * y, w * z, w))
+        for j in range(4):
+            out[i, 3 + j] = q[j]
+
+
+@njit(cache=True, inline='always')
+def _downwind(q, flow, speed):  # pragma: no cover
+    """
+    Turn from the leaf's axis at rest to where drag and petiole balance.
+
+    A petiole that holds its axis n with a moment k·sin(angle) and a drag moment C·k·sin(angle)
+    about the flow direction u are in balance along n + C·u, which is all there is to solve.
+    """
+    x, y, z, w = q
+    nx, ny, nz = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+    square = (speed / _TURN_SPEED) ** 2
+    push = _TURN_MOST * square / (1.0 + square)
+    dx, dy, dz = nx + push * flow[0], ny + push * flow[1], nz + push * flow[2]
+    tx, ty, tz = ny * dz - nz * dy, nz * dx - nx * dz, nx * dy - ny * dx
+    tw = nx * dx + ny * dy + nz * dz + math.sqrt(dx * dx + dy * dy + dz * dz)
+    scale = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz + tw * tw)
+    return tx * scale, ty * scale, tz * scale, tw * scale
+
+
+@njit(cache=True, inline='always')
+def _into(x, y, z, w, a, b, c):  # pragma: no cover
+    """Turn a vector back by a quaternion: from the world into a part's frame."""
+    tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
+    return (a + w * tx + ty * z - tz * y, b + w * ty + tz * x - tx * z,
+            c + w * tz + tx * y - ty * x)
+
+
+@njit(cache=True, inline='always')
+def _times(a, b):  # pragma: no cover
+    """Compose rotations: by b first, then by a."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
+    return (aw * bx + ax * bw + ay * bz - az * by, aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw, aw * bw - ax * bx - ay * by - az * bz)
