@@ -51,6 +51,7 @@ class Shade:
         spots = leaves @ self._axes.T
         self._low = spots.min(axis=0)
         self._cell = max(_SMALLEST_CELL, float((spots.max(axis=0) - self._low).max()) / _CELLS)
+        self._low[2] -= 1.5 * self._cell  # one empty layer of cells, which stands for all below
         index = ((spots - self._low) / self._cell).astype(int)
         grid = np.zeros(index.max(axis=0) + 2)
         np.add.at(grid, tuple(index.T), area / self._cell ** 2)
@@ -63,7 +64,7 @@ class Shade:
         :param points: [m], world, (V, 3).
         """
         where = ((points @ self._axes.T - self._low) / self._cell - 0.5).T
-        where[2] = np.maximum(where[2], 0.0)  # below all leaves: everything above counts
+        where[2] = np.maximum(where[2], 0.0)
         index = map_coordinates(self._depth, where, order=1, mode='constant')
         return np.exp(-_EXTINCTION * index)
 

@@ -1,0 +1,271 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Tests of drawing: meshes, light, palette, framing, pictures and the command `render`."""
+
+import ctypes
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import numpy as np
+from PIL import Image
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.lsystem import LSystem
+from procphys_ros.palette import look, LOOKS, rgba
+from procphys_ros.render import camera, draw, light, mesh, RenderUnavailableError, texture
+from procphys_ros.render.backend import load_pyvista
+from procphys_ros.render.command import main
+from procphys_ros.scene.sources import load_grammar
+
+_ROOT = Path(__file__).resolve().parents[1]
+_BUSH = """
+name: bush
+textures: bark_oak, leaf_oak
+axiom: Width(0.1) F(1) [ &(40) F(0.8) Leaf(0.6, 1) ] [ ^(40) F(0.8) Leaf(0.6, 1) ]
+"""
+_SIZE = (320, 200)
+
+
+@pytest.fixture(scope='module')
+def bush():
+    """Three segments and two leaves."""
+    return LSystem.parse(_BUSH).build(seed=0)
+
+
+def _pixels(path: Path) -> np.ndarray:
+    return np.asarray(Image.open(path).convert('RGB')).astype(int)
+
+
+def _leafy(path: Path) -> np.ndarray:
+    """Mark the pixels of a picture that have the green of leaves."""
+    red, green, blue = np.moveaxis(_pixels(path), -1, 0)
+    return (green > red + 30) & (green > blue + 30)
+
+
+def _poses(count: int) -> np.ndarray:
+    rng = np.random.default_rng(3)
+    attitude = rng.normal(size=(count, 4))
+    attitude /= np.linalg.norm(attitude, axis=1, keepdims=True)
+    return np.column_stack([rng.uniform(-5.0, 5.0, (count, 3)), attitude])
+
+
+def _turns_outward(shape: mesh.Mesh) -> np.ndarray:
+    """Tell for each face with an area whether its winding agrees with its normals."""
+    a, b, c = (shape.points[shape.triangles[:, i]] for i in range(3))
+    facing = np.cross(b - a, c - a)
+    normal = shape.normals[shape.triangles].mean(axis=1)
+    return np.einsum('fi,fi->f', facing, normal)[np.linalg.norm(facing, axis=1) > 1e-9] > 0.0
+
+
+def test_branches_taper_from_base_to_tip():
+    """Put every vertex on the cone between the end diameters, or on the round ends."""
+    poses, size = _poses(4), np.array([[0.4, 0.2, 2.0]] * 4)
+    shape = mesh.branches(poses, size)
+    own = poses[shape.piece]
+    local = rotation.rotate(rotation.conjugate(own[:, 3:]), shape.points - own[:, :3])
+    radius = np.hypot(local[:, 0], local[:, 1])
+    assert local[:, 2].min() == pytest.approx(-1.2) and local[:, 2].max() == pytest.approx(1.1)
+    assert radius[np.isclose(local[:, 2], -1.0)] == pytest.approx(0.2)
+    assert radius[np.isclose(local[:, 2], 1.0)] == pytest.approx(0.1)
+    assert _turns_outward(shape).all()
+
+
+def test_boxes_have_their_size_and_face_outward():
+    """Reach exactly half the extents along every axis, with outward faces."""
+    poses = np.array([[1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0]])
+    shape = mesh.boxes(poses, np.array([[0.2, 0.1, 0.06]]))
+    assert np.ptp(shape.points, axis=0) == pytest.approx([0.2, 0.1, 0.06])
+    assert shape.points.mean(axis=0) == pytest.approx([1.0, 2.0, 3.0])
+    assert len(shape.triangles) == 12 and _turns_outward(shape).all()
+
+
+def test_crossed_quads_grow_from_the_petiole():
+    """Start a leaf at its pose, reach its size along z and cross two planes at right angles."""
+    pose = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    shape = mesh.crossed_quads(pose, np.array([0.5]), aspect=0.4)
+    assert np.ptp(shape.points, axis=0) == pytest.approx([0.2, 0.2, 0.5])
+    assert shape.points[:, 2].min() == 0.0
+    assert (np.abs(shape.points[:, :2]).min(axis=1) == 0.0).all()
+
+
+def test_nothing_makes_an_empty_mesh():
+    """Accept zero pieces of every kind."""
+    none = np.zeros((0, 7))
+    for shape in (mesh.branches(none, np.zeros((0, 3))), mesh.boxes(none, np.zeros((0, 3))),
+                  mesh.crossed_quads(none, np.zeros(0), 1.0),
+                  mesh.loose_triangles(none, np.zeros((0, 9)))):
+        assert len(shape.points) == len(shape.triangles) == 0
+
+
+def test_shade_follows_beer_lambert():
+    """Let exp(-0.3 LAI) of the light through an even layer of leaves, and all of it above."""
+    x, y = np.meshgrid(np.arange(0.05, 20.0, 0.1), np.arange(0.05, 20.0, 0.1))
+    leaves = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 5.0)])
+    shade = light.Shade(leaves, np.full(len(leaves), 0.02), light.ZENITH)  # 2 m2 per m2
+    below, above = shade.light(np.array([[10.0, 10.0, 1.0], [10.0, 10.0, 9.0]]))
+    assert below == pytest.approx(np.exp(-0.6), rel=0.1)
+    assert above == pytest.approx(1.0)
+
+
+def test_camera_sees_every_point():
+    """Project all points of an uneven scene into the frame, close to its edges."""
+    points = np.random.default_rng(1).uniform([-30, 0, 0], [10, 60, 12], (500, 3))
+    place, target, _ = (np.asarray(v) for v in camera.frame(points, (1280, 720)))
+    back = (place - target) / np.linalg.norm(place - target)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    depth = (place - points) @ back
+    slope = np.tan(np.radians(camera.FIELD_OF_VIEW) / 2.0)
+    across = np.abs((points - place) @ right) / depth / slope * 720 / 1280
+    upward = np.abs((points - place) @ np.cross(back, right)) / depth / slope
+    assert (depth > 0.0).all()
+    assert 0.8 < max(across.max(), upward.max()) <= 1.0
+
+
+@pytest.mark.parametrize('pattern', sorted({entry.pattern for entry in LOOKS.values()}))
+def test_every_pattern_has_an_image(pattern):
+    """Draw an image with structure for each pattern but the plain one; leaves have holes."""
+    image = texture.image(pattern)
+    if pattern == 'plain':
+        assert image is None and texture.mean_light(pattern) == 1.0
+        return
+    opaque = image[..., 3] > 0
+    assert np.ptp(image[..., 0][opaque]) > 30
+    surfaces = ('furrows', 'plates', 'rings', 'lenticels', 'grain')
+    assert opaque.all() if pattern in surfaces else 0.15 < opaque.mean() < 0.9
+
+
+@pytest.mark.parametrize('path', sorted((_ROOT / 'grammars').glob('*.*')), ids=lambda p: p.name)
+def test_palette_covers_every_texture_of_the_grammars(path):
+    """Find each texture that a shipped grammar names in the palette."""
+    unknown = set(load_grammar(str(path), 'grammar').build(seed=0).textures) - set(LOOKS)
+    assert not unknown
+
+
+def test_unknown_textures_look_like_their_family():
+    """Take the longest table name inside an unknown one, else a neutral grey."""
+    assert rgba('leaf_maple') == rgba('leaf')
+    assert look('old_brick_red_3') == look('brick_red')
+    red, green, blue, alpha = rgba('xyz')
+    assert max(red, green, blue) - min(red, green, blue) < 0.1 and alpha == 1.0
+
+
+def test_picture_has_its_size_and_shows_the_bush(bush, tmp_path):
+    """Write a picture of the right size with leaf green, bark and sky in it."""
+    path = tmp_path / 'bush.png'
+    draw(bush, bush.poses, path, size=_SIZE)
+    pixels = _pixels(path)
+    assert pixels.shape == (_SIZE[1], _SIZE[0], 3)
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 1000
+    red, green, blue = np.moveaxis(pixels, -1, 0)
+    assert _leafy(path).sum() > 200
+    assert ((red > green + 5) & (green > blue + 5) & (red < 140)).sum() > 50  # bark
+    assert (blue > red + 40).sum() > 5000  # sky
+
+
+def test_parts_that_do_not_exist_are_not_drawn(bush, tmp_path):
+    """Take segments with their leaves out of the picture."""
+    place = (0.0, -6.0, 1.5, 0.0, 0.0, 1.0)
+    only_stem = np.array([True, False, False])
+    draw(bush, bush.poses, tmp_path / 'all.png', size=_SIZE, camera=place)
+    draw(bush, bush.poses, tmp_path / 'stem.png', size=_SIZE, camera=place, exists=only_stem)
+    assert _leafy(tmp_path / 'stem.png').sum() == 0
+    assert _leafy(tmp_path / 'all.png').sum() > 200
+
+
+def test_poses_move_what_is_drawn(bush, tmp_path):
+    """Draw the poses given, not those at rest."""
+    place = (0.0, -6.0, 1.5, 0.0, 0.0, 1.0)
+    moved = bush.poses.copy()
+    moved[:, 0] += 1.0
+    draw(bush, bush.poses, tmp_path / 'rest.png', size=_SIZE, camera=place)
+    draw(bush, moved, tmp_path / 'moved.png', size=_SIZE, camera=place)
+    rest, right = (np.nonzero(_leafy(tmp_path / name))[1].mean()
+                   for name in ('rest.png', 'moved.png'))
+    # 1 m at 6 m, on 200 pixels per 32 degrees
+    assert right - rest == pytest.approx(200 / (2 * 6.0 * np.tan(np.radians(16.0))), rel=0.15)
+
+
+def test_command_draws_without_a_display(tmp_path):
+    """Run the command in a process without DISPLAY and find the picture."""
+    environment = {key: value for key, value in os.environ.items()
+                   if key not in ('DISPLAY', 'WAYLAND_DISPLAY')}
+    path = tmp_path / 'shrub.png'
+    done = subprocess.run(
+        [sys.executable, '-m', 'procphys_ros.render.command', 'shrub.lsys', '--out', str(path),
+         '--size', '200x120', '--seed', '3'],
+        cwd=_ROOT, env=environment, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert 'parts at 0 s' in done.stdout and done.stderr == ''
+    assert _pixels(path).shape == (120, 200, 3)
+
+
+@pytest.mark.parametrize('words, said', [
+    (['nosuch.lsys'], 'no grammar "nosuch.lsys"'),
+    (['nosuch.yaml'], 'nosuch.yaml'),
+    (['oak.txt'], 'neither a scene'),
+    (['oak.lsys', '--define', 'hight=9'], 'did you mean height?'),
+])
+def test_command_refuses_bad_input_in_one_line(words, said, tmp_path, capsys):
+    """Return 1 and say what is wrong, without a traceback or a picture."""
+    path = tmp_path / 'out.png'
+    assert main([*words, '--out', str(path)]) == 1
+    message = capsys.readouterr().err
+    assert said in message and message.count('\n') == 1
+    assert not path.exists()
+
+
+@pytest.mark.parametrize('words, said', [
+    (['--size', '12'], '1280x720'), (['--size', '0x5'], 'pixels'), (['--time', '-1'], 'start'),
+    (['--camera', '1,2,3'], '20,-30,10'), (['--camera', '1,1,1,1,1,1'], 'looks'),
+    (['--define', 'height'], 'height=15'), (['--size', 'nanxnan'], '1280x720'),
+])
+def test_command_refuses_bad_options_in_one_line(words, said, tmp_path, capsys):
+    """Exit with 1 and an example of what the option takes."""
+    with pytest.raises(SystemExit) as stop:
+        main(['oak.lsys', '--out', str(tmp_path / 'out.png'), *words])
+    message = capsys.readouterr().err
+    assert stop.value.code == 1 and said in message and message.count('\n') == 1
+
+
+@pytest.mark.parametrize('name, said', [('out.gifx', '.png'), ('no/out.png', 'no folder')])
+def test_command_checks_the_picture_first(name, said, tmp_path, capsys):
+    """Refuse a picture that cannot be written before doing any work."""
+    assert main(['oak.lsys', '--out', str(tmp_path / name)]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_missing_pyvista_says_how_to_install_it(bush, monkeypatch, tmp_path, capsys):
+    """Name the pip command, from the library and from the command."""
+    monkeypatch.setitem(sys.modules, 'pyvista', None)
+    with pytest.raises(RenderUnavailableError, match=r'pip install procphys_ros\[render\]'):
+        draw(bush, bush.poses, tmp_path / 'out.png')
+    assert main(['shrub.lsys', '--out', str(tmp_path / 'out.png')]) == 1
+    assert 'pip install procphys_ros[render]' in capsys.readouterr().err
+
+
+def test_missing_opengl_names_the_system_packages(monkeypatch):
+    """Explain instead of letting VTK end the process."""
+    def fail(name):
+        raise OSError(f'{name}: cannot open shared object file')
+
+    monkeypatch.delenv('DISPLAY', raising=False)
+    monkeypatch.setattr(ctypes, 'CDLL', fail)
+    with pytest.raises(RenderUnavailableError, match='apt-get install libegl1'):
+        load_pyvista()
