@@ -15,6 +15,7 @@
 
 """The bytes that are written by hand are read back by ROS itself, field by field."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseArray
@@ -146,6 +147,24 @@ def test_leaves_and_ornaments_ride_on_their_parts():
     expected = poses[1, :3] + rotate(poses[1, 3:], triangle)
     np.testing.assert_allclose([[p.x, p.y, p.z] for p in flower.points[6:]], expected,
                                atol=1e-12)
+
+
+def test_too_many_leaves_are_drawn_by_fewer_and_larger_ones():
+    """Leave the twigs out first, then leaves, and keep the area of green."""
+    blueprint = mixed_blueprint()
+    alike = replace(blueprint.leaves, texture=np.full(4, 2, np.int16))
+    blueprint = replace(blueprint, leaves=alike)
+    areas, corners = [], []
+    for most in (9, 8, 4):
+        scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world', most)
+        found = read_markers(scene.whole(blueprint.poses, AT))
+        points = np.array([[p.x, p.y, p.z] for p in found['oak/leaves', 2].points])
+        a, b, c = points.reshape(-1, 3, 3).swapaxes(0, 1)
+        areas.append(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        corners.append(len(points))
+        assert (('oak/leaves', 3) in found) == (most == 9)
+    assert corners == [24, 24, 12]
+    np.testing.assert_allclose(areas, areas[0])
 
 
 def test_only_what_moved_is_sent_again():

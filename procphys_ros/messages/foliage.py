@@ -15,14 +15,29 @@
 
 """Triangles that ride on parts: leaves, and the ornaments of grammars."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, Leaves
+from procphys_ros.blueprint import Blueprint, Leaves, Ornaments, Shape
 from procphys_ros.palette import look
+
+
+class PlacedObject(Protocol):
+    """An object of a scene: its name and the range of its parts."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def first(self) -> int: ...
+
+    @property
+    def count(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -48,26 +63,42 @@ class Foliage:
         return out
 
 
-def foliage(blueprint: Blueprint, first: int, count: int) -> list[Foliage]:
+def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
+            most_triangles: int) -> list[tuple[PlacedObject, Foliage]]:
     """
-    Collect the leaves and ornaments of one object, one entry per texture.
+    Collect the leaves and ornaments of all objects, one entry per object and texture.
 
-    :param first: first part of the object.
-    :param count: number of its parts.
+    :param objects: owners of the parts, in part order.
+    :param most_triangles: of leaves and of boneless twigs in all; when there are more, the twigs
+        are left out first, then evenly chosen leaves are drawn larger in place of all, so that
+        the area of green stays.
     """
     leaves, ornaments = blueprint.leaves, blueprint.ornaments
-    leaves = leaves.take((leaves.part >= first) & (leaves.part < first + count))
-    ornaments = ornaments.take((ornaments.part >= first) & (ornaments.part < first + count))
+    on_tree = blueprint.shape[ornaments.part] == Shape.CAPSULE
+    if 2 * len(leaves) + np.count_nonzero(on_tree) > most_triangles:
+        leaves = _thinned(leaves, most_triangles // 2)
+        ornaments = Ornaments(ornaments.part[~on_tree], ornaments.triangle[~on_tree],
+                              ornaments.texture[~on_tree])
     part = np.concatenate([np.repeat(leaves.part, 6), np.repeat(ornaments.part, 3)])
     texture = np.concatenate([np.repeat(leaves.texture, 6), np.repeat(ornaments.texture, 3)])
     corners = np.concatenate([_leaf_corners(leaves, blueprint.textures),
                               ornaments.triangle.reshape(-1, 3)])
-    found = []
-    for index in np.unique(texture):
-        mine = texture == index
-        found.append(Foliage(int(index), part[mine].astype(np.int32),
-                             np.ascontiguousarray(corners[mine]), np.unique(part[mine])))
-    return found
+    owner = np.searchsorted([o.first for o in objects], part, side='right') - 1
+    order = np.lexsort([texture, owner])
+    changes = np.flatnonzero(np.diff(owner[order]) | np.diff(texture[order])) + 1
+    return [(objects[owner[mine[0]]],
+             Foliage(int(texture[mine[0]]), part[mine].astype(np.int32), corners[mine],
+                     np.unique(part[mine])))
+            for mine in np.split(order, changes) if len(mine)]
+
+
+def _thinned(leaves: Leaves, most: int) -> Leaves:
+    """Keep every so manieth leaf, enlarged to the area of those that it stands for."""
+    share = min(1.0, most / max(len(leaves), 1))
+    count = np.floor(np.arange(len(leaves) + 1) * share)
+    kept = np.flatnonzero(np.diff(count) > 0)
+    return Leaves(leaves.part[kept], leaves.pose[kept],
+                  leaves.size[kept] / np.sqrt(share or 1.0), leaves.texture[kept])
 
 
 def _leaf_corners(leaves: Leaves, textures: tuple[str, ...]) -> np.ndarray:

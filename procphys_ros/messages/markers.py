@@ -21,32 +21,18 @@ and ornaments (`ns` = `<object>/leaves`, `id` = texture index).
 """
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.foliage import foliage
+from procphys_ros.messages.foliage import foliage, PlacedObject
 from procphys_ros.messages.marker_rows import Action, Kind, marker_array, row_layout, TriangleList
 from procphys_ros.palette import look
 
 # A part is drawn anew when it has moved by this much since it was last sent: [m] in position,
 # [-] in the quaternion (0.01 degrees). No screen shows less.
 _VISIBLE = 1e-4
-
-
-class PlacedObject(Protocol):
-    """An object of a scene: its name and the range of its parts."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def first(self) -> int: ...
-
-    @property
-    def count(self) -> int: ...
 
 
 class SceneMarkers:
@@ -58,15 +44,17 @@ class SceneMarkers:
     :param blueprint: all parts.
     :param objects: their owners, in part order.
     :param frame_id: frame of the poses.
+    :param most_triangles: of leaves and twigs drawn in all, see `foliage`.
     """
 
-    def __init__(self, blueprint: Blueprint, objects: Sequence[PlacedObject], frame_id: str):
+    def __init__(self, blueprint: Blueprint, objects: Sequence[PlacedObject], frame_id: str,
+                 most_triangles: int = 40_000):
         self._sent = np.full((len(blueprint), 7), np.nan)
         self._rows = _part_rows(blueprint, objects, frame_id)
         self._leaves = [
             (entry, TriangleList(f'{o.name}/leaves', entry.texture, frame_id,
                                  look(blueprint.textures[entry.texture]).rgba))
-            for o in objects for entry in foliage(blueprint, o.first, o.count)]
+            for o, entry in foliage(blueprint, objects, most_triangles)]
         self._clear, fields = _blank_rows(0, 1, frame_id)
         fields['action'] = Action.DELETEALL
 

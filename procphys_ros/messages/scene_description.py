@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import json
 
 from procphys_ros.blueprint import Blueprint, Law, Shape
-from procphys_ros.messages.markers import PlacedObject
+from procphys_ros.messages.foliage import PlacedObject
 
 _DIGITS = 6  # of sizes and masses; micrometres and milligrams are enough
 

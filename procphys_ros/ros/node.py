@@ -76,7 +76,8 @@ class SimNode(Node):
         self.session = Session(self.parameters, self.pacer)
         self.commands = CommandQueue(self._warn_about_rejection)
         frame = self.parameters['world_frame']
-        self._output = Publishers(self, frame, self.parameters['marker_rate'])
+        self._output = Publishers(self, frame, self.parameters['marker_rate'],
+                                  self.parameters['marker_triangles'])
         self._diagnostics = Diagnostics(self, self.commands)
         self._topic_commands = TopicCommands(self, self.commands, self.session, frame)
         create_services(self, self.commands, self.session)
@@ -122,6 +123,9 @@ class SimNode(Node):
             self._ticks.timer_period_ns = round(period * 1e9)
             self.pacer.budget = period
         self._output.marker_rate = self.parameters['marker_rate']
+        if 'marker_triangles' in names:
+            self._output.marker_triangles = self.parameters['marker_triangles']
+            self._output.restart_markers()
         if 'real_time_factor' in names:
             self.pacer.factor = self.parameters['real_time_factor']
             self.pacer.restart()

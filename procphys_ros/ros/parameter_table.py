@@ -15,7 +15,7 @@
 
 """The table of parameters: each stands here once, with all that is said about it anywhere."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 import re
@@ -122,6 +122,8 @@ GLOBAL = (
     Parameter('world_frame', 'world', 'frame of everything published', read_only=True),
     Parameter('publish_rate', 30.0, 'rate of ~/poses, ~/wind_info and /clock', 'Hz', 0.1, 240.0),
     Parameter('marker_rate', 30.0, 'highest rate of ~/markers', 'Hz', 0.1, 240.0),
+    Parameter('marker_triangles', 40_000, 'most triangles of leaves and twigs in ~/markers; of a '
+              'scene that has more, fewer and larger leaves are drawn', '', 0, 10_000_000),
     Parameter('real_time_factor', 1.0,
               'simulated seconds per second; 0 = as fast as possible', '', 0.0, 1000.0),
     Parameter('wind.velocity', [0.0, 0.0, 0.0],
@@ -148,7 +150,7 @@ GLOBAL = (
               'where the gust blows to; all 0 = along the mean wind', takes_effect='use',
               optional=True),
     Parameter('gust.kind', 'cosine', 'cosine (rise, hold, fall) or eog (IEC 61400-1 extreme '
-              'operating gust)', choices=('cosine', 'eog'), takes_effect='use'),
+              'operating gust)', choices=('eog', 'cosine'), takes_effect='use'),
     Parameter('gust.upwind', 30.0, 'distance of the gust front from the origin when it starts',
               'm', 0.0, 10000.0, takes_effect='use'),
     Parameter('impulse.target', '', 'part that ~/apply_impulse hits, as oak_0/17 or an index',
@@ -166,7 +168,7 @@ OBJECT = (
               takes_effect='reload'),
     Parameter('defines', [], 'values that override the grammar\'s own, as "name=number"',
               takes_effect='reload'),
-    Parameter('count', 0, 'instances, called <name>_0, <name>_1, …; 0 = one, called <name>', '',
+    Parameter('count', 0, 'instances, called oak_0, oak_1, …; 0 = one, called oak', '',
               0, 100_000, takes_effect='reload'),
     Parameter('layout', 'grid', 'how instances are placed', choices=('row', 'grid', 'scatter'),
               takes_effect='reload'),
@@ -227,3 +229,35 @@ def nested(values: Mapping[str, Any], objects: list[str]) -> dict[str, Any]:
             target = target.setdefault(group, {})
         target[last] = value
     return tree
+
+
+def markdown(parameters: Sequence[Parameter], prefix: str = '') -> str:
+    """
+    Write rows of the table for the README.
+
+    :param prefix: stands before each name.
+    """
+    lines = ['| parameter | default | unit | range | effect | meaning |',
+             '|---|---|---|---|---|---|']
+    for p in parameters:
+        effect = 'fixed' if p.read_only else {'use': 'at use'}.get(p.takes_effect, p.takes_effect)
+        lines.append(f'| `{prefix}{p.name}` | {_shown(p.default)} | {p.unit} | {_range(p)} | '
+                     f'{effect} | {p.description} |')
+    return '\n'.join(lines)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, float):
+        return f'{value:.6g}'
+    if isinstance(value, list):
+        return f'[{", ".join(map(_shown, value))}]'
+    return f'"{value}"' if isinstance(value, str) else str(value)
+
+
+def _range(parameter: Parameter) -> str:
+    if parameter.choices:
+        return ', '.join(parameter.choices)
+    if abs(parameter.high) >= _LARGEST and parameter.low <= -_LARGEST:
+        return ''
+    high = '' if parameter.high >= _LARGEST else f'{parameter.high:g}'
+    return f'{parameter.low:g} … {high}'.strip()

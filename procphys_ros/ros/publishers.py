@@ -44,11 +44,13 @@ class Publishers:
 
     :param node: the node that publishes.
     :param frame: `frame_id` of everything.
-    :param marker_rate: highest rate of the markers [Hz].
+    :ivar marker_rate: highest rate of the markers [Hz].
+    :ivar marker_triangles: most triangles of leaves and twigs, from the next whole set on.
     """
 
-    def __init__(self, node: Node, frame: str, marker_rate: float):
+    def __init__(self, node: Node, frame: str, marker_rate: float, marker_triangles: int):
         self.marker_rate = marker_rate
+        self.marker_triangles = marker_triangles
         self._frame = frame
         self._poses = node.create_publisher(PoseArray, '~/poses', qos.ARRAYS)
         self._markers = node.create_publisher(MarkerArray, '~/markers', qos.ARRAYS)
@@ -103,7 +105,7 @@ class Publishers:
             self._whole_again = 0.0
         if self._scene_markers is None or len(self._scene_markers) != len(simulation.poses):
             self._scene_markers = SceneMarkers(simulation.blueprint, simulation.scene.objects,
-                                               self._frame)
+                                               self._frame, self.marker_triangles)
             self._markers.publish(self._scene_markers.whole(simulation.poses, at))
             return
         data = self._scene_markers.changes(simulation.poses, at)

@@ -1,0 +1,150 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The parameter table: what it accepts and refuses, and that it agrees with scenes and README."""
+
+from dataclasses import fields
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from procphys_ros.errors import SceneError
+from procphys_ros.physics.wind import Gust, GUST_KINDS, PROFILES, SPECTRA, WindSettings
+from procphys_ros.ros.parameter_table import (
+    check_object_names,
+    find,
+    GLOBAL,
+    markdown,
+    nested,
+    OBJECT,
+    Parameter,
+)
+from procphys_ros.scene.layout import LAYOUTS
+from procphys_ros.scene.objects import OBJECT_KEYS, ObjectSpec
+from procphys_ros.scene.settings import read_settings, Settings
+
+TABLE = {p.name: p for p in GLOBAL}
+DEFAULTS = {p.name: p.default for p in GLOBAL}
+
+
+@pytest.mark.parametrize('parameter', [*GLOBAL, *OBJECT], ids=lambda p: p.name)
+def test_default_is_accepted_by_its_own_row(parameter: Parameter):
+    """Accept each default, unchanged, and describe each row."""
+    assert parameter.read(parameter.default) == parameter.default
+    assert parameter.description
+    assert not parameter.choices or parameter.default in parameter.choices
+
+
+def test_defaults_are_those_of_scenes_and_wind():
+    """Give a node without parameters what a scene file without settings has."""
+    settings = read_settings(nested(DEFAULTS, []))
+    assert settings == Settings()
+
+
+def test_table_lists_every_setting():
+    """Offer every field of wind and gust, and every key of an object."""
+    assert {n.removeprefix('wind.') for n in TABLE if n.startswith('wind.')} == {
+        f.name for f in fields(WindSettings)}
+    assert {n.removeprefix('gust.') for n in TABLE if n.startswith('gust.')} == {
+        f.name for f in fields(Gust)}
+    assert {p.name for p in OBJECT} == set(OBJECT_KEYS)
+
+
+def test_choices_and_object_defaults_are_those_of_the_scene():
+    """Name the same choices and defaults as the code that uses them."""
+    assert TABLE['wind.profile'].choices == PROFILES
+    assert TABLE['wind.spectrum'].choices == SPECTRA
+    assert TABLE['gust.kind'].choices == GUST_KINDS
+    spec = ObjectSpec('oak')
+    for parameter in OBJECT:
+        default = getattr(spec, parameter.name)
+        assert parameter.default == (list(default) if isinstance(default, tuple) else default)
+    assert next(p for p in OBJECT if p.name == 'layout').choices == LAYOUTS
+
+
+@pytest.mark.parametrize(('name', 'value', 'expected'), [
+    ('wind.velocity', [5, 0, 0], [5.0, 0.0, 0.0]),
+    ('wind.velocity', np.array([1.5, 0.0, 2.0]), [1.5, 0.0, 2.0]),
+    ('publish_rate', 20, 20.0),
+    ('scene.objects', [], []),
+    ('scene.objects', ['', 'oak'], ['oak']),
+    ('seed', 2**40, 2**40),
+])
+def test_value_is_brought_to_its_type(name, value, expected):
+    """Turn whole numbers into floats, arrays into lists, empty texts into nothing."""
+    read = TABLE[name].read(value)
+    assert read == expected and type(read) is type(expected)
+    if isinstance(read, list) and read:
+        assert type(read[0]) is type(expected[0])
+
+
+@pytest.mark.parametrize(('name', 'value', 'said'), [
+    ('wind.velocity', [1.0, math.nan, 0.0], 'from -150 to 150 m/s'),
+    ('wind.velocity', [1.0, math.inf, 0.0], 'wind.velocity'),
+    ('wind.velocity', [1.0, 2.0], 'list of 3 numbers'),
+    ('wind.velocity', ['a', 'b', 'c'], 'number'),
+    ('wind.velocity', 'strong', 'list of 3 numbers'),
+    ('wind.velocity', None, 'list of 3 numbers'),
+    ('publish_rate', True, 'number'),
+    ('publish_rate', 0.0, 'from 0.1 to 240 Hz'),
+    ('seed', 1.5, 'whole number'),
+    ('seed', -1, 'whole number from 0'),
+    ('wind.profile', 'loq', 'log, power, uniform'),
+    ('wind.profile', 3, 'text'),
+    ('scene.objects', 'oak', 'list of texts'),
+    ('scene.objects', [1, 2], 'list of texts'),
+    ('impulse.target', 'x' * 10**6, None),
+])
+def test_bad_value_is_refused_in_one_short_line(name, value, said):
+    """Name the parameter and what is allowed; never echo a megabyte."""
+    if said is None:
+        assert TABLE[name].read(value) == value
+        return
+    with pytest.raises(SceneError) as caught:
+        TABLE[name].read(value)
+    assert said in str(caught.value) and name in str(caught.value)
+    assert len(str(caught.value)) < 300 and '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('name', ['wind', 'seed', 'two words', '', '1oak', 'a.b', 'é' * 3 + '/'])
+def test_object_names_that_cannot_head_parameters_are_refused(name):
+    """Refuse names that hide the node's own parameters, or that ROS does not allow."""
+    with pytest.raises(SceneError):
+        check_object_names([name])
+
+
+def test_nested_leaves_out_what_is_not_given():
+    """Turn dotted names into groups, without the defaults that stand for nothing."""
+    values = {'wind.velocity': [1.0, 0.0, 0.0], 'gust.rise': 0.0, 'gust.direction': [0.0] * 3,
+              'gust.amplitude': 5.0, 'oak.count': 3, 'elm.count': 2}
+    assert nested(values, ['oak']) == {
+        'wind': {'velocity': [1.0, 0.0, 0.0]}, 'gust': {'amplitude': 5.0}, 'oak': {'count': 3}}
+
+
+def test_rows_are_found_by_full_name():
+    """Find parameters of the node and of known objects only."""
+    assert find('wind.velocity', []) is TABLE['wind.velocity']
+    assert find('oak.count', ['oak']).name == 'count'
+    assert find('oak.count', []) is None
+    assert find('oak.counts', ['oak']) is None
+
+
+def test_readme_shows_the_table():
+    """Keep the tables of the README as the table of parameters has them."""
+    readme = (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')
+    assert markdown(GLOBAL) in readme
+    assert markdown(OBJECT, '<name>.') in readme
