@@ -95,8 +95,8 @@ def test_rest_is_exact():
     forest = Forest(blueprint)
     assert np.allclose(forest.poses, blueprint.poses[forest.parts], atol=1e-12)
     before = forest.poses.copy()
-    for _ in range(600):
-        forest.step(1.0 / 60.0)
+    for i in range(600):
+        forest.step(1.0 / 60.0 if i % 2 else 1.0 / 240.0)
     assert np.array_equal(forest.poses, before)
     assert not forest.velocities.any()
     assert forest.energy() == 0.0
@@ -166,6 +166,32 @@ def test_leaves_streamline():
         drag.append(forest.velocities[0, 0])
     assert drag[1] / drag[0] == pytest.approx(4.0, rel=1e-3)
     assert drag[2] / drag[1] == pytest.approx(4.0 * 2.0 ** -0.85, rel=1e-3)
+
+
+def test_drag_falls_with_the_leaves_that_are_left():
+    """Expect half the leaves to take half the push, and all of them back after a reset."""
+    forest = Forest(replace(beam(1), leaf_area=np.array([1e4])), gravity=_NO_WEIGHT)
+    push = []
+    for share in (1.0, 0.5, None):
+        if share is None:
+            forest.reset()
+        else:
+            forest.keep_leaves(np.array([0]), np.array([share]))
+        forest.release(0)
+        forest.velocities[:] = 0.0
+        forest.step(1e-9, np.array([[8.0, 0.0, 0.0]]))
+        push.append(forest.velocities[0, 0])
+    assert push[1] / push[0] == pytest.approx(0.5, rel=1e-3)
+    assert push[2] == push[0]
+
+
+def test_wind_may_come_in_any_layout():
+    """Expect single precision and strided wind to do as contiguous doubles do."""
+    wind = np.ones((44, 6), np.float32)[:, ::2]
+    first, second = Forest(bush()), Forest(bush())
+    first.step(1.0 / 60.0, wind)
+    second.step(1.0 / 60.0, np.ones((44, 3)))
+    assert np.array_equal(first.poses, second.poses)
 
 
 def test_same_commands_give_identical_poses():

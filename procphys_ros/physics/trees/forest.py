@@ -131,10 +131,10 @@ class Forest:
         """
         if self._stale:
             self._replan()
-        self._time_step = dt
-        self._wind = self._still if wind is None else wind
+        self._time_step = float(dt)
+        self._wind = self._still if wind is None else np.ascontiguousarray(wind, float)
         passes.step(self._plan, self._model, self._state, self._scratch, self._wind,
-                    self._gravity, dt)
+                    self._gravity, self._time_step)
 
     def overloaded(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """

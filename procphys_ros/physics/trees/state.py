@@ -105,8 +105,7 @@ def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
     :param active: (S,) bool; the parent of an active row is active.
     """
     row = np.flatnonzero(active)
-    root, depth = _roots(parent)
-    row = row[np.lexsort((depth[row], root[row]))]
+    row = row[np.argsort(_roots(parent)[row], kind='stable')]
     place = np.empty(len(parent) + 1, np.int64)
     place[row] = np.arange(len(row))
     start = np.append(np.flatnonzero(parent[row] < 0), len(row))
@@ -117,9 +116,8 @@ def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
 
 @njit(cache=True)
 def _roots(parent):
-    root, depth = np.arange(len(parent)), np.zeros(len(parent), np.int64)
+    root = np.arange(len(parent))
     for i in range(len(parent)):
         if parent[i] >= 0:
             root[i] = root[parent[i]]
-            depth[i] = depth[parent[i]] + 1
-    return root, depth
+    return root
