@@ -79,13 +79,13 @@ class Forest:
         self._foliage = self._model.body[:, LEAF_FLOW].copy()
         self._state = state.make_state(len(rows.part))
         self._still = np.zeros((len(rows.part), 3))
-        hinges = blueprint.hinges.take(
-            np.searchsorted(np.flatnonzero(blueprint.bond_law == 0), rows.bond))
+        hinges = blueprint.hinges
         self._section = breaks.section_modulus(rows.width)
         self._capacity = np.column_stack([hinges.break_force, hinges.break_torque,
-                                          hinges.strength])
+                                          hinges.strength])[rows.hinge]
         self.reset()
-        set_damping(rows, modes.damping_rate(rows, hinges.damping_ratio, self._state.frame))
+        ratio = hinges.damping_ratio[rows.hinge]
+        set_damping(rows, modes.damping_rate(rows, ratio, self._state.frame))
         passes.balance(self._plan, self._model, self._state, self._scratch, self._gravity,
                        _TIME_STEP)
         self._rest_height = self.poses[:, :3] @ self._gravity

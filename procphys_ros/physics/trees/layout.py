@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, Law
+from procphys_ros.blueprint import Blueprint, Hinges, Law
 from procphys_ros.errors import SceneError
 
 # Columns of `Rows.body`, constants of a segment.
@@ -50,6 +50,7 @@ class Rows:
 
     :ivar part: part index, (S,) int.
     :ivar bond: bond index, (S,) int.
+    :ivar hinge: row in the blueprint's hinge table, (S,) int.
     :ivar parent: row of the parent, -1 for a clamped start, (S,) int.
     :ivar end: one past the last row of the subtree, (S,) int.
     :ivar axis: first row of the branch (axis) that the row belongs to, (S,) int.
@@ -62,6 +63,7 @@ class Rows:
 
     part: np.ndarray
     bond: np.ndarray
+    hinge: np.ndarray
     parent: np.ndarray
     end: np.ndarray
     axis: np.ndarray
@@ -102,9 +104,9 @@ def arrange(blueprint: Blueprint, air_density: float) -> Rows:
         blueprint.mass[part], inertia[:, 0], inertia[:, 2], inner[:, 2], length,
         0.5 * air_density * _CYLINDER_DRAG * width * length,
         0.5 * air_density * _LEAF_DRAG * blueprint.leaf_area[part]])
-    swing, extra = _springs(blueprint, order)
-    return Rows(part, bond, parent, end, _axes(parent, width, frame), mount, body, swing, extra,
-                width)
+    swing, extra = _springs(blueprint.hinges, order)
+    return Rows(part, bond, order, parent, end, _axes(parent, width, frame), mount, body, swing,
+                extra, width)
 
 
 def set_damping(rows: Rows, rate: np.ndarray) -> None:
@@ -124,14 +126,13 @@ def set_damping(rows: Rows, rate: np.ndarray) -> None:
         table[:, theta] = np.where(table[:, c] >= _THETA_RATIO * stiffness, _THETA, 1.0)
 
 
-def _springs(blueprint: Blueprint, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    hinges = blueprint.hinges.take(order)
-    nothing = np.zeros(len(order))
+def _springs(hinges: Hinges, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    nothing = np.zeros(len(hinges))
     swing = np.column_stack([hinges.swing_stiffness, hinges.swing_damping, nothing,
                              hinges.swing_limit, nothing, nothing])
     extra = np.column_stack([hinges.twist_stiffness, hinges.twist_damping, nothing, nothing,
                              hinges.stretch_stiffness, hinges.stretch_damping, nothing, nothing])
-    return swing, extra
+    return swing[order], extra[order]
 
 
 def _preorder(parent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
