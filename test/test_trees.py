@@ -192,6 +192,8 @@ def test_wind_may_come_in_any_layout():
     first.step(1.0 / 60.0, wind)
     second.step(1.0 / 60.0, np.ones((44, 3)))
     assert np.array_equal(first.poses, second.poses)
+    with pytest.raises(ValueError, match='must be'):
+        first.step(1.0 / 60.0, np.ones((43, 3)))
 
 
 def test_same_commands_give_identical_poses():

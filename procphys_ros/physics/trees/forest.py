@@ -128,11 +128,14 @@ class Forest:
 
         :param dt: time step [s].
         :param wind: air velocity at the centres of mass [m/s], (S, 3), world; None = still air.
+        :raises ValueError: when the wind has another shape.
         """
         if self._stale:
             self._replan()
         self._time_step = float(dt)
         self._wind = self._still if wind is None else np.ascontiguousarray(wind, float)
+        if self._wind.shape != self._still.shape:
+            raise ValueError(f'wind is {self._wind.shape}, but must be {self._still.shape}')
         passes.step(self._plan, self._model, self._state, self._scratch, self._wind,
                     self._gravity, self._time_step)
 
