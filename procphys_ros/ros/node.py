@@ -19,6 +19,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from procphys_ros.errors import SceneError
+from procphys_ros.resources import shared_folder
 from procphys_ros.ros.commands import CommandQueue
 from procphys_ros.ros.diagnostics import Diagnostics
 from procphys_ros.ros.pacing import Pacer
@@ -69,7 +70,7 @@ class SimNode(Node):
         self.parameters = Parameters(self)
         if not self.parameters['scene.objects']:
             raise SceneError('scene.objects is empty, there is nothing to simulate; give a scene '
-                             'with --ros-args --params-file config/demo.yaml')
+                             f'with --ros-args --params-file {shared_folder()}/config/demo.yaml')
         rate = self.parameters['publish_rate']
         self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
                            budget=1.0 / rate)
