@@ -24,6 +24,7 @@ from typing import NoReturn
 import numpy as np
 
 from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.physics.dust import Puffs
 from procphys_ros.render.backend import RenderUnavailableError
 from procphys_ros.render.picture import draw
 from procphys_ros.scene import Scene
@@ -53,8 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _check_picture(options.out)
         scene = _scene(options)
-        draw(scene.blueprint, _poses_at(scene, options.time), options.out,
-             camera=options.camera, size=options.size)
+        poses, leaf_poses, dust = _state_at(scene, options.time)
+        draw(scene.blueprint, poses, options.out, camera=options.camera, size=options.size,
+             leaf_poses=leaf_poses, dust=dust)
     except (ProcPhysError, RenderUnavailableError, OSError) as error:
         print(f'render: {error}', file=sys.stderr)
         return 1
@@ -93,16 +95,16 @@ def _scene(options: argparse.Namespace) -> Scene:
     return scene
 
 
-def _poses_at(scene: Scene, time: float) -> np.ndarray:
-    """Simulate from rest; give the part poses, world, (N, 7)."""
+def _state_at(scene: Scene, time: float) -> tuple[np.ndarray, np.ndarray | None, Puffs]:
+    """Simulate from rest; give the poses of parts (N, 7) and leaves (L, 7), world, and dust."""
     if time == 0.0:
-        return scene.blueprint.poses
+        return scene.blueprint.poses, None, Puffs.none()
     # Late, because PyBullet greets on import, which is noise before a one-line error.
     from procphys_ros.simulation import Simulation
 
     simulation = Simulation(scene)
     simulation.step(max(1, round(time / simulation.time_step)))
-    return simulation.poses
+    return simulation.poses, simulation.leaf_poses(), simulation.dust
 
 
 def _check_picture(path: Path) -> None:

@@ -24,13 +24,15 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Shape
 from procphys_ros.palette import Look, look
+from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import camera as view
-from procphys_ros.render import light, mesh, texture
+from procphys_ros.render import light, mesh, particles, texture
 from procphys_ros.render.backdrop import backdrop
 from procphys_ros.render.canvas import Canvas
 
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
 _NOTHING = np.zeros((1, 3))  # the origin: an empty scene has a place, too
+_HANGING = 1e-6  # [m] a petiole stays this close to its place on the branch
 _EMPTY_SCENE = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])  # [m] corners to look at
 
 
@@ -43,11 +45,13 @@ class _Item:
     row: np.ndarray
     small: bool  # pieces so small that one value of shade serves for all their vertices
     outward: np.ndarray | None = None  # of leaves, per vertex
+    astray: bool = False  # leaves that came off, which may be far away
 
 
 def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
          camera: Sequence[float] | None = None, size: tuple[int, int] = (1280, 720),
-         exists: np.ndarray | None = None) -> None:
+         exists: np.ndarray | None = None, leaf_poses: np.ndarray | None = None,
+         dust: Puffs | None = None) -> None:
     """
     Draw a blueprint as a picture; needs no display.
 
@@ -57,14 +61,17 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     :param camera: position and target x y z tx ty tz [m]; the whole scene when not given.
     :param size: width and height [px].
     :param exists: parts to draw, (N,) bool; all when not given.
+    :param leaf_poses: petioles of all leaves, world, (L, 7); on their parts when not given.
+    :param dust: puffs of dust; none when not given.
     :raises RenderUnavailableError: when PyVista or OpenGL is not installed.
     """
     poses = np.asarray(poses, float)
     shown = np.ones(len(blueprint), bool) if exists is None else np.asarray(exists, bool)
-    items = [item for item in _items(blueprint, poses, shown) if len(item.row)]
+    petioles, hangs = _petioles(blueprint, poses, leaf_poses)
+    items = [item for item in _items(blueprint, poses, shown, petioles, hangs) if len(item.row)]
     canvas = Canvas(size)
-    points = np.concatenate([_NOTHING, *(item.mesh.points for item in items)])
-    leaves, area = _leaf_cloud(blueprint, poses, shown)
+    points = np.concatenate([_NOTHING, *(i.mesh.points for i in items if not i.astray)])
+    leaves, area = _leaf_cloud(blueprint, petioles, hangs & shown[blueprint.leaves.part])
     shades = [light.Shade(leaves, area, towards) for towards in (light.SUN, light.ZENITH)]
     for item in items:
         image = texture.image(item.look.pattern)
@@ -76,10 +83,23 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
         place = view.frame(points if items else _EMPTY_SCENE, size)
     else:
         place = tuple(camera[:3]), tuple(camera[3:]), (0.0, 0.0, 1.0)
+    if dust is not None and len(dust.positions):
+        canvas.add(*particles.dust(dust.positions, dust.sizes, dust.opacity, place[0]))
     canvas.write(path, place, view.FIELD_OF_VIEW)
 
 
-def _items(blueprint: Blueprint, poses: np.ndarray, shown: np.ndarray) -> Iterator[_Item]:
+def _petioles(blueprint: Blueprint, poses: np.ndarray,
+              leaf_poses: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Give the poses of all leaves, world, (L, 7), and which hang on their parts, (L,) bool."""
+    leaves = blueprint.leaves
+    carried = rotation.compose(poses[leaves.part], leaves.pose)
+    if leaf_poses is None:
+        return carried, np.ones(len(leaves), bool)
+    return leaf_poses, np.abs(leaf_poses[:, :3] - carried[:, :3]).max(axis=1) < _HANGING
+
+
+def _items(blueprint: Blueprint, poses: np.ndarray, shown: np.ndarray, petioles: np.ndarray,
+           hangs: np.ndarray) -> Iterator[_Item]:
     """Turn the parts, leaves and ornaments into one mesh per texture and kind."""
     held = blueprint.bonds[blueprint.bonds[:, 0] != GROUND]
     crowns = light.crown_middles(poses[:, :3], held, blueprint.leaves.part)
@@ -91,27 +111,24 @@ def _items(blueprint: Blueprint, poses: np.ndarray, shown: np.ndarray) -> Iterat
             yield _Item(build(poses[row], blueprint.visual_size[row]), appearance, row,
                         small=shape == Shape.BOX)
         leaves = blueprint.leaves
-        row = np.flatnonzero(shown[leaves.part] & (leaves.texture == index))
-        frames = rotation.compose(poses[leaves.part[row]], leaves.pose[row])
-        quads = mesh.crossed_quads(frames, leaves.size[row], appearance.aspect)
-        away = quads.points - crowns[leaves.part[row]][quads.piece]
-        away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-        yield _Item(quads, appearance, row, True, away)
+        for some in (hangs, ~hangs):
+            row = np.flatnonzero(some & shown[leaves.part] & (leaves.texture == index))
+            quads = mesh.crossed_quads(petioles[row], leaves.size[row], appearance.aspect)
+            away = quads.points - crowns[leaves.part[row]][quads.piece]
+            away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+            yield _Item(quads, appearance, row, True, away, some is not hangs)
         ornaments = blueprint.ornaments
         row = np.flatnonzero(shown[ornaments.part] & (ornaments.texture == index))
         yield _Item(mesh.loose_triangles(poses[ornaments.part[row]], ornaments.triangle[row]),
                     appearance, row, True)
 
 
-def _leaf_cloud(blueprint: Blueprint, poses: np.ndarray,
+def _leaf_cloud(blueprint: Blueprint, petioles: np.ndarray,
                 shown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Give centre [m] and area [m²] of every leaf that is shown."""
-    leaves = blueprint.leaves
-    row = np.flatnonzero(shown[leaves.part])
-    frames = rotation.compose(poses[leaves.part[row]], leaves.pose[row])
+    frames, size = petioles[shown], blueprint.leaves.size[shown]
     along = rotation.rotate(frames[:, 3:], np.array([0.0, 0.0, 1.0]))
-    return (frames[:, :3] + 0.5 * leaves.size[row, None] * along,
-            _LEAF_SHARE * leaves.size[row] ** 2)
+    return frames[:, :3] + 0.5 * size[:, None] * along, _LEAF_SHARE * size ** 2
 
 
 def _colours(item: _Item, *shades: light.Shade) -> np.ndarray:

@@ -14,8 +14,6 @@
 
 """Dust of a scene: it rises where mortar bursts and where masonry and missiles hit hard."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Law
@@ -37,25 +35,6 @@ _SEED = 104  # told apart from other random things by the scene's own seed
 _MODES = np.full(len(Cause), Mode.OPENED)
 _MODES[[Cause.SHEAR, Cause.IMPACT, Cause.BLAST]] = Mode.SHEARED
 _MODES[[Cause.COMPRESSION, Cause.DEMOLITION]] = Mode.CRUSHED
-
-
-class Puffs(NamedTuple):
-    """
-    The dust that there is, one row per puff.
-
-    :ivar positions: [m], world, (K, 3).
-    :ivar sizes: diameter, two deviations to each side [m], (K,).
-    :ivar opacity: light held back in the middle, 0 to 1, (K,).
-    :ivar ages: [s], (K,).
-    """
-
-    positions: np.ndarray
-    sizes: np.ndarray
-    opacity: np.ndarray
-    ages: np.ndarray
-
-
-NO_DUST = Puffs(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 class Dust:
@@ -85,13 +64,6 @@ class Dust:
         """Clear the air; what the log holds already makes no dust any more."""
         self.cloud.clear()
         self._seen = log.total
-
-    @property
-    def puffs(self) -> Puffs:
-        """Give the dust there is."""
-        rows = self.cloud.visible
-        return Puffs(self.cloud.position[rows], 4.0 * self.cloud.deviation[rows],
-                     self.cloud.opacity(rows), self.cloud.age(rows))
 
     def watch(self, world: World) -> None:
         """Note how everything loose moves just before it may hit something."""

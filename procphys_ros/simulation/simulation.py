@@ -21,12 +21,13 @@ from time import perf_counter
 import numpy as np
 
 from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.wind import Gust, Wind
 from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene
 from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.debris import Debris
-from procphys_ros.simulation.dust import Dust, NO_DUST, Puffs
+from procphys_ros.simulation.dust import Dust
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.foliage import Foliage
 from procphys_ros.simulation.grove import Grove
@@ -96,15 +97,14 @@ class Simulation:
         """Count the loose bodies that move at present."""
         return len(self._world.awake)
 
-    @property
     def leaf_poses(self) -> np.ndarray:
-        """Give the petioles of all leaves, fluttering, flying or fallen, world, (L, 7)."""
+        """Work out the petioles of all leaves, fluttering, flying or fallen, world, (L, 7)."""
         return self._foliage.poses(self.wind, self.poses, self.velocities, self.time)
 
     @property
     def dust(self) -> Puffs:
         """Give the dust in the air and on the ground."""
-        return NO_DUST if self._dust is None else self._dust.puffs
+        return Puffs.none() if self._dust is None else self._dust.cloud.puffs
 
     def reset(self) -> None:
         """Put everything back to rest and whole, the time to zero and the wind to its settings."""

@@ -14,7 +14,7 @@
 
 """Dust: how much of it rises when mortar bursts and things hit, and where the wind takes it."""
 
-from procphys_ros.physics.dust.cloud import DustCloud, State, stokes_speed
+from procphys_ros.physics.dust.cloud import DustCloud, Puffs, State, stokes_speed
 from procphys_ros.physics.dust.sources import (
     DUST_PER_ENERGY,
     fracture_energy,
@@ -24,4 +24,4 @@ from procphys_ros.physics.dust.sources import (
 )
 
 __all__ = ['DUST_PER_ENERGY', 'DustCloud', 'fracture_energy', 'lost_energy', 'Mode',
-           'motion_energy', 'State', 'stokes_speed']
+           'motion_energy', 'Puffs', 'State', 'stokes_speed']

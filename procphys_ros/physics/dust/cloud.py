@@ -17,6 +17,7 @@
 from collections.abc import Callable
 from enum import IntEnum
 import math
+from typing import NamedTuple
 
 from numba import njit
 import numpy as np
@@ -33,7 +34,7 @@ _FINEST, _COARSEST = 1e-6, 60e-6  # [m]
 _EXTINCTION = 3.0 / GRAIN_DENSITY  # [m³/kg], over the grain diameter: area per mass
 _PUFF_MASS = 1e-4  # [kg] of a puff, while there is room for so many
 _MOST_BIRTHS = 0.02  # puffs born at once, as a share of the ring; beyond, puffs get heavier
-_SMALLEST_PUFF = 0.08  # [m] deviation of a puff that is just born
+_YOUNG_PUFF = 0.2  # [m] deviation of a puff that is just born
 # Puffs in a neutral atmosphere have spread to 4 m after 100 m (Slade 1968, Meteorology and atomic
 # energy): σ² = 2Kt with K = 0.08 m times the speed. Half of it moves puffs, half widens them.
 _MIXING = 0.08  # [m]
@@ -47,6 +48,27 @@ class State(IntEnum):
     GONE = 0      # thinned out, or never born
     AIRBORNE = 1
     LYING = 2     # on the ground, for good
+
+
+class Puffs(NamedTuple):
+    """
+    The dust that there is, one row per puff.
+
+    :ivar positions: [m], world, (K, 3).
+    :ivar sizes: diameter, two deviations to each side [m], (K,).
+    :ivar opacity: light held back in the middle, 0 to 1, (K,).
+    :ivar ages: [s], (K,).
+    """
+
+    positions: np.ndarray
+    sizes: np.ndarray
+    opacity: np.ndarray
+    ages: np.ndarray
+
+    @classmethod
+    def none(cls) -> 'Puffs':
+        """Give no dust at all."""
+        return cls(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 class DustCloud:
@@ -84,25 +106,12 @@ class DustCloud:
         self.owed = 0.0
 
     @property
-    def visible(self) -> np.ndarray:
-        """Give the rows of the puffs that there are, (K,)."""
-        return np.flatnonzero(self.state)
-
-    def opacity(self, rows: np.ndarray) -> np.ndarray:
-        """
-        Give how much light from behind is held back in the middle of puffs, 0 to 1.
-
-        :param rows: of puffs, (K,).
-        """
-        return -np.expm1(-_depth(self.mass[rows], self.grain[rows], self.deviation[rows]))
-
-    def age(self, rows: np.ndarray) -> np.ndarray:
-        """
-        Give for how long puffs have been there [s].
-
-        :param rows: of puffs, (K,).
-        """
-        return self._time - self._birth[rows]
+    def puffs(self) -> Puffs:
+        """Give the puffs that there are."""
+        rows = np.flatnonzero(self.state)
+        depth = _depth(self.mass[rows], self.grain[rows], self.deviation[rows])
+        return Puffs(self.position[rows], 4.0 * self.deviation[rows], -np.expm1(-depth),
+                     self._time - self._birth[rows])
 
     def raise_dust(self, points: np.ndarray, spread: np.ndarray, energy: np.ndarray) -> int:
         """
@@ -153,7 +162,7 @@ class DustCloud:
         place[:, 2] = np.abs(place[:, 2])
         grain = _MEDIAN * np.exp(_SPREAD * self._rng.standard_normal(count))
         self.position[rows] = place
-        self.deviation[rows] = np.maximum(_SMALLEST_PUFF, spread)
+        self.deviation[rows] = _YOUNG_PUFF
         self._birth[rows] = self._time
         self.mass[rows] = mass
         self.grain[rows] = np.clip(grain, _FINEST, _COARSEST)
