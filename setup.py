@@ -20,14 +20,15 @@ import re
 from setuptools import find_packages, setup
 
 PACKAGE = 'procphys_ros'
-_SOURCE = (Path(__file__).parent / PACKAGE / '__init__.py').read_text(encoding='utf-8')
+ROOT = Path(__file__).resolve().parent  # colcon --symlink-install links to this file
+_SOURCE = (ROOT / PACKAGE / '__init__.py').read_text(encoding='utf-8')
 VERSION = re.search(r"__version__ = '([^']+)'", _SOURCE)[1]
 
 setup(
     name=PACKAGE,
     version=VERSION,
     description='Procedural trees and buildings that carry their physics, on ROS 2 topics',
-    long_description=Path(__file__).with_name('README.md').read_text(encoding='utf-8'),
+    long_description=(ROOT / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     maintainer='The procphys_ros authors',
     maintainer_email='procphys_ros@example.org',
