@@ -20,7 +20,7 @@ Run `python bench/kernel.py` (MuJoCo is optional: `pip install mujoco`). The ker
 forest in turbulent wind, different at every segment, and tests every joint for breaking. MuJoCo
 gets ready-made forces on the same forest. PyBullet gets springs and weight but no wind, for the
 trees that fit its joint limit, and is compared per segment. So both rivals have the easier task.
-The engines take turns in every round.
+The engines take turns in every round; times are processor times of the one thread that works.
 """
 
 from collections.abc import Callable
