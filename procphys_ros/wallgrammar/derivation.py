@@ -105,7 +105,7 @@ class Deriver:
                 pieces.append(Piece(task.scope, call.name, call.place))
                 continue
             applied += 1
-            if applied + len(tasks) > _MOST_STEPS:
+            if applied + len(tasks) + len(pieces) > _MOST_STEPS:
                 raise start.place.error(f'the facade takes more than {_MOST_STEPS} divisions; '
                                         f'make its parts larger')
             tasks.extend(reversed(self._expand(task)))
@@ -153,6 +153,9 @@ class Deriver:
 
         columns = repeat(node.width, node.cell)
         rows = self._split('y', repeat(node.height, node.cell), task)
+        if rows and len(rows) * len(self._split('x', columns, rows[0])) > _MOST_STEPS:
+            raise node.width.place.error(f'a grid of more than {_MOST_STEPS} cells; make them '
+                                         f'larger')
         return [cell for row in rows for cell in self._split('x', columns, row)]
 
     def _frame(self, node: Border | Insert, task: _Task) -> list[_Task]:

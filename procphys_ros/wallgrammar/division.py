@@ -109,7 +109,7 @@ def divide(shares: 'tuple[Share | Repeated, ...]', length: int) -> list[tuple[in
     metres = length * 1e-6
     parts = unroll(shares, metres)
     sizes = np.array([max(p.size * metres if p.kind == 'relative' else p.size, 0.0)
-                      for p in parts])
+                      for p in parts], float)
     floating = np.array([p.kind == 'floating' for p in parts], bool)
     left = max(metres - sizes[~floating].sum(), 0.0)
     weight = sizes[floating].sum()

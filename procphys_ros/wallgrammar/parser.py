@@ -133,13 +133,14 @@ class _Reader:
             self.new(key, entries, 'property', place)
             entries[key] = child
         place = self.place(node)
+        points = entries['footprint'].children[1:] if 'footprint' in entries else []
+        for point in points:
+            if point.data != 'point':
+                raise self.place(point).error('a footprint is a list of corners "(x, y)"; the '
+                                              'next key needs a ":"')
         for key in ('footprint', 'facades', 'storey_height'):
             if key not in entries:
                 raise place.error(f'the building needs "{key}:"')
-        points = entries['footprint'].children[1:]
-        for point in points:
-            if point.data != 'point':
-                raise self.place(point).error('a footprint is a list of corners "(x, y)"')
         calls = {key: self.call(self.single(entries[key])) if key in entries else None
                  for key in ('floors', 'roof', 'partitions')}
         numbers = {key: self.expression(self.single(entries[key]), known)

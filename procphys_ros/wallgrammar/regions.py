@@ -84,7 +84,11 @@ def paint(rectangles: np.ndarray, owners: np.ndarray) -> Regions | None:
     bottom, top = np.searchsorted(z, rectangles[:, 1]), np.searchsorted(z, rectangles[:, 3])
     for i, value in enumerate(owners):
         owner[bottom[i]:top[i], left[i]:right[i]] = value
-    return Regions(x, z, owner)
+    # Lines that divide nothing are dropped, so that panels of one type are one piece of wall.
+    rows = np.append(True, (owner[1:] != owner[:-1]).any(axis=1))
+    columns = np.append(True, (owner[:, 1:] != owner[:, :-1]).any(axis=0))
+    return Regions(x[np.append(columns, True)], z[np.append(rows, True)],
+                   owner[rows][:, columns])
 
 
 def courses(regions: Regions, owner: int, depth: int, layout: Layout, facade: Facade) -> Runs:
@@ -105,18 +109,20 @@ def courses(regions: Regions, owner: int, depth: int, layout: Layout, facade: Fa
     left, right, row = regions.x[left[run]], regions.x[right[run]], row[run]
     half = np.full(len(run), layout.joint // 2)
     left_joint, right_joint = half, layout.joint - half
-    left, left_joint = _share(left, left_joint, left == 0, facade.start, course % 2 == 0, -1)
-    right, right_joint = _share(right, right_joint, right == facade.length, facade.end,
-                                course % 2 == 1, 1)
+    left, left_joint, left_filled = _share(left, left_joint, left == 0, facade.start,
+                                           course % 2 == 0, -1)
+    right, right_joint, right_filled = _share(right, right_joint, right == facade.length,
+                                              facade.end, course % 2 == 1, 1)
     return Runs(course, left, right, np.maximum(regions.z[row], course * gauge),
                 np.minimum(regions.z[row + 1], (course + 1) * gauge), left_joint, right_joint,
-                np.full(len(run), depth))
+                left_filled, right_filled, np.full(len(run), depth))
 
 
 def _share(end: np.ndarray, joint: np.ndarray, touching: np.ndarray, corner: Corner,
-           owning: np.ndarray, outwards: int) -> tuple[np.ndarray, np.ndarray]:
+           owning: np.ndarray, outwards: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Move the ends of runs that reach a corner to where their course lets them."""
     moved = end + outwards * np.where(owning, corner.owned, corner.yielded)
     flush = owning & (corner.turn != 0.0)  # walls in one line have a joint in every course
     return (np.where(touching, moved, end),
-            np.where(touching, np.where(flush, 0, corner.joint), joint))
+            np.where(touching, np.where(flush, 0, corner.joint), joint),
+            touching & owning & (corner.owned != corner.yielded))

@@ -35,6 +35,8 @@ class Runs:
     :ivar left, right: ends along the wall [µm], (n,).
     :ivar bottom, top: of the run, which may be less than its course [µm], (n,).
     :ivar left_joint, right_joint: joint inside the ends [µm], (n,).
+    :ivar left_filled, right_filled: whether the run fills a corner that it yields in the next
+        course, (n,).
     :ivar depth: outer face, measured inwards from the facade plane [µm], (n,).
     """
 
@@ -45,6 +47,8 @@ class Runs:
     top: np.ndarray
     left_joint: np.ndarray
     right_joint: np.ndarray
+    left_filled: np.ndarray
+    right_filled: np.ndarray
     depth: np.ndarray
 
     def __len__(self) -> int:
@@ -66,13 +70,13 @@ def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int) ->
     :param first_member: number that members may be counted from, when units have pieces.
     """
     room = runs.right - runs.left - runs.left_joint - runs.right_joint
-    height = runs.top - runs.bottom - layout.joint
-    runs = runs.take((room >= _LEAST) & (height >= min(_LEAST, layout.unit[2])))
+    runs = runs.take(room >= _LEAST)
     courses = layout.courses()
     cells = [_cut(runs.take(runs.course % len(courses) == k), course, layout)
              for k, course in enumerate(courses)]
     columns = _join_courses([np.concatenate(column) for column in zip(*cells)])
-    boxes = _units(*columns, layout, kind, joint)
+    low = columns[6] - columns[5] - layout.joint < min(_LEAST, layout.unit[2])
+    boxes = _units(*(column[~low] for column in columns), layout, kind, joint)
     order = np.lexsort((boxes.low[:, 1], boxes.low[:, 0], boxes.low[:, 2]))
     boxes = boxes.take(order)
     if layout.pieces > 1:
@@ -89,13 +93,34 @@ def _cut(runs: Runs, course: Course, layout: Layout) -> tuple[np.ndarray, ...]:
     number = first[run] + step
     at_left, at_right = step == 0, step == cuts[run]
     half = layout.joint // 2
-    left = np.where(at_left, runs.left[run], course.perpend(number - 1))
-    right = np.where(at_right, runs.right[run], course.perpend(number))
+    left = np.where(at_left, runs.left[run], _perpend(number - 1, run, runs, course, layout))
+    right = np.where(at_right, runs.right[run], _perpend(number, run, runs, course, layout))
     header = course.header[(number - 1) % len(course.header)]
     left_joint = np.where(at_left, runs.left_joint[run], half)
     right_joint = np.where(at_right, runs.right_joint[run], layout.joint - half)
     return (left, right, left_joint, right_joint, header, runs.bottom[run], runs.top[run],
             runs.depth[run], runs.course[run])
+
+
+def _perpend(number: np.ndarray, run: np.ndarray, runs: Runs, course: Course,
+             layout: Layout) -> np.ndarray:
+    """
+    Locate perpends [µm]; none stands where the wall yields its corner.
+
+    In the courses above and below, the wall begins one thickness from the corner. A perpend of a
+    course that fills the corner moves a quarter unit away from there, so that no straight joint
+    cuts the corner off.
+    """
+    x = course.perpend(number)
+    quarter = layout.pitch // 4
+    inset = layout.thickness + layout.joint // 2
+    sides = ((runs.left, runs.right, runs.left_filled, 1),
+             (runs.right, runs.left, runs.right_filled, -1))
+    for end, other, filled, inwards in sides:
+        straight = filled[run] & (np.abs(x - end[run] - inwards * inset) < quarter // 2)
+        straight &= np.abs(other[run] - x) > 2 * quarter  # else there is no wall to move into
+        x = np.where(straight, x + inwards * quarter, x)
+    return x
 
 
 def _join_courses(columns: list[np.ndarray]) -> list[np.ndarray]:

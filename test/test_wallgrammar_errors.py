@@ -1,0 +1,173 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bad wall grammars: one readable line with place, finding and remedy, never a traceback."""
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.wallgrammar import WallGrammar
+import pytest
+
+_GOOD = """building b(width = 4)
+  footprint: (0, 0) (width, 0) (width, 4) (0, 4)
+  facades: front
+  storey_height: 3
+rule front -> wall
+layout running { unit: 0.215 0.1025 0.065 joint: 0.01 material: brick }
+panel wall: running
+panel window: glazing(timber, glass)
+panel lintel: beam(concrete)
+"""
+
+
+def refusal(old, new, most_parts=200_000, **defines):
+    """Replace a piece of a sound grammar, build it and give the error."""
+    assert old in _GOOD
+    with pytest.raises(GrammarError) as caught:
+        WallGrammar.parse(_GOOD.replace(old, new), 'bad.wall', most_parts).build(**defines)
+    return caught.value
+
+
+def test_the_unspoilt_grammar_builds():
+    """Build, so that every refusal below is caused by its change."""
+    assert len(WallGrammar.parse(_GOOD).build()) > 1000
+
+
+@pytest.mark.parametrize('old, new, line, words', [
+    # syntax
+    ('facades: front', 'facades front', 3, 'list of corners'),
+    ('-> wall', '-> split(z) { ~1: wall }', 5, 'split(x) or split(y)'),
+    ('(0, 4)', '(0, 4', 3, 'expected'),
+    ('storey_height: 3', 'storey_heigth: 3', 4, 'storey_height'),
+    ('  facades: front\n', '', 1, 'needs "facades:"'),
+    # names
+    ('rule front -> wall', 'rule front -> wal', 5, 'did you mean wall'),
+    ('rule front -> wall', 'rule front(n) -> wall', 3, 'takes 1 arguments, found 0'),
+    ('rule front -> wall', 'rule front -> wall(3)', 5, 'takes no arguments'),
+    ('rule front -> wall', 'rule front : width > x -> wall', 5, 'unknown name "x"'),
+    ('material: brick', 'material: brik', 6, 'did you mean brick'),
+    ('panel wall: running', 'panel wall: runing', 7, 'unknown layout "runing"'),
+    ('glazing(timber, glass)', 'glazing(timber)', 8, 'takes 2'),
+    ('glazing(timber, glass)', 'glazing(timber, glas)', 8, 'did you mean glass'),
+    ('layout running { unit: 0.215 0.1025', 'layout english { unit: 0.215 0.09', 6,
+     'english bond needs'),
+    ('layout running', 'layout zigzag', 6, 'running, stack, english, flemish'),
+    ('panel lintel', 'panel wall', 9, 'exists already'),
+    # numbers
+    ('joint: 0.01', 'joint: 0.5', 6, 'joint'),
+    ('unit: 0.215 0.1025 0.065', 'unit: 0.215 0.1025', 6, 'length, width and height'),
+    ('unit: 0.215 0.1025 0.065', 'unit: 0.215 0.1025 0', 6, 'each from'),
+    ('storey_height: 3', 'storey_height: 0', 4, '0.1 to 100'),
+    ('storey_height: 3', 'storey_height: 1/0', 4, 'zero'),
+    ('storey_height: 3', 'storey_height: 3 storeys: 1.5', 1, 'whole number'),
+    ('storey_height: 3', 'storey_height: 3 floors: lava', 4, 'timber'),
+    ('storey_height: 3', 'storey_height: 3 floors: slab(9)', 4, '0.05 to 1'),
+    ('storey_height: 3', 'storey_height: 3 roof: hip(5)', 4, '10 to 70'),
+    ('storey_height: 3', 'storey_height: 3 roof: hip(40)', 1, 'longer than wide'),
+    ('storey_height: 3', 'storey_height: 3 partitions: halves', 4, 'takes 1'),
+    # splits
+    ('-> wall', '-> split(x) { 9: wall | 2: wall }', 5, 'does not fit'),
+    ('-> wall', '-> split(x) { { 0: wall }* }', 5, 'greater than 0'),
+    ('-> wall', '-> split(x) { { ~0.000001: wall }* }', 5, 'repeats are too many'),
+    ('-> wall', '-> insert(5, 1) { window | wall }', 5, 'does not fit'),
+    ('-> wall', '-> border(-1) { window | wall }', 5, 'negative'),
+    ('-> wall', '-> wall : 0', 3, 'no rule'),
+    # geometry
+    ('-> wall', '-> window', 1, 'no facade has a panel with a layout'),
+    ('-> wall', '-> split(x) { 1: window | ~1: wall }', 5, 'corner'),
+    ('-> wall', '-> extrude(0.09) { wall }', 5, 'keeps it bonded'),
+    ('-> wall', '-> split(x) { ~1: wall | 0.08: window | ~1: wall }', 5, 'too small'),
+    ('-> wall', '-> split(y) { ~1: column }\nrule column -> split(x) { 0.18: wall | ~1: band | '
+     '0.18: wall }\nrule band -> split(y) { 1: window | 0.3: lintel | ~1: wall }', 7, 'bears only'),
+    ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (0, 4) (width, 4) (width, 0)', 2,
+     'counter-clockwise'),
+    ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (width, 4) (width, 0) (0, 4)', 2,
+     'crosses itself'),
+    ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (4, 0) (0, 0.5)', 2, 'degrees'),
+    ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (4, 0) (4, 0.15) (0, 0.15)', 2, 'too short'),
+    ('unit: 0.215 0.1025 0.065', 'unit: 5 0.1025 0.065', 5, 'larger than the panel'),
+    ('unit: 0.215 0.1025 0.065', 'unit: 0.215 0.1025 3.5', 5, 'larger than the panel'),
+])
+def test_refusal_names_the_place(old, new, line, words):
+    """Say where and why."""
+    error = refusal(old, new)
+    assert error.source == 'bad.wall' and error.line == line, str(error)
+    assert words in error.message, str(error)
+
+
+@pytest.mark.parametrize('entry', ['tension: 0', 'cohesion: 0', 'compression: 0', 'density: 0',
+                                   'tension: -1', 'modulus: 0'])
+def test_zero_strength_is_refused(entry):
+    """Refuse materials that hold nothing."""
+    error = refusal('panel wall', f'material brick {{ {entry} }}\npanel wall')
+    assert error.line == 7 and 'greater than 0' in error.message
+
+
+def test_new_material_needs_its_strengths():
+    """Name the keys that are missing."""
+    error = refusal('panel wall', 'material mud { density: 1500 }\npanel wall')
+    assert 'tension, cohesion, compression' in error.message
+
+
+def test_endless_recursion_is_refused():
+    """Stop rules that call themselves, whether or not they make their scope smaller."""
+    assert 'deep' in refusal('-> wall', '-> front').message
+    assert 'deep' in refusal('-> wall', '-> split(x) { ~1: front | ~1: front }').message
+
+
+def test_endless_division_is_refused():
+    """Stop before a facade of millions of panels exhausts the machine."""
+    assert '100000 cells' in refusal('-> wall', '-> grid(0.002, 0.002) { wall }').message
+    rules = '-> grid(0.1, 0.1) { cell }\nrule cell -> grid(0.01, 0.01) { wall }'
+    assert '100000 divisions' in refusal('-> wall', rules).message
+
+
+def test_a_million_bricks_are_refused_before_they_are_built():
+    """Refuse by the count, with the bound and the remedy."""
+    error = refusal('storey_height: 3', 'storey_height: 90', width=200.0)
+    assert '200000 parts' in error.message and 'most_parts' in error.message
+    assert 'more than 100 parts' in refusal('rule', 'rule', most_parts=100).message
+
+
+def test_what_hangs_in_the_air_is_refused():
+    """Name a part that nothing carries."""
+    error = refusal('-> wall', '-> split(y) { 1: wall | 1: gap | ~1: wall }\npanel gap: none')
+    assert 'hang in the air' in error.message and 'brick' in error.message
+
+
+def test_roof_needs_a_rectangle():
+    """Refuse a gable over an L and timber floors over a hexagon."""
+    shape = '(0, 0) (width, 0) (width, 2) (2, 2) (2, 4) (0, 4)'
+    old = '(0, 0) (width, 0) (width, 4) (0, 4)'
+    assert 'rectangular' in refusal(old, shape + '\n  roof: gable(40)').message
+    shape = '(0, 0) (2, 0) (3, 1.7) (2, 3.4) (0, 3.4) (-1, 1.7)'
+    assert 'right angles only' in refusal(old, shape + '\n  floors: timber').message
+
+
+def test_window_in_the_way_of_a_slab_is_refused():
+    """Ask for a strip of wall where the slab passes."""
+    error = refusal('rule front -> wall', 'floors: slab(0.2)\nrule front -> split(x) '
+                    '{ ~1: wall | 1: window | ~1: wall }')
+    assert 'slab' in error.message and 'window' in error.message
+
+
+def test_unknown_define_is_refused():
+    """Offer the parameters that exist."""
+    with pytest.raises(GrammarError, match='width'):
+        WallGrammar.parse(_GOOD).build(widht=3.0)
+
+
+def test_missing_file_is_refused(tmp_path):
+    """Report a file that is not there as a grammar error."""
+    with pytest.raises(GrammarError, match='cannot read'):
+        WallGrammar.load(tmp_path / 'nowhere.wall')
