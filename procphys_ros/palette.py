@@ -46,7 +46,7 @@ LOOKS: dict[str, Look] = {
     'bark': Look((0.40, 0.32, 0.24, 1.0), 'furrows'),
     'wood': Look((0.62, 0.47, 0.31, 1.0), 'furrows', 0.08),
     'leaf_oak': Look((0.27, 0.43, 0.13, 1.0), 'broad', 0.18, 1.5),
-    'leaf_willow': Look((0.42, 0.54, 0.20, 1.0), 'streamer', 0.12, 1.4),
+    'leaf_willow': Look((0.42, 0.54, 0.20, 1.0), 'streamer', 0.12, 1.7),
     'leaf_birch': Look((0.40, 0.55, 0.18, 1.0), 'small', 0.16, 1.5),
     'leaf_shrub': Look((0.24, 0.45, 0.20, 1.0), 'small', 0.20),
     'needle_pine': Look((0.21, 0.37, 0.20, 1.0), 'needles', 0.15, 1.6),

@@ -114,13 +114,21 @@ def test_nothing_makes_an_empty_mesh():
 
 
 def test_shade_follows_beer_lambert():
-    """Let exp(-0.3 LAI) of the light through an even layer of leaves, and all of it above."""
-    x, y = np.meshgrid(np.arange(0.05, 20.0, 0.1), np.arange(0.05, 20.0, 0.1))
-    leaves = np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 5.0)])
-    shade = light.Shade(leaves, np.full(len(leaves), 0.02), light.ZENITH)  # 2 m2 per m2
-    below, above = shade.light(np.array([[10.0, 10.0, 1.0], [10.0, 10.0, 9.0]]))
-    assert below == pytest.approx(np.exp(-0.6), rel=0.1)
-    assert above == pytest.approx(1.0)
+    """Weaken light by exp(-k LAI) under an even layer of leaves, and not at all above it."""
+    rng = np.random.default_rng(2)
+    leaves = np.column_stack([rng.uniform(0.0, 20.0, (40000, 2)), np.full(40000, 5.0)])
+    spots = rng.uniform(4.0, 16.0, (500, 2))
+    below, above = (np.column_stack([spots, np.full(500, height)]) for height in (1.0, 9.0))
+
+    def optical_depth(area_index: float) -> float:
+        shade = light.Shade(leaves, np.full(40000, area_index * 400.0 / 40000), light.ZENITH)
+        assert shade.light(above) == pytest.approx(1.0)
+        return float(-np.log(shade.light(below)).mean())
+
+    thin = optical_depth(1.0)
+    assert 0.15 < thin < 0.5
+    assert optical_depth(3.0) == pytest.approx(3.0 * thin, rel=1e-6)
+    assert thin == pytest.approx(light.EXTINCTION, rel=0.05)
 
 
 def test_camera_sees_every_point():

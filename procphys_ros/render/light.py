@@ -26,7 +26,7 @@ _SUNSHINE = np.array([0.80, 0.76, 0.66])  # colour of full sun on a surface that
 _SKYLIGHT = np.array([0.40, 0.44, 0.50])  # colour from the open sky above
 _BOUNCE = np.array([0.20, 0.20, 0.16])  # colour from the ground below
 _THROUGH = 0.35  # share of sun that a leaf lets through to its far side
-_EXTINCTION = 0.30  # of light per leaf area index (Beer-Lambert); clusters are full of gaps
+EXTINCTION = 0.24  # of light per leaf area index (Beer-Lambert); clusters are full of gaps
 _CELLS = 96  # cells of the shade grid along its longest side
 _SMALLEST_CELL = 0.35  # [m]
 
@@ -66,7 +66,7 @@ class Shade:
         where = ((points @ self._axes.T - self._low) / self._cell - 0.5).T
         where[2] = np.maximum(where[2], 0.0)
         index = map_coordinates(self._depth, where, order=1, mode='constant')
-        return np.exp(-_EXTINCTION * index)
+        return np.exp(-EXTINCTION * index)
 
 
 def crown_middles(positions: np.ndarray, links: np.ndarray, carriers: np.ndarray) -> np.ndarray:

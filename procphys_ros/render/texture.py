@@ -113,11 +113,11 @@ def _cluster(shape: tuple, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
 def _streamer(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Draw thin shoots side by side with narrow leaves along them: brightness and alpha."""
     light, alpha = np.full((_PIXELS, _PIXELS), 0.7), np.zeros((_PIXELS, _PIXELS))
-    for x in (0.09, 0.25, 0.40, 0.58, 0.74, 0.90):
+    for x in np.linspace(0.07, 0.93, 7):
         low, high = rng.uniform(0.0, 0.35), rng.uniform(0.70, 0.98)
-        for i, y in enumerate(np.arange(high, low, -0.035)):
-            angle = np.radians((18.0 if i % 2 else -18.0) + 9.0 * rng.standard_normal())
-            _blade(light, alpha, (x, y - 0.1), angle, 0.18 * rng.uniform(0.8, 1.2), 0.030,
+        for i, y in enumerate(np.arange(high, low, -0.045)):
+            angle = np.radians((14.0 if i % 2 else -14.0) + 8.0 * rng.standard_normal())
+            _blade(light, alpha, (x, y - 0.1), angle, 0.21 * rng.uniform(0.8, 1.2), 0.028,
                    rng.uniform(0.6, 1.0))
     return light, alpha
 
