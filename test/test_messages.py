@@ -235,6 +235,43 @@ def test_breaks_are_read_back(frame, count):
     assert np.all(rows['part_a'] == -1) and np.all(rows['y'] == np.arange(count) * 3 + 1)
 
 
+def test_leaves_are_drawn_where_they_are():
+    """Follow the pose of a leaf that moves by itself, and draw no other anew."""
+    blueprint = replace(mixed_blueprint(), ornaments=Ornaments())
+    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world')
+    assert scene.shows_leaf_poses
+    leaves = random_poses(4, seed=9)
+    scene.whole(blueprint.poses, AT, leaves)
+    assert scene.changes(blueprint.poses, AT, leaves) is None
+    leaves[2, :3] = 1.0, 2.0, 3.0  # the only one with texture 3
+    found = read_markers(scene.changes(blueprint.poses, AT, leaves))
+    assert found.keys() == {('oak/leaves', 3)}
+    corners = np.array([[p.x, p.y, p.z] for p in found['oak/leaves', 3].points])
+    np.testing.assert_allclose(corners[[0, 3]], [[1.0, 2.0, 3.0]] * 2, atol=1e-12)
+
+
+def test_ball_is_a_sphere_without_a_skin():
+    """Draw a launched ball by the marker made for it, not by its triangles."""
+    blueprint = replace(mixed_blueprint(), kinds=('projectile', 'brick'), leaves=Leaves())
+    scene = messages.SceneMarkers(blueprint, objects_of(('shot', 0, 9)), 'world')
+    found = read_markers(scene.whole(blueprint.poses, AT))
+    assert len(found) == 9
+    marker = found['shot', 1]
+    assert marker.type == Marker.SPHERE
+    np.testing.assert_array_equal([marker.scale.x, marker.scale.y, marker.scale.z],
+                                  blueprint.size[1])
+
+
+def test_dust_is_read_back():
+    """Read puffs back as a PointCloud2."""
+    rows = messages.dust_rows(np.arange(6.0).reshape(2, 3), np.array([0.1, 0.2]),
+                              np.array([0.5, 0.6]))
+    message = deserialize_message(messages.point_cloud(rows, AT, 'world'), PointCloud2)
+    assert [f.name for f in message.fields] == ['x', 'y', 'z', 'size', 'opacity']
+    table = np.frombuffer(bytes(message.data), np.float32).reshape(2, 5)
+    np.testing.assert_allclose(table, [[0, 1, 2, 0.1, 0.5], [3, 4, 5, 0.2, 0.6]], rtol=1e-6)
+
+
 @pytest.mark.parametrize(('time', 'expected'), [
     (0.0, (0, 0)), (1.5, (1, 500_000_000)), (2.9999999999, (3, 0)), (1e-9, (0, 1))])
 def test_stamp_never_reaches_a_whole_second(time, expected):

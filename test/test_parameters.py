@@ -35,6 +35,7 @@ from procphys_ros.ros.parameter_table import (
 )
 from procphys_ros.scene.layout import LAYOUTS
 from procphys_ros.scene.objects import OBJECT_KEYS, ObjectSpec
+from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.settings import read_settings, Settings
 
 TABLE = {p.name: p for p in GLOBAL}
@@ -61,6 +62,9 @@ def test_table_lists_every_setting():
         f.name for f in fields(WindSettings)}
     assert {n.removeprefix('gust.') for n in TABLE if n.startswith('gust.')} == {
         f.name for f in fields(Gust)}
+    for group, kind in (('leaves', LeafSettings), ('dust', DustSettings)):
+        assert {n for n in TABLE if n.startswith(group)} == {
+            f'{group}.{f.name}' for f in fields(kind)}
     assert {p.name for p in OBJECT} == set(OBJECT_KEYS)
 
 

@@ -17,9 +17,9 @@
 
 from procphys_ros.messages.cdr import Stamp, stamp
 from procphys_ros.messages.markers import SceneMarkers
-from procphys_ros.messages.points import break_rows, point_cloud
+from procphys_ros.messages.points import break_rows, dust_rows, point_cloud
 from procphys_ros.messages.poses import pose_array
 from procphys_ros.messages.scene_description import scene_description
 
-__all__ = ['break_rows', 'point_cloud', 'pose_array', 'scene_description', 'SceneMarkers',
-           'Stamp', 'stamp']
+__all__ = ['break_rows', 'dust_rows', 'point_cloud', 'pose_array', 'scene_description',
+           'SceneMarkers', 'Stamp', 'stamp']

@@ -46,21 +46,34 @@ class Foliage:
     Triangles of one texture on the parts of one object.
 
     :ivar texture: index into the textures of the blueprint.
-    :ivar part: part that each corner rides on, (3·T,) int32.
-    :ivar corners: in the part's frame [m], (3·T, 3).
-    :ivar carriers: the parts that appear in `part`, each once.
+    :ivar row: pose that each corner rides on, (3·T,) int32; parts first, then leaves.
+    :ivar corners: in the frame of that pose [m], (3·T, 3).
+    :ivar carriers: what appears in `row`, each once.
     """
 
     texture: int
-    part: np.ndarray
+    row: np.ndarray
     corners: np.ndarray
     carriers: np.ndarray
 
     def placed(self, poses: np.ndarray) -> np.ndarray:
-        """Give the corners in the frame of the poses (N, 7), [m], (3·T, 3)."""
+        """Give the corners in the frame of the poses (N + L, 7), [m], (3·T, 3)."""
         out = np.empty_like(self.corners)
-        _place(poses, self.part, self.corners, out)
+        _place(poses, self.row, self.corners, out)
         return out
+
+
+def too_many(blueprint: Blueprint, most_triangles: int) -> bool:
+    """Say whether leaves and boneless twigs have more triangles than may be drawn."""
+    twigs = blueprint.shape[blueprint.ornaments.part] == Shape.CAPSULE
+    return bool(2 * len(blueprint.leaves) + np.count_nonzero(twigs) > most_triangles)
+
+
+def balls(blueprint: Blueprint) -> np.ndarray:
+    """Find the parts that are launched balls, (N,) bool; markers have a shape for them."""
+    launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
+                                        if kind == 'projectile'])
+    return launched & (blueprint.shape == Shape.CAPSULE)
 
 
 def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
@@ -68,27 +81,34 @@ def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
     """
     Collect the leaves and ornaments of all objects, one entry per object and texture.
 
+    Leaves have poses of their own, numbered behind the N parts. When there are `too_many`, twigs
+    are left out first; then evenly chosen leaves are drawn larger in place of all, so that the
+    area of green stays, and ride on their parts.
+
     :param objects: owners of the parts, in part order.
-    :param most_triangles: of leaves and of boneless twigs in all; when there are more, the twigs
-        are left out first, then evenly chosen leaves are drawn larger in place of all, so that
-        the area of green stays.
+    :param most_triangles: of leaves and of boneless twigs in all.
     """
     leaves, ornaments = blueprint.leaves, blueprint.ornaments
-    on_tree = blueprint.shape[ornaments.part] == Shape.CAPSULE
-    if 2 * len(leaves) + np.count_nonzero(on_tree) > most_triangles:
+    carrier = len(blueprint) + np.arange(len(leaves))
+    frame = np.tile([0.0, 0.0, 0.0, *rotation.IDENTITY], (len(leaves), 1))
+    if too_many(blueprint, most_triangles):
         leaves = _thinned(leaves, most_triangles // 2)
-        ornaments = Ornaments(ornaments.part[~on_tree], ornaments.triangle[~on_tree],
-                              ornaments.texture[~on_tree])
+        carrier, frame = leaves.part, leaves.pose
+        drawn = blueprint.shape[ornaments.part] != Shape.CAPSULE
+    else:
+        drawn = ~balls(blueprint)[ornaments.part]
+    ornaments = Ornaments(ornaments.part[drawn], ornaments.triangle[drawn],
+                          ornaments.texture[drawn])
     part = np.concatenate([np.repeat(leaves.part, 6), np.repeat(ornaments.part, 3)])
+    row = np.concatenate([np.repeat(carrier, 6), np.repeat(ornaments.part, 3)]).astype(np.int32)
     texture = np.concatenate([np.repeat(leaves.texture, 6), np.repeat(ornaments.texture, 3)])
-    corners = np.concatenate([_leaf_corners(leaves, blueprint.textures),
+    corners = np.concatenate([_leaf_corners(leaves, frame, blueprint.textures),
                               ornaments.triangle.reshape(-1, 3)])
     owner = np.searchsorted([o.first for o in objects], part, side='right') - 1
     order = np.lexsort([texture, owner])
     changes = np.flatnonzero(np.diff(owner[order]) | np.diff(texture[order])) + 1
     return [(objects[owner[mine[0]]],
-             Foliage(int(texture[mine[0]]), part[mine].astype(np.int32), corners[mine],
-                     np.unique(part[mine])))
+             Foliage(int(texture[mine[0]]), row[mine], corners[mine], np.unique(row[mine])))
             for mine in np.split(order, changes) if len(mine)]
 
 
@@ -101,9 +121,9 @@ def _thinned(leaves: Leaves, most: int) -> Leaves:
                   leaves.size[kept] / np.sqrt(share or 1.0), leaves.texture[kept])
 
 
-def _leaf_corners(leaves: Leaves, textures: tuple[str, ...]) -> np.ndarray:
+def _leaf_corners(leaves: Leaves, petiole: np.ndarray, textures: tuple[str, ...]) -> np.ndarray:
     """
-    Shape every leaf as two crossed triangles that stand on the petiole, (6·L, 3).
+    Shape every leaf as two crossed triangles that stand on its petiole (L, 7), (6·L, 3).
 
     Marker textures are loaded anew at every update, so a leaf cannot be a quad with a cut-out
     picture; a triangle is the plainest pointed shape, and half the bytes.
@@ -114,8 +134,8 @@ def _leaf_corners(leaves: Leaves, textures: tuple[str, ...]) -> np.ndarray:
     local[:, [1, 2, 4, 5], 2] = leaves.size[:, None]
     for corner, axis, sign in ((1, 0, 1), (2, 0, -1), (4, 1, 1), (5, 1, -1)):
         local[:, corner, axis] = sign * half
-    turned = rotation.rotate(leaves.pose[:, None, 3:], local)
-    return (leaves.pose[:, None, :3] + turned).reshape(-1, 3)
+    turned = rotation.rotate(petiole[:, None, 3:], local)
+    return (petiole[:, None, :3] + turned).reshape(-1, 3)
 
 
 @njit(cache=True)

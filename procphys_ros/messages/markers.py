@@ -26,9 +26,10 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.foliage import foliage, PlacedObject
+from procphys_ros.messages.foliage import balls, foliage, PlacedObject, too_many
 from procphys_ros.messages.marker_rows import Action, Kind, marker_array, row_layout, TriangleList
 from procphys_ros.palette import look
+from procphys_ros.rotation import compose
 
 # A part is drawn anew when it has moved by this much since it was last sent: [m] in position,
 # [-] in the quaternion (0.01 degrees). No screen shows less.
@@ -45,11 +46,17 @@ class SceneMarkers:
     :param objects: their owners, in part order.
     :param frame_id: frame of the poses.
     :param most_triangles: of leaves and twigs drawn in all, see `foliage`.
+    :ivar shows_leaf_poses: whether leaves are drawn one by one, where their own poses are.
     """
 
     def __init__(self, blueprint: Blueprint, objects: Sequence[PlacedObject], frame_id: str,
                  most_triangles: int = 40_000):
-        self._sent = np.full((len(blueprint), 7), np.nan)
+        self._count = len(blueprint)
+        self._petioles = blueprint.leaves
+        self.shows_leaf_poses = bool(len(blueprint.leaves)) and not too_many(blueprint,
+                                                                              most_triangles)
+        rows = len(blueprint) + self.shows_leaf_poses * len(blueprint.leaves)
+        self._sent = np.full((rows, 7), np.nan)
         self._rows = _part_rows(blueprint, objects, frame_id)
         self._leaves = [
             (entry, TriangleList(f'{o.name}/leaves', entry.texture, frame_id,
@@ -60,28 +67,39 @@ class SceneMarkers:
 
     def __len__(self) -> int:
         """Give the number of parts."""
-        return len(self._sent)
+        return self._count
 
-    def whole(self, poses: np.ndarray, at: Stamp) -> bytes:
+    def whole(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None) -> bytes:
         """
         Write every marker that exists, after one that clears what stood there before.
 
         :param poses: poses of all parts, (N, 7).
         :param at: stamp of the markers.
+        :param leaf_poses: petioles of all leaves, (L, 7), if `shows_leaf_poses`; None = still.
         """
         self._sent[:] = np.nan
-        chunks, count = self._changed(poses, at)
+        chunks, count = self._changed(self._all_rows(poses, leaf_poses), at)
         return marker_array([self._clear.tobytes(), *chunks], count + 1)
 
-    def changes(self, poses: np.ndarray, at: Stamp) -> bytes | None:
+    def changes(self, poses: np.ndarray, at: Stamp,
+                leaf_poses: np.ndarray | None = None) -> bytes | None:
         """
         Write the markers that changed since the last call; None when there are none.
 
         :param poses: poses of all parts, (N, 7).
         :param at: stamp of the markers.
+        :param leaf_poses: as for `whole`.
         """
-        chunks, count = self._changed(poses, at)
+        chunks, count = self._changed(self._all_rows(poses, leaf_poses), at)
         return marker_array(chunks, count) if count else None
+
+    def _all_rows(self, poses: np.ndarray, leaf_poses: np.ndarray | None) -> np.ndarray:
+        """Put the poses of leaves behind those of parts, when leaves are shown one by one."""
+        if not self.shows_leaf_poses:
+            return poses
+        if leaf_poses is None:
+            leaf_poses = compose(poses[self._petioles.part], self._petioles.pose)
+        return np.concatenate([poses, leaf_poses])
 
     def _changed(self, poses: np.ndarray, at: Stamp) -> tuple[list[bytes], int]:
         there, was = np.isfinite(poses).all(axis=1), np.isfinite(self._sent[:, 0])
@@ -148,6 +166,8 @@ def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarra
     # RViz draws no cones: a tapered segment becomes a cylinder of its middle diameter.
     size[capsule, :2] = blueprint.visual_size[capsule, :2].mean(axis=1, keepdims=True)
     kind = np.where(capsule, Kind.CYLINDER, Kind.CUBE)
+    ball = balls(blueprint)
+    kind[ball], size[ball] = Kind.SPHERE, blueprint.size[ball]
     looks = [look(name) for name in blueprint.textures] or [look('')]
     colour = np.array([one.rgba for one in looks])[blueprint.texture]
     # Neighbouring bricks differ a little, always in the same way.

@@ -28,6 +28,9 @@ BREAK = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('bond', '<i4'), ('p
                   ('part_b', '<i4'), ('cause', '<u4'), ('load', '<f4')])
 
 
+DUST = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('size', '<f4'), ('opacity', '<f4')])
+
+
 def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
     """
     Write a sensor_msgs/PointCloud2, one field per column.
@@ -51,6 +54,21 @@ def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
     writer.raw(np.ascontiguousarray(rows))
     writer.numbers('?', True)  # no invalid points
     return ENCAPSULATION + writer.getvalue()
+
+
+def dust_rows(positions: np.ndarray, sizes: np.ndarray, opacity: np.ndarray) -> np.ndarray:
+    """
+    Turn puffs of dust into rows of a point cloud.
+
+    :param positions: [m], (N, 3).
+    :param sizes: diameters [m], (N,).
+    :param opacity: 0 to 1, (N,).
+    :returns: rows of dtype `DUST`, (N,).
+    """
+    rows = np.empty(len(positions), DUST)
+    rows['x'], rows['y'], rows['z'] = positions.T
+    rows['size'], rows['opacity'] = sizes, opacity
+    return rows
 
 
 def break_rows(events: np.ndarray) -> np.ndarray:

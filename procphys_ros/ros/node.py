@@ -48,6 +48,7 @@ class SimNode(Node):
         ~/markers (visualization_msgs/MarkerArray): what changed; all of it for a new subscriber
         ~/scene_description (std_msgs/String): objects, parts and bonds as JSON, latched
         ~/breaks (sensor_msgs/PointCloud2): a row per broken bond
+        ~/dust (sensor_msgs/PointCloud2): dust of bursting mortar and impacts
         ~/wind_info (geometry_msgs/Vector3Stamped): wind at reference height, all included
         /clock (rosgraph_msgs/Clock): simulation time
         /diagnostics (diagnostic_msgs/DiagnosticArray): once a second

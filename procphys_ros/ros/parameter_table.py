@@ -22,6 +22,7 @@ import re
 from typing import Any
 
 from procphys_ros.errors import SceneError
+from procphys_ros.physics.foliage import SHEDDING_SPEED
 
 _FASTEST = 150.0  # [m/s] above every wind measured on the ground
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
@@ -153,6 +154,16 @@ GLOBAL = (
               'operating gust)', choices=('eog', 'cosine'), takes_effect='use'),
     Parameter('gust.upwind', 30.0, 'distance of the gust front from the origin when it starts',
               'm', 0.0, 10000.0, takes_effect='use'),
+    Parameter('leaves.flutter', True, 'whether leaves move finely about their petioles',
+              takes_effect='reload'),
+    Parameter('leaves.shedding', True, 'whether strong wind tears leaves off',
+              takes_effect='reload'),
+    Parameter('leaves.shedding_speed', SHEDDING_SPEED, 'least local wind that takes a leaf', 'm/s',
+              0.5, 150.0, takes_effect='reload'),
+    Parameter('dust.enabled', True, 'whether mortar and impacts raise dust',
+              takes_effect='reload'),
+    Parameter('dust.capacity', 20_000, 'puffs of dust; beyond it the oldest are forgotten', '',
+              1, 1_000_000, takes_effect='reload'),
     Parameter('impulse.target', '', 'part that ~/apply_impulse hits, as oak_0/17 or an index',
               takes_effect='use'),
     Parameter('impulse.linear', [0.0, 0.0, 0.0], 'impulse at its centre of mass', 'N·s',

@@ -15,6 +15,7 @@
 
 """Publishers of the node: what goes out, how often, and what is not built for nobody."""
 
+from collections.abc import Callable
 from time import monotonic
 
 from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped
@@ -55,6 +56,7 @@ class Publishers:
         self._poses = node.create_publisher(PoseArray, '~/poses', qos.ARRAYS)
         self._markers = node.create_publisher(MarkerArray, '~/markers', qos.ARRAYS)
         self._breaks = node.create_publisher(PointCloud2, '~/breaks', qos.ARRAYS)
+        self._dust = node.create_publisher(PointCloud2, '~/dust', qos.NEWEST)
         self._description = node.create_publisher(String, '~/scene_description', qos.LATCHED)
         self._wind_info = node.create_publisher(Vector3Stamped, '~/wind_info', qos.ARRAYS)
         self._clock = node.create_publisher(Clock, '/clock', qos.NEWEST)
@@ -62,6 +64,7 @@ class Publishers:
         self._pose_watch = _Watch(self._poses)
         self._marker_watch = _Watch(self._markers)
         self._whole_again = self._next_markers = 0.0
+        self._had_dust = False
 
     def start_scene(self, simulation: Simulation) -> None:
         """Announce a scene that has been loaded; whoever watches gets all of it anew."""
@@ -85,6 +88,8 @@ class Publishers:
             self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
         self._publish_markers(simulation, at)
         self._publish_breaks(simulation, at)
+        if has_moved and self._dust.get_subscription_count():
+            self._publish_dust(simulation, at)
         clock = Clock()
         clock.clock.sec, clock.clock.nanosec = at
         self._clock.publish(clock)
@@ -106,9 +111,11 @@ class Publishers:
         if self._scene_markers is None or len(self._scene_markers) != len(simulation.poses):
             self._scene_markers = SceneMarkers(simulation.blueprint, simulation.scene.objects,
                                                self._frame, self.marker_triangles)
-            self._markers.publish(self._scene_markers.whole(simulation.poses, at))
-            return
-        data = self._scene_markers.changes(simulation.poses, at)
+            write: Callable = self._scene_markers.whole
+        else:
+            write = self._scene_markers.changes
+        leaves = simulation.leaf_poses() if self._scene_markers.shows_leaf_poses else None
+        data = write(simulation.poses, at, leaves)
         if data is not None:
             self._markers.publish(data)
 
@@ -117,6 +124,13 @@ class Publishers:
         if len(events) and self._breaks.get_subscription_count():
             rows = messages.break_rows(events)
             self._breaks.publish(messages.point_cloud(rows, at, self._frame))
+
+    def _publish_dust(self, simulation: Simulation, at: messages.Stamp) -> None:
+        dust = simulation.dust
+        if len(dust.sizes) or self._had_dust:  # one empty cloud when the last has settled
+            rows = messages.dust_rows(dust.positions, dust.sizes, dust.opacity)
+            self._dust.publish(messages.point_cloud(rows, at, self._frame))
+        self._had_dust = len(dust.sizes) > 0
 
     def _publish_wind(self, simulation: Simulation, at: messages.Stamp) -> None:
         message = Vector3Stamped()
