@@ -18,12 +18,15 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.world import expand, rigid_sum, State, World
+from procphys_ros.physics.world.registry import FRICTION
 
 _AIR_DENSITY = 1.225  # [kg/m³], ISO 2533 standard atmosphere at sea level, 15 °C
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
 _CYLINDER_DRAG = 1.1  # cross flow, 1e3 < Re < 2e5 (Hoerner 1965, Fluid-Dynamic Drag, 3-9)
 _LEAF_DRAG = 0.3      # crowns in a strong wind, per leaf area (Vollsinger 2005: 0.15 to 0.4)
 _BOX_DRAG = 1.05      # cube, face on (Hoerner 1965, 3-16)
+_NONE = np.zeros(0, np.intp)
+_SAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
 _SIDE_MEAN = np.pi / 4.0  # mean projected width of a slender body over all attitudes
 
 
@@ -33,6 +36,9 @@ class Debris:
 
     :param blueprint: all parts of the scene.
     :param world: where the bodies live.
+
+    :ivar carrier: id of the body that carries each part, -1 = none, (N,).
+    :ivar size: number of parts that each body carries, by id, grows with the largest id.
     """
 
     def __init__(self, blueprint: Blueprint, world: World):
@@ -40,16 +46,30 @@ class Debris:
         self._world = world
         self._drag_area = drag_area(blueprint)
         self.carrier = np.full(len(blueprint), -1, np.intp)
-        self._body = np.zeros(0, np.intp)
-        self._part = np.zeros(0, np.intp)
-        self._local = np.zeros((0, 7))
-        self._moved = np.zeros(0, bool)
+        self._local = np.zeros((len(blueprint), 7))
+        self._moved = np.zeros(len(blueprint), bool)
+        self._members: dict[int, np.ndarray] = {}
+        self._carried: np.ndarray | None = None
         self._area = np.zeros(0)
+        self.size = np.zeros(0, np.intp)
+
+    def grow(self, blueprint: Blueprint) -> None:
+        """Make room for parts that joined behind those there were; see `Debris` for the rest."""
+        more = len(blueprint) - len(self.carrier)
+        self._blueprint = blueprint
+        self._drag_area = drag_area(blueprint)
+        self.carrier = np.concatenate([self.carrier, np.full(more, -1, np.intp)])
+        self._local = np.concatenate([self._local, np.zeros((more, 7))])
+        self._moved = np.concatenate([self._moved, np.zeros(more, bool)])
 
     @property
     def body_count(self) -> int:
         """Count the bodies that carry parts."""
-        return len(np.unique(self._body))
+        return len(self._members)
+
+    def parts_of(self, body: int) -> np.ndarray:
+        """List the parts that a body carries, ascending; none for one that carries nothing."""
+        return self._members.get(int(body), _NONE)
 
     def gather(self, parts: np.ndarray, poses: np.ndarray, velocities: np.ndarray) -> int:
         """
@@ -61,8 +81,15 @@ class Debris:
         :returns: id of the body.
         """
         source = self._blueprint
+        friction = FRICTION if source.shape[parts[0]] == Shape.BOX else _WOOD_FRICTION
+        if len(parts) == 1:
+            part = int(parts[0])
+            body = self._world.add_body(
+                source.shape[part], source.size[part], float(source.mass[part]), poses[0],
+                velocities[0], source.inertia[part], friction)
+            self._enter(body, parts, _SAME)
+            return body
         total = rigid_sum(source.mass[parts], source.inertia[parts], poses, velocities)
-        friction = _WOOD_FRICTION
         body = self._world.add_fragment(
             source.shape[parts], source.size[parts], total.local_poses, total.mass,
             total.inertia, total.pose, total.velocity, friction=friction)
@@ -77,7 +104,25 @@ class Debris:
         :param bodies: ids in the world, (P,).
         """
         for part, body in zip(parts, bodies):
-            self._enter(int(body), np.array([part]), np.array([[0, 0, 0, 0, 0, 0, 1.0]]))
+            self._enter(int(body), np.array([part]), _SAME)
+
+    def split(self, body: int, pieces: list[np.ndarray]) -> list[int]:
+        """
+        Replace a body by its pieces, which go on as parts of the rigid body did: v + ω × r, ω.
+
+        :param body: id.
+        :param pieces: its parts, (P,) each.
+        :returns: ids of the new bodies.
+        """
+        bodies = self._world.bodies
+        whole = self._members[body]
+        poses, velocities = np.empty((len(whole), 7)), np.empty((len(whole), 6))
+        expand(bodies.poses, bodies.velocities, np.full(len(whole), body), self._local[whole],
+               np.arange(len(whole)), poses, velocities)
+        self._leave(body)
+        self._world.remove(np.array([body]))
+        rows = [np.searchsorted(whole, np.sort(parts)) for parts in pieces]
+        return [self.gather(whole[row], poses[row], velocities[row]) for row in rows]
 
     def carry(self, poses: np.ndarray, velocities: np.ndarray) -> None:
         """
@@ -86,14 +131,16 @@ class Debris:
         :param poses: of all parts, (N, 7), written in place.
         :param velocities: of all parts, world axes, (N, 6), written in place.
         """
-        if not len(self._body):
+        if not self._members:
             return
-        bodies = self._world.bodies
-        moves = bodies.state[self._body] >= State.LOOSE
-        rows = np.flatnonzero(moves | self._moved)
-        self._moved = moves
-        expand(bodies.poses, bodies.velocities, self._body[rows], self._local[rows],
-               self._part[rows], poses, velocities)
+        if self._carried is None:
+            self._carried = np.flatnonzero(self.carrier >= 0)
+        bodies, parts = self._world.bodies, self._carried
+        moves = bodies.state[self.carrier[parts]] >= State.LOOSE
+        rows = parts[moves | self._moved[parts]]
+        self._moved[parts] = moves
+        expand(bodies.poses, bodies.velocities, self.carrier[rows], self._local[rows], rows,
+               poses, velocities)
 
     def drag(self, air: np.ndarray, time_step: float) -> None:
         """
@@ -121,13 +168,20 @@ class Debris:
 
     def _enter(self, body: int, parts: np.ndarray, local: np.ndarray) -> None:
         self.carrier[parts] = body
-        self._body = np.concatenate([self._body, np.full(len(parts), body, np.intp)])
-        self._part = np.concatenate([self._part, np.asarray(parts, np.intp)])
-        self._local = np.concatenate([self._local, local])
-        self._moved = np.concatenate([self._moved, np.ones(len(parts), bool)])
+        self._local[parts] = local
+        self._moved[parts] = True
+        self._members[body] = np.asarray(parts, np.intp)
+        self._carried = None
         if body >= len(self._area):
-            self._area = np.concatenate([self._area, np.zeros(2 * body + 1 - len(self._area))])
+            more = 2 * body + 1 - len(self._area)
+            self._area = np.concatenate([self._area, np.zeros(more)])
+            self.size = np.concatenate([self.size, np.zeros(more, np.intp)])
         self._area[body] = self._drag_area[parts].sum()
+        self.size[body] = len(parts)
+
+    def _leave(self, body: int) -> None:
+        self.carrier[self._members.pop(body)] = -1
+        self.size[body] = 0
 
 
 def drag_area(blueprint: Blueprint) -> np.ndarray:

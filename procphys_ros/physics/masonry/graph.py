@@ -15,13 +15,33 @@
 
 """The bond graph: rigid parts joined by springs spread over their contact patches."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, GROUND, Law
+from procphys_ros.blueprint import Blueprint, GROUND, Law, Mortar
 from procphys_ros.physics.masonry import links
 
 HUB = 24  # bonds; a part with more of them (a slab) is long compared with what it ties together
+
+
+@dataclass(frozen=True)
+class Patches:
+    """
+    What the strength of some bonds depends on, see `BondGraph` for the columns.
+
+    :ivar alive, area, extent, whole_extent, mortar: one row per bond.
+    """
+
+    alive: np.ndarray
+    area: np.ndarray
+    extent: np.ndarray
+    whole_extent: np.ndarray
+    mortar: Mortar
+
+    def __len__(self) -> int:
+        return len(self.area)
 
 
 class BondGraph:
@@ -108,6 +128,24 @@ class BondGraph:
         self.area[bonds] *= share.prod(axis=1)
         self.extent[bonds] = high - low
         self._spread(bonds)
+
+    def patches(self, bonds: np.ndarray) -> Patches:
+        """Select what the strength of some bonds depends on, (K,) rows."""
+        return Patches(self.alive[bonds], self.area[bonds], self.extent[bonds],
+                       self.whole_extent[bonds], self.mortar.take(bonds))
+
+    def adopt(self, other: 'BondGraph', theirs: np.ndarray, mine: np.ndarray) -> None:
+        """
+        Bring bonds into the state that the same bonds have in another graph.
+
+        :param theirs: rows there, (K,).
+        :param mine: rows here, (K,).
+        """
+        for name in ('alive', 'centroid', 'area', 'extent'):
+            getattr(self, name)[mine] = getattr(other, name)[theirs]
+        opened = mine[np.any(self.extent[mine] != self.whole_extent[mine], axis=1)]
+        self._spread(opened)
+        self.links[mine[~self.alive[mine]], 6:] = 0.0
 
     def restore(self) -> None:
         """Make every bond whole again."""

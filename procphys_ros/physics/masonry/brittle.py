@@ -1,0 +1,65 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Wood as a brittle patch: hinges of branches that fly about, in the terms of mortar bonds."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, Hinges, Law, Mortar
+
+_STIFFNESS = 1e12  # [Pa/m] of a rigid joint; chains of branches carry the same whatever it is
+_SQUARE = 0.75     # side of the rectangle over the diameter of the circle that bends as easily:
+#                    A·e/6 = π·d³/32
+
+
+def as_mortar(blueprint: Blueprint) -> Blueprint:
+    """
+    Give the same parts and bonds with mortar for every hinge; capacities of wood are apart.
+
+    :param blueprint: hinges and mortar.
+    :returns: a blueprint of mortar alone, rows as before.
+    """
+    hinge = blueprint.bond_law == Law.HINGE
+    if not hinge.any():
+        return blueprint
+    columns = {}
+    values = {'normal_stiffness': np.full(int(hinge.sum()), _STIFFNESS),
+              'shear_stiffness': np.full(int(hinge.sum()), _STIFFNESS)}
+    for f in fields(Mortar):
+        columns[f.name] = np.zeros(len(hinge))
+        columns[f.name][~hinge] = getattr(blueprint.mortar, f.name)
+        columns[f.name][hinge] = values.get(f.name, blueprint.hinges.strength)
+    extent = np.where(hinge[:, None], _SQUARE, 1.0) * blueprint.bond_extent
+    return replace(blueprint, bond_law=np.full(len(hinge), Law.MORTAR, np.uint8),
+                   bond_extent=extent, hinges=Hinges(), mortar=Mortar(**columns))
+
+
+def wood_utilisation(hinges: Hinges, area: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+    """
+    Compare what broken-off branches carry in their joints with what the wood can, (K,).
+
+    The limits are those of standing trees: force, twist, and bending stress M/W with
+    W = π·d³/32 = A·d/8.
+
+    :param hinges: of these joints.
+    :param area: of their circular sections [m²], (K,).
+    :param wrench: in the joint frames [N], [N·m], (K, 6).
+    """
+    diameter = np.sqrt(4.0 * area / np.pi)
+    bending = np.hypot(wrench[:, 3], wrench[:, 4]) / (area * diameter / 8.0)
+    return np.max([np.linalg.norm(wrench[:, :3], axis=1) / hinges.break_force,
+                   np.abs(wrench[:, 5]) / hinges.break_torque,
+                   bending / hinges.strength], axis=0)
