@@ -15,10 +15,11 @@
 """Masonry: bonds of brick, corners, lintels and the mortar between, against closed forms."""
 
 import numpy as np
+import pytest
+
 from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
 from procphys_ros.wallgrammar import WallGrammar
-import pytest
 
 _LENGTH, _WIDTH, _HEIGHT, _JOINT = 0.215, 0.1025, 0.065, 0.010
 _PITCH, _GAUGE = _LENGTH + _JOINT, _HEIGHT + _JOINT

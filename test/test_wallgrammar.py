@@ -15,13 +15,14 @@
 """Facades: splits, repeats, borders, grids, extrusions, weights and conditions."""
 
 import numpy as np
+import pytest
+
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar import WallGrammar
 from procphys_ros.wallgrammar.derivation import Deriver
 from procphys_ros.wallgrammar.division import divide, Repeated, Share
 from procphys_ros.wallgrammar.parser import parse
 from procphys_ros.wallgrammar.spec import Call
-import pytest
 
 _HEAD = """
 building b(n = 2)

@@ -14,9 +14,10 @@
 
 """Bad wall grammars: one readable line with place, finding and remedy, never a traceback."""
 
+import pytest
+
 from procphys_ros.errors import GrammarError
 from procphys_ros.wallgrammar import WallGrammar
-import pytest
 
 _GOOD = """building b(width = 4)
   footprint: (0, 0) (width, 0) (width, 4) (0, 4)
@@ -88,7 +89,8 @@ def test_the_unspoilt_grammar_builds():
     ('-> wall', '-> extrude(0.09) { wall }', 5, 'keeps it bonded'),
     ('-> wall', '-> split(x) { ~1: wall | 0.08: window | ~1: wall }', 5, 'too small'),
     ('-> wall', '-> split(y) { ~1: column }\nrule column -> split(x) { 0.18: wall | ~1: band | '
-     '0.18: wall }\nrule band -> split(y) { 1: window | 0.3: lintel | ~1: wall }', 7, 'bears only'),
+     '0.18: wall }\nrule band -> split(y) { 1: window | 0.3: lintel | ~1: wall }', 7,
+     'bears only'),
     ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (0, 4) (width, 4) (width, 0)', 2,
      'counter-clockwise'),
     ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (width, 4) (width, 0) (0, 4)', 2,

@@ -19,6 +19,7 @@ from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 MICRO = 1_000_000  # micrometres per metre
 
@@ -31,10 +32,14 @@ class Joint(IntEnum):
     BEARING = 2  # rests on masonry, is nailed to timber
 
 
-def micro(metres: float | np.ndarray) -> int | np.ndarray:
+def micro(metres: float) -> int:
     """Round metres to whole micrometres."""
-    rounded = np.rint(np.asarray(metres, float) * MICRO).astype(np.int64)
-    return int(rounded) if rounded.ndim == 0 else rounded
+    return round(float(metres) * MICRO)
+
+
+def micros(metres: ArrayLike) -> np.ndarray:
+    """Round an array of metres to whole micrometres."""
+    return np.rint(np.asarray(metres, float) * MICRO).astype(np.int64)
 
 
 @dataclass(frozen=True)
@@ -76,10 +81,9 @@ class Boxes:
         return Boxes(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
-def from_cells(low: np.ndarray, high: np.ndarray, before: np.ndarray | int = 0,
-               after: np.ndarray | int = 0, *, frame: int = 0, axis: np.ndarray | int = 0,
-               kind: np.ndarray | int = 0, material: np.ndarray | int = 0,
-               joint: int = Joint.MORTAR, member: np.ndarray | int = -1) -> Boxes:
+def from_cells(low: ArrayLike, high: ArrayLike, before: ArrayLike = 0, after: ArrayLike = 0, *,
+               frame: int = 0, axis: int = 0, kind: int = 0, material: int = 0,
+               joint: int = Joint.MORTAR, member: int = -1) -> Boxes:
     """
     Make boxes that fill cells up to their joints; columns broadcast against the cells.
 
@@ -93,7 +97,7 @@ def from_cells(low: np.ndarray, high: np.ndarray, before: np.ndarray | int = 0,
     before = np.broadcast_to(np.asarray(before, np.int64), low.shape)
     after = np.broadcast_to(np.asarray(after, np.int64), low.shape)
 
-    def column(value: np.ndarray | int) -> np.ndarray:
+    def column(value: int) -> np.ndarray:
         return np.broadcast_to(np.asarray(value, np.int64), len(low)).copy()
 
     return Boxes(low + before, high - after, before.copy(), after.copy(), column(frame),

@@ -88,9 +88,9 @@ def _same_planes(frame: np.ndarray, ahead: np.ndarray,
     n = len(frame)
     keys = np.column_stack([np.concatenate([frame, frame]), np.concatenate([ahead, behind])])
     order = np.lexsort((keys[:, 1], keys[:, 0]))
-    new = np.concatenate([[False], (np.diff(keys[order], axis=0) != 0).any(axis=1)]) if n else []
-    plane = np.empty(2 * n, np.int64)
-    plane[order] = np.cumsum(new)
+    new = (np.diff(keys[order], axis=0) != 0).any(axis=1)
+    plane = np.zeros(2 * n, np.int64)
+    plane[order[1:]] = np.cumsum(new)
     size = int(plane.max(initial=-1)) + 1
     both = (np.bincount(plane[:n], minlength=size) > 0) & (np.bincount(plane[n:],
                                                                        minlength=size) > 0)

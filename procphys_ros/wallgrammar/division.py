@@ -15,6 +15,7 @@
 """Division: how sizes share a length, with the semantics of CGA's split."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ class Share:
 
     kind: str
     size: float
-    content: object
+    content: Any
     place: Place = Place()
 
 
@@ -94,7 +95,7 @@ def _floats(shares: 'tuple[Share | Repeated, ...]') -> bool:
                for s in shares)
 
 
-def divide(shares: 'tuple[Share | Repeated, ...]', length: int) -> list[tuple[int, int, object]]:
+def divide(shares: 'tuple[Share | Repeated, ...]', length: int) -> list[tuple[int, int, Any]]:
     """
     Cut a length into parts.
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from procphys_ros.language import Place
-from procphys_ros.wallgrammar.boxes import Boxes, micro
+from procphys_ros.wallgrammar.boxes import Boxes, micro, micros
 
 _ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-angled
 _MERGED = 3       # [µm] corners of one frame this close lie on one line
@@ -127,7 +127,7 @@ def read(points: np.ndarray, thickness: int, joint: int, places: list[Place]) ->
     angles = np.arctan2(edges[:, 1], edges[:, 0])
     yaws, frame, quarter = _frames(angles)
     lengths = np.hypot(*edges.T)
-    facades = [Facade(micro(length), int(f), int(q), tuple(origin)) for length, f, q, origin
+    facades = [Facade(micro(length), int(f), int(q), origin) for length, f, q, origin
                in zip(lengths, frame, quarter, _origins(points, yaws, frame))]
     if not closed:
         return Footprint(points, yaws, tuple(facades))
@@ -205,7 +205,7 @@ def _origins(points: np.ndarray, yaws: np.ndarray, frame: np.ndarray) -> list[tu
     out = np.zeros((len(frame), 2), np.int64)
     for f, yaw in enumerate(yaws):
         c, s = np.cos(yaw), np.sin(yaw)
-        local = micro(points @ np.array([[c, -s], [s, c]]))
+        local = micros(points @ np.array([[c, -s], [s, c]]))
         for a in range(2):
             order = np.argsort(local[:, a])
             steps = np.diff(local[order, a]) > _MERGED

@@ -86,8 +86,8 @@ class Interior:
                              [] if bare else rooms)
         for wall in (*self.walls, *inner):
             wall.build(self.site)
-        if roof in ('gable', 'hip'):
-            self._roof(roof, pitch, levels[-1])
+        if self.building.roof is not None and roof in ('gable', 'hip'):
+            self._roof(self.building.roof, pitch, levels[-1])
 
     def _read(self, call: Call | None, key: str,
               table: dict[str, tuple[tuple[float, float], ...]]) -> tuple[str, float]:
@@ -123,13 +123,13 @@ class Interior:
         rooms, between = halve(rooms, micro(least), layout.thickness)
         return rooms, elevations(between, layout, levels, self.building.place)
 
-    def _roof(self, kind: str, pitch: float, level: int) -> None:
+    def _roof(self, call: Call, pitch: float, level: int) -> None:
         if len(self.plan.facades) != 4:
-            raise self.building.roof.place.error(
-                f'a {kind} roof needs a rectangular footprint, found '
+            raise call.place.error(
+                f'a {call.name} roof needs a rectangular footprint, found '
                 f'{len(self.plan.facades)} corners; use flat or none')
         roof = Roof(self.site, self.walls, level, pitch)
         # A gable roof has its ridge along the first facade, a hip roof along the longer one.
-        axis = 0 if kind == 'gable' else int(np.argmax(roof.high - roof.low))
-        (roof.gable if kind == 'gable' else roof.hip)(axis)
+        axis = 0 if call.name == 'gable' else int(np.argmax(roof.high - roof.low))
+        (roof.gable if call.name == 'gable' else roof.hip)(axis)
         roof.tie(axis)

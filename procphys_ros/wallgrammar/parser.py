@@ -16,8 +16,9 @@
 
 from collections.abc import Collection
 from functools import cache
+from typing import Any, TypeAlias
 
-from lark import Lark, Tree
+from lark import Lark
 from lark.exceptions import UnexpectedInput
 
 from procphys_ros.errors import nearest_names
@@ -39,6 +40,8 @@ from procphys_ros.wallgrammar.spec import (
     Split,
     Successor,
 )
+
+Node: TypeAlias = Any  # a tree; lark says of children only that they are trees or tokens
 
 SCOPE_NAMES = ('scope_x', 'scope_y')  # size of the present scope [m], known inside rules
 _PROPERTIES = ('footprint', 'facades', 'storey_height', 'storeys', 'floors', 'roof', 'partitions')
@@ -72,9 +75,9 @@ class _Reader:
     :ivar known: names that expressions in rules may use beside the rule's own parameters.
     """
 
-    def __init__(self, source: str, tree: Tree):
+    def __init__(self, source: str, tree: Node):
         self.source = source
-        self.trees: dict[str, list[Tree]] = {kind: [] for kind in (
+        self.trees: dict[str, list[Node]] = {kind: [] for kind in (
             'building', 'rule', 'panel', 'material', 'layout')}
         for child in tree.children:
             self.trees[child.data].append(child)
@@ -86,10 +89,10 @@ class _Reader:
                            if node is not None and node.data == 'parameter']
         self.known = {*self.parameters, 'storey_height', 'storeys'}
 
-    def place(self, node: Tree) -> Place:
+    def place(self, node: Node) -> Place:
         return Place.of(node, self.source)
 
-    def expression(self, node: Tree, known: Collection[str]) -> Expression:
+    def expression(self, node: Node, known: Collection[str]) -> Expression:
         return compile_expression(node, self.source, known=known)
 
     def spec(self) -> Spec:
@@ -113,25 +116,31 @@ class _Reader:
         if name in table:
             raise place.error(f'a {kind} named "{name}" exists already')
 
-    def building(self, node: Tree) -> Building:
-        parameters, entries = [], {}
-        known: list[str] = []
+    def properties(self, node: Node) -> tuple[list[tuple[str, Expression]], dict[str, Node]]:
+        """Read parameters with their defaults, and the entries by key."""
+        parameters: list[tuple[str, Expression]] = []
+        entries: dict[str, Node] = {}
         for child in node.children[1:]:
             if child is None:
                 continue
-            if child.data == 'parameter':
-                name = str(child.children[0])
-                if name in known:
-                    raise self.place(child).error(f'the parameter "{name}" is given twice')
-                parameters.append((name, self.expression(child.children[1], known)))
-                known.append(name)
-                continue
             key, place = str(child.children[0]), self.place(child)
+            if child.data == 'parameter':
+                known = [name for name, _ in parameters]
+                if key in known:
+                    raise place.error(f'the parameter "{key}" is given twice')
+                parameters.append((key, self.expression(child.children[1], known)))
+                continue
             if key not in _PROPERTIES:
                 raise place.error(f'unknown property "{key}"{nearest_names(key, _PROPERTIES)} '
                                   f'(properties: {", ".join(_PROPERTIES)})')
             self.new(key, entries, 'property', place)
             entries[key] = child
+        return parameters, entries
+
+    def building(self, node: Node) -> Building:
+        """Read the building."""
+        parameters, entries = self.properties(node)
+        known = self.parameters
         place = self.place(node)
         points = entries['footprint'].children[1:] if 'footprint' in entries else []
         for point in points:
@@ -143,23 +152,25 @@ class _Reader:
                 raise place.error(f'the building needs "{key}:"')
         calls = {key: self.call(self.single(entries[key])) if key in entries else None
                  for key in ('floors', 'roof', 'partitions')}
-        numbers = {key: self.expression(self.single(entries[key]), known)
-                   if key in entries else None for key in ('storey_height', 'storeys')}
+        storeys = entries.get('storeys')
         return Building(
             name=str(node.children[0]), parameters=tuple(parameters),
-            footprint=tuple(tuple(self.expression(c, known) for c in point.children)
-                            for point in points),
+            footprint=tuple((self.expression(point.children[0], known),
+                             self.expression(point.children[1], known)) for point in points),
             corners=tuple(self.place(point) for point in points),
             facades=tuple(self.call(c) for c in entries['facades'].children[1:]),
-            place=place, **calls, **numbers)
+            storey_height=self.expression(self.single(entries['storey_height']), known),
+            storeys=self.expression(self.single(storeys), known) if storeys else None,
+            floors=calls['floors'], roof=calls['roof'], partitions=calls['partitions'],
+            place=place)
 
-    def single(self, entry: Tree) -> Tree:
+    def single(self, entry: Node) -> Node:
         if len(entry.children) != 2:
             raise self.place(entry).error(f'"{entry.children[0]}" takes one value, found '
                                           f'{len(entry.children) - 1}')
         return entry.children[1]
 
-    def call(self, node: Tree) -> Call:
+    def call(self, node: Node) -> Call:
         """Read a bare name, or one with arguments, that is not arithmetic."""
         if node.data not in ('variable', 'call'):
             raise self.place(node).error('expected a name here')
@@ -167,7 +178,7 @@ class _Reader:
                           if c is not None)
         return Call(str(node.children[0]), arguments, self.place(node))
 
-    def entries(self, nodes: list[Tree]) -> dict[str, Entry]:
+    def entries(self, nodes: list[Node]) -> dict[str, Entry]:
         table: dict[str, Entry] = {}
         for node in nodes:
             key, place = str(node.children[0]), self.place(node)
@@ -177,7 +188,7 @@ class _Reader:
             table[key] = Entry(values, place)
         return table
 
-    def panel(self, node: Tree) -> Panel:
+    def panel(self, node: Node) -> Panel:
         name, value = node.children
         place = self.place(node)
         if value.data not in ('variable', 'call'):
@@ -192,18 +203,18 @@ class _Reader:
                 raise self.place(argument).error('expected the name of a material')
         return Panel(str(name), kind, tuple(str(a.children[0]) for a in arguments), place)
 
-    def rule(self, node: Tree) -> Rule:
+    def rule(self, node: Node) -> Rule:
         name, formals, condition, successor, weight = node.children
         parameters = tuple(str(c) for c in formals.children if c is not None)
         known = {*self.known, *parameters, *SCOPE_NAMES}
 
-        def optional(part: Tree) -> Expression | None:
+        def optional(part: Node) -> Expression | None:
             return self.expression(part.children[0], known) if part.children[0] else None
 
         return Rule(str(name), parameters, optional(condition), self.successor(successor, known),
                     optional(weight), self.place(node))
 
-    def successor(self, node: Tree, known: Collection[str]) -> Successor:
+    def successor(self, node: Node, known: Collection[str]) -> Successor:
         def expression(i: int) -> Expression:
             return self.expression(node.children[i], known)
 
@@ -226,7 +237,7 @@ class _Reader:
         arguments = tuple(self.expression(c, known) for c in node.children[1:] if c is not None)
         return Call(str(node.children[0]), arguments, self.place(node))
 
-    def parts(self, nodes: list[Tree], known: Collection[str]) -> tuple[Part | Repeat, ...]:
+    def parts(self, nodes: list[Node], known: Collection[str]) -> tuple[Part | Repeat, ...]:
         return tuple(
             Repeat(self.parts(n.children, known), self.place(n)) if n.data == 'repeat'
             else Part(str(n.data), self.expression(n.children[0], known),

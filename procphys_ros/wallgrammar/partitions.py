@@ -58,13 +58,17 @@ def halve(rooms: Sequence[Rectangle], least: int,
             done.append(room)
             continue
         middle = room.low[axis] + half
-        low, high = list(room.high), list(room.low)
-        low[axis], high[axis] = middle, middle + thickness
-        todo += [Rectangle(room.low, tuple(low)), Rectangle(tuple(high), room.high)]
-        first, last = list(room.low), list(room.high)
-        first[axis], last[axis] = middle, middle + thickness
-        walls.append((Rectangle(tuple(first), tuple(last)), 1 - axis))
+        start, end = middle, middle + thickness
+        todo += [Rectangle(room.low, _moved(room.high, axis, start)),
+                 Rectangle(_moved(room.low, axis, end), room.high)]
+        walls.append((Rectangle(_moved(room.low, axis, start), _moved(room.high, axis, end)),
+                      1 - axis))
     return done, walls
+
+
+def _moved(point: tuple[int, int], axis: int, place: int) -> tuple[int, int]:
+    """Put a point elsewhere along one axis."""
+    return (place, point[1]) if axis == 0 else (point[0], place)
 
 
 def half_brick(layout: Layout) -> Layout:

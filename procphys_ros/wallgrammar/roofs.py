@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.wallgrammar.assembly import Patches
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro, micros
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Corner
 from procphys_ros.wallgrammar.slopes import Ends, OVERHANG, RAFTER, rafter_depth, Slope
@@ -56,7 +56,7 @@ class Roof:
         self.height = height
         self.layout = walls[0].layout
         self.gauge = self.layout.gauge
-        self.pitch = np.radians(pitch)
+        self.pitch = float(np.radians(pitch))
         corners = np.array([w.facade.origin for w in walls])
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         self.plate = min(_PLATE, self.layout.thickness)
@@ -196,7 +196,7 @@ class Roof:
         bottom = np.maximum(course * self.gauge, self.height)
         upper = (course + 1) * self.gauge
         plane = self.eaves + (self.depth - _GABLE_CLEAR) / np.cos(self.pitch)
-        inset = np.maximum(micro((upper / MICRO - plane) / np.tan(self.pitch)), 0)
+        inset = np.maximum(micros((upper / MICRO - plane) / np.tan(self.pitch)), 0)
         left = np.concatenate([inset, np.full(len(course), length // 2 + half)])
         right = np.concatenate([np.full(len(course), length - length // 2 - half), length - inset])
         whole = upper <= seat
@@ -215,8 +215,8 @@ class Roof:
 
     def _opposite(self, axis: int, span: float, length: float, hipped: bool) -> list[Slope]:
         """Give the two slopes whose eaves run along an axis."""
-        yaw = rotation.rotate(self.site.frames[0][3:], np.array([1.0, 0.0, 0.0]))
-        yaw = float(np.arctan2(yaw[1], yaw[0]))
+        ahead = rotation.rotate(self.site.frames[0][3:], np.array([1.0, 0.0, 0.0]))
+        yaw = float(np.arctan2(ahead[1], ahead[0]))
         low, high = self.low / MICRO, self.high / MICRO
         if axis == 0:
             starts = [(low[0], low[1], 0.5 * np.pi), (high[0], high[1], -0.5 * np.pi)]
@@ -280,8 +280,8 @@ class Roof:
             pose = np.concatenate([corner, attitude])
             self.site.frames.append(pose)
             box = from_cells(
-                micro(np.array([-OVERHANG / np.cos(slope), -0.5 * _HIP, 0.0])),
-                micro(np.array([end, 0.5 * _HIP, depth])), frame=len(self.site.frames) - 1,
+                micros([-OVERHANG / np.cos(slope), -0.5 * _HIP, 0.0]),
+                micros([end, 0.5 * _HIP, depth]), frame=len(self.site.frames) - 1,
                 joint=Joint.FIXING, kind=self.site.kind('hip'),
                 material=self.site.material('timber'))
             parts.append(self._set_hip(box, pose, end, depth, slope, ridge, plates))

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from procphys_ros import rotation
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micro, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros, stack
 from procphys_ros.wallgrammar.construction import Site
 
 RAFTER = 0.05            # [m] width of rafters
@@ -97,7 +98,7 @@ class Slope:
         return cls(np.concatenate([origin, turn]), pitch, span, length, hipped,
                    rafter_depth(span, pitch))
 
-    def world(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    def world(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
         """Give points of the slope's frame in the building [m], (n, 3)."""
         points = np.column_stack(np.broadcast_arrays(x, y, z)).astype(float)
         return self.pose[:3] + rotation.rotate(self.pose[3:], points)
@@ -125,7 +126,7 @@ class Slope:
         low = np.column_stack([np.full(len(place), -OVERHANG / np.cos(self.pitch)),
                                -place - 0.5 * RAFTER, np.zeros(len(place))])
         high = np.column_stack([reach, -place + 0.5 * RAFTER, np.full(len(place), self.depth)])
-        boxes = from_cells(micro(low), micro(high), frame=frame, axis=0, joint=Joint.FIXING,
+        boxes = from_cells(micros(low), micros(high), frame=frame, axis=0, joint=Joint.FIXING,
                            kind=site.kind('rafter'), material=site.material('timber'))
         foot, head = site.add_members(boxes, _PIECE)
         return Ends(foot, head, place, reach)
@@ -179,5 +180,5 @@ class Slope:
 
 
 def _box(low: list[float], high: list[float], frame: int, axis: int) -> Boxes:
-    return from_cells(micro(np.array(low)), micro(np.array(high)), frame=frame, axis=axis,
+    return from_cells(micros(low), micros(high), frame=frame, axis=axis,
                       joint=Joint.FIXING)

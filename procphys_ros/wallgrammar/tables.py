@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.language import Place
+from procphys_ros.language import Expression, Place
 from procphys_ros.wallgrammar.bonds import BONDS, Layout
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.materials import DEFAULTS, Material, NUMBERS
@@ -99,8 +99,8 @@ def _layout(name: str, entries: dict[str, Entry], place: Place,
     pieces = _number(entries['pieces']) if 'pieces' in entries else 1.0
     if not 1 <= pieces <= 100 or pieces != int(pieces):
         raise place_of('pieces').error(f'pieces is a whole number from 1 to 100, found {pieces:g}')
-    layout = Layout(bond, tuple(micro(v) for v in unit), micro(joint), offset, int(pieces),
-                    list(materials).index(material))
+    layout = Layout(bond, (micro(unit[0]), micro(unit[1]), micro(unit[2])), micro(joint), offset,
+                    int(pieces), list(materials).index(material))
     if layout.crossed and abs(layout.unit[0] - 2 * layout.unit[1] - layout.joint) > 1000:
         raise place_of('unit').error(
             f'{bond} bond needs a unit as long as two widths and a joint, '
@@ -145,7 +145,7 @@ def _known_keys(entries: dict[str, Entry], known: tuple[str, ...], what: str) ->
                                     f'(keys: {", ".join(known)})')
 
 
-def _value(value: object, place: Place) -> float:
+def _value(value: Expression | str, place: Place) -> float:
     if isinstance(value, str):
         raise place.error(f'expected a number, found "{value}"')
     return value.number({}, np.random.default_rng(0))

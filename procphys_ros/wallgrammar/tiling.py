@@ -76,7 +76,7 @@ def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int) ->
              for k, course in enumerate(courses)]
     columns = _join_courses([np.concatenate(column) for column in zip(*cells)])
     low = columns[6] - columns[5] - layout.joint < min(_LEAST, layout.unit[2])
-    boxes = _units(*(column[~low] for column in columns), layout, kind, joint)
+    boxes = _units([column[~low] for column in columns], layout, kind, joint)
     order = np.lexsort((boxes.low[:, 1], boxes.low[:, 0], boxes.low[:, 2]))
     boxes = boxes.take(order)
     if layout.pieces > 1:
@@ -140,10 +140,10 @@ def _join_courses(columns: list[np.ndarray]) -> list[np.ndarray]:
             bottom[keep], top[last], depth[keep]]
 
 
-def _units(left: np.ndarray, right: np.ndarray, left_joint: np.ndarray, right_joint: np.ndarray,
-           header: np.ndarray, bottom: np.ndarray, top: np.ndarray, depth: np.ndarray,
-           layout: Layout, kind: int, joint: int) -> Boxes:
+def _units(columns: list[np.ndarray], layout: Layout, kind: int, joint: int) -> Boxes:
     """Give cells their depth: one unit through the wall, or two leaves of stretchers."""
+    left, right, left_joint, right_joint, header, bottom, top, depth = columns
+
     def leaf(rows: np.ndarray, near: int, far: int, near_joint: int, far_joint: int,
              axis: int) -> Boxes:
         low = np.column_stack([left, depth + near, bottom])[rows]

@@ -73,8 +73,8 @@ class Elevation:
         _check(self, owners)
         bare = self._paint(scopes, owners)
         self._check_units(bare)
-        self._bearings = {int(i): _bear(self.pieces[i], bare, self.facade, self.layout)
-                          for i in np.flatnonzero(owners == _BEAM)}
+        self._bearings = {i: _bear(self.pieces[i], bare, self.facade, self.layout)
+                          for i in np.flatnonzero(owners == _BEAM).tolist()}
         beams = np.array([s[:4] for s, _ in self._bearings.values()], int).reshape(-1, 4)
         self._scopes = np.concatenate([scopes, beams])
         self._owners = np.concatenate([owners, np.full(len(beams), _BEAM)])
@@ -142,7 +142,7 @@ class Elevation:
                 door(wall, piece, *panel.arguments)
             elif panel.kind == 'beam':
                 scope, kind = self._bearings[i]
-                beam(wall, piece._replace(scope=scope), *panel.arguments, kind)
+                beam(wall, piece._replace(scope=scope), panel.arguments[0], kind)
 
 
 def unit_of(layout: Layout, brick: str) -> tuple[str, Joint]:
@@ -207,7 +207,7 @@ def _bear(piece: Piece, regions: Regions, facade: Facade, layout: Layout) -> tup
     rows = regions.owner[bottom:top]
     below = regions.owner[bottom - 1, left:right] if bottom else np.zeros(1, int)
     spans = bool((below < _MASONRY).any())
-    solid = (rows >= _MASONRY).all(axis=0)
+    solid: np.ndarray = np.all(rows >= _MASONRY, axis=0)
     first = left
     while first > 0 and solid[first - 1]:
         first -= 1
