@@ -224,6 +224,26 @@ def test_command_draws_without_a_display(tmp_path):
     assert _pixels(path).shape == (120, 200, 3)
 
 
+def test_command_simulates_before_it_draws(tmp_path, capsys):
+    """Show a shrub of a scene file bent by a gale after half a second."""
+    scene = tmp_path / 'gale.yaml'
+    scene.write_text("""
+/**:
+  ros__parameters:
+    scene: {objects: [shrub]}
+    wind: {velocity: [20.0, 0.0, 0.0]}
+    shrub: {grammar: shrub.lsys}
+""", encoding='utf-8')
+    still, bent = tmp_path / 'still.png', tmp_path / 'bent.png'
+    view = ['--size', '320x200', '--camera=0,-6,1,0,0,1']
+    assert main([str(scene), '--out', str(still), *view]) == 0
+    assert main([str(scene), '--out', str(bent), '--time', '0.5', *view]) == 0
+    assert 'at 0.5 s' in capsys.readouterr().out
+    upper = slice(0, 100)  # where the shrub moves most, without its shadow
+    columns = [np.nonzero(_leafy(path)[upper])[1].mean() for path in (still, bent)]
+    assert columns[1] > columns[0] + 0.5
+
+
 @pytest.mark.parametrize('words, said', [
     (['nosuch.lsys'], 'no grammar "nosuch.lsys"'),
     (['nosuch.yaml'], 'nosuch.yaml'),
