@@ -59,6 +59,7 @@ class Dust:
         self._seen = 0
         self._watched = np.zeros(0, np.intp)
         self._velocities = np.zeros((0, 6))
+        self._height = np.zeros(0)
 
     def reset(self, log: EventLog) -> None:
         """Clear the air; what the log holds already makes no dust any more."""
@@ -69,6 +70,7 @@ class Dust:
         """Note how everything loose moves just before it may hit something."""
         self._watched = world.awake
         self._velocities = world.bodies.velocities[self._watched].copy()
+        self._height = world.bodies.poses[self._watched, 2].copy()
 
     def rise(self, world: World, carrier: np.ndarray, log: EventLog, time_step: float) -> None:
         """
@@ -100,15 +102,16 @@ class Dust:
 
     def _from_impacts(self, world: World, carrier: np.ndarray, time_step: float) -> None:
         bodies, watched = world.bodies, self._watched
-        before = self._velocities
-        before[:, 2] -= self._gravity * time_step
-        speed = np.sqrt((before[:, :3] ** 2).sum(axis=1))
-        fast = speed > _HARD
+        free = self._velocities  # turned into what they would be if nothing had been in the way
+        free[:, 2] -= self._gravity * time_step
+        fast = (free[:, :3] ** 2).sum(axis=1) > _HARD ** 2
         if not fast.any():
             return
         after = bodies.velocities[watched]
         was, now = (motion_energy(bodies.mass[watched], bodies.inertia[watched],
-                                  bodies.poses[watched, 3:], v) for v in (before, after))
+                                  bodies.poses[watched, 3:], v) for v in (free, after))
+        lift = bodies.poses[watched, 2] - self._height - free[:, 2] * time_step
+        now += bodies.mass[watched] * self._gravity * lift
         hit = fast & (was - now > _FREE_LOSS * was) & (bodies.state[watched] < State.DRIVEN)
         of_wood = np.zeros(len(bodies.state) + 1, bool)
         of_wood[carrier[self._wooden]] = True  # the last row for those that no body carries
@@ -119,7 +122,7 @@ class Dust:
         gained = motion_energy(bodies.mass[started], bodies.inertia[started],
                                bodies.poses[started, 3:], bodies.velocities[started]).sum()
         energy = lost_energy(was, now, gained)[hit]
-        kick = (after - before)[hit, :3]  # away from what it hit
+        kick = (after - free)[hit, :3]  # away from what it hit
         kick /= np.maximum(np.linalg.norm(kick, axis=1, keepdims=True), 1e-9)
         radius = bodies.radius[watched[hit]]
         place = bodies.poses[watched[hit], :3] - radius[:, None] * kick

@@ -1,0 +1,301 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Dust: how much rises, where the wind takes it, how it settles, and its switches."""
+
+from masonry_walls import bonded, BRICK
+import numpy as np
+import pytest
+
+from procphys_ros.errors import SceneError
+from procphys_ros.messages.dust import dust_rows
+from procphys_ros.physics.dust import (
+    DUST_PER_ENERGY,
+    DustCloud,
+    fracture_energy,
+    lost_energy,
+    Mode,
+    motion_energy,
+    Puffs,
+    State,
+    stokes_speed,
+)
+from procphys_ros.physics.wind import WindSettings
+from procphys_ros.scene import Scene
+from procphys_ros.scene.settings import read_settings, Settings
+from procphys_ros.simulation import Simulation
+
+STEP = 1.0 / 60.0
+
+
+def blowing(velocity):
+    """Give a wind that is the same everywhere."""
+    return lambda points: np.broadcast_to(np.asarray(velocity, float), points.shape).copy()
+
+
+def cloud_of(energy=5000.0, height=50.0, capacity=50_000, seed=1):
+    """Give dust that rose from one place."""
+    cloud = DustCloud(capacity, seed)
+    cloud.raise_dust(np.array([[0.0, 0.0, height]]), np.array([0.1]), np.array([energy]))
+    return cloud
+
+
+def total_mass(cloud):
+    """Give the mass of all puffs and of what waits to become one [kg]."""
+    return cloud.mass[cloud.state != State.GONE].sum() + cloud.owed
+
+
+def tower(drop=0.0, wind=(0.0, 0.0, 0.0), **groups):
+    """Give a simulation of a column of ten bricks, hung up so high that it falls by `drop`."""
+    settings = read_settings(groups)
+    wind = WindSettings(wind, turbulence_intensity=0.0, profile='uniform')
+    scene = Scene(Settings(wind=wind, dust=settings.dust))
+    centres = np.array([[0.0, 0.0, 0.0325 + 0.075 * i] for i in range(10)])
+    scene.add(bonded(centres, BRICK), (0.0, 0.0, drop), name='tower')
+    return Simulation(scene)
+
+
+def fallen(drop, seconds=3.0):
+    """Cut a tower off the ground and let it fall."""
+    simulation = tower(drop)
+    solver = simulation._buildings.solver
+    simulation.step()
+    solver.cut(np.arange(len(simulation._buildings.graph)))
+    simulation.step(round(seconds / STEP))
+    return simulation
+
+
+def test_dust_is_proportional_to_energy():
+    """Give 1/53.6 grams per joule, in puffs and what is kept for the next, however it comes."""
+    assert abs(53.57e3 * DUST_PER_ENERGY - 1.0) < 1e-3
+    for energy in (1.0, 30.0, 1000.0, 1e6):
+        cloud = cloud_of(energy)
+        assert total_mass(cloud) == pytest.approx(energy * DUST_PER_ENERGY, rel=1e-9)
+    dribble = DustCloud(1000, 1)
+    for _ in range(200):
+        dribble.raise_dust(np.zeros((3, 3)), np.zeros(3), np.array([0.1, 0.2, 0.3]))
+    assert total_mass(dribble) == pytest.approx(120.0 * DUST_PER_ENERGY, rel=1e-9)
+    assert 20 <= (dribble.state == State.AIRBORNE).sum() <= 23  # 2.24 g in puffs of 0.1 g
+
+
+def test_dust_rises_where_energy_was_spent():
+    """Share puffs among places by their energies."""
+    cloud = DustCloud(50_000, 1)
+    places = np.array([[0.0, 0.0, 5.0], [100.0, 0.0, 5.0], [200.0, 0.0, 5.0]])
+    cloud.raise_dust(places, np.full(3, 0.2), np.array([1000.0, 3000.0, 0.0]))
+    x = cloud.puffs.positions[:, 0]
+    assert (x < 50).sum() * 3 == pytest.approx((x > 50).sum(), abs=3)
+    assert not (x > 150).any()
+
+
+def test_fracture_energies_follow_their_modes():
+    """Take 18 J/m² to open a joint, 125 to shear it, 18,900 to crush it."""
+    modes = np.array([Mode.OPENED, Mode.SHEARED, Mode.CRUSHED])
+    assert fracture_energy(modes, np.full(3, 0.02)) == pytest.approx([0.36, 2.5, 378.0])
+
+
+def test_motion_energy_matches_rigid_body_energy():
+    """Count translation, and rotation about turned principal axes."""
+    inertia = np.array([[1.0, 2.0, 3.0]])
+    half = np.sqrt(0.5)
+    turned = np.array([[0.0, half, 0.0, half]])  # the body's x axis points down
+    velocity = np.array([[3.0, 4.0, 0.0, 0.0, 0.0, 2.0]])
+    assert motion_energy(np.array([2.0]), inertia, turned, velocity)[0] == pytest.approx(25 + 2)
+
+
+def test_energy_that_is_handed_on_is_not_spent():
+    """Share out only the balance, to those who lost."""
+    before, after = np.array([10.0, 0.0, 4.0]), np.array([2.0, 3.0, 2.0])
+    assert lost_energy(before, after, 0.0) == pytest.approx([8.0 * 0.7, 0.0, 2.0 * 0.7])
+    assert lost_energy(before, after, 6.0) == pytest.approx([0.8, 0.0, 0.2])
+    assert lost_energy(before, after, 60.0).sum() == 0.0
+    assert lost_energy(after, after, 0.0).sum() == 0.0
+
+
+def test_dust_settles_at_the_stokes_speed():
+    """Fall by the closed form d²·g·Δρ/(18·μ) times the time, within the turbulence's error."""
+    grains = np.array([5e-6, 20e-6, 60e-6])
+    assert stokes_speed(grains) == pytest.approx(
+        grains ** 2 * 9.81 * (2000 - 1.225) / (18 * 1.81e-5))
+    assert stokes_speed(20e-6) == pytest.approx(0.0241, rel=0.01)
+    cloud = cloud_of(5000.0, height=50.0)
+    start, grain = cloud.position.copy(), cloud.grain.copy()
+    for _ in range(600):
+        cloud.step(STEP, blowing((0.0, 0.0, 0.0)))
+    up = cloud.state == State.AIRBORNE
+    miss = start[up, 2] - cloud.position[up, 2] - 10.0 * stokes_speed(grain[up])
+    assert miss.mean() == pytest.approx(0.0, abs=4.0 * miss.std() / np.sqrt(up.sum()))
+    assert miss.std() == pytest.approx(np.sqrt(0.02 * 10.0), rel=0.1)
+    assert up.sum() > 500
+
+
+def test_grain_sizes_are_those_of_the_distribution():
+    """Draw a median of 20 µm with a factor of 2, and nothing that Stokes' law fails for."""
+    cloud = cloud_of(40_000.0)
+    grain = cloud.grain[cloud.state == State.AIRBORNE]
+    assert np.median(grain) == pytest.approx(20e-6, rel=0.1)
+    assert grain.max() <= 60e-6 and np.quantile(grain, 0.16) == pytest.approx(10e-6, rel=0.15)
+
+
+def test_dust_drifts_with_the_wind_and_spreads():
+    """Move with the air on average, and widen as a neutral puff does: 4 m after 100 m."""
+    cloud = cloud_of(50_000.0, height=200.0)
+    for _ in range(1200):
+        cloud.step(STEP, blowing((5.0, -1.0, 0.0)))
+    there = cloud.puffs.positions
+    assert len(there) > 500
+    assert there[:, 0].mean() == pytest.approx(100.0, abs=0.5)
+    assert there[:, 1].mean() == pytest.approx(-20.0, abs=0.5)
+    speed = np.hypot(5.0, 1.0)
+    width = there[:, 0].var() + (cloud.puffs.sizes / 4.0).mean() ** 2
+    assert width == pytest.approx(2.0 * (0.08 * speed + 0.02) * 20.0, rel=0.1)
+    assert np.sqrt(width) == pytest.approx(4.0, rel=0.1)
+
+
+def test_puffs_thin_out_with_age_and_vanish():
+    """Lose opacity for good while they widen, and be gone when nobody could see them."""
+    cloud = cloud_of(200.0)
+    last = cloud.puffs.opacity
+    for _ in range(20):
+        cloud.step(0.1, blowing((3.0, 0.0, 0.0)))
+        now = cloud.puffs.opacity
+        assert len(now) < len(last) or (now < last).all()
+        last = now
+    assert np.allclose(cloud.puffs.ages, 2.0)
+    for _ in range(3000):
+        cloud.step(0.1, blowing((3.0, 0.0, 0.0)))
+    assert len(cloud.puffs.ages) == 0
+
+
+def test_dust_lies_where_it_lands():
+    """Come down, stay above ground all the time, and not move any more."""
+    cloud = cloud_of(500.0, height=0.3)
+    cloud.grain[:] = 60e-6
+    cloud._fall[:] = stokes_speed(60e-6)
+    for _ in range(1200):
+        cloud.step(STEP, blowing((0.0, 0.0, 0.0)))
+        assert (cloud.puffs.positions[:, 2] >= 0.0).all()
+    lying = cloud.state == State.LYING
+    assert lying.sum() > 0.9 * (cloud.state != State.GONE).sum() > 0
+    there = cloud.position[lying].copy()
+    cloud.step(STEP, blowing((20.0, 0.0, 0.0)))
+    assert np.array_equal(cloud.position[lying], there) and (there[:, 2] == 0.0).all()
+
+
+def test_the_number_of_puffs_is_bounded_and_the_oldest_go_first():
+    """Keep the newest of ever more dust, heavier puffs when too much rises at once."""
+    cloud = DustCloud(500, 1)
+    for i in range(100):
+        cloud.raise_dust(np.array([[float(i), 0.0, 30.0]]), np.zeros(1), np.array([1e5]))
+    puffs = cloud.puffs
+    assert len(puffs.ages) == 500 and len(cloud.state) == 500
+    assert puffs.positions[:, 0].min() == 50.0 and puffs.positions[:, 0].max() == 99.0
+    assert cloud.raise_dust(np.zeros((1, 3)), np.zeros(1), np.array([1e9])) == 10
+    assert cloud.mass.max() == pytest.approx(0.1 * 1e9 * DUST_PER_ENERGY, rel=1e-3)
+
+
+def test_the_same_seed_gives_the_same_dust_also_after_clear():
+    """Repeat everything bit for bit."""
+    runs = []
+    for seed in (1, 1, 2):
+        cloud = cloud_of(seed=seed)
+        cloud.step(STEP, blowing((3.0, 0.0, 0.0)))
+        runs.append(cloud.puffs.positions)
+    cloud.clear()
+    assert len(cloud.puffs.ages) == 0 and cloud.owed == 0.0
+    cloud.raise_dust(np.array([[0.0, 0.0, 50.0]]), np.array([0.1]), np.array([5000.0]))
+    cloud.step(STEP, blowing((3.0, 0.0, 0.0)))
+    runs.append(cloud.puffs.positions)
+    assert np.array_equal(runs[0], runs[1]) and np.array_equal(runs[2], runs[3])
+    assert not np.array_equal(runs[0], runs[2])
+
+
+def test_a_fall_gives_dust_in_proportion_to_the_height():
+    """Spend on dust the potential energy of a tower that falls apart, within a tenth."""
+    for drop in (2.0, 6.0):
+        simulation = fallen(drop)
+        mass = simulation.blueprint.mass.sum()
+        joints = simulation.blueprint.bond_area.sum() * 18.0
+        height = simulation.blueprint.poses[:, 2].mean() - simulation.poses[:, 2].mean()
+        spent = total_mass(simulation._dust.cloud) / DUST_PER_ENERGY
+        assert spent - joints == pytest.approx(mass * 9.81 * height, rel=0.1)
+
+
+def test_dust_lies_around_what_fell():
+    """Raise dust at the place of the impact, at the time of the impact."""
+    simulation = fallen(6.0, seconds=1.0)
+    assert len(simulation.dust.ages) == 0  # 6 m take 1.1 s
+    simulation.step(30)
+    puffs = simulation.dust
+    assert len(puffs.ages) > 3 and puffs.ages.max() < 0.6
+    assert np.abs(np.median(puffs.positions, axis=0)).max() < 1.0
+
+
+def test_standing_and_resting_things_do_not_smoke():
+    """Give no dust at all from a standing tower, and none from one that lies still."""
+    simulation = tower()
+    simulation.step(60)
+    assert total_mass(simulation._dust.cloud) == 0.0
+    simulation = fallen(1.0, seconds=6.0)
+    before = total_mass(simulation._dust.cloud)
+    assert before > 0.0
+    simulation.step(120)
+    assert simulation._dust.cloud.owed == pytest.approx(
+        before - simulation._dust.cloud.mass[simulation._dust.cloud.state > 0].sum(), abs=1e-4)
+    assert total_mass(simulation._dust.cloud) <= before * (1.0 + 1e-9)
+
+
+def test_reset_clears_the_air():
+    """Have no dust after a reset, and the same dust again after the same commands."""
+    simulation = fallen(2.0)
+    assert len(simulation.dust.ages) > 0
+    simulation.reset()
+    assert len(simulation.dust.ages) == 0
+    simulation.step(5)
+    assert len(simulation.dust.ages) == 0
+
+
+def test_switched_off_dust_changes_nothing():
+    """Give the same poses with and without dust, and no puffs without."""
+    runs = []
+    for enabled in (True, False):
+        simulation = tower(2.0, dust={'enabled': enabled})
+        simulation._buildings.solver.cut(np.arange(len(simulation._buildings.graph)))
+        simulation.step(90)
+        runs.append((simulation.poses, len(simulation.dust.ages)))
+    assert np.array_equal(runs[0][0], runs[1][0])
+    assert runs[0][1] > 0 and runs[1][1] == 0
+
+
+def test_the_cloud_becomes_rows_of_points():
+    """Write position, opacity as intensity, size and age of every puff."""
+    puffs = cloud_of().puffs
+    rows = dust_rows(puffs)
+    assert rows['x'] == pytest.approx(puffs.positions[:, 0].astype(np.float32))
+    assert rows['intensity'] == pytest.approx(puffs.opacity.astype(np.float32))
+    assert rows['size'] == pytest.approx(puffs.sizes.astype(np.float32))
+    assert len(dust_rows(Puffs.none())) == 0
+
+
+@pytest.mark.parametrize(('group', 'words'), [
+    ({'capacity': 0}, ['dust.capacity', '1 to 1000000']),
+    ({'capacity': 2.5}, ['dust.capacity', 'whole number']),
+    ({'enabled': 'yes'}, ['dust.enabled', 'true or false']),
+    ({'size': 3}, ['dust.size', 'capacity']),
+])
+def test_bad_settings_are_named(group, words):
+    """Say which key is wrong and what is allowed."""
+    with pytest.raises(SceneError) as caught:
+        read_settings({'dust': group})
+    assert all(word in str(caught.value) for word in words)
