@@ -97,7 +97,12 @@ class Buildings:
 
     def holds(self, part: int) -> bool:
         """Say whether a part still stands where it was built."""
-        return bool(self.standing[part])
+        return part < len(self.standing) and bool(self.standing[part])
+
+    @property
+    def stable(self) -> bool:
+        """Say whether the stresses are known and nothing more breaks under them."""
+        return not len(self.graph) or self._fracture.stable
 
     def _advance(self, iterations: int) -> Collapse:
         if not len(self.graph) or self._fracture.stable:

@@ -71,6 +71,10 @@ class Debris:
         """List the parts that a body carries, ascending; none for one that carries nothing."""
         return self._members.get(int(body), _NONE)
 
+    def poses_of(self, body: int) -> np.ndarray:
+        """Give the present poses of the parts that a body carries, (P, 7)."""
+        return self._states_of(body)[0]
+
     def gather(self, parts: np.ndarray, poses: np.ndarray, velocities: np.ndarray) -> int:
         """
         Make one rigid body of parts; momentum and angular momentum are kept.
@@ -114,15 +118,21 @@ class Debris:
         :param pieces: its parts, (P,) each.
         :returns: ids of the new bodies.
         """
-        bodies = self._world.bodies
         whole = self._members[body]
-        poses, velocities = np.empty((len(whole), 7)), np.empty((len(whole), 6))
-        expand(bodies.poses, bodies.velocities, np.full(len(whole), body), self._local[whole],
-               np.arange(len(whole)), poses, velocities)
+        poses, velocities = self._states_of(body)
         self._leave(body)
         self._world.remove(np.array([body]))
         rows = [np.searchsorted(whole, np.sort(parts)) for parts in pieces]
         return [self.gather(whole[row], poses[row], velocities[row]) for row in rows]
+
+    def set_drag_area(self, body: int, area: float) -> None:
+        """
+        Say what drag a body has that its parts' mean shadows would not give.
+
+        :param body: id in the world.
+        :param area: drag coefficient times shadow [m²].
+        """
+        self._area[body] = area
 
     def carry(self, poses: np.ndarray, velocities: np.ndarray) -> None:
         """
@@ -165,6 +175,13 @@ class Debris:
         velocities[:, :3] += share * slip
         velocities[:, 3:] *= 1.0 - share
         self._world.set_velocities(awake, velocities)
+
+    def _states_of(self, body: int) -> tuple[np.ndarray, np.ndarray]:
+        bodies, parts = self._world.bodies, self._members[body]
+        poses, velocities = np.empty((len(parts), 7)), np.empty((len(parts), 6))
+        expand(bodies.poses, bodies.velocities, np.full(len(parts), body), self._local[parts],
+               np.arange(len(parts)), poses, velocities)
+        return poses, velocities
 
     def _enter(self, body: int, parts: np.ndarray, local: np.ndarray) -> None:
         self.carrier[parts] = body

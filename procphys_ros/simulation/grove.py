@@ -76,6 +76,11 @@ class Grove:
         row = self.row_of_part[part]
         return row >= 0 and bool(self.forest.active[row])
 
+    def grow(self, count: int) -> None:
+        """Make room for parts that have joined the scene behind all others, none of them trees."""
+        late = np.full(count - len(self.row_of_part), -1, np.intp)
+        self.row_of_part = np.concatenate([self.row_of_part, late])
+
     def sway(self, wind: Wind, time: float, time_step: float) -> None:
         """
         Advance all standing trees in the wind.

@@ -20,11 +20,14 @@ from time import perf_counter
 
 import numpy as np
 
+from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.wind import Gust, Wind
 from procphys_ros.physics.world import World
-from procphys_ros.scene import Scene
+from procphys_ros.scene import Scene, SceneObject
+from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.simulation.arsenal import Arsenal
 from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.dust import Dust
@@ -43,8 +46,11 @@ class Simulation:
     Same scene, seed and commands give identical poses.
 
     :ivar scene: what is simulated.
-    :ivar blueprint: all its parts and bonds, in the order of every array here.
-    :ivar poses: centres of mass and attitudes, world, (N, 7); row = part.
+    :ivar blueprint: all its parts and bonds, in the order of every array here; what is launched
+        or breaks into new parts is appended.
+    :ivar objects: owners of the parts, in part order.
+    :ivar poses: centres of mass and attitudes, world, (N, 7); row = part. Not finite = the part
+        exists no more (pulverised, or broken into new parts).
     :ivar velocities: linear and angular, world, (N, 6).
     :ivar wind: the air.
     :ivar log: break events not taken yet.
@@ -63,7 +69,6 @@ class Simulation:
         self.scene = scene
         self.blueprint = scene.blueprint
         self.time_step = settings.time_step if time_step is None else float(time_step)
-        self.names = PartNames(scene.objects, self.blueprint)
         self.log = EventLog()
         self.timings: dict[str, float] = {}
         seed = settings.seed if seed is None else seed
@@ -74,6 +79,8 @@ class Simulation:
         self._dust = (Dust(self.blueprint, settings.dust.capacity, settings.gravity, seed)
                       if settings.dust.enabled else None)
         self._buildings = Buildings(self.blueprint, settings.gravity)
+        self._arsenal = Arsenal(self.blueprint, self._grove, self._buildings, self.log, seed,
+                                self._join, self._vanish)
         self._world: World | None = None
         self.reset()
 
@@ -111,6 +118,9 @@ class Simulation:
         self.close()
         self._steps = 0
         self._wrenches: dict[int, np.ndarray] = {}
+        self.blueprint = self.scene.blueprint
+        self.objects = list(self.scene.objects)
+        self.names = PartNames(self.objects, self.blueprint)
         self.poses = self.blueprint.poses.copy()
         self.velocities = np.zeros((len(self.blueprint), 6))
         self.log.clear()
@@ -121,6 +131,7 @@ class Simulation:
         self._debris = Debris(self.blueprint, self._world)
         self._buildings.reset()
         self._buildings.build(self._world)
+        self._arsenal.begin(self._world, self._debris, self.scene.settings.gravity)
         self._crumble(self._buildings.settle())
         if self._dust is not None:
             self._dust.reset(self.log)
@@ -139,13 +150,18 @@ class Simulation:
         """
         self.timings = {}
         for _ in range(n):
-            with self._stage('trees'):
+            with self._stage('strikes'):
                 self._push()
+                self._arsenal.advance(self.wind, self.poses, self.time, self.time_step)
+            with self._stage('trees'):
                 self._grove.sway(self.wind, self.time, self.time_step)
             with self._stage('fracture'):
                 self._snap()
             with self._stage('stress'):
-                self._crumble(self._buildings.stand())
+                collapse = self._buildings.stand()
+                self._arsenal.kick(collapse.pieces, self.velocities)
+                self._crumble(collapse)
+                self._arsenal.blows.judged(collapse)
             with self._stage('debris'):
                 self._tumble()
             with self._stage('poses'):
@@ -185,7 +201,7 @@ class Simulation:
 
     def apply_impulse(self, part: int | str, linear: Sequence[float] = (0.0, 0.0, 0.0),
                       angular: Sequence[float] = (0.0, 0.0, 0.0),
-                      point: Sequence[float] | None = None) -> None:
+                      point: Sequence[float] | None = None) -> bool:
         """
         Strike a part once.
 
@@ -193,13 +209,19 @@ class Simulation:
         :param linear: impulse [N·s], (3,), world axes.
         :param angular: angular impulse [N·m·s], (3,), world axes.
         :param point: where the linear impulse acts [m], (3,), world; None = centre of mass.
-        :raises CommandError: when the part is unknown or a value not finite or too large.
+        :returns: whether the part moves; one that stands in a wall may hold.
+        :raises CommandError: when the part is unknown, gone, or a value not finite or too large.
         """
         index = self.names.index(part)
         linear = _checked('linear impulse', linear)
         angular = _checked('angular impulse', angular)
         place = self.poses[index, :3] if point is None else _checked('point', point)
+        if not np.isfinite(self.poses[index, 0]):
+            raise CommandError(f'{self.names.name(index)} exists no more')
+        if self._buildings.holds(index):
+            return self._arsenal.blows.strike(index, linear, angular, self.time)
         self._strike(index, linear, angular, place)
+        return True
 
     def apply_wrench(self, part: int | str, force: Sequence[float],
                      torque: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
@@ -217,6 +239,36 @@ class Simulation:
         if wrench.any():
             self._wrenches[index] = wrench
 
+    def launch(self, projectile: Projectile) -> int:
+        """
+        Let a ball or a block fly.
+
+        :param projectile: its shape, size, mass, position and velocity.
+        :returns: index of the part that it becomes, behind all others.
+        :raises CommandError: when there are too many, or it would start inside of something.
+        """
+        return self._arsenal.launch(projectile)
+
+    def explode(self, point: Sequence[float], charge: float) -> None:
+        """
+        Set off a charge in the open; its wave arrives in the next steps.
+
+        :param point: where [m], (3,), world.
+        :param charge: mass of TNT of the same effect [kg], at most 10,000.
+        :raises CommandError: when a value is out of its range.
+        """
+        self._arsenal.explode(Explosion(point, charge), self.blueprint, self.poses, self.time)
+
+    def demolish(self, plan: Demolition | None = None) -> int:
+        """
+        Start the clocks of timed charges.
+
+        :param plan: where and when; None = along the ground-floor walls, from the middle out.
+        :returns: number of charges.
+        :raises CommandError: when no building stands.
+        """
+        return self._arsenal.demolish(plan or Demolition(), self.time)
+
     def clear_wrenches(self) -> int:
         """End all lasting forces, and say how many there were."""
         count = len(self._wrenches)
@@ -233,6 +285,9 @@ class Simulation:
             self._world.apply_impulse(body, linear, point, angular)
 
     def _push(self) -> None:
+        stands = [index for index in self._wrenches if self._buildings.holds(index)]
+        self._arsenal.loads.put('wrenches', np.array(stands, np.intp),
+                                np.array([self._wrenches[i] for i in stands]).reshape(-1, 6))
         for index, wrench in self._wrenches.items():
             impulse = wrench * self.time_step
             self._strike(index, impulse[:3], impulse[3:], self.poses[index, :3])
@@ -254,7 +309,7 @@ class Simulation:
         for parts in collapse.pieces:
             bodies = self._buildings.body[parts]
             if len(parts) == 1:
-                self._world.thaw(bodies)
+                self._world.thaw(bodies, self.velocities[parts])
                 self._debris.adopt(parts, bodies)
             else:
                 self._world.remove(bodies)
@@ -273,6 +328,26 @@ class Simulation:
         if self._dust is not None:
             self._dust.rise(self._world, self._debris.carrier, self.log, self.time_step)
             self._dust.drift(self.wind, self.time, self.time_step)
+
+    def _join(self, parts: Blueprint, name: str) -> int:
+        """Append parts that come into being now as an object, and give the index of the first."""
+        taken = {known.name for known in self.objects}
+        number = name
+        while number in taken:
+            number += '_'
+        first = len(self.blueprint)
+        self.blueprint = chain([self.blueprint, parts])
+        self.objects.append(SceneObject(number, first, len(parts)))
+        self.names = PartNames(self.objects, self.blueprint)
+        self.poses = np.concatenate([self.poses, parts.poses])
+        self.velocities = np.concatenate([self.velocities, np.zeros((len(parts), 6))])
+        self._debris.grow(self.blueprint)
+        self._grove.grow(len(self.blueprint))
+        return first
+
+    def _vanish(self, parts: np.ndarray) -> None:
+        self.poses[parts] = np.nan
+        self.velocities[parts] = 0.0
 
     @contextmanager
     def _stage(self, name: str) -> Iterator[None]:

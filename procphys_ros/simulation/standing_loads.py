@@ -54,6 +54,11 @@ class StandingLoads:
         """End a layer, if there is one."""
         self._changed |= self._layers.pop(source, None) is not None
 
+    def clear(self) -> None:
+        """Forget all layers; the solver has been reset."""
+        self._layers.clear()
+        self._changed = False
+
     def apply(self) -> None:
         """Tell the solver when anything has changed; before it works on the stresses."""
         if not self._changed:

@@ -1,0 +1,120 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Demolition: charges in walls that go off one after the other."""
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.errors import CommandError
+from procphys_ros.scene.strikes import Demolition
+from procphys_ros.simulation.blows import Blows
+from procphys_ros.simulation.events import Cause
+
+_CORE = 0.9        # of a charge's radius: inside masonry turns to dust, outside it is thrown
+_THROW = 6.0       # [m/s] away from the charge
+_BAND = (0.3, 1.05)  # [m] above the foot of a building, where charges are drilled
+_SPACING = 1.2     # [m] between charges of the default plan
+_RADIUS = 0.7      # [m] of such a charge; radius over spacing leaves no pier standing
+_SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at the corners
+_HEAVY = 200.0     # [kg] parts above it, such as slabs, are cut loose, not turned to dust
+
+
+class Charges:
+    """
+    Charges that are armed, and what they do.
+
+    :param blueprint: all parts of the scene.
+    :param blows: cuts parts out.
+    :param vanish: takes parts out of the scene for good.
+    """
+
+    def __init__(self, blueprint: Blueprint, blows: Blows, vanish):
+        self._blueprint = blueprint
+        self._blows = blows
+        self._vanish = vanish
+
+    def begin(self) -> None:
+        """Disarm everything."""
+        self._armed: list[tuple[float, np.ndarray, float]] = []
+
+    def __len__(self) -> int:
+        return len(self._armed)
+
+    def arm(self, plan: Demolition, time: float) -> int:
+        """
+        Start the clocks of a plan's charges.
+
+        :param plan: without charges, they are laid along the ground-floor walls.
+        :param time: [s].
+        :returns: number of charges.
+        :raises CommandError: when there is nothing to demolish.
+        """
+        if not self._blows.buildings.standing.any():
+            raise CommandError('there is no building left to demolish')
+        plan = plan if len(plan) else self.implosion()
+        for delay, place, radius in zip(plan.delays, plan.places, plan.radii):
+            self._armed.append((time + float(delay), place, float(radius)))
+        self._armed.sort(key=lambda charge: charge[0])
+        return len(plan)
+
+    def advance(self, time: float, time_step: float) -> None:
+        """Fire the charges whose moment lies within the next step."""
+        while self._armed and self._armed[0][0] < time + time_step:
+            _, place, radius = self._armed.pop(0)
+            self._fire(place, radius, time)
+
+    def implosion(self) -> Demolition:
+        """Lay charges along the walls of all ground floors, to be fired from the middle out."""
+        source, standing = self._blueprint, self._blows.buildings.standing
+        low = source.poses[:, 2] - 0.5 * source.size[:, 2]
+        graph = self._blows.buildings.graph
+        on_ground = np.zeros(len(source) + 1, bool)
+        for ends in (graph.first, graph.second):
+            on_ground[ends[graph.grounded()]] = True
+        foot = float(low[on_ground[:-1] & standing].min(initial=0.0))
+        height = source.poses[:, 2] - foot
+        chosen = np.flatnonzero(standing & (source.shape == Shape.BOX) & (height > _BAND[0])
+                                & (height < _BAND[1]) & (source.mass < _HEAVY))
+        if not len(chosen):
+            raise CommandError('no wall stands between 0.3 and 1.05 m above the ground; give '
+                               'demolition.positions')
+        points = source.poses[chosen, :3]
+        cell = np.floor(points[:, :2] / _SPACING).astype(np.int64)
+        _, place, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+        middles = np.column_stack([np.bincount(place.ravel(), column) / count
+                                   for column in points.T])
+        away = np.linalg.norm(middles[:, :2] - middles[:, :2].mean(axis=0), axis=1)
+        delays = _SPREAD * away / max(float(away.max()), 1e-9)
+        return Demolition(delays.tolist(), middles.ravel().tolist(), [_RADIUS] * len(middles))
+
+    def _fire(self, place: np.ndarray, radius: float, time: float) -> None:
+        """Break what stands within the radius: dust inside, thrown pieces at the rim."""
+        source, standing = self._blueprint, self._blows.buildings.standing
+        away = source.poses[:, :3] - place
+        distance = np.linalg.norm(away, axis=1)
+        hit = standing & (distance < radius) & (source.shape == Shape.BOX)
+        dust = np.flatnonzero(hit & (distance < _CORE * radius) & (source.mass < _HEAVY))
+        thrown = np.flatnonzero(hit & ~np.isin(np.arange(len(source)), dust))
+        if len(thrown):
+            velocities = np.zeros((len(thrown), 6))
+            velocities[:, :3] = (_THROW * away[thrown]
+                                 / np.maximum(distance[thrown], 1e-3)[:, None])
+            velocities[source.mass[thrown] >= _HEAVY] = 0.0
+            self._blows.tear_out(thrown, velocities, Cause.DEMOLITION, 1.0, time)
+        if len(dust):
+            self._blows.cut_out(dust, Cause.DEMOLITION, 1.0, time)
+            self._blows.remove(dust)
+            self._vanish(dust)

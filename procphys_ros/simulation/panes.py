@@ -1,0 +1,148 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Panes of glass: they break by bending long before their frames let go, and into pieces."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.physics.masonry import Resistance
+from procphys_ros.physics.world import World
+from procphys_ros.simulation.blows import Blows
+from procphys_ros.simulation.debris import Debris
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.late_parts import shards
+
+_STRENGTH = 45e6     # [Pa] of annealed float glass, EN 572-1
+_MODULUS = 70e9      # [Pa] the same
+_POISSON = 0.23      # the same
+_THICKEST = 0.025    # [m] thicker glass is no pane
+_POINT_STRESS = 1.3  # stress·thickness² over a force in the middle, spread over about a thickness
+_POINT_SAG = 0.0116  # sag·stiffness/(force·edge²), square plate on supports (Timoshenko, table 23)
+_PLATE_STRESS = 0.2874  # stress·thickness²/(pressure·edge²), square plate (Roark, table 11.4)
+_REACH = 0.1         # [m] beside what strikes a pane, how far shards are dragged along
+_PIECES = 4          # along each side
+_FEWER = 40          # panes at once, above which each breaks into fewer pieces
+
+
+@dataclass(frozen=True)
+class CrackedPane:
+    """
+    A pane about to break.
+
+    :ivar part: index.
+    :ivar pieces: its shards.
+    :ivar share: how fast each shard goes, as a share of the fastest, (S,).
+    :ivar mass: of all shards, weighted with this share [kg].
+    :ivar resistance: of the pane against a blow in one point.
+    """
+
+    part: int
+    pieces: Blueprint
+    share: np.ndarray
+    mass: float
+    resistance: Resistance
+
+
+class Panes:
+    """
+    All window panes of a scene.
+
+    :param blueprint: all parts of the scene; thin boxes of glass are panes.
+    :param blows: cuts them out of their frames.
+    :param seed: of the shapes of shards.
+    :param join: adds late parts under an object's name and gives the index of the first.
+    :param vanish: takes parts out of the scene for good.
+    """
+
+    def __init__(self, blueprint: Blueprint, blows: Blows, seed: int,
+                 join: Callable[[Blueprint, str], int],
+                 vanish: Callable[[np.ndarray], None]):
+        self._blueprint = blueprint
+        self._blows = blows
+        self._seed = seed
+        self._join = join
+        self._vanish = vanish
+        glass = np.array([name == 'glass' for name in blueprint.materials] or [False])
+        self._is_pane = (glass[blueprint.material] & (blueprint.shape == Shape.BOX)
+                         & (blueprint.size.min(axis=1, initial=np.inf) < _THICKEST))
+        self._thickness, self._edge, _ = np.sort(blueprint.size, axis=1).T
+
+    def begin(self, world: World, debris: Debris) -> None:
+        """Start anew in a world that has just been built."""
+        self._world = world
+        self._debris = debris
+
+    def are(self, parts: np.ndarray) -> np.ndarray:
+        """Say which parts are panes, (K,) bool."""
+        return self._is_pane[parts]
+
+    def pressure(self, parts: np.ndarray) -> np.ndarray:
+        """Give the steady pressure at which panes break [Pa], (K,)."""
+        slenderness = self._edge[parts] / self._thickness[parts]
+        return _STRENGTH / (_PLATE_STRESS * slenderness ** 2)
+
+    def crack(self, part: int, point: np.ndarray | None = None, size: float = 0.0,
+              count: int = 1) -> CrackedPane:
+        """
+        Prepare a pane for breaking.
+
+        :param part: index.
+        :param point: where it is struck, world [m], (3,); None = everywhere.
+        :param size: of what strikes it there [m].
+        :param count: of panes that break together.
+        """
+        source, rng = self._blueprint, np.random.default_rng([self._seed, part])
+        pieces = _PIECES if count < _FEWER else _PIECES // 2
+        parts = shards(source.size[part], float(source.density[part]), source.poses[part],
+                       source.textures[source.texture[part]],
+                       source.materials[source.material[part]], pieces, pieces, rng)
+        share = np.ones(len(parts))
+        if point is not None:
+            distance = np.linalg.norm(parts.poses[:, :3] - point, axis=1)
+            share = np.exp(-(distance / (0.5 * size + _REACH)) ** 2)
+            share /= share.max()
+        thin, edge = float(self._thickness[part]), float(self._edge[part])
+        force = _STRENGTH * thin ** 2 / _POINT_STRESS
+        stiffness = _MODULUS * thin ** 3 / (12.0 * (1.0 - _POISSON ** 2))
+        energy = 0.5 * force ** 2 * _POINT_SAG * edge ** 2 / stiffness
+        return CrackedPane(part, parts, share, float(parts.mass @ share),
+                           Resistance(np.zeros(0, np.intp), force, energy))
+
+    def shatter(self, pane: CrackedPane, velocity: np.ndarray, load: float, time: float,
+                cause: Cause = Cause.IMPACT) -> None:
+        """
+        Let a pane fly in pieces.
+
+        :param pane: from `crack`.
+        :param velocity: of its fastest shards [m/s], world, (3,).
+        :param load: over what it withstood.
+        :param time: of the simulation [s].
+        :param cause: of its bonds' breaking.
+        """
+        gone = np.array([pane.part])
+        self._blows.cut_out(gone, cause, load, time)
+        self._blows.remove(gone)
+        self._vanish(gone)
+        pieces = pane.pieces
+        first = self._join(pieces, f'pane_{pane.part}')
+        bodies = self._world.add_bricks(pieces.poses, pieces.size, pieces.mass)
+        velocities = np.zeros((len(pieces), 6))
+        velocities[:, :3] = pane.share[:, None] * velocity
+        self._world.thaw(bodies, velocities)
+        self._debris.adopt(np.arange(first, first + len(pieces)), bodies)
