@@ -214,3 +214,10 @@ def test_unequal_strengths_are_read_bond_by_bond():
     share, _ = solver.utilisation()
     assert share[1] == pytest.approx(2 * share[0])
     assert share[1] > 1.0 > share[0]
+
+
+def test_overpulled_bond_fails_in_tension_not_in_shear():
+    """Name tension as the cause however far a pull with a little shear goes beyond the cut-off."""
+    for pull in (0.25e6, 0.5e6, 5e6):
+        share, cause = share_and_cause((1.0, 0, pull * AREA))
+        assert (share, cause) == (pytest.approx(pull / 0.2e6, rel=1e-6), Cause.TENSION)

@@ -17,8 +17,10 @@
 
 from procphys_ros.physics.masonry.capacity import Resistance, tear_out
 from procphys_ros.physics.masonry.fracture import Failures, Fracture
+from procphys_ros.physics.masonry.free_body import Breakage, FreeBodies
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
 from procphys_ros.physics.masonry.strength import Cause
 
-__all__ = ['BondGraph', 'Cause', 'Failures', 'Fracture', 'Resistance', 'StressSolver', 'tear_out']
+__all__ = ['BondGraph', 'Breakage', 'Cause', 'Failures', 'Fracture', 'FreeBodies', 'Resistance',
+           'StressSolver', 'tear_out']

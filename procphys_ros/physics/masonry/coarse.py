@@ -31,7 +31,6 @@ from scipy.sparse.linalg import splu
 from procphys_ros.physics.masonry import links
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
 
-
 _STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
 
 

@@ -98,14 +98,14 @@ class Fracture:
         graph = solver.graph
         wrench = solver.wrenches()
         share, cause = strength.utilisation(graph, wrench)
-        if len(adrift):  # no equilibrium to redistribute to: all that is overloaded goes at once
-            moving = np.zeros(graph.count + 1, bool)
-            moving[adrift] = True
-            moving = moving[graph.first] | moving[graph.second]
-            bonds = np.flatnonzero(moving & (share > 1.0))
-            cause[bonds] = Cause.MECHANISM
-        else:
-            bonds = strength.worst_first(graph, share, self.band)
+        chosen = np.zeros(len(graph), bool)
+        if solver.converged:
+            chosen[strength.worst_first(graph, share, self.band)] = True
+        moving = np.zeros(graph.count + 1, bool)
+        moving[adrift] = True
+        moving = (moving[graph.first] | moving[graph.second]) & (share > 1.0)
+        cause[moving] = Cause.MECHANISM  # nothing to redistribute to: all around it go at once
+        bonds = np.flatnonzero(chosen | moving)
         stays, low, high = strength.opening(graph, bonds, wrench[bonds])
         stays &= cause[bonds] == Cause.TENSION
         if np.any(stays):

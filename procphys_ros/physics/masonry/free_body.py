@@ -90,6 +90,18 @@ class FreeBodies:
         """Make every bond whole again."""
         self.graph.restore()
 
+    def take_over(self, graph: BondGraph, parts: np.ndarray) -> None:
+        """
+        Go on with the bonds of parts that fall as a building left them: broken, opened or whole.
+
+        :param graph: of the building.
+        :param parts: that fall, (P,).
+        """
+        falls = np.zeros(graph.count + 1, bool)
+        falls[parts] = True
+        bonds = np.flatnonzero(falls[graph.first] & falls[graph.second])
+        self.graph.adopt(graph, bonds, graph.rows[bonds])
+
     def pieces(self, parts: np.ndarray) -> list[np.ndarray]:
         """List what hangs together among some parts, the largest piece first."""
         _, a, b = self._inside(parts)

@@ -27,10 +27,10 @@ _AGGREGATE = 12      # parts per aggregate: cheapest sum of iterations and coars
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
 _STALE_AFTER = 40    # iterations since a change after which the coarse space is renewed: it costs
 #                      as much as about 30 iterations
-_PATIENCE = 2000     # iterations since a change after which an island counts as a mechanism
-_ADRIFT = 0.25       # [m] displacement at which an island counts as a mechanism: more than a
-#                      brick, so bonds are no longer where linear theory has them; sound masonry
-#                      moves by less than a millimetre, timber floors by a few
+_PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
+_ADRIFT = 0.25       # [m] displacement at which a part counts as a mechanism: more than a brick, so
+#                      bonds are no longer where linear theory has them; sound masonry moves by
+#                      less than a millimetre, timber floors by a few
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
 
 
@@ -271,14 +271,12 @@ class StressSolver:
 
     def mechanisms(self) -> np.ndarray:
         """
-        List the parts of islands that found no static equilibrium worth the name.
+        List the parts that no static equilibrium worth the name holds.
 
-        An island is a mechanism when a part of it is displaced by 25 cm, or when the iterations
-        since the last change have run out of patience while it is still out of balance.
+        These are parts displaced by more than 25 cm, and parts still unbalanced when the
+        iterations since the last change have run out of patience.
         """
         far = np.max(np.abs(self.displacement[:-1, :3]), axis=1, initial=0.0) > _ADRIFT
         if self._patience >= _PATIENCE and not self.converged:
-            far[self._parts] = True
-        adrift = np.zeros(self.graph.count, bool)
-        adrift[self.labels[far]] = True
-        return np.flatnonzero(adrift[self.labels] & self.supported)
+            far[self.unbalanced()] = True
+        return np.flatnonzero(far)

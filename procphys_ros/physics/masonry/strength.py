@@ -23,7 +23,7 @@ p the mean compression, compression <= f_c. Utilisation is demand over capacity 
 counts as capacity, so that it stays finite and equals 1 exactly on the limit:
 
     tension      bending stress / (f_t + p), for a pulled bond (N/A + bending stress) / f_t
-    shear        |τ| / (c + μ·p), pulled c - μ·N/A
+    shear        |τ| / (c + μ·p), pulled c - μ·N/A down to its value at the cut-off
     compression  (p + bending stress) / f_c
 
 With f_t = 0 the first is eccentricity over kern: a dry bed opens once the resultant leaves the
@@ -38,6 +38,7 @@ import numpy as np
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
 
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
+_HOPELESS = 3.0     # utilisation that the breaking of others elsewhere will not bring below 1
 _LIGAMENT = 0.05    # least share of the whole side that may stay closed: less crushes away
 _MARGIN = 0.95      # of the side that balances the resultant: utilisation 0.9 once opened
 
@@ -68,7 +69,7 @@ def _utilise(alive, wrench, area, extent, tension, cohesion, friction, compressi
                  + 6.0 * abs(wrench[m, 5]) / across) / area[m]
         share = (
             (bending + max(pull, 0.0)) / max(tension[m] + press, _LEAST),
-            shear / max(cohesion[m] - friction[m] * pull, _LEAST),
+            shear / max(cohesion[m] - friction[m] * min(pull, tension[m]), _LEAST),
             (press + bending) / compression[m],
         )
         for c in range(3):
@@ -128,8 +129,9 @@ def worst_first(graph: BondGraph, share: np.ndarray, band: float) -> np.ndarray:
     """
     Choose the bonds to break before stresses are solved anew.
 
-    The worst bond breaks, and with it every bond over its limit that is within `band` of it and
-    worse than all others two bonds away: far enough that breaking the worst relieves it little.
+    The worst bond breaks, and with it every bond over its limit that is within `band` of it, or
+    carries thrice its strength, and is worse than all others two bonds away: far enough that
+    breaking the worst relieves it little.
 
     :param share: utilisation, (M,).
     :param band: least utilisation relative to the worst; 1 breaks the worst alone.
@@ -149,4 +151,5 @@ def worst_first(graph: BondGraph, share: np.ndarray, band: float) -> np.ndarray:
     np.maximum.at(wider, graph.second[over], around)
     wider[far] = 0.0
     around = np.maximum(around, np.maximum(wider[graph.first[over]], wider[graph.second[over]]))
-    return over[(share[over] >= around) & (share[over] >= band * share[over].max())]
+    least = min(band * share[over].max(), _HOPELESS)
+    return over[(share[over] >= around) & (share[over] >= least)]
