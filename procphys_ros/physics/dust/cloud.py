@@ -90,7 +90,7 @@ class DustCloud:
     def __init__(self, capacity: int, seed: int, gravity: float = 9.81):
         self._seed = seed
         self._gravity = gravity
-        self._noise = np.zeros((capacity, 3))
+        self._noise = np.zeros((capacity, 3), np.float32)
         self.position = np.zeros((capacity, 3))
         self.deviation, self.mass, self.grain, self._fall, self._birth = np.zeros((5, capacity))
         self.state = np.zeros(capacity, np.uint8)
@@ -150,7 +150,7 @@ class DustCloud:
         rows = np.flatnonzero(self.state == State.AIRBORNE)
         self._airborne = len(rows) > 0
         air = wind(self.position[rows])
-        noise = self._rng.standard_normal(out=self._noise[:len(rows)])
+        noise = self._rng.random(dtype=np.float32, out=self._noise[:len(rows)])
         _drift(rows, air, noise, time_step, self._fall, self.mass, self.grain, self.position,
                self.deviation, self.state)
 
@@ -194,15 +194,15 @@ def _drift(rows, air, noise, dt, fall, mass, grain, position, deviation,
     Move airborne puffs.
 
     Turbulence does not carry dust through the ground: it is thrown back there. Only falling lays
-    it down.
+    it down. Even noise, which is drawn five times faster, adds up to a normal walk in a few steps.
     """
     for k in range(len(rows)):
         i = rows[k]
         speed = math.sqrt(air[k, 0] ** 2 + air[k, 1] ** 2 + air[k, 2] ** 2)
         widening = (_STILL_MIXING + _MIXING * speed) * dt
-        step = math.sqrt(widening)
+        step = math.sqrt(12.0 * widening)
         for c in range(3):
-            position[i, c] += air[k, c] * dt + step * noise[k, c]
+            position[i, c] += air[k, c] * dt + step * (noise[k, c] - 0.5)
         height = abs(position[i, 2]) - fall[i] * dt
         position[i, 2] = max(height, 0.0)
         deviation[i] = math.sqrt(deviation[i] ** 2 + widening)
