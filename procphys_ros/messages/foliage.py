@@ -64,9 +64,8 @@ class Foliage:
 
 
 def too_many(blueprint: Blueprint, most_triangles: int) -> bool:
-    """Say whether leaves and boneless twigs have more triangles than may be drawn."""
-    twigs = blueprint.shape[blueprint.ornaments.part] == Shape.CAPSULE
-    return bool(2 * len(blueprint.leaves) + np.count_nonzero(twigs) > most_triangles)
+    """Say whether the leaves have more triangles than may be drawn."""
+    return 2 * len(blueprint.leaves) > most_triangles
 
 
 def balls(blueprint: Blueprint) -> np.ndarray:
@@ -81,9 +80,9 @@ def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
     """
     Collect the leaves and ornaments of all objects, one entry per object and texture.
 
-    Leaves have poses of their own, numbered behind the N parts. When there are `too_many`, twigs
-    are left out first; then evenly chosen leaves are drawn larger in place of all, so that the
-    area of green stays, and ride on their parts.
+    Leaves have poses of their own, numbered behind the N parts. Twigs are drawn when there is
+    room for them beside the leaves. When there are `too_many` leaves, evenly chosen ones are
+    drawn larger in place of all, so that the area of green stays, and ride on their parts.
 
     :param objects: owners of the parts, in part order.
     :param most_triangles: of leaves and of boneless twigs in all.
@@ -94,9 +93,10 @@ def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
     if too_many(blueprint, most_triangles):
         leaves = _thinned(leaves, most_triangles // 2)
         carrier, frame = leaves.part, leaves.pose
-        drawn = blueprint.shape[ornaments.part] != Shape.CAPSULE
-    else:
-        drawn = ~balls(blueprint)[ornaments.part]
+    ball = balls(blueprint)[ornaments.part]
+    twig = (blueprint.shape[ornaments.part] == Shape.CAPSULE) & ~ball
+    room = 2 * len(leaves) + np.count_nonzero(twig) <= most_triangles
+    drawn = ~ball & (~twig | room)
     ornaments = Ornaments(ornaments.part[drawn], ornaments.triangle[drawn],
                           ornaments.texture[drawn])
     part = np.concatenate([np.repeat(leaves.part, 6), np.repeat(ornaments.part, 3)])
