@@ -19,7 +19,6 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import SceneError
-from procphys_ros.messages.dust import dust_rows
 from procphys_ros.physics.dust import (
     DUST_PER_ENERGY,
     DustCloud,
@@ -27,7 +26,6 @@ from procphys_ros.physics.dust import (
     lost_energy,
     Mode,
     motion_energy,
-    Puffs,
     State,
     stokes_speed,
 )
@@ -276,16 +274,6 @@ def test_switched_off_dust_changes_nothing():
         runs.append((simulation.poses, len(simulation.dust.ages)))
     assert np.array_equal(runs[0][0], runs[1][0])
     assert runs[0][1] > 0 and runs[1][1] == 0
-
-
-def test_the_cloud_becomes_rows_of_points():
-    """Write position, opacity as intensity, size and age of every puff."""
-    puffs = cloud_of().puffs
-    rows = dust_rows(puffs)
-    assert rows['x'] == pytest.approx(puffs.positions[:, 0].astype(np.float32))
-    assert rows['intensity'] == pytest.approx(puffs.opacity.astype(np.float32))
-    assert rows['size'] == pytest.approx(puffs.sizes.astype(np.float32))
-    assert len(dust_rows(Puffs.none())) == 0
 
 
 @pytest.mark.parametrize(('group', 'words'), [
