@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Measure what building walls costs: time, memory and comparisons from 1,000 to 100,000 bricks.
+Measure what building walls costs: time and memory from 1,000 to 100,000 bricks.
 
 Run `python bench/walls.py`. Linear cost shows as columns that stay level down the table.
 """

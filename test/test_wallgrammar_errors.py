@@ -134,6 +134,15 @@ def test_endless_division_is_refused():
     assert '100000 divisions' in refusal('-> wall', rules).message
 
 
+def test_deep_nesting_is_refused():
+    """Refuse what is written too deep, before Python's own stack ends."""
+    for head, tail in (('split(x) { ~1: ', ' }'), ('split(x) { { ~1: wall }* | ~1: ', ' }')):
+        error = refusal('-> wall', '-> ' + head * 2000 + 'wall' + tail * 2000)
+        assert 'nested more than' in error.message
+    error = refusal('-> wall', '-> split(x) { ' + '{' * 2000 + '~1: wall' + '}*' * 2000 + '}')
+    assert 'nested more than' in error.message
+
+
 def test_a_million_bricks_are_refused_before_they_are_built():
     """Refuse by the count, with the bound and the remedy."""
     error = refusal('storey_height: 3', 'storey_height: 90', width=200.0)

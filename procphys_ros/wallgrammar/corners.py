@@ -51,26 +51,27 @@ def bond(site: Site, walls: Sequence[Elevation]) -> None:
 def _bond_corner(site: Site, boxes: Boxes, wall: Elevation, following: Elevation) -> None:
     ends = _near(boxes, wall, True)
     starts = _near(boxes, following, False)
-    pairs: list[tuple[int, int]] = []
-    for z in sorted(ends):
-        for row, _, _ in ends[z]:
-            level = boxes.cells[1][row, 2]
-            pairs += [(row, other) for other, _, _ in starts.get(level, ())]
-        faces = ([e for e in ends[z] if e[1]], [s for s in starts.get(z, ()) if s[1]])
-        for first, second in zip(*faces):
-            _wedge(site, boxes, first[0], second[0], wall.facade, following.facade)
-    for z in sorted(starts):
-        for row, _, _ in starts[z]:
-            level = boxes.cells[1][row, 2]
-            pairs += [(row, other) for other, _, _ in ends.get(level, ())]
-    _beds(site, boxes, pairs)
+    beds: list[tuple[int, int]] = []
+    wedges: list[tuple[int, int]] = []
+    for below, above in ((ends, starts), (starts, ends)):
+        for bricks in below.values():
+            for row, _, top in bricks:
+                beds += [(row, other) for other, _, _ in above.get(top, ())]
+    for bottom, bricks in ends.items():
+        faces = [row for row, at_end, _ in bricks if at_end]
+        opposite = [row for row, at_start, _ in starts.get(bottom, ()) if at_start]
+        wedges += zip(faces, opposite)  # leaf by leaf, from the outside
+    _beds(site, boxes, beds)
+    if wedges:
+        _wedges(site, boxes, np.array(wedges), wall.facade, following.facade)
 
 
 def _near(boxes: Boxes, wall: Elevation, end: bool) -> dict[int, list[tuple[int, bool, int]]]:
     """
     Find the bricks near an end of a wall.
 
-    :returns: by the bottom of their cells: part, whether it reaches the end, depth in the wall.
+    :returns: by the bottom of their cells: part, whether it reaches the end, top of its cell;
+        from the outer face inwards.
     """
     facade = wall.facade
     rows = np.array(wall.rows, int)
@@ -82,48 +83,42 @@ def _near(boxes: Boxes, wall: Elevation, end: bool) -> dict[int, list[tuple[int,
     corner = facade.end if end else facade.start
     reaches = np.isin(-distance, (corner.owned, corner.yielded))
     depth = np.abs(low[rows, 1 - axis] + high[rows, 1 - axis] - 2 * facade.origin[1 - axis])
+    order = np.lexsort((rows[kept], depth[kept]))
     found: dict[int, list[tuple[int, bool, int]]] = {}
-    for row, at_end, deep in sorted(zip(rows[kept], reaches[kept], depth[kept]),
-                                    key=lambda item: (item[2], item[0])):
-        found.setdefault(int(low[row, 2]), []).append((int(row), bool(at_end), int(deep)))
+    for row, at_end in zip(rows[kept][order].tolist(), reaches[kept][order].tolist()):
+        found.setdefault(int(low[row, 2]), []).append((row, at_end, int(high[row, 2])))
     return found
 
 
-def _wedge(site: Site, boxes: Boxes, first: int, second: int, ending: Facade,
-           starting: Facade) -> None:
-    """Bond the end of one wall to the start of the next, over the wedge of mortar."""
-    out = _face(site, boxes, first, ending, 1)
-    into = _face(site, boxes, second, starting, -1)
-    across = into[0] - out[0]
-    normal = out[1] - into[1]
-    normal /= np.linalg.norm(normal)
-    low = max(boxes.low[first, 2], boxes.low[second, 2]) / MICRO
-    high = min(boxes.high[first, 2], boxes.high[second, 2]) / MICRO
-    if high - low <= 0.002:
-        return
-    centre = 0.5 * (out[0] + into[0])
-    centre[2] = 0.5 * (low + high)
-    width = min(out[2], into[2])
+def _wedges(site: Site, boxes: Boxes, pairs: np.ndarray, ending: Facade,
+            starting: Facade) -> None:
+    """Bond the ends of one wall to the starts of the next, over the wedges of mortar."""
+    out, ahead, out_width, out_half = _faces(site, boxes, pairs[:, 0], ending, 1)
+    into, back, in_width, in_half = _faces(site, boxes, pairs[:, 1], starting, -1)
+    normal = (ahead - back) / np.linalg.norm(ahead - back)
+    low = boxes.low[pairs, 2].max(axis=1) / MICRO
+    high = boxes.high[pairs, 2].min(axis=1) / MICRO
+    centre = 0.5 * (out + into)
+    centre[:, 2] = 0.5 * (low + high)
     axes = np.column_stack([np.cross([0.0, 0.0, 1.0], normal), [0.0, 0.0, 1.0], normal])
+    attitude = np.tile(rotation.from_matrix(axes), (len(pairs), 1))
+    extent = np.column_stack([np.minimum(out_width, in_width), high - low])
     site.patches.append(Patches(
-        np.array([[first, second]]), np.concatenate([centre, rotation.from_matrix(axes)])[None],
-        np.array([[width, high - low]]), np.array([width * (high - low)]),
-        np.array([max(abs(float(across @ normal)), 0.001)]), np.array([[out[3], into[3]]])))
+        pairs, np.column_stack([centre, attitude]), extent, extent.prod(axis=1),
+        np.abs((into - out) @ normal), np.column_stack([out_half, in_half])))
 
 
-def _face(site: Site, boxes: Boxes, row: int, facade: Facade,
-          side: int) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Give centre, outward normal, width and half length of the end of a brick [m]."""
+def _faces(site: Site, boxes: Boxes, rows: np.ndarray, facade: Facade,
+           side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Give centres, outward normal, widths and half lengths of the ends of bricks [m]."""
     axis = facade.quarter % 2
-    direction = side if facade.quarter < 2 else -side
-    centre = (boxes.low[row] + boxes.high[row]) / (2.0 * MICRO)
-    half = (boxes.high[row] - boxes.low[row]) / (2.0 * MICRO)
     normal = np.zeros(3)
-    normal[axis] = direction
-    centre = centre + normal * half
-    frame = site.frames[boxes.frame[row]]
-    return (frame[:3] + rotation.rotate(frame[3:], centre), rotation.rotate(frame[3:], normal),
-            2.0 * float(half[1 - axis]), float(half[axis]))
+    normal[axis] = side if facade.quarter < 2 else -side
+    half = (boxes.high[rows] - boxes.low[rows]) / (2.0 * MICRO)
+    centre = (boxes.high[rows] + boxes.low[rows]) / (2.0 * MICRO) + normal * half
+    turn = site.frames[facade.frame][3:]
+    return (rotation.rotate(turn, centre), rotation.rotate(turn, normal), 2.0 * half[:, 1 - axis],
+            half[:, axis])
 
 
 def _beds(site: Site, boxes: Boxes, pairs: list[tuple[int, int]]) -> None:
@@ -141,15 +136,14 @@ def _beds(site: Site, boxes: Boxes, pairs: list[tuple[int, int]]) -> None:
         area, centre = _area(outline)
         if area < _LEAST_AREA:
             continue
-        frame = site.frames[boxes.frame[lower]]
-        turned = rotation.rotate(rotation.conjugate(frame[3:]),
-                                 np.column_stack([outline, np.zeros(len(outline))]))
-        extent = np.ptp(turned[:, :2], axis=0)
+        along = (below[1] - below[0]) / np.hypot(*(below[1] - below[0]))
+        sides = outline @ np.array([[along[0], -along[1]], [along[1], along[0]]])
+        extent = sides.max(axis=0) - sides.min(axis=0)
         extent = extent * np.sqrt(area / extent.prod())  # same area, same proportions
         bed = (boxes.high[lower, 2] / MICRO, boxes.low[upper, 2] / MICRO)
         reach = [(boxes.high[r, 2] - boxes.low[r, 2]) / (2.0 * MICRO) for r in (lower, upper)]
-        found.append(((lower, upper), (*centre, 0.5 * sum(bed), *frame[3:]), extent, area,
-                      bed[1] - bed[0], reach))
+        pose = (*centre, 0.5 * sum(bed), *site.frames[boxes.frame[lower]][3:])
+        found.append(((lower, upper), pose, extent, area, bed[1] - bed[0], reach))
     if found:
         site.patches.append(Patches(*(np.array(column) for column in zip(*found))))
 

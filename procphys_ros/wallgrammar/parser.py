@@ -45,6 +45,7 @@ Node: TypeAlias = Any  # a tree; lark says of children only that they are trees 
 
 SCOPE_NAMES = ('scope_x', 'scope_y')  # size of the present scope [m], known inside rules
 _PROPERTIES = ('footprint', 'facades', 'storey_height', 'storeys', 'floors', 'roof', 'partitions')
+_DEEPEST = 32  # divisions written inside each other
 _PANEL_KINDS = {'boards': 1, 'glazing': 2, 'beam': 1, 'none': 0}
 
 
@@ -214,18 +215,21 @@ class _Reader:
         return Rule(str(name), parameters, optional(condition), self.successor(successor, known),
                     optional(weight), self.place(node))
 
-    def successor(self, node: Node, known: Collection[str]) -> Successor:
+    def successor(self, node: Node, known: Collection[str], depth: int = 0) -> Successor:
+        if depth > _DEEPEST:
+            raise self.place(node).error(f'nested more than {_DEEPEST} deep; use another rule')
+
         def expression(i: int) -> Expression:
             return self.expression(node.children[i], known)
 
         def inner(i: int) -> Successor:
-            return self.successor(node.children[i], known)
+            return self.successor(node.children[i], known, depth + 1)
 
         if node.data == 'split':
             axis = str(node.children[0])
             if axis not in ('x', 'y'):
                 raise self.place(node).error(f'split({axis}) is unknown, use split(x) or split(y)')
-            return Split(axis, self.parts(node.children[1:], known), self.place(node))
+            return Split(axis, self.parts(node.children[1:], known, depth), self.place(node))
         if node.data == 'border':
             return Border(expression(0), inner(1), inner(2))
         if node.data == 'grid':
@@ -237,8 +241,11 @@ class _Reader:
         arguments = tuple(self.expression(c, known) for c in node.children[1:] if c is not None)
         return Call(str(node.children[0]), arguments, self.place(node))
 
-    def parts(self, nodes: list[Node], known: Collection[str]) -> tuple[Part | Repeat, ...]:
+    def parts(self, nodes: list[Node], known: Collection[str],
+              depth: int) -> tuple[Part | Repeat, ...]:
+        if depth > _DEEPEST:
+            raise self.place(nodes[0]).error(f'nested more than {_DEEPEST} deep')
         return tuple(
-            Repeat(self.parts(n.children, known), self.place(n)) if n.data == 'repeat'
+            Repeat(self.parts(n.children, known, depth + 1), self.place(n)) if n.data == 'repeat'
             else Part(str(n.data), self.expression(n.children[0], known),
-                      self.successor(n.children[1], known)) for n in nodes)
+                      self.successor(n.children[1], known, depth + 1)) for n in nodes)
