@@ -35,7 +35,7 @@ _THICKEST = 0.025    # [m] thicker glass is no pane
 _POINT_STRESS = 1.3  # stress·thickness² over a force in the middle, spread over about a thickness
 _POINT_SAG = 0.0116  # sag·stiffness/(force·edge²), square plate on supports (Timoshenko, table 23)
 _PLATE_STRESS = 0.2874  # stress·thickness²/(pressure·edge²), square plate (Roark, table 11.4)
-_REACH = 0.1         # [m] beside what strikes a pane, how far shards are dragged along
+_REACH = 0.1         # [m] wider than what strikes it is the glass that feels a blow in time
 _PIECES = 4          # along each side
 _FEWER = 40          # panes at once, above which each breaks into fewer pieces
 
@@ -47,8 +47,8 @@ class CrackedPane:
 
     :ivar part: index.
     :ivar pieces: its shards.
-    :ivar share: how fast each shard goes, as a share of the fastest, (S,).
-    :ivar mass: of all shards, weighted with this share [kg].
+    :ivar share: velocity of each shard over that of the glass under the blow, (S,).
+    :ivar mass: of the glass that moves with what strikes it [kg].
     :ivar resistance: of the pane against a blow in one point.
     """
 
@@ -112,16 +112,18 @@ class Panes:
         parts = shards(source.size[part], float(source.density[part]), source.poses[part],
                        source.textures[source.texture[part]],
                        source.materials[source.material[part]], pieces, pieces, rng)
-        share = np.ones(len(parts))
+        share, mass = np.ones(len(parts)), float(parts.mass.sum())
+        thin, edge = float(self._thickness[part]), float(self._edge[part])
         if point is not None:
+            edge = min(edge, size + _REACH)
+            mass = min(mass, float(source.density[part]) * thin * edge ** 2)
             distance = np.linalg.norm(parts.poses[:, :3] - point, axis=1)
             share = np.exp(-(distance / (0.5 * size + _REACH)) ** 2)
-            share /= share.max()
-        thin, edge = float(self._thickness[part]), float(self._edge[part])
+            share *= mass / float(parts.mass @ share)
         force = _STRENGTH * thin ** 2 / _POINT_STRESS
         stiffness = _MODULUS * thin ** 3 / (12.0 * (1.0 - _POISSON ** 2))
         energy = 0.5 * force ** 2 * _POINT_SAG * edge ** 2 / stiffness
-        return CrackedPane(part, parts, share, float(parts.mass @ share),
+        return CrackedPane(part, parts, share, mass,
                            Resistance(np.zeros(0, np.intp), force, energy))
 
     def shatter(self, pane: CrackedPane, velocity: np.ndarray, load: float, time: float,
@@ -130,7 +132,7 @@ class Panes:
         Let a pane fly in pieces.
 
         :param pane: from `crack`.
-        :param velocity: of its fastest shards [m/s], world, (3,).
+        :param velocity: of the glass under the blow [m/s], world, (3,).
         :param load: over what it withstood.
         :param time: of the simulation [s].
         :param cause: of its bonds' breaking.

@@ -37,7 +37,9 @@ RESTITUTION = 0.25   # of hard bodies on masonry and wood that hold
 _FRICTION = 0.6      # stone on brick, EN 1996-1-1 3.6.2 gives 0.4 for design, means lie higher
 _ROLLING = 2.0 / 7.0  # share of its tangential momentum that a ball loses until it rolls
 _SLOW = 0.3          # [m/s] closing speed below which a touch is left to the world's contacts
+_JOINT = 0.01        # [m] mortar between parts that makes their faces one wall
 _DENT = 0.015        # [m] parts touched within this depth take one blow together
+_FLUSH = 1e-3        # [m] depth within which touches say together which way a wall faces
 _ALIKE = 0.7         # least cosine between the normals of such touches
 _MOST_HITS = 150     # in one step
 
@@ -98,6 +100,7 @@ class Striking:
     def __init__(self, blueprint: Blueprint, grove: Grove, blows: Blows, panes: Panes):
         self._blueprint = blueprint
         self._grove = grove
+        self._closed_sizes = blueprint.size + _JOINT
         self._tree_sizes = blueprint.size[grove.forest.parts]
         self._blows = blows
         self._panes = panes
@@ -143,7 +146,8 @@ class Striking:
         left, has_struck = time_step, False
         passed: set[int] = set()
         for _ in range(_MOST_HITS):
-            found = self._next(missile, pose, velocity[:3] * left, velocity[:3], passed)
+            way = velocity[:3] * left
+            found = self._next(missile, pose, way, velocity[:3], passed)
             if found is None:
                 break
             hits, is_tree = found
@@ -155,7 +159,7 @@ class Striking:
                 self._hit_tree(missile, hits, velocity, time)
                 goes_on = before @ velocity[:3] > 0.0
             else:
-                goes_on = self._hit_wall(missile, hits, velocity, time)
+                goes_on = self._hit_wall(missile, hits, way, velocity, time)
             left = left if goes_on else time_step
             has_struck = True
         if has_struck:
@@ -174,7 +178,7 @@ class Striking:
                way: np.ndarray) -> tuple[Hits, Hits]:
         """Sweep over standing masonry, and over standing trees."""
         forest, end = self._grove.forest, pose[:3] + way
-        wall = (self._blueprint.poses, self._blueprint.size, self._blows.buildings.standing)
+        wall = (self._blueprint.poses, self._closed_sizes, self._blows.buildings.standing)
         trees = (forest.poses, self._tree_sizes, forest.active)
         if missile.ball:
             radius = 0.5 * float(missile.size[0])
@@ -200,7 +204,7 @@ class Striking:
             return _take(tree, np.arange(1)), True
         if not len(wall):
             return None
-        depth = (wall.fraction - wall.fraction[0]) * np.linalg.norm(way)
+        depth = _depth(wall, way)
         together = (depth < _DENT) & (wall.normal @ wall.normal[0] > _ALIKE)
         glass = self._panes.are(wall.index)
         return _take(wall, together & (glass == glass[0])), False
@@ -217,11 +221,11 @@ class Striking:
         velocity[:3] -= impulse / missile.mass
         self._note(time, missile, point, forest.parts[[row]], False, impulse, impulse, 0.0)
 
-    def _hit_wall(self, missile: _Missile, hits: Hits, velocity: np.ndarray,
+    def _hit_wall(self, missile: _Missile, hits: Hits, way: np.ndarray, velocity: np.ndarray,
                   time: float) -> bool:
         """Strike standing parts together; say whether they give way."""
-        parts, point = hits.index, hits.point.mean(axis=0)
-        normal = hits.normal.mean(axis=0)
+        parts, flush = hits.index, _depth(hits, way) < _FLUSH
+        point, normal = hits.point[flush].mean(axis=0), hits.normal[flush].mean(axis=0)
         normal /= np.linalg.norm(normal)
         before, closing = velocity[:3].copy(), float(-normal @ velocity[:3])
         direction = _line(before, normal, closing)
@@ -281,6 +285,11 @@ def _line(velocity: np.ndarray, normal: np.ndarray, closing: float) -> np.ndarra
         along *= _FRICTION * closing / slide
     direction = along - closing * normal
     return direction / np.linalg.norm(direction)
+
+
+def _depth(hits: Hits, way: np.ndarray) -> np.ndarray:
+    """Give how far behind the first touch the others are [m], (K,)."""
+    return (hits.fraction - hits.fraction[0]) * np.linalg.norm(way)
 
 
 def _take(hits: Hits, rows: np.ndarray) -> Hits:
