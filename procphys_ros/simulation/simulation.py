@@ -23,17 +23,20 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.dust import Puffs
+from procphys_ros.physics.masonry import FreeBodies
 from procphys_ros.physics.wind import Gust, Wind
 from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation.arsenal import Arsenal
 from procphys_ros.simulation.buildings import Buildings, Collapse
+from procphys_ros.simulation.collapse import Release
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.dust import Dust
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.foliage import Foliage
 from procphys_ros.simulation.grove import Grove
+from procphys_ros.simulation.impacts import Impacts
 from procphys_ros.simulation.naming import PartNames
 
 _MAX_IMPULSE = 1e7  # [N·s] and [N·m·s]; a loaded lorry at 900 km/h, beyond it numbers run away
@@ -81,6 +84,9 @@ class Simulation:
         self._buildings = Buildings(self.blueprint, settings.gravity)
         self._arsenal = Arsenal(self.blueprint, self._grove, self._buildings, self.log, seed,
                                 self._join, self._vanish)
+        self._free = FreeBodies(self.blueprint)
+        self._release = Release(self._buildings, self._free)
+        self._impacts = Impacts(self.blueprint, self._free, settings.gravity, self.log)
         self._world: World | None = None
         self.reset()
 
@@ -129,6 +135,8 @@ class Simulation:
         self._foliage.reset()
         self._world = World((0.0, 0.0, -self.scene.settings.gravity))
         self._debris = Debris(self.blueprint, self._world)
+        self._free.reset()
+        self._impacts.begin(self._world, self._debris)
         self._buildings.reset()
         self._buildings.build(self._world)
         self._arsenal.begin(self._world, self._debris, self.scene.settings.gravity)
@@ -172,6 +180,8 @@ class Simulation:
                                    self.time_step)
             with self._stage('dust'):
                 self._smoke()
+            with self._stage('impacts'):
+                self._shatter()
             self._steps += 1
 
     def set_wind(self, velocity: Sequence[float]) -> None:
@@ -298,6 +308,7 @@ class Simulation:
             return
         self.log.record(self.time, broken.position, broken.bond,
                         self.blueprint.bonds[broken.bond], broken.cause, broken.load)
+        self._free.graph.cut(broken.bond)
         for parts, poses, velocities in broken.pieces:
             self._debris.gather(parts, poses, velocities)
 
@@ -306,23 +317,21 @@ class Simulation:
             self.log.record(self.time, self.blueprint.bond_frame[collapse.bond, :3],
                             collapse.bond, self.blueprint.bonds[collapse.bond], collapse.cause,
                             collapse.load)
-        for parts in collapse.pieces:
-            bodies = self._buildings.body[parts]
-            if len(parts) == 1:
-                self._world.thaw(bodies, self.velocities[parts])
-                self._debris.adopt(parts, bodies)
-            else:
-                self._world.remove(bodies)
-                self._debris.gather(parts, self.poses[parts], self.velocities[parts])
+        self._release.let_go(collapse, self._world, self._debris, self.poses, self.velocities)
 
     def _tumble(self) -> None:
         awake = self._world.awake
         if len(awake):
             points = self._world.poses(awake)[:, :3]
             self._debris.drag(self.wind.velocity(points, self.time), self.time_step)
+        self._impacts.watch()
         if self._dust is not None:
             self._dust.watch(self._world)
         self._world.step(self.time_step)
+
+    def _shatter(self) -> None:
+        if self._impacts.judge(self.time, self.time_step):
+            self._debris.carry(self.poses, self.velocities)
 
     def _smoke(self) -> None:
         if self._dust is not None:

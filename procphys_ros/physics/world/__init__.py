@@ -14,7 +14,7 @@
 
 """Everything that collides: ground, fragments, bricks, projectiles, and how they come to rest."""
 
-from procphys_ros.physics.world.assembly import expand, rigid_sum, RigidSum
+from procphys_ros.physics.world.assembly import axes_of, expand, rigid_sum, RigidSum
 from procphys_ros.physics.world.bodies import Bodies, State
 from procphys_ros.physics.world.contacts import Contacts
 from procphys_ros.physics.world.merging import merge_boxes
@@ -23,5 +23,5 @@ from procphys_ros.physics.world.population import solid_inertia
 from procphys_ros.physics.world.proxies import Hits, Proxies
 from procphys_ros.physics.world.world import World
 
-__all__ = ['Bodies', 'Contacts', 'expand', 'Hits', 'merge_boxes', 'Pieces', 'Proxies', 'rigid_sum',
-           'RigidSum', 'solid_inertia', 'State', 'World']
+__all__ = ['axes_of', 'Bodies', 'Contacts', 'expand', 'Hits', 'merge_boxes', 'Pieces', 'Proxies',
+           'rigid_sum', 'RigidSum', 'solid_inertia', 'State', 'World']

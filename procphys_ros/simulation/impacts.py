@@ -1,0 +1,342 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Impacts: what falls or flies in one piece breaks again where it hits."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from numba import njit
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.masonry import Breakage, FreeBodies
+from procphys_ros.physics.world import axes_of, Contacts, State, World
+from procphys_ros.simulation.debris import Debris
+from procphys_ros.simulation.events import Cause, EventLog
+
+CONTACT = 15e-3     # [s] that a blow lasts: edges crush and rubble gives way by v·T/2, 6 cm after a
+#                     fall of 3 m; the elastic contact of two whole bricks would be shorter
+_CHAIN = 0.3        # [m/s] change of speed down to which taking back follows chains of contacts
+_FLAT = 0.03        # [m] off the plane of contact: what is nearer takes part of the pressure
+_AROUND = 0.06      # [m] outside of the points of contact: likewise
+_LEAST_JUMP = 0.5   # [m/s] change of speed by contacts that is no blow: thrice what gravity gives
+#                     in a step, so that what rests or is pushed about is never judged
+_SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot break a piece, except
+#                     for long chains, which break at the next, harder blow
+_NODES = 60         # cells that a piece breaks into at most in one step, and ...
+_WORK = 400         # ... cells of all pieces judged in one step; the rest follows in the next
+_BODIES = 400       # awake bodies that there should be: the more, the coarser pieces break
+_FEWEST = 4         # cells, however many bodies there are
+
+
+class _Blow(NamedTuple):
+    """
+    A blow on a piece.
+
+    :ivar body: id.
+    :ivar parts: what it carries, (P,).
+    :ivar wrenches: on the parts, in the frame of the blueprint [N], [N·m], (P, 6).
+    """
+
+    body: int
+    parts: np.ndarray
+    wrenches: np.ndarray
+
+
+class Impacts:
+    """
+    Judges the blows of every step.
+
+    The world lets pieces collide as rigid bodies. Where a blow is more than their bonds transmit,
+    only that share of the impulse was real: the rest is taken back on both sides, the piece is
+    split, and the parts collide on their own from the next step on. Momentum is kept: both sides
+    get equal and opposite shares back.
+
+    :param blueprint: parts and bonds of the scene.
+    :param free: bonds of what flies about.
+    :param gravity: downward acceleration [m/s²].
+    :param log: where broken bonds are recorded.
+    """
+
+    def __init__(self, blueprint: Blueprint, free: FreeBodies, gravity: float, log: EventLog):
+        self._blueprint = blueprint
+        self._free = free
+        self._gravity = gravity
+        self._log = log
+
+    def begin(self, world: World, debris: Debris) -> None:
+        """Start anew in a world that has just been built."""
+        self._world = world
+        self._debris = debris
+        self._before = np.zeros((0, 6))
+        self._waiting: list[_Blow] = []
+
+    def watch(self) -> None:
+        """Note how everything moves just before a step of the world."""
+        self._before = self._world.bodies.velocities.copy()
+
+    def judge(self, time: float, time_step: float) -> bool:
+        """
+        Break what the contacts of the last step overloaded.
+
+        :param time: of the simulation [s].
+        :param time_step: [s].
+        :returns: whether anything broke.
+        """
+        if not self._waiting and not self._struck(time_step):
+            return False
+        contacts = self._world.contacts()
+        share = np.ones(len(self._world.bodies.state))
+        broken = []
+        work = 0
+        blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
+        late = len(blows)
+        known = {b.body for b in blows}
+        blows += [b for b in self._blows(contacts) if b.body not in known]
+        wanted = self._cells(blows)
+        self._waiting = []
+        for turn, (blow, cells) in enumerate(zip(blows, wanted)):
+            if work > _WORK:
+                self._waiting.append(blow)
+                continue
+            result = self._free.strike(blow.parts, blow.wrenches, cells)
+            work += min(cells, len(blow.parts))
+            if len(result.bonds):
+                broken.append((blow, result))
+                if turn >= late:  # the impulse of a late blow is history
+                    share[blow.body] = result.share
+        if broken:
+            self._give_back(contacts, share)
+            for blow, result in broken:
+                self._record(blow, result, time)
+                if len(result.pieces) > 1:
+                    self._debris.split(blow.body, result.pieces)
+        return bool(broken)
+
+    def _struck(self, time_step: float) -> bool:
+        """Say whether anything was hit at all while there are pieces; contacts are dear to read."""
+        bodies, awake = self._world.bodies, self._world.awake
+        if not len(awake) or self._debris.size[awake[awake < len(self._debris.size)]].max(
+                initial=0) < 2:
+            return False
+        before = np.zeros((len(awake), 6))
+        known = awake < len(self._before)
+        before[known] = self._before[awake[known]]
+        before[:, 2] -= self._gravity * time_step
+        jump = bodies.velocities[awake] - before
+        felt = (np.sqrt((jump[:, :3] ** 2).sum(axis=1))
+                + np.sqrt((jump[:, 3:] ** 2).sum(axis=1)) * bodies.radius[awake])
+        return bool((felt > _LEAST_JUMP).any())
+
+    def _blows(self, contacts: Contacts) -> Iterator[_Blow]:
+        """List the blows that might break something, the hardest first."""
+        bodies, debris = self._world.bodies, self._debris
+        count = len(bodies.state)
+        side = np.concatenate([contacts.body_a, contacts.body_b])
+        push = np.tile(np.sqrt((contacts.impulse ** 2).sum(axis=1)), 2)
+        felt = np.bincount(side, push, count)
+        size = np.zeros(count, np.intp)
+        size[:len(debris.size)] = debris.size[:count]
+        jump = np.divide(felt, bodies.mass, out=np.zeros(count), where=bodies.mass > 0.0)
+        chosen = np.flatnonzero((size > 1) & (jump > _LEAST_JUMP)
+                                & (bodies.state == State.LOOSE))
+        order = np.argsort(side, kind='stable')
+        start = np.searchsorted(side[order], np.arange(count + 1))
+        for body in chosen[np.argsort(-jump[chosen], kind='stable')].tolist():
+            parts = debris.parts_of(body)
+            if felt[body] < CONTACT * _SCREEN * self._free.weakest[parts].min():
+                continue
+            rows = order[start[body]:start[body + 1]]
+            sign = np.where(rows < len(contacts), 1.0, -1.0)[:, None]
+            rows = rows % max(len(contacts), 1)
+            other = np.where(sign[:, 0] > 0, contacts.body_b[rows], contacts.body_a[rows])
+            wrenches = _loads(contacts.point[rows], sign * contacts.normal[rows],
+                              sign * contacts.impulse[rows] / CONTACT, other,
+                              debris.poses_of(body), self._blueprint.size[parts],
+                              self._blueprint.poses[parts])
+            yield _Blow(body, parts, wrenches)
+
+    def _cells(self, blows: list[_Blow]) -> list[int]:
+        """Share the room for more bodies among the struck pieces by their size."""
+        total = sum(len(b.parts) for b in blows)
+        room = max(_BODIES - len(self._world.awake), 0)
+        return [int(np.clip(room * len(b.parts) / total, _FEWEST, min(_NODES, len(b.parts))))
+                if len(b.parts) > _FEWEST else len(b.parts) for b in blows]
+
+    def _give_back(self, contacts: Contacts, share: np.ndarray) -> None:
+        """Undo the part of each impulse that the bonds of a side could not transmit."""
+        bodies = self._world.bodies
+        kept = self._kept(contacts, share)
+        rows = np.flatnonzero(kept < 1.0)
+        back = (kept[rows] - 1.0)[:, None] * contacts.impulse[rows]
+        ids, place = np.unique(np.concatenate([contacts.body_a[rows], contacts.body_b[rows]]),
+                               return_inverse=True)
+        impulse = np.concatenate([back, -back])
+        arm = np.tile(contacts.point[rows], (2, 1)) - bodies.poses[ids[place], :3]
+        total = np.zeros((len(ids), 6))
+        np.add.at(total, place, np.hstack([impulse, np.cross(arm, impulse)]))
+        loose = bodies.state[ids] == State.LOOSE
+        ids, total = ids[loose], total[loose]
+        attitude = bodies.poses[ids, 3:]
+        spin = rotation.rotate(rotation.conjugate(attitude), total[:, 3:]) / bodies.inertia[ids]
+        change = np.hstack([total[:, :3] / bodies.mass[ids][:, None],
+                            rotation.rotate(attitude, spin)])
+        self._world.set_velocities(ids, bodies.velocities[ids] + change)
+
+    def _kept(self, contacts: Contacts, share: np.ndarray) -> np.ndarray:
+        """
+        Give the share of each impulse that stays, (C,).
+
+        What is squeezed between a piece and the ground passes on a weaker push, too, or it would
+        shoot out: the share of a piece holds for all contacts of the chain of bodies that it
+        pressed on.
+        """
+        bodies = self._world.bodies
+        a, b = contacts.body_a, contacts.body_b
+        size = np.sqrt((contacts.impulse ** 2).sum(axis=1))
+        loose = bodies.state == State.LOOSE
+        while True:
+            kept = np.minimum(share[a], share[b])
+            before = share.copy()
+            for body in (a, b):
+                moved = loose[body] & ((1.0 - kept) * size > _CHAIN * bodies.mass[body])
+                np.minimum.at(share, body[moved], kept[moved])
+            if np.array_equal(share, before):
+                return kept
+
+    def _record(self, blow: _Blow, result: Breakage, time: float) -> None:
+        source = self._blueprint
+        pairs = source.bonds[result.bonds]
+        part = pairs.max(axis=1)
+        now = self._debris.poses_of(blow.body)[np.searchsorted(blow.parts, part)]
+        turn = rotation.multiply(now[:, 3:], rotation.conjugate(source.poses[part, 3:]))
+        arm = source.bond_frame[result.bonds, :3] - source.poses[part, :3]
+        self._log.record(time, now[:, :3] + rotation.rotate(turn, arm), result.bonds, pairs,
+                         Cause.IMPACT, result.load)
+
+
+@njit(cache=True)
+def _loads(points, normals, forces, other, poses, sizes, rest):
+    """
+    Put contact forces on parts, in the frame of the blueprint.
+
+    The outlines of bodies are merged boxes that touch at a few corners. Parts near the plane of
+    such a contact share its force as a stiff footing does: evenly, and linearly so that the moment
+    is right. Where no part is near, the nearest takes all.
+
+    :param points: world [m], (C, 3).
+    :param normals: towards this body, (C, 3).
+    :param forces: on this body, world [N], (C, 3).
+    :param other: id of what touches, (C,).
+    :param poses: of the parts now, (P, 7).
+    :param sizes: of the parts [m], (P, 3).
+    :param rest: poses in the blueprint, (P, 7).
+    :returns: force and moment at the parts' centres, (P, 6).
+    """
+    out = np.zeros((len(poses), 6))
+    axes = np.empty((len(poses), 3, 3))
+    for p in range(len(poses)):
+        axes[p] = axes_of(poses[p, 3:])
+    done = np.zeros(len(points), np.bool_)
+    for c in range(len(points)):
+        if done[c]:
+            continue
+        force = np.zeros(3)
+        middle = np.zeros(3)
+        weight = 0.0
+        low = np.full(3, np.inf)
+        high = np.full(3, -np.inf)
+        for d in range(c, len(points)):
+            if done[d] or other[d] != other[c] or (normals[d] * normals[c]).sum() < 0.9:
+                continue
+            done[d] = True
+            push = max((forces[d] * normals[d]).sum(), 0.0) + 1e-12
+            weight += push
+            middle += push * points[d]
+            force += forces[d]
+            low = np.minimum(low, points[d])
+            high = np.maximum(high, points[d])
+        middle /= weight
+        _press(middle, normals[c], force, low, high, poses, axes, sizes, rest, out)
+    return out
+
+
+@njit(cache=True)
+def _press(middle, normal, force, low, high, poses, axes, sizes, rest, out):
+    """Spread one force over the parts near a plane."""
+    count = len(poses)
+    spot = np.empty((count, 3))
+    gap = np.empty(count)
+    aside = np.empty(count)
+    for p in range(count):
+        arm = middle - poses[p, :3]
+        reach = 0.0
+        square = 0.0
+        for k in range(3):
+            along = arm[0] * axes[p, 0, k] + arm[1] * axes[p, 1, k] + arm[2] * axes[p, 2, k]
+            over = abs(along) - 0.5 * sizes[p, k]
+            square += max(over, 0.0) ** 2
+            reach += 0.5 * sizes[p, k] * abs(normal[0] * axes[p, 0, k] + normal[1] * axes[p, 1, k]
+                                             + normal[2] * axes[p, 2, k])
+        aside[p] = square
+        lift = -(arm * normal).sum()
+        gap[p] = lift - reach
+        spot[p] = poses[p, :3] - lift * normal
+    nearest = np.argmin(aside)
+    chosen = np.zeros(count, np.bool_)
+    for p in range(count):
+        chosen[p] = abs(gap[p] - gap[nearest]) < _FLAT
+        for k in range(3):
+            chosen[p] &= low[k] - _AROUND < spot[p, k] < high[k] + _AROUND
+    chosen[nearest] = True
+    share = _footing(middle, normal, spot, chosen)
+    for p in range(count):
+        if not chosen[p] or share[p] <= 0.0:
+            continue
+        arm = spot[p] - poses[p, :3] if p != nearest else middle - poses[p, :3]
+        inner = np.ascontiguousarray(axes[p].T)
+        arm = inner @ arm
+        for k in range(3):  # a merged outline may touch where no part is: act on its surface
+            arm[k] = min(max(arm[k], -0.5 * sizes[p, k]), 0.5 * sizes[p, k])
+        back = axes_of(rest[p, 3:])
+        push = share[p] * (back @ (inner @ force))
+        arm = back @ arm
+        out[p, :3] += push
+        out[p, 3] += arm[1] * push[2] - arm[2] * push[1]
+        out[p, 4] += arm[2] * push[0] - arm[0] * push[2]
+        out[p, 5] += arm[0] * push[1] - arm[1] * push[0]
+
+
+@njit(cache=True)
+def _footing(middle, normal, spot, chosen):
+    """Give the shares of a force that a stiff footing puts on its supports, adding up to one."""
+    count = chosen.sum()
+    mean = np.zeros(3)
+    for p in range(len(spot)):
+        if chosen[p]:
+            mean += spot[p] / count
+    spread = np.eye(3) * 1e-6 + np.outer(normal, normal)
+    for p in range(len(spot)):
+        if chosen[p]:
+            spread += np.outer(spot[p] - mean, spot[p] - mean)
+    tilt = np.linalg.solve(spread, middle - mean)
+    share = np.zeros(len(spot))
+    total = 0.0
+    for p in range(len(spot)):
+        if chosen[p]:
+            share[p] = max(1.0 / count + (tilt * (spot[p] - mean)).sum(), 0.0)
+            total += share[p]
+    return share / total
