@@ -21,10 +21,19 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.wallgrammar.assembly import Patches
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro, micros
+from procphys_ros.wallgrammar.boxes import (
+    Boxes,
+    from_cells,
+    Joint,
+    MICRO,
+    micro,
+    micros,
+    split_along,
+    stack,
+)
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Corner
-from procphys_ros.wallgrammar.slopes import Ends, OVERHANG, RAFTER, rafter_depth, Slope
+from procphys_ros.wallgrammar.slopes import COVER, Ends, OVERHANG, RAFTER, rafter_depth, Slope
 from procphys_ros.wallgrammar.tiling import lay, Runs
 from procphys_ros.wallgrammar.walls import Elevation, unit_of
 
@@ -33,6 +42,9 @@ _RIDGE = 0.075        # [m] thickness of the ridge board
 _RIDGE_SEAT = 0.15    # [m] least depth of the ridge board below the rafters' ends
 _RIDGE_ROOM = 12_000  # [µm] beside the ridge board in its pocket: it rests there, no more
 _HIP = 0.05           # [m] thickness of hip boards
+_STRUT = 1_200_000    # [µm] largest distance of struts
+_CAP = (0.45, 0.4, 0.02)  # [m] length, width and thickness of hip caps
+_STRIP = 0.04         # [m] width of the strip below them
 _TIE = (50_000, 600_000)  # [µm] width and spacing of ties between plates
 _PIECE = 1_500_000    # [µm] plates, ridges and hips splinter into pieces of at most this length
 _TIE_GAP = 0.001      # [m] mean gap of cut timber joints
@@ -74,12 +86,28 @@ class Roof:
         :param axis: of the first frame, along which the ridge runs.
         """
         across = 1 - axis
+        for place in self._tie_places(axis):
+            self._timber(across, (self.low[across] + self.plate, self.high[across] - self.plate),
+                         (place, place + _TIE[0]), self.height, self.height + self.gauge, 0, 'tie')
+
+    def _tie_places(self, axis: int) -> list[int]:
         first = int(self.low[axis]) + self.layout.thickness + _TIE[1]
         last = int(self.high[axis]) - self.layout.thickness - _TIE[1] - _TIE[0]
-        for place in np.rint(np.linspace(first, last, max(-(-(last - first) // _TIE[1]), 1) + 1)):
-            self._timber(across, (self.low[across] + self.plate, self.high[across] - self.plate),
-                         (int(place), int(place) + _TIE[0]), self.height,
-                         self.height + self.gauge, 0, 'tie')
+        count = max(-(-(last - first) // _TIE[1]), 1) + 1
+        return [round(place) for place in np.linspace(first, last, count).tolist()]
+
+    def _strut(self, axis: int) -> None:
+        """Set struts between the ties, that hold the plates below the hipped ends."""
+        across = 1 - axis
+        low, high = int(self.low[across]), int(self.high[across])
+        places = np.linspace(low, high, max(-(-(high - low) // _STRUT), 2) + 1)[1:-1]
+        ties = self._tie_places(axis)
+        starts = [int(self.low[axis]) + self.plate, *(place + _TIE[0] for place in ties)]
+        ends = [*ties, int(self.high[axis]) - self.plate]
+        for place in places.astype(int).tolist():
+            for start, end in zip(starts, ends):
+                self._timber(axis, (start, end), (place, place + _TIE[0]), self.height,
+                             self.height + self.gauge, 0, 'tie')
 
     def gable(self, axis: int) -> None:
         """
@@ -127,6 +155,7 @@ class Roof:
                 f'a hip roof needs a footprint at least {_SHORTEST_RIDGE:g} m longer than wide, '
                 f'found {size.max():g} x {size.min():g} m; use gable(pitch) or flat')
         plates = self._plate_ring(axis)
+        self._strut(axis)
         bottom, top = self._ridge_levels(span)
         middle = int(self.low[across] + self.high[across]) // 2
         half = micro(0.5 * _RIDGE)
@@ -158,16 +187,20 @@ class Roof:
         return bottom, top
 
     def _plate_ring(self, axis: int) -> np.ndarray:
-        """Lay plates on all four walls."""
+        """Lay plates on all four walls, half-lapped at the corners into one ring."""
         across = 1 - axis
-        levels = (self.height, self.height + self.gauge)
         inner = (self.low[across] + self.plate, self.high[across] - self.plate)
-        plates = [self._timber(axis, (self.low[axis], self.high[axis]), (edge, edge + self.plate),
-                               *levels, 0)
-                  for edge in (self.low[across], self.high[across] - self.plate)]
-        plates += [self._timber(across, inner, (edge, edge + self.plate), *levels, 0)
-                   for edge in (self.low[axis], self.high[axis] - self.plate)]
-        return np.concatenate(plates)
+        sides = [(axis, (self.low[axis], self.high[axis]), edge)
+                 for edge in (self.low[across], self.high[across] - self.plate)]
+        sides += [(across, inner, edge)
+                  for edge in (self.low[axis], self.high[axis] - self.plate)]
+        boxes = split_along(stack([
+            self._box(run, along, (edge, edge + self.plate), self.height,
+                      self.height + self.gauge, 0, 'plate') for run, along, edge in sides]),
+            _PIECE, 0)
+        boxes.member[:] = self.site.next_member
+        rows = self.site.add(boxes)
+        return np.arange(rows.start, rows.stop)
 
     def _frame(self, slope: Slope) -> int:
         self.site.frames.append(slope.pose)
@@ -176,16 +209,18 @@ class Roof:
     def _timber(self, axis: int, along: tuple[int, int], across: tuple[int, int], bottom: int,
                 top: int, joint: int, kind: str = 'plate') -> np.ndarray:
         """Lay an upright timber along an axis of the first frame; give its parts."""
-        low, high = np.zeros(3, int), np.zeros(3, int)
+        rows = self.site.add(self._box(axis, along, across, bottom, top, joint, kind), _PIECE)
+        return np.arange(rows.start, rows.stop)
+
+    def _box(self, axis: int, along: tuple[int, int], across: tuple[int, int], bottom: int,
+             top: int, joint: int, kind: str) -> Boxes:
+        low, high, margin = np.zeros(3, int), np.zeros(3, int), np.zeros(3, int)
         low[axis], high[axis] = along
         low[1 - axis], high[1 - axis] = across
         low[2], high[2] = bottom, top
-        margin = np.zeros(3, int)
         margin[axis] = joint
-        rows = self.site.add(from_cells(
-            low, high, margin, margin, axis=axis, joint=Joint.FIXING, kind=self.site.kind(kind),
-            material=self.site.material('timber')), _PIECE)
-        return np.arange(rows.start, rows.stop)
+        return from_cells(low, high, margin, margin, axis=axis, joint=Joint.FIXING,
+                          kind=self.site.kind(kind), material=self.site.material('timber'))
 
     def _gable_wall(self, wall: Elevation, seat: int, top: int, half: int) -> None:
         """Carry the courses of a wall on under the roof, with room for the ridge board."""
@@ -285,7 +320,27 @@ class Roof:
                 joint=Joint.FIXING, kind=self.site.kind('hip'),
                 material=self.site.material('timber'))
             parts.append(self._set_hip(box, pose, end, depth, slope, ridge, plates))
+            self._cap(len(self.site.frames) - 1, end, depth, slope)
         return np.concatenate(parts)
+
+    def _cap(self, frame: int, end: float, depth: float, slope: float) -> None:
+        """Cover a hip with caps on a strip that lifts them over the tiles."""
+        start, stop = -OVERHANG / np.cos(slope), end - 0.6 * _CAP[1] / np.cos(slope)
+        top = depth + COVER / np.cos(self.pitch) * np.cos(slope) + 0.01
+        strip = from_cells(
+            micros([start, -0.5 * _STRIP, depth]), micros([stop, 0.5 * _STRIP, top]), frame=frame,
+            joint=Joint.FIXING, kind=self.site.kind('batten'),
+            material=self.site.material('timber'))
+        self.site.add(strip, _PIECE)
+        count = max(round((stop - start) / _CAP[0]), 1)
+        lines = np.linspace(start, stop, count + 1)
+        low = np.column_stack([lines[:-1] + 0.001, np.full(count, -0.5 * _CAP[1]),
+                               np.full(count, top)])
+        high = np.column_stack([lines[1:] - 0.001, np.full(count, 0.5 * _CAP[1]),
+                                np.full(count, top + _CAP[2])])
+        self.site.add(from_cells(micros(low), micros(high), frame=frame, joint=Joint.FIXING,
+                                 kind=self.site.kind('tile'),
+                                 material=self.site.material('tile')))
 
     def _set_hip(self, box: Boxes, pose: np.ndarray, end: float, depth: float, slope: float,
                  ridge: np.ndarray, plates: np.ndarray) -> np.ndarray:

@@ -29,10 +29,12 @@ _SHALLOWEST = 0.12       # [m] least depth of rafters
 _SLENDER = 25.0          # length over depth of rafters, a joiner's rule
 RAFTER_SPACING = 0.6     # [m] largest
 _BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
+COVER = 0.045            # [m] depth of battens and tiles together
 _TILE = (0.40, 0.02)     # [m] width and thickness of what stands for a few tiles
 _GAUGE = 0.32            # [m] largest distance of battens
 _APART = 0.001           # [m] tiles do not touch each other
 _CLEAR = 0.005           # [m] between pieces that meet at a hip
+_HIP_ROOM = 0.05         # [m] along the eaves, for the strip that carries the caps of a hip
 _PIECE = 1_500_000       # [µm] rafters and battens splinter into pieces of at most this length
 OVERHANG = 0.25          # [m] of the eaves
 
@@ -166,7 +168,7 @@ class Slope:
         """Give where a row across the slope starts and ends along the eaves [m]."""
         if not self.hipped:
             return 0.0, self.length
-        inset = max(x * np.cos(self.pitch) - z * np.sin(self.pitch), -OVERHANG) + _CLEAR
+        inset = max(x * np.cos(self.pitch) - z * np.sin(self.pitch), -OVERHANG) + _HIP_ROOM
         return inset, self.length - inset
 
     def _tiles(self, low: float, high: float, frame: int) -> list[Boxes]:
