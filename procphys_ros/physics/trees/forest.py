@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.physics.trees import breaks, modes, passes, pose, response, state
+from procphys_ros.physics.trees import breaks, foresight, modes, passes, pose, response, state
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     AIR_DENSITY,
@@ -217,6 +217,47 @@ class Forest:
         self.velocities[row, :3] += np.asarray(linear, float) / body[MASS]
         self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]
 
+    def push(self, rows: np.ndarray, points: np.ndarray, impulses: np.ndarray) -> None:
+        """
+        Let the next step take up impulses, exactly, whatever is small that they act on.
+
+        Other than with `apply_impulse`, velocities stay as they are until then, so that the air
+        does not resist the speed that a twig would have if the impulse were its own.
+
+        :param rows: the segments, (K,).
+        :param points: where the impulses act [m], (K, 3), world.
+        :param impulses: [N·s], (K, 3), world.
+        """
+        if self._stale:
+            self._replan()
+        turn = np.cross(points - self.poses[rows, :3], impulses)
+        np.add.at(self._state.push, rows, np.hstack([impulses, turn]))
+        self._state.struck[self.roots(rows)] = 1.0
+
+    def roots(self, rows: np.ndarray) -> np.ndarray:
+        """Give the root rows of the trees that active rows belong to, (K,)."""
+        if self._stale:
+            self._replan()
+        tree = np.searchsorted(self._plan.start, self._entry[rows], side='right') - 1
+        return self._plan.row[self._plan.start[tree]]
+
+    def foresee(self, rows: np.ndarray, points: np.ndarray, dt: float,
+                wind: np.ndarray | None = None) -> foresight.Foresight:
+        """
+        Tell how points will move in the next step, and what impulses would change about it.
+
+        :param rows: active rows, (E,).
+        :param points: on them [m], (E, 3), world.
+        :param dt: of the next step [s].
+        :param wind: of the next step, as for `step`.
+        """
+        if self._stale:
+            self._replan()
+        wind = self._still if wind is None else np.ascontiguousarray(wind, float)
+        return foresight.foresee(self._plan, self._entry[rows], np.ascontiguousarray(points),
+                                 self._model, self._state, self._scratch, wind, self._gravity,
+                                 float(dt))
+
     def effective_mass(self, row: int, point: Sequence[float],
                        direction: Sequence[float]) -> float:
         """
@@ -266,5 +307,7 @@ class Forest:
         self._plan = state.make_plan(self.parents, self.active)
         self._scratch = state.make_scratch(self._plan)
         count = len(self._plan.row)
+        self._entry = np.full(len(self.parts), -1, np.int64)
+        self._entry[self._plan.row] = np.arange(count)
         self._found = (np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count))
         self._stale = False

@@ -55,7 +55,7 @@ from procphys_ros.physics.trees.state import Joint
 
 _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
-_ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp takes the rest
+ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp takes the rest
 # Foliage streamlines: its drag coefficient falls as u^-0.85 from 10 to 20 m/s and is constant
 # outside (ForestGALES, broadleaved species: exponents 0.846 to 0.904, limit 20 m/s).
 _CALM, _STORM, _STREAMLINING = 10.0, 20.0, -0.85  # [m/s], [m/s], [-]
@@ -73,7 +73,7 @@ def step(plan, model, state, scratch, wind, gravity, dt):
     for t in range(len(plan.start) - 1):
         rows = plan.row[plan.start[t]:plan.start[t + 1]]
         above = plan.above[plan.start[t]:plan.start[t + 1]]
-        for _ in range(_ATTEMPTS):
+        for _ in range(ATTEMPTS):
             factor(rows, above, model, state, scratch, wind, gravity, dt, 1.0)
             if not take(rows, above, model, state, scratch, dt):
                 break
@@ -90,6 +90,8 @@ def factor(rows, above, model, state, scratch, wind, gravity, dt, gate):
     frame, a = state.frame, scratch.inertia
     for k in range(len(rows)):
         load(rows[k], k, model.body, state.bend, state.velocities, frame, a, wind, gravity, dt)
+    if state.struck[rows[0], 0] != 0.0:
+        take_up(rows, model.body, state, a, dt)
     for k in range(len(rows) - 1, -1, -1):
         i, up = rows[k], above[k]
         if model.joint[i] == _FREE:
@@ -129,6 +131,22 @@ def load(i, k, body, bend, v, frame, a, wind, gravity, dt):
          across * v[i, 4] + spin * y + h * (z * fx - x * fz),
          across * v[i, 5] + spin * z + h * (x * fy - y * fx), fx, fy, fz)
     write(a, k, j, b, m, p)
+
+
+@njit(**KERNEL)
+def take_up(rows, body, state, a, dt):
+    """Add the impulses that wait for a tree to its loads, as forces over the step."""
+    for k in range(len(rows)):
+        i = rows[k]
+        h = (body[i, REACH] + state.bend[i, 3]) / dt
+        x, y, z = h * state.frame[i, 9], h * state.frame[i, 10], h * state.frame[i, 11]
+        px, py, pz = state.push[i, 0], state.push[i, 1], state.push[i, 2]
+        a[k, 21] += state.push[i, 3] / dt + y * pz - z * py
+        a[k, 22] += state.push[i, 4] / dt + z * px - x * pz
+        a[k, 23] += state.push[i, 5] / dt + x * py - y * px
+        a[k, 24] += px / dt
+        a[k, 25] += py / dt
+        a[k, 26] += pz / dt
 
 
 @njit(**INLINE)
@@ -225,6 +243,11 @@ def integrate(rows, above, model, state, scratch, dt):
                 joints.advance_extra(i, k, dt, model, state, scratch)
             pose.place(k, rows, above, model, state)
         carry(i, k, x, y, z, h, dt, frame, m, state.velocities)
+    if state.struck[rows[0], 0] != 0.0:
+        state.struck[rows[0], 0] = 0.0
+        for i in rows:
+            for c in range(6):
+                state.push[i, c] = 0.0
 
 
 @njit(**INLINE)

@@ -158,17 +158,23 @@ def advance_bend(i, first, second, dt, model, state):
 
 @njit(**KERNEL)
 def advance_free(i, dt, motion, model, state):
-    """Move a free root on with the mean of its old and new velocity: exact in free fall."""
+    """
+    Move a free root on with the mean of its old and new velocity: exact in free fall.
+
+    After a blow only the new velocity counts, or what was stopped would go on for half a step.
+    """
     v, poses, frame = state.velocities, state.poses, state.frame
+    old = 0.0 if state.struck[i, 0] != 0.0 else 0.5
+    new = 1.0 - old
     reach = model.body[i, REACH] + state.bend[i, 3]
     x, y, z = frame[i, 9] * reach, frame[i, 10] * reach, frame[i, 11] * reach
     wx, wy, wz = motion[0], motion[1], motion[2]
-    poses[i, 0] += 0.5 * dt * (v[i, 0] + dt * (motion[3] + wy * z - wz * y))
-    poses[i, 1] += 0.5 * dt * (v[i, 1] + dt * (motion[4] + wz * x - wx * z))
-    poses[i, 2] += 0.5 * dt * (v[i, 2] + dt * (motion[5] + wx * y - wy * x))
-    wx = 0.5 * (v[i, 3] + dt * wx)
-    wy = 0.5 * (v[i, 4] + dt * wy)
-    wz = 0.5 * (v[i, 5] + dt * wz)
+    poses[i, 0] += dt * (old * v[i, 0] + new * dt * (motion[3] + wy * z - wz * y))
+    poses[i, 1] += dt * (old * v[i, 1] + new * dt * (motion[4] + wz * x - wx * z))
+    poses[i, 2] += dt * (old * v[i, 2] + new * dt * (motion[5] + wx * y - wy * x))
+    wx = old * v[i, 3] + new * dt * wx
+    wy = old * v[i, 4] + new * dt * wy
+    wz = old * v[i, 5] + new * dt * wz
     speed = math.sqrt(wx * wx + wy * wy + wz * wz)
     angle = 0.5 * dt * speed
     share = math.sin(angle) / speed if speed > 1e-12 else 0.5 * dt

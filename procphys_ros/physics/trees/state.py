@@ -56,6 +56,9 @@ class State(NamedTuple):
     poses: np.ndarray       # centre of mass and attitude [m], (S, 7)
     velocities: np.ndarray  # linear of the centre of mass, angular [m/s], [rad/s], (S, 6)
     wrenches: np.ndarray    # force and moment from the parent at the joint [N], [N·m], (S, 6)
+    push: np.ndarray        # impulse and angular impulse at the centre of mass, to be taken up in
+    #                         the next step [N·s], [N·m·s], (S, 6)
+    struck: np.ndarray      # at root rows: not 0 when anything in the tree is pushed, (S, 1)
 
 
 class Scratch(NamedTuple):
@@ -87,7 +90,7 @@ def make_model(rows: layout.Rows) -> Model:
 
 def make_state(count: int) -> State:
     """Give a state of rest whose poses are still to be placed."""
-    return State(*(np.zeros((count, width)) for width in (4, 4, 2, 12, 7, 6, 6)))
+    return State(*(np.zeros((count, width)) for width in (4, 4, 2, 12, 7, 6, 6, 6, 1)))
 
 
 def make_scratch(plan: Plan) -> Scratch:

@@ -1,0 +1,203 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Foresight: how points of trees will move in the next step, and what impulses there would change.
+
+Contact impulses are solved for before the step. What they need is linear: the velocity of every
+touched point at the end of the step without contact, and how an impulse at one point changes the
+velocity of each other point of the same tree (the Delassus operator), springs, dampers and drag of
+the step included. Each tree is factored once for all its points.
+"""
+
+from dataclasses import dataclass
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.trees import joints, passes
+from procphys_ros.physics.trees.layout import EXTRA_STRIDE, EXTRA_THETA, THETA
+from procphys_ros.physics.trees.response import descend
+from procphys_ros.physics.trees.state import Joint, State
+
+_SPRUNG = int(Joint.SPRUNG)
+_FREE = int(Joint.FREE)
+
+
+@dataclass(frozen=True)
+class Foresight:
+    """
+    Motion to come of points on trees, and its response to impulses.
+
+    The response of point f to an impulse at point e of the same tree is
+    `response[first[e] + place[f] * count[e] + place[e]]`.
+
+    :ivar velocity: at the end of the next step without contact [m/s], (E, 3).
+    :ivar lag: part of the next step's displacement, over the step, that is decided already,
+        because joints move with a mean of old and new rates [m/s], (E, 3).
+    :ivar tree: which tree each point is on, counted over the trees touched, (E,).
+    :ivar first: where the responses of this tree begin, (E,).
+    :ivar place: of the point among those on its tree, (E,).
+    :ivar count: of points on its tree, (E,).
+    :ivar response: velocity per impulse [1/kg], (B, 3, 3).
+    """
+
+    velocity: np.ndarray
+    lag: np.ndarray
+    tree: np.ndarray
+    first: np.ndarray
+    place: np.ndarray
+    count: np.ndarray
+    response: np.ndarray
+
+
+def foresee(plan: tuple, entry: np.ndarray, points: np.ndarray, model: tuple, state: State,
+            scratch: tuple, wind: np.ndarray, gravity: np.ndarray, dt: float) -> Foresight:
+    """
+    Look one step ahead; nothing changes but the workspace and the wrenches of the last step.
+
+    :param entry: places of the touched rows in the plan, (E,).
+    :param points: on these rows [m], (E, 3), world.
+    :param wind: as of the step to come, (S, 3).
+    """
+    owner = np.searchsorted(plan.start, entry, side='right') - 1
+    trees, tree, size = np.unique(owner, return_inverse=True, return_counts=True)
+    order = np.argsort(tree, kind='stable')
+    begin = np.concatenate([[0], np.cumsum(size)])
+    place = np.empty(len(entry), np.int64)
+    place[order] = np.arange(len(entry)) - begin[tree[order]]
+    base = np.concatenate([[0], np.cumsum(size ** 2)])
+    velocity, lag = np.empty((len(entry), 3)), np.zeros((len(entry), 3))
+    response = np.empty((int(base[-1]), 3, 3))
+    _foresee(plan, trees, order, begin, base, entry - plan.start[owner], points, model, state,
+             scratch, wind, gravity, dt, velocity, lag, response)
+    return Foresight(velocity, lag, tree, base[tree], place, size[tree], response)
+
+
+@njit(cache=True)
+def _foresee(plan, trees, order, begin, base, entry, points, model, state, scratch, wind, gravity,
+             dt, velocity, lag, response):
+    for n in range(len(trees)):
+        first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
+        rows, above = plan.row[first:last], plan.above[first:last]
+        ends = order[begin[n]:begin[n + 1]]
+        stop = state.stop[rows].copy()
+        path = _paths(entry[ends], above)
+        _lagging(path, rows, above, model, state, scratch)
+        for e in ends:
+            _read(entry[e], rows, state.frame, scratch.motion, points[e], 1.0, lag[e])
+        for _ in range(passes.ATTEMPTS):
+            passes.factor(rows, above, model, state, scratch, wind, gravity, dt, 1.0)
+            if not passes.take(rows, above, model, state, scratch, dt):
+                break
+        for e in ends:
+            _read(entry[e], rows, state.frame, scratch.motion, points[e], dt, velocity[e])
+        _respond(path, rows, above, model, state, scratch, dt, entry[ends], points[ends],
+                 response[base[n]:base[n + 1]])
+        state.stop[rows] = stop
+
+
+@njit(cache=True)
+def _paths(entry, above):
+    """List the entries on the way from any of those given to the root, ascending."""
+    passed = np.zeros(len(above), np.bool_)
+    for k in entry:
+        while k >= 0 and not passed[k]:
+            passed[k] = True
+            k = above[k]
+    return np.flatnonzero(passed)
+
+
+@njit(cache=True)
+def _lagging(path, rows, above, model, state, scratch):
+    """Write the motion that the old joint rates still cause into the workspace."""
+    motion = scratch.motion
+    for k in path:
+        i = rows[k]
+        v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        if model.joint[i] != _FREE:
+            share = 1.0 - model.swing[i, THETA]
+            v = passes.handed_on(k, above[k], rows, state.frame, motion)
+            v = joints.add_turn(v, joints.mix(state.frame, i, state.rate[i, 0],
+                                              state.rate[i, 1]), share)
+        if model.joint[i] == _SPRUNG:
+            x, y, z = state.frame[i, 9], state.frame[i, 10], state.frame[i, 11]
+            turn = (1.0 - model.extra[i, EXTRA_THETA]) * state.rate[i, joints.TWIST]
+            slide = ((1.0 - model.extra[i, EXTRA_STRIDE + EXTRA_THETA])
+                     * state.rate[i, joints.STRETCH])
+            v = joints.add_turn(v, (x, y, z), turn)
+            v = (v[0], v[1], v[2], v[3] + slide * x, v[4] + slide * y, v[5] + slide * z)
+        (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
+         motion[k, 5]) = v
+
+
+@njit(cache=True)
+def _read(k, rows, frame, motion, point, scale, out):
+    """Write the velocity of a point of entry k, times a scale."""
+    i = rows[k]
+    x, y, z = point[0] - frame[i, 0], point[1] - frame[i, 1], point[2] - frame[i, 2]
+    m = motion[k]
+    out[0] = scale * (m[3] + m[1] * z - m[2] * y)
+    out[1] = scale * (m[4] + m[2] * x - m[0] * z)
+    out[2] = scale * (m[5] + m[0] * y - m[1] * x)
+
+
+@njit(cache=True)
+def _respond(path, rows, above, model, state, scratch, dt, entry, points, response):
+    """Push each point of one tree along each axis and read what all of them do, (n², 3, 3)."""
+    frame, motion, f = state.frame, scratch.motion, scratch.factor
+    count = len(entry)
+    moved = np.empty(3)
+    for k in path:
+        for d in range(4):
+            f[k, d, 7] = 0.0
+        for c in range(6):
+            scratch.inertia[k, 21 + c] = 0.0
+    for e in range(count):
+        i = rows[entry[e]]
+        x, y, z = (points[e, 0] - frame[i, 0], points[e, 1] - frame[i, 1],
+                   points[e, 2] - frame[i, 2])
+        hits = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))  # moments, transposed: see `push`
+        for axis in range(3):
+            one = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0,
+                   1.0 if axis == 2 else 0.0)
+            push = (hits[0][axis], hits[1][axis], hits[2][axis], one[0], one[1], one[2])
+            passed = descend(entry[e], rows, above, model, state, scratch, push)
+            _ascend(path, rows, above, model, state, scratch, dt)
+            for g in range(count):
+                _read(entry[g], rows, frame, motion, points[g], 1.0, moved)
+                for c in range(3):
+                    response[g * count + e, c, axis] = moved[c]
+            for k in passed:
+                for d in range(4):
+                    f[k, d, 7] = 0.0
+
+
+@njit(cache=True)
+def _ascend(path, rows, above, model, state, scratch, dt):
+    """Hand the motion that pushes cause from the root to the tips of some paths."""
+    motion = scratch.motion
+    for k in path:
+        i = rows[k]
+        if model.joint[i] == _FREE:
+            joints.solve_free(k, scratch.inertia, scratch.root, motion)
+            continue
+        v = passes.handed_on(k, above[k], rows, state.frame, motion)
+        v = joints.take_swing(i, k, dt, v, state.stop, state.frame, scratch.factor, scratch.rate)
+        if model.joint[i] == _SPRUNG:
+            v = joints.take_extra(i, k, dt, v, model.extra, state.frame, scratch.factor,
+                                  scratch.rate)
+        (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
+         motion[k, 5]) = v
