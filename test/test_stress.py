@@ -22,6 +22,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 
 from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.masonry import BondGraph, StressSolver
 
 G = 9.81  # [m/s²]
@@ -330,3 +331,18 @@ def test_numbers_that_are_not_finite_are_refused():
     with pytest.raises(ValueError, match='finite'):
         solver.set_loads([[0, 0, np.nan], [0, 0, 0]])
     assert solver.converged
+
+
+@pytest.mark.parametrize('plan', [
+    Blueprint(),
+    blueprint(np.zeros((2, 3)), np.ones((2, 3)), np.zeros((0, 2)), np.zeros((0, 7)),
+              np.zeros((0, 2))),
+    blueprint([[0, 0, 0], [1, 0, 0]], np.ones((2, 3)), [[0, 1]], [[0.5, 0, 0, 0, 0, 0, 1]],
+              [[1, 1]])], ids=['no parts', 'no bonds', 'no ground'])
+def test_nothing_to_carry_is_in_balance(plan):
+    """Stay idle where no part stands on the ground through bonds."""
+    solver = StressSolver(BondGraph(plan))
+    assert solver.iterate(10) == 0.0
+    assert solver.converged and solver.spent == 0
+    assert not solver.wrenches().any()
+    assert not len(solver.mechanisms())

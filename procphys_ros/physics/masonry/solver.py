@@ -28,9 +28,9 @@ _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a 
 _STALE_AFTER = 40    # iterations since a change after which the coarse space is renewed: it costs
 #                      as much as about 30 iterations
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
-_ADRIFT = 0.25       # [m] displacement at which a part counts as a mechanism: more than a brick, so
-#                      bonds are no longer where linear theory has them; sound masonry moves by
-#                      less than a millimetre, timber floors by a few
+_ADRIFT = 0.25       # [m] displacement at which a part counts as a mechanism: more than a brick,
+#                      so bonds are no longer where linear theory has them; sound masonry moves
+#                      by less than a millimetre, timber floors by a few
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
 
 
@@ -273,10 +273,10 @@ class StressSolver:
         """
         List the parts that no static equilibrium worth the name holds.
 
-        These are parts displaced by more than 25 cm, and parts still unbalanced when the
-        iterations since the last change have run out of patience.
+        Converged, these are the parts displaced by more than 25 cm; otherwise the parts still
+        unbalanced when the iterations since the last change have run out of patience.
         """
-        far = np.max(np.abs(self.displacement[:-1, :3]), axis=1, initial=0.0) > _ADRIFT
-        if self._patience >= _PATIENCE and not self.converged:
-            far[self.unbalanced()] = True
-        return np.flatnonzero(far)
+        if self.converged:
+            far = np.max(np.abs(self.displacement[:-1, :3]), axis=1, initial=0.0) > _ADRIFT
+            return np.flatnonzero(far)
+        return self.unbalanced() if self._patience >= _PATIENCE else np.zeros(0, np.intp)
