@@ -31,7 +31,8 @@ from procphys_ros.language.syntax import syntax_error
 @cache
 def _override_parser() -> Lark:
     grammar = 'start: NAME "=" expression\n%ignore /\\s+/\n' + EXPRESSION_GRAMMAR
-    return Lark(grammar, parser='lalr', propagate_positions=True)
+    return Lark(grammar, parser='lalr', propagate_positions=True,
+                maybe_placeholders=True)
 
 
 def read_overrides(texts: Iterable[str], source: str = 'defines') -> dict[str, float]:

@@ -17,19 +17,25 @@
 
 from collections.abc import Iterable, Mapping
 
+from lark import Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
-from lark.lexer import LexerThread
 from lark.parsers.lalr_interactive_parser import InteractiveParser
 
 from procphys_ros.errors import GrammarError
 from procphys_ros.language.grammar import EXPRESSION_WORDS
 
 
+class _NoLexer:
+    """Stand in for the lexer where only the parser is asked; lark 1.3 takes the token class."""
+
+    _Token = Token
+
+
 def _accepted(problem: UnexpectedCharacters) -> Iterable[str]:
     """Keep of the terminals that the lexer tried those that the parser could have used."""
     if not hasattr(problem.state, 'parse_conf'):  # raised outside the LALR parser
         return problem.allowed or ()
-    return InteractiveParser(None, problem.state, LexerThread(None, None)).accepts()
+    return InteractiveParser(None, problem.state, _NoLexer()).accepts()
 
 
 def _expected_words(names: Iterable[str], words: Mapping[str, str]) -> str:

@@ -66,7 +66,7 @@ _START = {
 @cache
 def _parser() -> Lark:
     return Lark(_GRAMMAR + EXPRESSION_GRAMMAR, parser='lalr', propagate_positions=True,
-                start=sorted(set(_START.values())))
+                maybe_placeholders=True, start=sorted(set(_START.values())))
 
 
 def parse_statement(statement: Statement, source: str) -> Tree:
