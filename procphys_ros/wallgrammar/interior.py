@@ -25,9 +25,10 @@ from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Deriver
 from procphys_ros.wallgrammar.floors import slab_floor, timber_floor
 from procphys_ros.wallgrammar.footprint import Footprint
+from procphys_ros.wallgrammar.gables import GableRoof
+from procphys_ros.wallgrammar.hips import HipRoof
 from procphys_ros.wallgrammar.partitions import elevations, half_brick, halve, rooms_of
 from procphys_ros.wallgrammar.regions import snap_level
-from procphys_ros.wallgrammar.roofs import Roof
 from procphys_ros.wallgrammar.spec import Building, Call
 from procphys_ros.wallgrammar.walls import Elevation
 
@@ -128,8 +129,8 @@ class Interior:
             raise call.place.error(
                 f'a {call.name} roof needs a rectangular footprint, found '
                 f'{len(self.plan.facades)} corners; use flat or none')
-        roof = Roof(self.site, self.walls, level, pitch)
-        # A gable roof has its ridge along the first facade, a hip roof along the longer one.
-        axis = 0 if call.name == 'gable' else int(np.argmax(roof.high - roof.low))
-        (roof.gable if call.name == 'gable' else roof.hip)(axis)
-        roof.tie(axis)
+        if call.name == 'gable':  # the ridge runs along the first facade
+            GableRoof(self.site, self.walls, level, pitch, 0).build()
+        else:  # along the longer side
+            longer = int(np.argmax(np.ptp(self.plan.corners, axis=0)))
+            HipRoof(self.site, self.walls, level, pitch, longer).build()

@@ -1,0 +1,163 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Hips: a roof of four slopes with boards along their edges."""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.wallgrammar.boxes import (
+    Boxes,
+    from_cells,
+    Joint,
+    MICRO,
+    micro,
+    micros,
+    split_along,
+    stack,
+)
+from procphys_ros.wallgrammar.roofs import PIECE, RIDGE, Roof, TIE
+from procphys_ros.wallgrammar.slopes import COVER, Ends, OVERHANG
+
+_HIP = 0.05           # [m] thickness of hip boards
+_STRUT = 1_200_000    # [µm] largest distance of struts
+_CAP = (0.45, 0.4, 0.02)  # [m] length, width and thickness of hip caps
+_STRIP = 0.04         # [m] width of the strip below them
+_SHORTEST_RIDGE = 0.5  # [m]
+
+
+class HipRoof(Roof):
+    """A roof of four slopes of one pitch."""
+
+    def build(self) -> None:
+        """Build a ring of plates, hips, ridge, slopes and ties."""
+        axis, across, size, span = self.axis, 1 - self.axis, self.size, self.span
+        if size[axis] - size[across] < _SHORTEST_RIDGE:
+            raise self.site.place.error(
+                f'a hip roof needs a footprint at least {_SHORTEST_RIDGE:g} m longer than wide, '
+                f'found {size.max():g} x {size.min():g} m; use gable(pitch) or flat')
+        plates = self._plate_ring(axis)
+        self._strut(axis)
+        bottom, top = self._ridge_levels(span)
+        middle = int(self.low[across] + self.high[across]) // 2
+        half = micro(0.5 * RIDGE)
+        ends = (self.low[axis] + micro(span), self.high[axis] - micro(span))
+        ridge = self._timber(axis, ends, (middle - half, middle + half), bottom, top, 0, 'ridge')
+        hips = self._hips(axis, span, ridge, plates)
+        slopes = [*self._opposite(axis, span, size[axis], True),
+                  *self._opposite(across, span, size[across], True)]
+        for slope in slopes:
+            frame = self._frame(slope)
+            rafters = slope.rafters(self.site, frame, 0.5, 0.5 * RIDGE, 0.5 * _HIP)
+            full = rafters.reach * np.cos(self.pitch) > span - 0.5 * RIDGE - 0.01
+            self._seat(slope, rafters, plates)
+            ends_at = self._square_end(slope, rafters)
+            rows = Ends(*(column[full] for column in rafters))
+            self._head(slope, rows, ridge, ends_at[full])
+            rows = Ends(*(column[~full] for column in rafters))
+            self._head(slope, rows, hips, ends_at[~full])
+            slope.cover(self.site, frame, rafters)
+        self.tie(axis)
+
+    def _strut(self, axis: int) -> None:
+        """Set struts between the ties, that hold the plates below the hipped ends."""
+        across = 1 - axis
+        low, high = int(self.low[across]), int(self.high[across])
+        places = np.linspace(low, high, max(-(-(high - low) // _STRUT), 2) + 1)[1:-1]
+        ties = self._tie_places(axis)
+        starts = [int(self.low[axis]) + self.plate, *(place + TIE[0] for place in ties)]
+        ends = [*ties, int(self.high[axis]) - self.plate]
+        for place in places.astype(int).tolist():
+            for start, end in zip(starts, ends):
+                self._timber(axis, (start, end), (place, place + TIE[0]), self.height,
+                             self.height + self.gauge, 0, 'tie')
+
+    def _plate_ring(self, axis: int) -> np.ndarray:
+        """Lay plates on all four walls, half-lapped at the corners into one ring."""
+        across = 1 - axis
+        inner = (self.low[across] + self.plate, self.high[across] - self.plate)
+        sides = [(axis, (self.low[axis], self.high[axis]), edge)
+                 for edge in (self.low[across], self.high[across] - self.plate)]
+        sides += [(across, inner, edge)
+                  for edge in (self.low[axis], self.high[axis] - self.plate)]
+        boxes = split_along(stack([
+            self._box(run, along, (edge, edge + self.plate), self.height,
+                      self.height + self.gauge, 0, 'plate') for run, along, edge in sides]),
+            PIECE, 0)
+        boxes.member[:] = self.site.next_member
+        rows = self.site.add(boxes)
+        return np.arange(rows.start, rows.stop)
+
+    def _hips(self, axis: int, span: float, ridge: np.ndarray, plates: np.ndarray) -> np.ndarray:
+        """Set the four hip boards on the corners of the plates, up to the ends of the ridge."""
+        rise = span * np.tan(self.pitch)
+        plan = span * np.sqrt(2.0)
+        slope = np.arctan2(rise, plan)
+        depth = (self.depth / np.cos(self.pitch) - 0.5 * _HIP / np.sqrt(2.0) * np.tan(self.pitch)
+                 - 0.003) * np.cos(slope)
+        end = (plan - 0.5 * _HIP - 0.005) / np.cos(slope)
+        low, high = self.low / MICRO, self.high / MICRO
+        first, parts = self.site.frames[0], []
+        for x, y, turn in ((low[0], low[1], 0.25), (high[0], low[1], 0.75),
+                           (high[0], high[1], 1.25), (low[0], high[1], 1.75)):
+            corner = rotation.rotate(first[3:], np.array([x, y, self.eaves]))
+            attitude = rotation.multiply(rotation.multiply(first[3:], rotation.from_yaw(
+                turn * np.pi)), rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]),
+                                                         np.array(-slope)))
+            pose = np.concatenate([corner, attitude])
+            self.site.frames.append(pose)
+            box = from_cells(
+                micros([-OVERHANG / np.cos(slope), -0.5 * _HIP, 0.0]),
+                micros([end, 0.5 * _HIP, depth]), frame=len(self.site.frames) - 1,
+                joint=Joint.FIXING, kind=self.site.kind('hip'),
+                material=self.site.material('timber'))
+            parts.append(self._set_hip(box, pose, end, depth, slope, ridge, plates))
+            self._cap(len(self.site.frames) - 1, end, depth, slope)
+        return np.concatenate(parts)
+
+    def _cap(self, frame: int, end: float, depth: float, slope: float) -> None:
+        """Cover a hip with caps on a strip that lifts them over the tiles."""
+        start, stop = -OVERHANG / np.cos(slope), end - 0.6 * _CAP[1] / np.cos(slope)
+        top = depth + COVER / np.cos(self.pitch) * np.cos(slope) + 0.01
+        strip = from_cells(
+            micros([start, -0.5 * _STRIP, depth]), micros([stop, 0.5 * _STRIP, top]), frame=frame,
+            joint=Joint.FIXING, kind=self.site.kind('batten'),
+            material=self.site.material('timber'))
+        self.site.add(strip, PIECE)
+        count = max(round((stop - start) / _CAP[0]), 1)
+        lines = np.linspace(start, stop, count + 1)
+        low = np.column_stack([lines[:-1] + 0.001, np.full(count, -0.5 * _CAP[1]),
+                               np.full(count, top)])
+        high = np.column_stack([lines[1:] - 0.001, np.full(count, 0.5 * _CAP[1]),
+                                np.full(count, top + _CAP[2])])
+        self.site.add(from_cells(micros(low), micros(high), frame=frame, joint=Joint.FIXING,
+                                 kind=self.site.kind('tile'),
+                                 material=self.site.material('tile')))
+
+    def _set_hip(self, box: Boxes, pose: np.ndarray, end: float, depth: float, slope: float,
+                 ridge: np.ndarray, plates: np.ndarray) -> np.ndarray:
+        rows = self.site.add(box, PIECE)
+        parts = np.arange(rows.start, rows.stop)
+        seat = 0.5 * np.sqrt(2.0) * self.plate / MICRO
+        points = pose[:3] + rotation.rotate(pose[3:], np.array([
+            [seat / np.cos(slope), 0.0, 0.0], [end, 0.0, 0.5 * depth]]))
+        points[0, 2] = self.eaves + 0.5 * seat * np.tan(slope)
+        reach = np.array([[0.5 * self.gauge / MICRO, 0.5 * depth]])
+        self._bond(self._nearest(plates, points[:1]), parts[:1], points[:1],
+                   np.array([[0.0, 0.0, 1.0]]), (_HIP, 2 * seat), reach)
+        normal = rotation.rotate(pose[3:], np.array([1.0, 0.0, 0.0])) * [1.0, 1.0, 0.0]
+        self._bond(parts[-1:], self._nearest(ridge, points[1:]), points[1:],
+                   (normal / np.linalg.norm(normal))[None], (_HIP, depth),
+                   np.array([[0.5, 0.5 * RIDGE]]))
+        return parts
