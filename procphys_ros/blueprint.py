@@ -22,6 +22,7 @@ the ground) as flat numpy arrays. Row i of every part array is part i, for life.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import IntEnum
+from typing import Self
 
 import numpy as np
 
@@ -51,7 +52,7 @@ class _Table:
     def __len__(self) -> int:
         return len(getattr(self, fields(self)[0].name))
 
-    def take(self, rows: np.ndarray) -> '_Table':
+    def take(self, rows: np.ndarray) -> Self:
         """Select rows, (K,) indices or a mask."""
         return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 

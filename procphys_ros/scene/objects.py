@@ -68,7 +68,7 @@ class ObjectSpec:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """The defines as numbers by name."""
+        """Turn the defines into numbers by name."""
         return {m[1]: float(m[2]) for m in map(_DEFINE.match, self.defines) if m}
 
 
@@ -137,7 +137,7 @@ def _whole(lowest: int, highest: int):
     def read(key: str, value: Any) -> int:
         if isinstance(value, bool) or not isinstance(value, numbers.Integral):
             raise SceneError(f'{key}: {value!r} is not a whole number')
-        if not lowest <= value <= highest:
+        if not lowest <= int(value) <= highest:
             raise SceneError(f'{key}: {value} lies outside {lowest} … {highest}')
         return int(value)
     return read
@@ -157,7 +157,7 @@ def _defines(key: str, value: Any) -> tuple[str, ...]:
     for item in items:
         match = _DEFINE.match(item)
         try:
-            valid = bool(match) and math.isfinite(float(match[2]))
+            valid = match is not None and math.isfinite(float(match[2]))
         except ValueError:
             valid = False
         if item and not valid:

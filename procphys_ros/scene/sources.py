@@ -23,7 +23,8 @@ from procphys_ros.lsystem import LSystem
 from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import WallGrammar
 
-_LANGUAGES = {'.lsys': LSystem, '.wall': WallGrammar}
+_LANGUAGES: dict[str, type[LSystem] | type[WallGrammar]] = {
+    '.lsys': LSystem, '.wall': WallGrammar}
 _PACKAGE = 'package://procphys_ros/'
 
 
