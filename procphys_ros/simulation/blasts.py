@@ -23,7 +23,6 @@ from scipy.spatial import cKDTree
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, Impulses, Sight
 from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
-from procphys_ros.physics.masonry.components import groups, label
 from procphys_ros.physics.world import World
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation.blows import Blows, WALL_RATE
@@ -37,6 +36,8 @@ _STOREY = 2.7        # [m] height of the wall whose rate is `blows.WALL_RATE`
 _BRICK = 0.225       # [m] smallest piece of wall that comes out as one
 _GLASS_RATE = 125.0  # [1/s] angular frequency of a window pane, 2π over 50 ms
 _AFTERMATH = 0.3     # [s] after which what falls out of a wall owes nothing to the blast
+_PATCHES = (3.0, 2.4, 1.9, 1.5, 1.2, 0.9, 0.6, 0.3)  # [m] radii of pieces of wall, tried in turn
+_MOST_PATCHES = 60   # in one step
 _SURPLUS = 4.0       # energy over the work of its bonds that makes a brick fly on its own
 _MOST_SINGLE = 250   # such bricks per explosion, the fastest; more could not be simulated in time
 _CLUMP = 12          # parts to a piece of what comes out but does not fly singly
@@ -78,6 +79,7 @@ class Blasts:
         self._debris = debris
         self._waves: list[_Wave] = []
         self._passed = -np.inf
+        self._single_left = 0
         self.momentum = np.zeros((len(self._blueprint), 3))
         self._pulse = np.full(len(self._blueprint), np.inf)
 
@@ -100,6 +102,7 @@ class Blasts:
         boxes = np.flatnonzero(there & (blueprint.shape == Shape.BOX))
         rods = np.flatnonzero(there & (blueprint.shape == Shape.CAPSULE))
         point, charge = explosion.position, explosion.charge
+        self._single_left = _MOST_SINGLE
         sight = Sight(poses[boxes], blueprint.size[boxes]) if len(boxes) else None
         found: list[tuple[np.ndarray, Impulses]] = []
         if sight is not None:
@@ -188,17 +191,8 @@ class Blasts:
         self._burst(parts[self._panes.are(parts)], time)
         standing = self._blows.buildings.standing
         shaken = self._loosest(np.flatnonzero(standing & self.momentum.any(axis=1)))
-        graph = self._blows.buildings.graph
-        inside = np.zeros(graph.count + 1, bool)
-        inside[shaken] = True
-        both = graph.alive & inside[graph.first] & inside[graph.second]
-        labels, _ = label(graph.count, graph.first, graph.second, both)
-        loose = np.zeros(graph.count, bool)
-        for together in groups(labels, inside[:-1]):
-            if self._comes_out(together):
-                self._loosen(together, time)
-                loose[together] = True
-        holds = parts[standing[parts] & ~loose[parts]]
+        loose = self._tear_patches(shaken, time)
+        holds = np.setdiff1d(parts[standing[parts]], loose)
         rate = np.minimum(2.0 / self._pulse[holds], WALL_RATE)[:, None]
         if len(holds):
             self._blows.press(holds, self.momentum[holds] * rate / WALL_RATE)
@@ -233,6 +227,34 @@ class Blasts:
         """Choose parts that got the energy to break away from their neighbours."""
         return parts[self._energy(parts) > self._own_work()[parts]]
 
+    def _tear_patches(self, shaken: np.ndarray, time: float) -> np.ndarray:
+        """
+        Tear round patches out of walls, each as large as the wave can.
+
+        :param shaken: parts with the energy to break away, (K,).
+        :param time: [s].
+        :returns: parts that came loose.
+        """
+        loose: list[np.ndarray] = [np.zeros(0, np.intp)]
+        if not len(shaken):
+            return loose[0]
+        places = self._blueprint.poses[shaken, :3]
+        tree, left = cKDTree(places), np.ones(len(shaken), bool)
+        energy = self._energy(shaken)
+        for _ in range(_MOST_PATCHES):
+            if not left.any():
+                break
+            seed = int(np.argmax(np.where(left, energy, -1.0)))
+            for radius in _PATCHES:
+                near = np.array(tree.query_ball_point(places[seed], radius))
+                patch = np.sort(near[left[near]])
+                if self._comes_out(shaken[patch]):
+                    self._loosen(shaken[patch], time)
+                    loose.append(shaken[patch])
+                    break
+            left[patch] = False
+        return np.concatenate(loose)
+
     def _comes_out(self, parts: np.ndarray) -> bool:
         """
         Say whether a piece of wall is torn from what surrounds it.
@@ -256,8 +278,9 @@ class Blasts:
         graph, solver = self._blows.buildings.graph, self._blows.buildings.solver
         surplus = self._energy(parts) / np.maximum(self._own_work()[parts], 1e-9)
         cell = np.full(graph.count + 1, -1)
-        single = np.argsort(-surplus, kind='stable')[:_MOST_SINGLE]
+        single = np.argsort(-surplus, kind='stable')[:min(self._single_left, _MOST_SINGLE // 4)]
         single = single[surplus[single] > _SURPLUS]
+        self._single_left -= len(single)
         clumped = np.delete(np.arange(len(parts)), single)
         if len(clumped):
             rng = np.random.default_rng([len(parts), int(parts[0])])

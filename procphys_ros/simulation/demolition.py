@@ -25,8 +25,8 @@ from procphys_ros.simulation.events import Cause
 
 _CORE = 0.9        # of a charge's radius: inside masonry turns to dust, outside it is thrown
 _THROW = 6.0       # [m/s] away from the charge
-_BAND = (0.3, 1.05)  # [m] above the foot of a building, where charges are drilled
-_SPACING = 1.2     # [m] between charges of the default plan
+_BAND = (0.3, 2.0)  # [m] above the foot of a building, where charges are drilled
+_SPACING = 1.1     # [m] between charges of the default plan
 _RADIUS = 0.7      # [m] of such a charge; radius over spacing leaves no pier standing
 _SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at the corners
 _HEAVY = 200.0     # [kg] parts above it, such as slabs, are cut loose, not turned to dust
@@ -89,10 +89,10 @@ class Charges:
         chosen = np.flatnonzero(standing & (source.shape == Shape.BOX) & (height > _BAND[0])
                                 & (height < _BAND[1]) & (source.mass < _HEAVY))
         if not len(chosen):
-            raise CommandError('no wall stands between 0.3 and 1.05 m above the ground; give '
+            raise CommandError('no wall stands between 0.3 and 2 m above the ground; give '
                                'demolition.positions')
         points = source.poses[chosen, :3]
-        cell = np.floor(points[:, :2] / _SPACING).astype(np.int64)
+        cell = np.floor(points / _SPACING).astype(np.int64)
         _, place, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
         middles = np.column_stack([np.bincount(place.ravel(), column) / count
                                    for column in points.T])
