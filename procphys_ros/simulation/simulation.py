@@ -29,6 +29,7 @@ from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation.arsenal import Arsenal
+from procphys_ros.simulation.bounds import checked_vector
 from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.collapse import Release
 from procphys_ros.simulation.debris import Debris
@@ -38,8 +39,6 @@ from procphys_ros.simulation.foliage import Foliage
 from procphys_ros.simulation.grove import Grove
 from procphys_ros.simulation.impacts import Impacts
 from procphys_ros.simulation.naming import PartNames
-
-_MAX_IMPULSE = 1e7  # [N·s] and [N·m·s]; a loaded lorry at 900 km/h, beyond it numbers run away
 
 
 class Simulation:
@@ -87,7 +86,7 @@ class Simulation:
         self._free = FreeBodies(self.blueprint)
         self._release = Release(self._buildings, self._free)
         self._impacts = Impacts(self.blueprint, self._free, settings.gravity, self.log)
-        self._world: World | None = None
+        self._world = World()
         self.reset()
 
     @property
@@ -146,9 +145,7 @@ class Simulation:
 
     def close(self) -> None:
         """Free what lives outside Python; `reset` would make it anew."""
-        if self._world is not None:
-            self._world.close()
-            self._world = None
+        self._world.close()
 
     def step(self, n: int = 1) -> None:
         """
@@ -178,10 +175,10 @@ class Simulation:
             with self._stage('leaves'):
                 self._foliage.blow(self.wind, self.poses, self.velocities, self.time,
                                    self.time_step)
-            with self._stage('dust'):
-                self._smoke()
             with self._stage('impacts'):
                 self._shatter()
+            with self._stage('dust'):
+                self._smoke()
             self._steps += 1
 
     def set_wind(self, velocity: Sequence[float]) -> None:
@@ -223,14 +220,14 @@ class Simulation:
         :raises CommandError: when the part is unknown, gone, or a value not finite or too large.
         """
         index = self.names.index(part)
-        linear = _checked('linear impulse', linear)
-        angular = _checked('angular impulse', angular)
-        place = self.poses[index, :3] if point is None else _checked('point', point)
+        impulse = checked_vector('linear impulse', linear)
+        twist = checked_vector('angular impulse', angular)
+        place = self.poses[index, :3] if point is None else checked_vector('point', point)
         if not np.isfinite(self.poses[index, 0]):
             raise CommandError(f'{self.names.name(index)} exists no more')
         if self._buildings.holds(index):
-            return self._arsenal.blows.strike(index, linear, angular, self.time)
-        self._strike(index, linear, angular, place)
+            return self._arsenal.blows.strike(index, impulse, twist, self.time)
+        self._strike(index, impulse, twist, place)
         return True
 
     def apply_wrench(self, part: int | str, force: Sequence[float],
@@ -244,7 +241,8 @@ class Simulation:
         :raises CommandError: when the part is unknown or a value not finite or too large.
         """
         index = self.names.index(part)
-        wrench = np.concatenate([_checked('force', force), _checked('torque', torque)])
+        wrench = np.concatenate([checked_vector('force', force),
+                                 checked_vector('torque', torque)])
         self._wrenches.pop(index, None)
         if wrench.any():
             self._wrenches[index] = wrench
@@ -326,7 +324,7 @@ class Simulation:
             self._debris.drag(self.wind.velocity(points, self.time), self.time_step)
         self._impacts.watch()
         if self._dust is not None:
-            self._dust.watch(self._world)
+            self._dust.watch(self._world, self._debris.carrier, self.time_step)
         self._world.step(self.time_step)
 
     def _shatter(self) -> None:
@@ -335,7 +333,7 @@ class Simulation:
 
     def _smoke(self) -> None:
         if self._dust is not None:
-            self._dust.rise(self._world, self._debris.carrier, self.log, self.time_step)
+            self._dust.rise(self._world, self.log, self.time_step)
             self._dust.drift(self.wind, self.time, self.time_step)
 
     def _join(self, parts: Blueprint, name: str) -> int:
@@ -363,18 +361,3 @@ class Simulation:
         start = perf_counter()
         yield
         self.timings[name] = self.timings.get(name, 0.0) + perf_counter() - start
-
-
-def _checked(what: str, value: Sequence[float]) -> np.ndarray:
-    """Return a finite vector (3,) of bearable size."""
-    try:
-        vector = np.array(value, float)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
-    if vector.shape != (3,):
-        raise CommandError(f'{what}: {value!r} is not three numbers [x, y, z]')
-    if not np.isfinite(vector).all():
-        raise CommandError(f'{what}: {vector.tolist()} is not finite')
-    if np.abs(vector).max() > _MAX_IMPULSE:
-        raise CommandError(f'{what}: {vector.tolist()} is larger than {_MAX_IMPULSE:g}')
-    return vector
