@@ -201,9 +201,9 @@ class CoarseSpace:
         self.count = max(merged, 1)  # without any part one empty aggregate stays
         member = self.owner[parts]
         population = np.bincount(member, minlength=self.count)
-        self.middle = np.column_stack([
+        total = np.column_stack([
             np.bincount(member, graph.centre[parts, c], self.count) for c in range(3)])
-        self.middle = self.middle / np.maximum(population, 1)[:, None]
+        self.middle = total / np.maximum(population, 1)[:, None]
         self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
         matrix = self.assembled(graph)
         self._component = connected_components(matrix, directed=False)[1][::6]

@@ -57,7 +57,7 @@ class Fracture:
         self.solver = solver
         self.dynamic_factor = dynamic_factor
         self.band = band
-        self._judged = None
+        self._judged: int | None = None
 
     @property
     def stable(self) -> bool:

@@ -35,7 +35,7 @@ from enum import IntEnum
 from numba import njit
 import numpy as np
 
-from procphys_ros.physics.masonry.graph import BondGraph, HUB
+from procphys_ros.physics.masonry.graph import BondGraph, HUB, Patches
 
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
 _HOPELESS = 3.0     # utilisation that the breaking of others elsewhere will not bring below 1
@@ -94,7 +94,7 @@ def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.nd
     return share, cause
 
 
-def opening(graph: BondGraph, bonds: np.ndarray,
+def opening(graph: BondGraph | Patches, bonds: np.ndarray,
             wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Decide what remains of bonds whose edge tension passed the limit: the cracked section.
