@@ -34,7 +34,8 @@ _FINEST, _COARSEST = 1e-6, 60e-6  # [m]
 _EXTINCTION = 3.0 / GRAIN_DENSITY  # [m³/kg], over the grain diameter: area per mass
 _PUFF_MASS = 1e-4  # [kg] of a puff, while there is room for so many
 _MOST_BIRTHS = 0.02  # puffs born at once, as a share of the ring; beyond, puffs get heavier
-_YOUNG_PUFF = 0.2  # [m] deviation of a puff that is just born
+# What air holds in the middle of a puff, and around a hit, when dust has just risen: our choice.
+_YOUNG = 2e-3  # [kg/m³]
 # Puffs in a neutral atmosphere have spread to 4 m after 100 m (Slade 1968, Meteorology and atomic
 # energy): σ² = 2Kt with K = 0.08 m times the speed. Half of it moves puffs, half widens them.
 _MIXING = 0.08  # [m]
@@ -126,7 +127,8 @@ class DustCloud:
         """
         if not len(energy):
             return 0
-        growing = self.owed + np.cumsum(DUST_PER_ENERGY * energy)
+        risen = DUST_PER_ENERGY * np.asarray(energy, float)
+        growing = self.owed + np.cumsum(risen)
         most = max(int(_MOST_BIRTHS * len(self.state)), 1)
         each = max(_PUFF_MASS, growing[-1] / most)
         # A hair more, lest rounding keep back the last of a full set.
@@ -134,7 +136,8 @@ class DustCloud:
         counts = np.diff(reached, prepend=0)
         self.owed = max(float(growing[-1] - reached[-1] * each), 0.0)
         source = np.repeat(np.arange(len(points)), counts)
-        self._bear(points[source], np.asarray(spread)[source], each)
+        wide = np.hypot(spread, _young_deviation(risen))
+        self._bear(points[source], wide[source], each)
         return len(source)
 
     def step(self, time_step: float, wind: Callable[[np.ndarray], np.ndarray]) -> None:
@@ -162,7 +165,7 @@ class DustCloud:
         place[:, 2] = np.abs(place[:, 2])
         grain = _MEDIAN * np.exp(_SPREAD * self._rng.standard_normal(count))
         self.position[rows] = place
-        self.deviation[rows] = _YOUNG_PUFF
+        self.deviation[rows] = _young_deviation(mass)
         self._birth[rows] = self._time
         self.mass[rows] = mass
         self.grain[rows] = np.clip(grain, _FINEST, _COARSEST)
@@ -179,6 +182,11 @@ def stokes_speed(diameter: np.ndarray, gravity: float = 9.81) -> np.ndarray:
     :param gravity: [m/s²].
     """
     return (GRAIN_DENSITY - _AIR_DENSITY) * gravity * np.square(diameter) / (18.0 * AIR_VISCOSITY)
+
+
+def _young_deviation(mass: np.ndarray) -> np.ndarray:
+    """Give the deviation of dust that has just risen [m], by its mass [kg], (K,)."""
+    return np.cbrt(np.asarray(mass) / _YOUNG) / math.sqrt(2.0 * math.pi)
 
 
 @njit(cache=True)
