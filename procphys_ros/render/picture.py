@@ -56,7 +56,7 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     Draw a blueprint as a picture; needs no display.
 
     :param blueprint: what to draw.
-    :param poses: where its parts are, world, (N, 7).
+    :param poses: where its parts are, world, (N, 7); not finite for parts that are no more.
     :param path: image file to write; its suffix chooses the format.
     :param camera: position and target x y z tx ty tz [m]; the whole scene when not given.
     :param size: width and height [px].
@@ -66,7 +66,9 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     :raises RenderUnavailableError: when PyVista or OpenGL is not installed.
     """
     poses = np.asarray(poses, float)
-    shown = np.ones(len(blueprint), bool) if exists is None else np.asarray(exists, bool)
+    shown = np.isfinite(poses).all(axis=1)
+    if exists is not None:
+        shown &= np.asarray(exists, bool)
     petioles, hangs = _petioles(blueprint, poses, leaf_poses)
     items = [item for item in _items(blueprint, poses, shown, petioles, hangs) if len(item.row)]
     canvas = Canvas(size)
