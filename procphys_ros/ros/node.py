@@ -57,11 +57,12 @@ class SimNode(Node):
         ~/wind (geometry_msgs/Vector3Stamped): mean air velocity [m/s]
         ~/impulse (geometry_msgs/WrenchStamped): [N·s], [N·m·s] on the part header.frame_id
         ~/wrench (geometry_msgs/WrenchStamped): the same as a lasting force [N], [N·m]
+        ~/explosion (geometry_msgs/PointStamped): where `explosion.charge` goes off
 
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
-        ~/gust, ~/apply_impulse, ~/clear_wrenches, ~/step_simulation, ~/reset_simulation,
-        ~/reload_scene (std_srvs/Trigger)
+        ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/clear_wrenches,
+        ~/step_simulation, ~/reset_simulation, ~/reload_scene (std_srvs/Trigger)
 
     :raises ProcPhysError: when the scene cannot be built.
     """

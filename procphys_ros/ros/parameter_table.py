@@ -23,6 +23,7 @@ from typing import Any
 
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.foliage import SHEDDING_SPEED
+from procphys_ros.scene.strikes import SHAPES
 
 _FASTEST = 150.0  # [m/s] above every wind measured on the ground
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
@@ -43,6 +44,7 @@ class Parameter:
     :ivar read_only: fixed once the node runs.
     :ivar takes_effect: 'now', 'reload' (at ~/reload_scene) or 'use' (when next used).
     :ivar optional: the default stands for "not given".
+    :ivar any_length: a list of numbers may be of any length, and one number is a list of one.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Parameter:
     read_only: bool = False
     takes_effect: str = 'now'
     optional: bool = False
+    any_length: bool = False
 
     def read(self, value: Any, name: str = '') -> Any:
         """
@@ -74,6 +77,8 @@ class Parameter:
         if isinstance(self.default, str):
             return self._text(value, name)
         items = list(value) if _is_sequence(value) else None
+        if self.any_length:
+            return [self._number(item, name) for item in ([value] if items is None else items)]
         if self.default and isinstance(self.default[0], float):
             if items is None or len(items) != len(self.default):
                 raise SceneError(f'{name} is {_short(value)}, it must be a list of '
@@ -170,6 +175,26 @@ GLOBAL = (
               takes_effect='use'),
     Parameter('impulse.angular', [0.0, 0.0, 0.0], 'angular impulse', 'N·m·s',
               takes_effect='use'),
+    Parameter('projectile.shape', 'sphere', 'of what ~/launch_projectile throws', choices=SHAPES,
+              takes_effect='use'),
+    Parameter('projectile.size', [0.3], 'its diameter, or three edges', 'm', 1e-3, 20.0,
+              takes_effect='use', any_length=True),
+    Parameter('projectile.mass', 30.0, 'its mass', 'kg', 1e-4, 1e6, takes_effect='use'),
+    Parameter('projectile.position', [0.0, -10.0, 2.0], 'where its centre starts', 'm', -1e5, 1e5,
+              takes_effect='use'),
+    Parameter('projectile.velocity', [0.0, 20.0, 0.0], 'how fast it starts, in all at most 400',
+              'm/s', -400.0, 400.0, takes_effect='use'),
+    Parameter('explosion.position', [0.0, -5.0, 1.0], 'where ~/explode sets off its charge', 'm',
+              -1e5, 1e5, takes_effect='use'),
+    Parameter('explosion.charge', 10.0, 'mass of TNT of ~/explode and ~/explosion', 'kg', 1e-6,
+              1e4, takes_effect='use'),
+    Parameter('demolition.delays', [], 'when each charge of ~/demolish goes off; no charges = '
+              'along the ground-floor walls, from the middle outwards', 's', 0.0, 3600.0,
+              takes_effect='use', any_length=True),
+    Parameter('demolition.positions', [], 'x y z of one charge after the other', 'm', -1e5, 1e5,
+              takes_effect='use', any_length=True),
+    Parameter('demolition.radii', [], 'in which each charge turns masonry to dust', 'm', 1e-3,
+              100.0, takes_effect='use', any_length=True),
 )
 
 OBJECT = (

@@ -70,8 +70,7 @@ class Publishers:
         """Announce a scene that has been loaded; whoever watches gets all of it anew."""
         self._scene_markers = None
         self._whole_again = self._next_markers = 0.0
-        self._description.publish(String(data=messages.scene_description(
-            simulation.blueprint, simulation.scene.objects, self._frame)))
+        self._describe(simulation)
 
     def restart_markers(self) -> None:
         """Send the whole set of markers next (the time has jumped back)."""
@@ -84,6 +83,8 @@ class Publishers:
         :param has_moved: whether steps were run since the last call.
         """
         at = messages.stamp(simulation.time)
+        if simulation.blueprint is not self._described:
+            self._describe(simulation)
         if self._pose_watch.has_risen() or (has_moved and self._pose_watch.count):
             self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
         self._publish_markers(simulation, at)
@@ -95,6 +96,11 @@ class Publishers:
         self._clock.publish(clock)
         if self._wind_info.get_subscription_count():
             self._publish_wind(simulation, at)
+
+    def _describe(self, simulation: Simulation) -> None:
+        self._described = simulation.blueprint
+        self._description.publish(String(data=messages.scene_description(
+            simulation.blueprint, simulation.objects, self._frame)))
 
     def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:
         now = monotonic()
@@ -109,7 +115,7 @@ class Publishers:
             self._scene_markers = None
             self._whole_again = 0.0
         if self._scene_markers is None or len(self._scene_markers) != len(simulation.poses):
-            self._scene_markers = SceneMarkers(simulation.blueprint, simulation.scene.objects,
+            self._scene_markers = SceneMarkers(simulation.blueprint, simulation.objects,
                                                self._frame, self.marker_triangles)
             write: Callable = self._scene_markers.whole
         else:

@@ -16,12 +16,21 @@
 """Services of the node: each answers what happened, or why it did not."""
 
 from collections.abc import Callable
+from time import monotonic
 from typing import Protocol
 
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock
 from rclpy.node import Node
+from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from procphys_ros.ros.commands import Command, CommandQueue
+
+_PATIENCE = 0.1  # [s] after which a command is answered for though it has not been carried out
+_LOOK = 0.04  # [s] between looks at commands that wait; both make less than 0.2 s together
+LATER = ('accepted; the simulation is busy with a long step or another command, and carries it '
+         'out next (if it should be refused then, /diagnostics will say so)')
 
 
 class Actions(Protocol):
@@ -44,38 +53,91 @@ class Actions(Protocol):
     def reload_scene(self) -> str: ...
 
 
-_TRIGGERS = ('gust', 'apply_impulse', 'clear_wrenches', 'step_simulation', 'reset_simulation',
-             'reload_scene')
+_TRIGGERS = ('gust', 'apply_impulse', 'clear_wrenches')
 _SWITCHES = ('set_wind_enabled', 'set_pause')
+# Their answer is their result, so it comes when they are done, however long that takes.
+_LONG_TRIGGERS = ('step_simulation', 'reset_simulation', 'reload_scene')
 
 
-def create_services(node: Node, queue: CommandQueue, actions: Actions) -> None:
+class Answers:
+    """
+    Puts commands into the queue and waits for what becomes of them, without holding up others.
+
+    :param node: whose executor runs the services.
+    :param queue: carries commands out, in another thread.
+    :param clock: steady clock of timers.
+    :ivar group: callback group for services that await `ask`.
+    """
+
+    def __init__(self, node: Node, queue: CommandQueue, clock: Clock):
+        self._node = node
+        self._queue = queue
+        self._waiting: list[tuple[float, Future]] = []
+        self.group = ReentrantCallbackGroup()
+        self._look = node.create_timer(_LOOK, self._hurry, self.group, clock)
+        self._look.cancel()
+
+    async def ask(self, name: str, act: Callable[[], str], is_long: bool = False
+                  ) -> tuple[bool, str]:
+        """
+        Have a command carried out.
+
+        :param name: of the service.
+        :param act: says what happened or raises CommandError.
+        :param is_long: wait for the result; else a busy simulation is not waited for.
+        :returns: whether it was carried out or accepted, and what happened or why not.
+        """
+        future = Future()
+
+        def answer(success: bool, message: str) -> None:
+            future.set_result((success, message))
+            executor = self._node.executor
+            if executor is not None:
+                executor.wake()
+
+        if not is_long:
+            self._waiting.append((monotonic() + _PATIENCE, future))
+            if self._look.is_canceled():
+                self._look.reset()
+        self._queue.submit(Command(name, act, answer))
+        return await future
+
+    def _hurry(self) -> None:
+        """Answer for commands that have waited too long."""
+        now = monotonic()
+        for due, future in self._waiting:
+            if now >= due and not future.done():
+                future.set_result((True, LATER))
+        self._waiting = [(due, future) for due, future in self._waiting if not future.done()]
+        if not self._waiting:
+            self._look.cancel()
+
+
+def create_services(node: Node, answers: Answers, actions: Actions) -> None:
     """
     Offer all services.
 
-    A service is called between two steps, so it carries out at once what waits in the queue and
-    then its own command: the order in which commands came is kept, and the answer is the truth.
-
     :param node: the node that offers them.
-    :param queue: counts the commands, and holds those that came before.
+    :param answers: waits for what becomes of a command.
     :param actions: carries them out.
     """
-    for name in _TRIGGERS:
-        node.create_service(Trigger, f'~/{name}', _trigger(queue, name, getattr(actions, name)))
+    for name in _TRIGGERS + _LONG_TRIGGERS:
+        serve = _trigger(answers, name, getattr(actions, name), name in _LONG_TRIGGERS)
+        node.create_service(Trigger, f'~/{name}', serve, callback_group=answers.group)
     for name in _SWITCHES:
-        node.create_service(SetBool, f'~/{name}', _switch(queue, name, getattr(actions, name)))
+        node.create_service(SetBool, f'~/{name}', _switch(answers, name, getattr(actions, name)),
+                            callback_group=answers.group)
 
 
-def _trigger(queue: CommandQueue, name: str, act: Callable[[], str]):
-    def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = queue.run(Command(name, act))
+def _trigger(answers: Answers, name: str, act: Callable[[], str], is_long: bool):
+    async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = await answers.ask(name, act, is_long)
         return response
     return serve
 
 
-def _switch(queue: CommandQueue, name: str, act: Callable[[bool], str]):
-    def serve(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        command = Command(name, lambda: act(request.data))
-        response.success, response.message = queue.run(command)
+def _switch(answers: Answers, name: str, act: Callable[[bool], str]):
+    async def serve(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        response.success, response.message = await answers.ask(name, lambda: act(request.data))
         return response
     return serve

@@ -16,7 +16,8 @@
 """Session: the simulation that runs at the moment, and what may be asked of it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import TypeVar
 
 from procphys_ros.errors import CommandError, ProcPhysError
 from procphys_ros.physics.wind import Gust
@@ -24,7 +25,10 @@ from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import read_settings
+from procphys_ros.scene.strikes import Demolition, Projectile
 from procphys_ros.simulation import Simulation
+
+_Strike = TypeVar('_Strike')
 
 
 class Session:
@@ -88,8 +92,32 @@ class Session:
             raise CommandError('the parameter impulse.target is empty, it must name a part, such '
                                'as oak_0/17')
         linear = self._parameters['impulse.linear']
-        self.simulation.apply_impulse(target, linear, self._parameters['impulse.angular'])
-        return f'impulse {linear} N·s on {target}'
+        return self.strike(target, linear, self._parameters['impulse.angular'])
+
+    def strike(self, part: str, linear: Sequence[float], angular: Sequence[float]) -> str:
+        """Give a part an impulse [N·s], [N·m·s], and say what it did."""
+        moves = self.simulation.apply_impulse(part, linear, angular)
+        return (f'impulse {list(linear)} N·s on {part}'
+                + ('' if moves else '; it holds, and its building takes the blow'))
+
+    def launch_projectile(self) -> str:
+        """Throw what the `projectile.*` parameters describe."""
+        part = self.simulation.launch(self._group('projectile', Projectile))
+        return f'{self.simulation.names.name(part)} flies, it is part {part}'
+
+    def explode(self) -> str:
+        """Set off a charge from the `explosion.*` parameters."""
+        return self.explode_at(self._parameters['explosion.position'])
+
+    def explode_at(self, point: Sequence[float]) -> str:
+        """Set off `explosion.charge` at a point [m], (3,)."""
+        charge = self._parameters['explosion.charge']
+        self.simulation.explode(point, charge)
+        return f'{charge:g} kg TNT at {list(point)} m'
+
+    def demolish(self) -> str:
+        """Start the charges of the `demolition.*` parameters."""
+        return f'{self.simulation.demolish(self._group("demolition", Demolition))} charges armed'
 
     def clear_wrenches(self) -> str:
         """Take away all lasting forces."""
@@ -128,6 +156,11 @@ class Session:
         simulation = self.simulation
         return (f'{len(simulation.scene.objects)} objects, {len(simulation.poses)} parts, '
                 f'{len(simulation.blueprint.bonds)} bonds')
+
+    def _group(self, name: str, kind: type[_Strike]) -> _Strike:
+        """Read a group of parameters as what it describes."""
+        return kind(**{f.name: self._parameters[f'{name}.{f.name}']
+                       for f in fields(kind)})  # type: ignore[arg-type]
 
     def _build(self) -> Simulation:
         scene = Scene.from_parameters(self._parameters.nested())

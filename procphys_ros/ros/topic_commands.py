@@ -18,7 +18,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from geometry_msgs.msg import Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import PointStamped, Vector3Stamped, WrenchStamped
 from rclpy.node import Node
 
 from procphys_ros.errors import CommandError
@@ -45,26 +45,10 @@ class TopicCommands:
         self._queue = queue
         self._session = session
         self._frame = frame
-        self._subscriptions = [
-            node.create_subscription(kind, f'~/{name}', self._receiver(name, read), qos.COMMANDS)
-            for name, kind, read in (('wind', Vector3Stamped, self._wind),
-                                     ('impulse', WrenchStamped, self._impulse),
-                                     ('wrench', WrenchStamped, self._wrench))]
-
-    def take_all(self) -> None:
-        """
-        Take what has arrived.
-
-        The executor takes one message of a topic between two ticks; when ticks are long, that
-        would be far fewer than arrive.
-        """
-        for subscription in self._subscriptions:
-            with subscription.handle:
-                for _ in range(_MOST_AT_ONCE):
-                    taken = subscription.handle.take_message(subscription.msg_type, False)
-                    if taken is None:
-                        break
-                    subscription.callback(taken[0])
+        for name, kind, read in (('wind', Vector3Stamped, self._wind),
+                                 ('impulse', WrenchStamped, self._impulse),
+                                 ('wrench', WrenchStamped, self._wrench)):
+            _subscribe(node, f'~/{name}', kind, self._receiver(name, read))
 
     def _receiver(self, name: str, read: Callable[[Any], Callable[[], str]]):
         def receive(message: Any) -> None:
@@ -81,11 +65,12 @@ class TopicCommands:
 
     def _impulse(self, message: WrenchStamped) -> Callable[[], str]:
         part, linear, angular = _on_part(message, 'impulse', 'angular impulse')
+        return lambda: self._session.strike(part, linear, angular)
 
-        def carry_out() -> str:
-            self._session.simulation.apply_impulse(part, linear, angular)
-            return f'impulse on {part}'
-        return carry_out
+    def _explosion(self, message: PointStamped) -> Callable[[], str]:
+        check_frame(message.header, self._frame)
+        point = triple(message.point, 'explosion')
+        return lambda: self._session.explode_at(point)
 
     def _wrench(self, message: WrenchStamped) -> Callable[[], str]:
         part, force, torque = _on_part(message, 'force', 'torque')
@@ -94,6 +79,25 @@ class TopicCommands:
             self._session.simulation.apply_wrench(part, force, torque)
             return f'wrench on {part}'
         return carry_out
+
+
+def _subscribe(node: Node, topic: str, kind: type, receive: Callable[[Any], None]) -> None:
+    """
+    Subscribe so that a flood is taken in one go.
+
+    The executor takes one message of a topic at a time and looks at everything else in between,
+    which is far slower than a busy sender.
+    """
+    def receive_all(message: Any) -> None:
+        receive(message)
+        with subscription.handle:
+            for _ in range(_MOST_AT_ONCE):
+                taken = subscription.handle.take_message(kind, False)
+                if taken is None:
+                    break
+                receive(taken[0])
+
+    subscription = node.create_subscription(kind, topic, receive_all, qos.COMMANDS)
 
 
 def _on_part(message: WrenchStamped, linear: str, angular: str) -> tuple:
