@@ -39,6 +39,7 @@ from procphys_ros.simulation.foliage import Foliage
 from procphys_ros.simulation.grove import Grove
 from procphys_ros.simulation.impacts import Impacts
 from procphys_ros.simulation.naming import PartNames
+from procphys_ros.simulation.striking import Impact
 
 
 class Simulation:
@@ -108,6 +109,11 @@ class Simulation:
     def awake_bodies(self) -> int:
         """Count the loose bodies that move at present."""
         return len(self._world.awake)
+
+    @property
+    def impacts(self) -> list[Impact]:
+        """List the blows of projectiles on what stood, with the momentum that each passed on."""
+        return self._arsenal.striking.impacts
 
     def leaf_poses(self) -> np.ndarray:
         """Work out the petioles of all leaves, fluttering, flying or fallen, world, (L, 7)."""

@@ -39,7 +39,7 @@ _ROLLING = 2.0 / 7.0  # share of its tangential momentum that a ball loses until
 _SLOW = 0.3          # [m/s] closing speed below which a touch is left to the world's contacts
 _JOINT = 0.01        # [m] mortar between parts that makes their faces one wall
 _DENT = 0.015        # [m] parts touched within this depth take one blow together
-_FLUSH = 1e-3        # [m] depth within which touches say together which way a wall faces
+_FLUSH = 1e-5        # [m] depth within which touches say together which way a wall faces
 _ALIKE = 0.7         # least cosine between the normals of such touches
 _MOST_HITS = 150     # in one step
 
