@@ -14,12 +14,13 @@
 
 """Grove: the standing trees of a scene, what the wind does to them and where they break."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Law
-from procphys_ros.physics.trees import Forest
+from procphys_ros.physics.trees import Foresight, Forest
 from procphys_ros.physics.wind import Wind
 
 
@@ -32,7 +33,7 @@ class Breakage:
     :ivar position: of the broken joints, world [m], (B, 3).
     :ivar cause: `events.Cause`, (B,).
     :ivar load: load over strength, (B,).
-    :ivar pieces: per bond the parts that came off, their poses and velocities.
+    :ivar pieces: parts, poses and velocities of what came off, without what stays limp.
     """
 
     bond: np.ndarray
@@ -61,6 +62,7 @@ class Grove:
             hinges.break_force, hinges.break_torque, hinges.strength])[
                 hinge_row[self.forest.bonds]]
         self._wind = np.zeros((len(self.forest), 3))
+        self._still = True
         self._span = _span(self.forest.parts)
 
     def __len__(self) -> int:
@@ -68,38 +70,47 @@ class Grove:
 
     @property
     def air(self) -> np.ndarray:
-        """Velocity of the air at every row when `sway` last asked for it [m/s], (S, 3)."""
+        """Velocity of the air at every row when `feel` last asked for it [m/s], (S, 3)."""
         return self._wind
 
     def holds(self, part: int) -> bool:
-        """Say whether a part still belongs to a standing tree."""
+        """Say whether a part still belongs to a tree that stands or falls, but is no debris."""
         row = self.row_of_part[part]
         return row >= 0 and bool(self.forest.active[row])
 
     def grow(self, count: int) -> None:
         """Make room for parts that have joined the scene behind all others, none of them trees."""
-        late = np.full(count - len(self.row_of_part), -1, np.intp)
+        late = np.full(max(count - len(self.row_of_part), 0), -1, np.intp)  # 0 after a reset
         self.row_of_part = np.concatenate([self.row_of_part, late])
 
-    def sway(self, wind: Wind, time: float, time_step: float) -> None:
+    def feel(self, wind: Wind, time: float) -> None:
         """
-        Advance all standing trees in the wind.
+        Ask for the air that acts in the next step.
 
         :param wind: blows at every segment.
         :param time: [s].
-        :param time_step: [s].
         """
-        still = not wind.enabled
-        if not still:
+        self._still = not wind.enabled
+        if not self._still:
             wind.velocity(self.forest.poses[:, :3], time, out=self._wind)
-        self.forest.step(time_step, None if still else self._wind)
 
-    def snap(self) -> Breakage | None:
+    def foresee(self, rows: np.ndarray, points: np.ndarray, time_step: float) -> Foresight:
+        """Look ahead in the air that was felt; see `Forest.foresee`."""
+        return self.forest.foresee(rows, points, time_step, None if self._still else self._wind)
+
+    def sway(self, time_step: float) -> None:
+        """Advance all trees in the air that was felt, by one step [s]."""
+        self.forest.step(time_step, None if self._still else self._wind)
+
+    def snap(self, stays_limp: Callable[[int], bool]) -> Breakage | None:
         """
         Break what the last step overloaded, the worst joint of each root-to-tip path first.
 
         What lies above and below a broken joint is judged again in the next step, when the load
         that broke it is gone.
+
+        :param stays_limp: says of the first row of what comes off whether it goes on in the
+            forest as a tree of its own, with a free root.
         """
         rows, causes, loads, bonds = self.forest.overloaded()
         if not len(rows):
@@ -112,6 +123,9 @@ class Grove:
         position = np.array([self._joint(rows[i]) for i in chosen])
         pieces = []
         for i in chosen:
+            if stays_limp(rows[i]):
+                self.forest.release(rows[i])
+                continue
             fallen, poses, velocities = self.forest.detach(rows[i])
             pieces.append((self.forest.parts[fallen], poses, velocities))
         return Breakage(bonds[chosen], position, causes[chosen], over[chosen], pieces)
