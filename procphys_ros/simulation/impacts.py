@@ -27,8 +27,8 @@ from procphys_ros.physics.world import axes_of, Contacts, State, World
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause, EventLog
 
-CONTACT = 15e-3     # [s] that a blow lasts: edges crush and rubble gives way by v·T/2, 6 cm after a
-#                     fall of 3 m; the elastic contact of two whole bricks would be shorter
+CONTACT = 15e-3     # [s] that a blow lasts: edges crush and rubble gives way by v·T/2, 6 cm after
+#                     a fall of 3 m; the elastic contact of two whole bricks would be shorter
 _CHAIN = 0.3        # [m/s] change of speed down to which taking back follows chains of contacts
 _FLAT = 0.03        # [m] off the plane of contact: what is nearer takes part of the pressure
 _AROUND = 0.06      # [m] outside of the points of contact: likewise
@@ -39,7 +39,6 @@ _SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot bre
 _NODES = 60         # cells that a piece breaks into at most in one step, and ...
 _WORK = 400         # ... cells of all pieces judged in one step; the rest follows in the next
 _BODIES = 400       # awake bodies that there should be: the more, the coarser pieces break
-_FEWEST = 4         # cells, however many bodies there are
 
 
 class _Blow(NamedTuple):
@@ -48,12 +47,15 @@ class _Blow(NamedTuple):
 
     :ivar body: id.
     :ivar parts: what it carries, (P,).
-    :ivar wrenches: on the parts, in the frame of the blueprint [N], [N·m], (P, 6).
+    :ivar rows: contacts, those on the second body of a contact behind all others, (C,).
+    :ivar wrenches: on the parts, in the frame of the blueprint [N], [N·m], (P, 6); None = not
+        known yet.
     """
 
     body: int
     parts: np.ndarray
-    wrenches: np.ndarray
+    rows: np.ndarray
+    wrenches: np.ndarray | None
 
 
 class Impacts:
@@ -82,11 +84,13 @@ class Impacts:
         self._world = world
         self._debris = debris
         self._before = np.zeros((0, 6))
+        self._start = np.zeros((0, 7))
         self._waiting: list[_Blow] = []
 
     def watch(self) -> None:
-        """Note how everything moves just before a step of the world."""
+        """Note where everything is and how it moves just before a step of the world."""
         self._before = self._world.bodies.velocities.copy()
+        self._start = self._world.bodies.poses.copy()
 
     def judge(self, time: float, time_step: float) -> bool:
         """
@@ -96,27 +100,29 @@ class Impacts:
         :param time_step: [s].
         :returns: whether anything broke.
         """
-        if not self._waiting and not self._struck(time_step):
+        room = _BODIES - len(self._world.awake)
+        if room < 2 or not (self._waiting or self._struck(time_step)):
             return False
         contacts = self._world.contacts()
+        blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
+        known = {b.body for b in blows}
+        blows += [b for b in self._blows(contacts) if b.body not in known]
+        self._waiting = []
         share = np.ones(len(self._world.bodies.state))
         broken = []
         work = 0
-        blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
-        late = len(blows)
-        known = {b.body for b in blows}
-        blows += [b for b in self._blows(contacts) if b.body not in known]
-        wanted = self._cells(blows)
-        self._waiting = []
-        for turn, (blow, cells) in enumerate(zip(blows, wanted)):
+        for blow, cells in zip(blows, _cells(blows, room)):
+            late = blow.wrenches is not None
+            if not late:
+                blow = blow._replace(wrenches=self._wrenches(blow, contacts))
             if work > _WORK:
                 self._waiting.append(blow)
                 continue
             result = self._free.strike(blow.parts, blow.wrenches, cells)
-            work += min(cells, len(blow.parts))
+            work += cells
             if len(result.bonds):
                 broken.append((blow, result))
-                if turn >= late:  # the impulse of a late blow is history
+                if not late:  # the impulse of a late blow is history
                     share[blow.body] = result.share
         if broken:
             self._give_back(contacts, share)
@@ -127,7 +133,7 @@ class Impacts:
         return bool(broken)
 
     def _struck(self, time_step: float) -> bool:
-        """Say whether anything was hit at all while there are pieces; contacts are dear to read."""
+        """Say whether anything was hit while there are pieces; contacts are dear to read."""
         bodies, awake = self._world.bodies, self._world.awake
         if not len(awake) or self._debris.size[awake[awake < len(self._debris.size)]].max(
                 initial=0) < 2:
@@ -150,34 +156,35 @@ class Impacts:
         felt = np.bincount(side, push, count)
         size = np.zeros(count, np.intp)
         size[:len(debris.size)] = debris.size[:count]
-        jump = np.divide(felt, bodies.mass, out=np.zeros(count), where=bodies.mass > 0.0)
-        chosen = np.flatnonzero((size > 1) & (jump > _LEAST_JUMP)
+        chosen = np.flatnonzero((size > 1) & (felt > _LEAST_JUMP * bodies.mass)
                                 & (bodies.state == State.LOOSE))
         order = np.argsort(side, kind='stable')
         start = np.searchsorted(side[order], np.arange(count + 1))
-        for body in chosen[np.argsort(-jump[chosen], kind='stable')].tolist():
+        for body in chosen[np.argsort(-felt[chosen], kind='stable')].tolist():
             parts = debris.parts_of(body)
-            if felt[body] < CONTACT * _SCREEN * self._free.weakest[parts].min():
-                continue
-            rows = order[start[body]:start[body + 1]]
-            sign = np.where(rows < len(contacts), 1.0, -1.0)[:, None]
-            rows = rows % max(len(contacts), 1)
-            other = np.where(sign[:, 0] > 0, contacts.body_b[rows], contacts.body_a[rows])
-            wrenches = _loads(contacts.point[rows], sign * contacts.normal[rows],
-                              sign * contacts.impulse[rows] / CONTACT, other,
-                              debris.poses_of(body), self._blueprint.size[parts],
-                              self._blueprint.poses[parts])
-            yield _Blow(body, parts, wrenches)
+            if felt[body] > CONTACT * _SCREEN * self._free.weakest[parts].min():
+                yield _Blow(body, parts, order[start[body]:start[body + 1]], None)
 
-    def _cells(self, blows: list[_Blow]) -> list[int]:
-        """Share the room for more bodies among the struck pieces by their size."""
-        total = sum(len(b.parts) for b in blows)
-        room = max(_BODIES - len(self._world.awake), 0)
-        return [int(np.clip(room * len(b.parts) / total, _FEWEST, min(_NODES, len(b.parts))))
-                if len(b.parts) > _FEWEST else len(b.parts) for b in blows]
+    def _wrenches(self, blow: _Blow, contacts: Contacts) -> np.ndarray:
+        """Put the contact forces of a blow on the parts that they act on."""
+        first = blow.rows < len(contacts)
+        rows = blow.rows % len(contacts)
+        sign = np.where(first, 1.0, -1.0)[:, None]
+        other = np.where(first, contacts.body_b[rows], contacts.body_a[rows])
+        start, end = self._start[blow.body], self._world.bodies.poses[blow.body]
+        turn = rotation.multiply(end[3:], rotation.conjugate(start[3:]))
+        points = end[:3] + rotation.rotate(turn, contacts.point[rows] - start[:3])
+        return _loads(points, sign * contacts.normal[rows],
+                      sign * contacts.impulse[rows] / CONTACT, other,
+                      self._debris.poses_of(blow.body), self._blueprint.size[blow.parts],
+                      self._blueprint.poses[blow.parts])
 
     def _give_back(self, contacts: Contacts, share: np.ndarray) -> None:
-        """Undo the part of each impulse that the bonds of a side could not transmit."""
+        """
+        Undo the part of each impulse that the bonds of a side could not transmit.
+
+        Contacts are where the bodies were at the start of the step, and so are their arms.
+        """
         bodies = self._world.bodies
         kept = self._kept(contacts, share)
         rows = np.flatnonzero(kept < 1.0)
@@ -185,7 +192,7 @@ class Impacts:
         ids, place = np.unique(np.concatenate([contacts.body_a[rows], contacts.body_b[rows]]),
                                return_inverse=True)
         impulse = np.concatenate([back, -back])
-        arm = np.tile(contacts.point[rows], (2, 1)) - bodies.poses[ids[place], :3]
+        arm = np.tile(contacts.point[rows], (2, 1)) - self._start[ids[place], :3]
         total = np.zeros((len(ids), 6))
         np.add.at(total, place, np.hstack([impulse, np.cross(arm, impulse)]))
         loose = bodies.state[ids] == State.LOOSE
@@ -226,6 +233,24 @@ class Impacts:
         arm = source.bond_frame[result.bonds, :3] - source.poses[part, :3]
         self._log.record(time, now[:, :3] + rotation.rotate(turn, arm), result.bonds, pairs,
                          Cause.IMPACT, result.load)
+
+
+def _cells(blows: list[_Blow], room: int) -> list[int]:
+    """
+    Say in how many cells each piece may break: larger ones in more, until there is no room.
+
+    :param blows: the hardest first.
+    :param room: for more bodies.
+    """
+    total = sum(len(b.parts) for b in blows)
+    cells = []
+    for blow in blows:
+        fair = int(np.ceil(room * len(blow.parts) / total))
+        cells.append(min(max(fair, 2), room, _NODES, len(blow.parts)))
+        room -= cells[-1]
+        if room < 2:
+            break
+    return cells
 
 
 @njit(cache=True)

@@ -41,6 +41,9 @@ ROLLING_FRICTION = 0.005  # [m] of each body, lets the last rolling pieces of a 
 LINEAR_DAMPING = 0.05  # share of the speed lost per second
 ANGULAR_DAMPING = 0.1  # share of the spin lost per second
 
+_GROUND_HALF = 5000.0  # [m] half of the ground's sides
+_GROUND_DEPTH = 50.0   # [m] half of its thickness
+
 _SLEEPING = pybullet.URDF_ENABLE_SLEEPING  # without it even resting bodies cost every step
 _MEMORY_FOLDER = '/dev/shm'  # a folder in memory, where there is one
 
@@ -80,12 +83,18 @@ class Engine:
         pybullet.stepSimulation(physicsClientId=self._client)
 
     def add_ground(self) -> int:
-        """Add the infinite plane z = 0."""
-        plane = pybullet.createCollisionShape(
-            pybullet.GEOM_PLANE, physicsClientId=self._client)
-        return pybullet.createMultiBody(
-            0.0, plane, self._visual, useMaximalCoordinates=1, flags=_SLEEPING,
+        """
+        Add the ground, whose top is z = 0.
+
+        A huge box: against a plane, Bullet finds one contact point per step only, so that what
+        lands flat would strike with a corner and be turned.
+        """
+        slab = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX, halfExtents=(_GROUND_HALF, _GROUND_HALF, _GROUND_DEPTH),
             physicsClientId=self._client)
+        return pybullet.createMultiBody(
+            0.0, slab, self._visual, basePosition=(0.0, 0.0, -_GROUND_DEPTH),
+            useMaximalCoordinates=1, flags=_SLEEPING, physicsClientId=self._client)
 
     def box(self, size: np.ndarray) -> int:
         """Give the shape of a box by its full extents [m], (3,)."""
