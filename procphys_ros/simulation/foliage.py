@@ -23,7 +23,14 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.physics.foliage import carried, FallingLeaves, Flutter, speed_of, strengths
+from procphys_ros.physics.foliage import (
+    air_speeds,
+    carried,
+    FallingLeaves,
+    Flutter,
+    speed_of,
+    strengths,
+)
 from procphys_ros.physics.wind import Wind
 from procphys_ros.scene.particles import LeafSettings
 from procphys_ros.simulation.grove import Grove
@@ -59,6 +66,7 @@ class Foliage:
         self._flutter: Flutter | None = None
         self.fallen = FallingLeaves(gravity, _seeded(seed, _FALL_SEED))
         self.critical_speed = self._draw_speeds()
+        self._speed = np.zeros(len(grove))
         self._arrange()
         self.reset()
 
@@ -82,7 +90,7 @@ class Foliage:
         :param time_step: [s].
         """
         if self._settings.shedding and wind.enabled and len(self._queue):
-            self._tear_off(poses, velocities, time)
+            self._tear_off(poses, velocities)
         flying = np.flatnonzero(self.fallen.flying)
         if len(flying):
             air = wind.velocity(self.fallen.poses[flying, :3], time)
@@ -108,11 +116,10 @@ class Foliage:
         out[self.fallen.leaf] = self.fallen.poses
         return out
 
-    def _tear_off(self, poses: np.ndarray, velocities: np.ndarray, time: float) -> None:
+    def _tear_off(self, poses: np.ndarray, velocities: np.ndarray) -> None:
         forest = self._grove.forest
-        past = self._grove.air - forest.velocities[:, :3]
-        speed = np.sqrt(np.einsum('ij,ij->i', past, past))
-        speed[~forest.active] = 0.0
+        speed = self._speed
+        air_speeds(self._grove.air, forest.velocities, forest.active, speed)
         torn = []
         rows = np.flatnonzero(speed > self._weakest)
         while len(rows):  # the weakest leaf of every row that loses any, then the next weakest

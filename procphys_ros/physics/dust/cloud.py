@@ -184,7 +184,7 @@ def stokes_speed(diameter: np.ndarray, gravity: float = 9.81) -> np.ndarray:
     return (GRAIN_DENSITY - _AIR_DENSITY) * gravity * np.square(diameter) / (18.0 * AIR_VISCOSITY)
 
 
-def _young_deviation(mass: np.ndarray) -> np.ndarray:
+def _young_deviation(mass: np.ndarray | float) -> np.ndarray:
     """Give the deviation of dust that has just risen [m], by its mass [kg], (K,)."""
     return np.cbrt(np.asarray(mass) / _YOUNG) / math.sqrt(2.0 * math.pi)
 

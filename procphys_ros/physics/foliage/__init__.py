@@ -17,11 +17,12 @@
 from procphys_ros.physics.foliage.fall import FallingLeaves
 from procphys_ros.physics.foliage.flutter import carried, Flutter
 from procphys_ros.physics.foliage.petioles import (
+    air_speeds,
     drag_pressure,
     SHEDDING_SPEED,
     speed_of,
     strengths,
 )
 
-__all__ = ['carried', 'drag_pressure', 'FallingLeaves', 'Flutter', 'SHEDDING_SPEED', 'speed_of',
-           'strengths']
+__all__ = ['air_speeds', 'carried', 'drag_pressure', 'FallingLeaves', 'Flutter',
+           'SHEDDING_SPEED', 'speed_of', 'strengths']

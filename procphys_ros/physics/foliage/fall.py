@@ -27,6 +27,7 @@ _PLATE_DRAG = 1.17  # flat plate across the flow (Hoerner 1965, Fluid-Dynamic Dr
 DRAG = 0.5 * _AIR_DENSITY * _PLATE_DRAG / _AREAL_DENSITY  # [1/m] deceleration over speed²
 _SPREAD = 0.12  # of the logarithm of the drag: some fall edge-on for longer than others
 _TUMBLING = 0.8  # tip speed over speed through the air (autorotating plates, Smith 1971)
+_REACH = 200.0  # [m] from where it came off, beyond which nobody follows a leaf: it lies down
 _LYING = 0.01  # [m] height of a leaf's axis when it lies on the ground
 
 
@@ -56,6 +57,7 @@ class FallingLeaves:
         self.velocities = np.zeros((0, 3))
         self.flying = np.zeros(0, bool)
         self._drag = np.zeros(0)
+        self._start = np.zeros((0, 2))
         self._spin = np.zeros((0, 3))
 
     def __len__(self) -> int:
@@ -80,6 +82,7 @@ class FallingLeaves:
         self.velocities = np.concatenate([self.velocities, velocities])
         self.flying = np.concatenate([self.flying, np.ones(count, bool)])
         self._drag = np.concatenate([self._drag, drag])
+        self._start = np.concatenate([self._start, poses[:, :2]])
         # Turns in radians per metre of way through the air.
         self._spin = np.concatenate(
             [self._spin, _TUMBLING * axis / (0.5 * np.maximum(size, 1e-3))[:, None]])
@@ -94,7 +97,9 @@ class FallingLeaves:
         """
         _fly(rows, air, time_step, self._gravity, self._drag, self._spin, self.poses,
              self.velocities)
-        landed = rows[self.poses[rows, 2] <= _LYING]
+        way = self.poses[rows, :2] - self._start[rows]
+        far = np.einsum('ij,ij->i', way, way) > _REACH ** 2
+        landed = rows[far | (self.poses[rows, 2] <= _LYING)]
         if len(landed):
             self.flying[landed] = False
             self.velocities[landed] = 0.0

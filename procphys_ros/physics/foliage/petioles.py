@@ -19,10 +19,11 @@ Drag and strength both go with leaf area (petioles grow in proportion to their b
 1999, New Phytologist 143:19), so the local wind speed alone decides.
 """
 
+from numba import njit
 import numpy as np
 
 _AIR_DENSITY = 1.225  # [kg/m³], ISO 2533 standard atmosphere at sea level
-_LEAF_DRAG = 0.4  # these four are the drag of crowns of the tree kernel, per leaf area
+_LEAF_DRAG = 0.4  # of a leaf that no other shelters (Shaw and Schumann 1992)
 _CALM, _STORM = 10.0, 20.0  # [m/s] between these leaves roll up more and more
 _STREAMLINING = -0.85  # exponent of that (Vogel 1989, J. Exp. Botany 40:941, 10 and 20 m/s)
 
@@ -33,7 +34,7 @@ _STRIPPED = 50.0 / 17.0  # where 63 % are gone, over the speed where it starts
 _WEIBULL_SHAPE = 2.0  # of strengths above the least
 
 
-def drag_pressure(speed: np.ndarray) -> np.ndarray:
+def drag_pressure(speed: np.ndarray | float) -> np.ndarray:
     """
     Give the drag of leaves per area [N/m²].
 
@@ -69,3 +70,19 @@ def strengths(area: np.ndarray, shedding_speed: float, rng: np.random.Generator)
     least = drag_pressure(shedding_speed)
     scale = drag_pressure(_STRIPPED * shedding_speed) - least
     return np.asarray(area) * (least + scale * rng.weibull(_WEIBULL_SHAPE, len(area)))
+
+
+@njit(cache=True)
+def air_speeds(air, velocities, active, out):  # pragma: no cover - compiled
+    """
+    Work out how fast the air passes by segments [m/s], 0 for those that are not active.
+
+    :param air: its velocity at the segments [m/s], (S, 3).
+    :param velocities: of the segments, linear first, (S, 6).
+    :param active: (S,) bool.
+    :param out: (S,), written.
+    """
+    for i in range(len(out)):
+        x, y, z = (air[i, 0] - velocities[i, 0], air[i, 1] - velocities[i, 1],
+                   air[i, 2] - velocities[i, 2])
+        out[i] = np.sqrt(x * x + y * y + z * z) if active[i] else 0.0
