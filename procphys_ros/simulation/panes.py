@@ -36,6 +36,8 @@ _POINT_STRESS = 1.3  # stress·thickness² over a force in the middle, spread ov
 _POINT_SAG = 0.0116  # sag·stiffness/(force·edge²), square plate on supports (Timoshenko, table 23)
 _PLATE_STRESS = 0.2874  # stress·thickness²/(pressure·edge²), square plate (Roark, table 11.4)
 _REACH = 0.1         # [m] wider than what strikes it is the glass that feels a blow in time
+_SPRING = 0.4        # [m/s] standard deviation of the speed that bent glass lends to its shards
+_SPIN = 3.0          # [rad/s] the same of their spin
 _PIECES = 4          # along each side
 _FEWER = 40          # panes at once, above which each breaks into fewer pieces
 
@@ -146,5 +148,13 @@ class Panes:
         bodies = self._world.add_bricks(pieces.poses, pieces.size, pieces.mass)
         velocities = np.zeros((len(pieces), 6))
         velocities[:, :3] = pane.share[:, None] * velocity
+        velocities += self._spring(pane)
         self._world.thaw(bodies, velocities)
         self._debris.adopt(np.arange(first, first + len(pieces)), bodies)
+
+    def _spring(self, pane: CrackedPane) -> np.ndarray:
+        """Give what shards gain as the bent pane springs back, without momentum, (S, 6)."""
+        rng = np.random.default_rng([self._seed, pane.part, 1])
+        gained = rng.normal(0.0, [_SPRING] * 3 + [_SPIN] * 3, (len(pane.pieces), 6))
+        gained[:, :3] -= pane.pieces.mass @ gained[:, :3] / pane.pieces.mass.sum()
+        return gained
