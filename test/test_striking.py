@@ -1,0 +1,366 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Striking: projectiles against walls, panes and trees; blows on bricks; wind on walls."""
+
+from masonry_walls import blueprint, bonded, BRICK, wall, wall_boxes
+import numpy as np
+import pytest
+
+from procphys_ros.blueprint import GROUND
+from procphys_ros.errors import CommandError
+from procphys_ros.physics.wind import WindSettings
+from procphys_ros.scene import Scene
+from procphys_ros.scene.settings import Settings
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.skeleton import from_nodes
+
+DT = 1.0 / 60.0
+GRAVITY = 9.81
+
+
+def stand(*blueprints, **settings):
+    """Give a simulation of blueprints that are already placed, without dust."""
+    scene = Scene(Settings(**settings))
+    for built in blueprints:
+        scene.add(built)
+    return Simulation(scene)
+
+
+def window():
+    """Build a frame of two heavy posts with a pane between them, all bonded to the ground."""
+    centres = [[-0.6, 0.0, 0.5], [0.6, 0.0, 0.5], [0.0, 0.0, 0.5]]
+    sizes = [[0.2, 0.2, 1.0], [0.2, 0.2, 1.0], [1.0, 0.006, 1.0]]
+    x = [0.0, 0.5 ** 0.5, 0.0, 0.5 ** 0.5]
+    frames = [[-0.6, 0, 0, 0, 0, 0, 1.0], [0.6, 0, 0, 0, 0, 0, 1.0],
+              [-0.5, 0.0, 0.5, *x], [0.5, 0.0, 0.5, *x]]
+    made = blueprint(np.array(centres), sizes, [[GROUND, 0], [GROUND, 1], [0, 2], [2, 1]], frames,
+                     [[0.2, 0.2], [0.2, 0.2], [1.0, 0.006], [1.0, 0.006]], density=2500.0,
+                     cohesion=2e6, tension=2e6)
+    made.material[2] = 1
+    object.__setattr__(made, 'materials', ('brick', 'glass'))
+    return made
+
+
+def trunk():
+    """Grow a straight trunk of three segments, 12 cm thick and 3 m high."""
+    return from_nodes(np.array([[0, 0, 0], [0, 0, 1], [0, 0, 2], [0, 0, 3.0]]),
+                      np.array([-1, 0, 1, 2]), np.full(4, 0.06),
+                      density=700.0, strength=np.inf)
+
+
+def throw(simulation, mass, speed, height=0.86, shape='sphere', size=0.2, x=1.3, start=-1.0):
+    """Throw something along y and give its part."""
+    return simulation.launch(Projectile(shape, size, mass, (x, start, height),
+                                        (0.0, speed, 0.0)))
+
+
+def energy(simulation):
+    """Give the mechanical energy of everything loose [J]."""
+    parts = np.flatnonzero(simulation._debris.carrier >= 0)
+    bodies = np.unique(simulation._debris.carrier[parts])
+    world = simulation._world.bodies
+    v, mass = world.velocities[bodies], world.mass[bodies]
+    spin = 0.5 * (world.inertia[bodies].max(axis=1) * (v[:, 3:] ** 2).sum(axis=1)).sum()
+    return float((mass * (0.5 * (v[:, :3] ** 2).sum(axis=1)
+                          + GRAVITY * world.poses[bodies, 2])).sum() + spin)
+
+
+def momentum(simulation):
+    """Give the momentum of everything loose [N·s], (3,)."""
+    parts = np.flatnonzero(simulation._debris.carrier >= 0)
+    bodies = np.unique(simulation._debris.carrier[parts])
+    world = simulation._world.bodies
+    return world.mass[bodies] @ world.velocities[bodies, :3]
+
+
+def test_a_slow_ball_bounces_off():
+    """Throw a ball back with the stated restitution; the wall loses nothing."""
+    simulation = stand(wall(12, 24))
+    ball = throw(simulation, 5.0, 3.0)
+    simulation.step(60)
+    speeds = simulation.velocities[ball]
+    assert simulation.poses[ball, 1] < -0.15 and speeds[1] < 0.0
+    impact = simulation.impacts[0]
+    assert not impact.torn
+    assert impact.lost[1] == pytest.approx(1.25 * 5.0 * 3.0, rel=0.01)
+    assert simulation._buildings.standing[:-1].all()
+
+
+def test_a_fast_ball_goes_through_and_comes_out_slower():
+    """Leave a hole, and keep a part of the speed."""
+    simulation = stand(wall(12, 24))
+    ball = throw(simulation, 20.0, 40.0)
+    simulation.step(30)
+    assert simulation.poses[ball, 1] > 1.0
+    assert 5.0 < simulation.velocities[ball, 1] < 38.0
+    torn = np.flatnonzero(~simulation._buildings.standing)
+    assert 1 < len(torn) < 40
+    away = np.linalg.norm(simulation.blueprint.poses[torn, :3] - [1.3, 0.0, 0.86], axis=1)
+    assert away.max() < 0.6
+    events = simulation.events
+    assert (events['cause'] == Cause.IMPACT).sum() > 5
+    assert (events['load'][events['cause'] == Cause.IMPACT] > 1.0).all()
+
+
+@pytest.mark.parametrize(('mass', 'speed', 'size', 'shape'), [
+    (5.0, 3.0, 0.2, 'sphere'), (20.0, 40.0, 0.2, 'sphere'), (1000.0, 8.0, 0.8, 'box'),
+    (2.0, 300.0, 0.1, 'sphere'),
+])
+def test_momentum_is_accounted_for(mass, speed, size, shape):
+    """Find the momentum that the ledger names in what moves after the step of the blow."""
+    simulation = stand(wall(12, 24), gravity=0.0)
+    throw(simulation, mass, speed, size=size, shape=shape, start=-0.6)
+    for _ in range(30):
+        total = momentum(simulation)[1]
+        simulation.step()
+        if simulation.impacts:
+            break
+    after = momentum(simulation)
+    grounded = sum(i.grounded for i in simulation.impacts)
+    assert after[1] + grounded[1] == pytest.approx(total, rel=0.01)
+    for impact in simulation.impacts:
+        np.testing.assert_allclose(impact.lost, impact.carried + impact.grounded, atol=1e-9)
+        assert impact.work >= 0.0
+
+
+@pytest.mark.parametrize(('mass', 'speed', 'size', 'shape'), [
+    (5.0, 3.0, 0.2, 'sphere'), (20.0, 40.0, 0.3, 'sphere'), (1000.0, 8.0, 0.8, 'box'),
+])
+def test_energy_is_never_gained(mass, speed, size, shape):
+    """Let the energy of all that is loose only fall, but for the height of what falls out."""
+    simulation = stand(wall(12, 24))
+    throw(simulation, mass, speed, size=size, shape=shape)
+    last, height = energy(simulation), 0.0
+    for _ in range(60):
+        stood = simulation._buildings.standing.copy()
+        simulation.step()
+        fresh = stood & ~simulation._buildings.standing
+        height = GRAVITY * (simulation.blueprint.mass[:len(fresh)][fresh]
+                            @ simulation.blueprint.poses[:len(fresh)][fresh, 2])
+        now = energy(simulation)
+        assert now < last + height + 0.002 * last + 0.5
+        last = now
+
+
+def test_the_work_of_fracture_slows_what_goes_through():
+    """Take momentum, then energy: inelastic impact first, fracture of what is torn after it."""
+    simulation = stand(wall(12, 24), gravity=0.0)
+    throw(simulation, 200.0, 10.0, start=-0.5, size=0.5, shape='box')
+    simulation.step(3)
+    first = next(i for i in simulation.impacts if i.torn)
+    struck = simulation.blueprint.mass[first.parts].sum()
+    shared = 200.0 * 10.0 / (200.0 + struck)
+    left = np.sqrt(shared ** 2 - 2.0 * first.work / (200.0 + struck))
+    assert first.work > 1.0
+    assert first.carried[1] == pytest.approx(struck * left, rel=0.01)
+    assert first.lost[1] == pytest.approx(200.0 * (10.0 - left), rel=0.01)
+
+
+@pytest.mark.parametrize('height', [0.5, 0.86, 0.895, 1.2])
+@pytest.mark.parametrize('speed', [100.0, 390.0])
+def test_nothing_tunnels_through_a_wall(height, speed):
+    """Stop or strike a pebble wherever it comes, joints included, whatever its phase."""
+    for start in np.linspace(-3.0, -1.0, 5):
+        simulation = stand(wall(12, 24))
+        throw(simulation, 0.2, speed, height, size=0.05, start=start)
+        simulation.step(8)
+        assert simulation.impacts
+
+
+def test_glass_breaks_before_brick():
+    """Shatter a pane with a pebble that a wall throws back; it flies on, slower."""
+    simulation = stand(window())
+    stone = throw(simulation, 0.2, 20.0, 0.55, size=0.05, x=0.05)
+    simulation.step(10)
+    assert 0.0 < simulation.velocities[stone, 1] < 19.0 and simulation.poses[stone, 1] > 0.1
+    assert np.isnan(simulation.poses[2]).all()
+    assert not simulation._buildings.standing[2] and simulation._buildings.standing[:2].all()
+    kinds = [simulation.blueprint.kinds[k] for k in simulation.blueprint.kind]
+    shards = np.array([k == 'shard' for k in kinds])
+    assert simulation.blueprint.mass[shards].sum() == pytest.approx(simulation.blueprint.mass[2])
+    simulation.step(200)
+    assert (simulation.poses[shards, 2] < 0.3).all() and (simulation.poses[shards, 2] > 0.0).all()
+    walled = stand(wall(12, 24))
+    stone = throw(walled, 0.2, 20.0, size=0.05)
+    walled.step(10)
+    assert walled._buildings.standing.all() and walled.velocities[stone, 1] < 0.0
+
+
+def test_a_pane_holds_a_gentle_knock():
+    """Let a light ball bounce off a pane."""
+    simulation = stand(window())
+    ball = throw(simulation, 0.05, 2.0, 0.55, size=0.06, x=0.05, start=-0.2)
+    simulation.step(12)
+    assert simulation.velocities[ball, 1] < 0.0 and np.isfinite(simulation.poses[2]).all()
+
+
+def test_a_tree_gets_exactly_what_the_ball_loses():
+    """Pass on the impulse of two bodies, one of them as heavy as the tree is there."""
+    simulation = stand(trunk(), gravity=0.0)
+    forest = simulation._grove.forest
+    effective = forest.effective_mass(1, (0.0, -0.06, 1.5), (0.0, 1.0, 0.0))
+    throw(simulation, 3.0, 12.0, 1.5, x=0.0, start=-0.4)
+    simulation.step(3)
+    impact, = simulation.impacts
+    expected = 1.25 * 12.0 / (1.0 / 3.0 + 1.0 / effective)
+    assert impact.lost[1] == pytest.approx(expected, rel=0.01)
+    np.testing.assert_array_equal(impact.carried, impact.lost)
+    assert forest.bends[:, :2].any()
+    assert momentum(simulation)[1] == pytest.approx(36.0 - impact.lost[1], rel=0.01)
+
+
+def test_wind_carries_projectiles():
+    """Slow a light ball down as a sphere of drag coefficient 0.47."""
+    simulation = stand(gravity=0.0)
+    ball = simulation.launch(Projectile('sphere', 0.2, 0.05, (0, 0, 5.0), (0.0, 30.0, 0.0)))
+    simulation.step(60)
+    rate = 0.5 * 1.225 * 0.47 * np.pi * 0.01 / 0.05
+    assert simulation.velocities[ball, 1] == pytest.approx(30.0 / (1.0 + 30.0 * rate), rel=0.03)
+
+
+def test_parts_grow_and_names_follow():
+    """Append what is launched under its own name, and renumber nothing."""
+    simulation = stand(wall(4, 4))
+    count = len(simulation.blueprint)
+    before = simulation.poses.copy()
+    first, second = (throw(simulation, 1.0, 1.0, x=x, start=-5.0) for x in (0.0, 1.0))
+    assert (first, second) == (count, count + 1)
+    assert simulation.names.index('projectile_1/projectile_0') == second
+    assert simulation.objects[-1].name == 'projectile_1'
+    assert simulation.poses.shape == (count + 2, 7) == (len(simulation.blueprint), 7)
+    np.testing.assert_array_equal(simulation.poses[:count], before)
+
+
+def test_reset_removes_what_was_launched_and_repeats_the_run():
+    """Come back to the scene as it was built, and to the same run after it."""
+    simulation = stand(wall(12, 24))
+    runs = []
+    for _ in range(2):
+        throw(simulation, 20.0, 30.0)
+        simulation.step(40)
+        runs.append(simulation.poses.copy())
+        simulation.reset()
+        assert len(simulation.blueprint) == len(simulation.poses) == len(wall(12, 24))
+        assert not simulation.impacts and simulation._buildings.standing.all()
+    np.testing.assert_array_equal(*runs)
+
+
+@pytest.mark.parametrize(('changes', 'words'), [
+    ({'shape': 'cone'}, ['sphere, box']), ({'size': 0.0}, ['size']), ({'size': -1.0}, ['size']),
+    ({'size': float('nan')}, ['size']), ({'size': (1, 2)}, ['size']), ({'mass': 0.0}, ['mass']),
+    ({'mass': float('inf')}, ['mass']), ({'mass': 'heavy'}, ['mass']),
+    ({'position': (0, 0, 0.1)}, ['into the ground']), ({'position': (0, 0)}, ['position']),
+    ({'velocity': (0, 500, 0)}, ['400']), ({'velocity': (0, float('nan'), 0)}, ['velocity']),
+    ({'position': (1.3, 0.0, 0.9)}, ['touches']), ({'size': (0.1, 0.1, 0.2)}, ['diameter']),
+])
+def test_bad_projectiles_are_refused(changes, words):
+    """Refuse in one line, and leave the state alone."""
+    simulation = stand(wall(12, 24))
+    count = len(simulation.blueprint)
+    good = {'shape': 'sphere', 'size': 0.3, 'mass': 5.0, 'position': (0, -3, 2.0),
+            'velocity': (0, 5, 0)}
+    with pytest.raises(CommandError) as caught:
+        simulation.launch(Projectile(**{**good, **changes}))
+    assert all(word in str(caught.value) for word in words) and '\n' not in str(caught.value)
+    assert len(simulation.blueprint) == len(simulation.poses) == count
+    simulation.step(2)
+    assert simulation.awake_bodies == 0
+
+
+def test_projectiles_are_limited():
+    """Refuse one too many."""
+    simulation = stand()
+    for i in range(200):
+        throw(simulation, 1.0, 1.0, x=float(i))
+    with pytest.raises(CommandError, match='200'):
+        throw(simulation, 1.0, 1.0, x=300.0)
+
+
+def test_an_impulse_tears_a_brick_out_or_loads_the_wall():
+    """Hold below what the bonds withstand, give way above, and say which."""
+    simulation = stand(wall(12, 24), gravity=0.0)
+    brick = int(np.argmin(np.linalg.norm(simulation.poses[:, :3] - [1.3, 0, 0.9], axis=1)))
+    capacity = simulation._arsenal.blows.resistance(np.array([brick]), np.array([0.0, 1, 0]))
+    limit = capacity.force * 2e-3
+    assert not simulation.apply_impulse(brick, (0.0, 0.98 * limit, 0.0))
+    simulation.step(2)
+    assert simulation._buildings.standing[brick] and simulation.awake_bodies == 0
+    assert simulation._buildings.solver.displacement[:, 1].max() > 0.0
+    simulation.reset()
+    assert simulation.apply_impulse(brick, (0.0, 1.02 * limit, 0.0))
+    simulation.step(1)
+    mass = simulation.blueprint.mass[brick]
+    speed = np.sqrt((1.02 * limit / mass) ** 2 - 2.0 * capacity.energy / mass)
+    assert simulation.velocities[brick, 1] == pytest.approx(speed, rel=0.02)
+
+
+def test_a_lasting_force_on_a_brick_loads_its_wall():
+    """Carry a push down to the ground as the stress solver's load, and let go of it."""
+    simulation = stand(wall(6, 8))
+    simulation.apply_wrench(20, (0.0, 0.0, -500.0))
+    simulation.step(30)
+    graph, solver = simulation._buildings.graph, simulation._buildings.solver
+    weight = simulation.blueprint.mass.sum() * GRAVITY
+    foot = graph.grounded()
+    assert -solver.wrenches()[foot, 2].sum() == pytest.approx(weight + 500.0, rel=0.01)
+    simulation.clear_wrenches()
+    simulation.step(30)
+    assert -solver.wrenches()[foot, 2].sum() == pytest.approx(weight, rel=0.01)
+
+
+def test_wind_presses_on_a_wall():
+    """React at the foot to pressure in front and suction behind: 1/2 ρ U² (0.8 + 0.5) A."""
+    centres, sizes = wall_boxes(12, 20)
+    wind = WindSettings(velocity=(0.0, 16.0, 0.0), turbulence_intensity=0.0, profile='uniform')
+    simulation = stand(bonded(centres, sizes, tension=1e6), wind=wind)
+    simulation.step(60)
+    graph, solver = simulation._buildings.graph, simulation._buildings.solver
+    foot = graph.grounded()
+    force = np.einsum('kij,kj->ki', graph.axes[foot], solver.wrenches()[foot, :3]).sum(axis=0)
+    area = (sizes[:, 0] * sizes[:, 2]).sum()
+    assert abs(force[1]) == pytest.approx(0.5 * 1.225 * 256.0 * 1.3 * area, rel=0.02)
+    assert simulation.bonds_broken == 0
+
+
+def test_a_breeze_costs_a_standing_wall_nothing():
+    """Leave the stresses alone in a light wind, and end the load when the wind dies down."""
+    simulation = stand(wall(12, 20), wind=WindSettings(velocity=(0.0, 7.0, 0.0)))
+    spent = simulation._buildings.solver.spent
+    simulation.step(60)
+    assert simulation._buildings.solver.spent == spent
+    simulation.set_wind((0.0, 15.0, 0.0))
+    simulation.step(60)
+    assert simulation._buildings.solver.spent > spent
+    simulation.set_wind_enabled(False)
+    simulation.step(120)
+    bent = simulation._buildings.solver.displacement[:-1, 1]
+    assert np.abs(bent).max() < 1e-6 and simulation._buildings.stable
+
+
+def test_a_weak_wall_falls_in_a_storm():
+    """Overturn a dry-laid garden wall: wind moment beyond half thickness times weight."""
+    weak = wall(12, 26, tension=1e3, cohesion=1e3)
+    height = 26 * 0.075
+    needed = 1900.0 * GRAVITY * BRICK[1] ** 2 / height  # pressure that overturns it
+    speed = np.sqrt(2.0 * needed / 1.225 / 1.3)
+    falls = []
+    for factor in (0.6, 2.0):
+        simulation = stand(weak, wind=WindSettings(velocity=(0.0, factor * speed, 0.0),
+                                                   turbulence_intensity=0.0, profile='uniform'))
+        simulation.step(240)
+        falls.append(bool((~simulation._buildings.standing).any()))
+    assert falls == [False, True]
