@@ -16,6 +16,7 @@
 
 from masonry_walls import bonded, BRICK
 import numpy as np
+from PIL import Image
 import pytest
 
 from procphys_ros.errors import SceneError
@@ -26,10 +27,12 @@ from procphys_ros.physics.dust import (
     lost_energy,
     Mode,
     motion_energy,
+    Puffs,
     State,
     stokes_speed,
 )
 from procphys_ros.physics.wind import WindSettings
+from procphys_ros.render import draw, particles
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.simulation import Simulation
@@ -290,6 +293,43 @@ def test_switched_off_dust_changes_nothing():
         runs.append((simulation.poses, len(simulation.dust.ages)))
     assert np.array_equal(runs[0][0], runs[1][0])
     assert runs[0][1] > 0 and runs[1][1] == 0
+
+
+def test_puffs_are_drawn_as_discs_that_face_the_camera_the_furthest_first():
+    """Put a fan and a ring across the line of sight around each puff that can be seen."""
+    eye = np.array([0.0, -10.0, 2.0])
+    positions = np.array([[0.0, 0.0, 1.0], [1.0, 50.0, 3.0], [0.0, 5.0, 1.0]])
+    mesh, colours = particles.dust(positions, np.array([2.0, 4.0, 1.0]),
+                                   np.array([0.5, 0.9, 1e-4]), eye)
+    assert mesh.piece[0] == 1 and mesh.piece[-1] == 0 and 2 not in mesh.piece
+    arm = mesh.points - positions[mesh.piece]
+    sight = eye - positions[mesh.piece]
+    assert np.abs((arm * sight).sum(axis=1)).max() < 1e-9
+    reach = np.linalg.norm(arm, axis=1)
+    assert reach[mesh.piece == 1].max() == pytest.approx(2.0)
+    assert reach[mesh.piece == 0].max() == pytest.approx(1.0)
+    middle = reach == 0.0
+    assert colours[middle, 3] == pytest.approx([0.9, 0.5])
+    assert (colours[reach > 0.99 * reach.max(), 3] == 0.0).all()
+    half = (mesh.piece == 0) & (np.abs(reach - 0.5) < 1e-9)  # one deviation of a Gaussian
+    assert colours[half, 3] == pytest.approx(1.0 - 0.5 ** np.exp(-0.5), abs=0.005)
+    assert len(particles.dust(positions[:0], np.zeros(0), np.zeros(0), eye)[0].points) == 0
+
+
+def test_dust_hides_what_is_behind_it(tmp_path):
+    """Change the picture of a wall where a thick puff is before it, and nowhere else."""
+    wall = bonded(np.array([[0.3 * i, 0.0, 0.0325] for i in range(4)]), BRICK)
+    puff = Puffs(np.array([[0.0, -0.3, 0.03]]), np.array([0.2]), np.array([0.95]), np.zeros(1))
+    pictures = []
+    for name, dust in (('clear', None), ('dusty', puff)):
+        path = tmp_path / f'{name}.png'
+        draw(wall, wall.poses, path, size=(160, 90), camera=(0.4, -3.0, 0.3, 0.4, 0.0, 0.0),
+             dust=dust)
+        pictures.append(np.asarray(Image.open(path).convert('RGB'), float))
+    changed = np.abs(pictures[1] - pictures[0]).max(axis=2) > 8.0
+    rows, columns = np.nonzero(changed)
+    assert 20 < changed.sum() < 0.1 * changed.size
+    assert columns.max() < 80 and np.ptp(rows) < 30
 
 
 @pytest.mark.parametrize(('group', 'words'), [
