@@ -40,7 +40,8 @@ LAYERS = {
     'blueprint': 1, 'skeleton': 2,
     'language': 2, 'lsystem': 3, 'wallgrammar': 3,
     'physics': 3, 'physics.wind': 3, 'physics.trees': 3, 'physics.masonry': 3,
-    'physics.loads': 3, 'physics.dust': 3, 'physics.foliage': 3, 'physics.world': 4,
+    'physics.loads': 3, 'physics.dust': 3, 'physics.foliage': 3, 'physics.touch': 3,
+    'physics.world': 4,
     'scene': 5, 'simulation': 6, 'messages': 7, 'render': 8, 'ros': 9,
 }
 # Who may know a library that the rest of the house must not depend on.

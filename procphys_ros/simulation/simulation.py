@@ -29,15 +29,18 @@ from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation.arsenal import Arsenal
+from procphys_ros.simulation.boughs import Boughs
 from procphys_ros.simulation.bounds import checked_vector
 from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.collapse import Release
+from procphys_ros.simulation.contact import Contact
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.dust import Dust
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.foliage import Foliage
 from procphys_ros.simulation.grove import Grove
 from procphys_ros.simulation.impacts import Impacts
+from procphys_ros.simulation.leaning import Leaning
 from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.striking import Impact
 
@@ -85,6 +88,8 @@ class Simulation:
         self._arsenal = Arsenal(self.blueprint, self._grove, self._buildings, self.log, seed,
                                 self._join, self._vanish)
         self._free = FreeBodies(self.blueprint)
+        self._contact = Contact(self.blueprint, self._grove, self._buildings)
+        self._boughs = Boughs(self._grove.forest)
         self._release = Release(self._buildings, self._free)
         self._impacts = Impacts(self.blueprint, self._free, settings.gravity, self.log)
         self._world = World()
@@ -145,6 +150,9 @@ class Simulation:
         self._buildings.reset()
         self._buildings.build(self._world)
         self._arsenal.begin(self._world, self._debris, self.scene.settings.gravity)
+        self._boughs.begin()
+        self._contact.begin(self._world, Leaning(self._arsenal.blows, self._grove.forest),
+                            self.scene.settings.gravity)
         self._crumble(self._buildings.settle())
         if self._dust is not None:
             self._dust.reset(self.log)
@@ -165,7 +173,11 @@ class Simulation:
                 self._push()
                 self._arsenal.advance(self.wind, self.poses, self.time, self.time_step)
             with self._stage('trees'):
-                self._grove.sway(self.wind, self.time, self.time_step)
+                self._grove.feel(self.wind, self.time)
+            with self._stage('contact'):
+                self._contact.act(self.time, self.time_step)
+            with self._stage('trees'):
+                self._grove.sway(self.time_step)
             with self._stage('fracture'):
                 self._snap()
             with self._stage('stress'):
@@ -307,7 +319,8 @@ class Simulation:
             self._strike(index, impulse[:3], impulse[3:], self.poses[index, :3])
 
     def _snap(self) -> None:
-        broken = self._grove.snap()
+        self._boughs.stiffen(self._debris, self.time_step)
+        broken = self._grove.snap(self._boughs.stays_limp)
         if broken is None:
             return
         self.log.record(self.time, broken.position, broken.bond,

@@ -241,6 +241,22 @@ class Forest:
         tree = np.searchsorted(self._plan.start, self._entry[rows], side='right') - 1
         return self._plan.row[self._plan.start[tree]]
 
+    @property
+    def plan(self) -> state.Plan:
+        """Active rows tree by tree; not to be changed."""
+        if self._stale:
+            self._replan()
+        return self._plan
+
+    @property
+    def free_roots(self) -> np.ndarray:
+        """First rows of the trees that were released and are still moved here, ascending."""
+        return np.flatnonzero(self.active & (self._model.joint == state.Joint.FREE))
+
+    def is_free(self, roots: np.ndarray) -> np.ndarray:
+        """Say which root rows belong to trees that were released, (K,) bool."""
+        return self._model.joint[roots] == state.Joint.FREE
+
     def foresee(self, rows: np.ndarray, points: np.ndarray, dt: float,
                 wind: np.ndarray | None = None) -> foresight.Foresight:
         """

@@ -101,6 +101,10 @@ class Registry:
         """Columns of all bodies by id: poses, velocities, state; to be read, not written."""
         return self._bodies
 
+    def pieces(self, body: int) -> Pieces:
+        """Give the collision shapes of a body."""
+        return self._pieces[body]
+
     def poses(self, ids: np.ndarray) -> np.ndarray:
         """Give centres of mass and attitudes in the world, (K, 7)."""
         return self._bodies.poses[ids]

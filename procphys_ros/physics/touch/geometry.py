@@ -1,0 +1,280 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Narrow phase: how capsules meet capsules and boxes in the step to come."""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+
+_BOX = int(Shape.BOX)  # numba reads no enums
+_AHEAD = 1.5      # steps looked ahead: this one, and what joints lag behind in the next
+_NEAR = 0.004     # [m] gap below which things count as near, however slow
+_STRIDE = 0.5     # way between two looks as a share of the thickness of both
+_LOOKS = 16       # at most along the way of one step
+_TIP = 0.15       # of its length: nearest points closer to the tip than this are the tip
+_HALVINGS = 26    # finds the nearest point of an axis to 1e-8 of its length
+
+
+class Meetings(NamedTuple):
+    """
+    Where segments meet pieces, at most twice for each pair.
+
+    :ivar pair: which pair, (C,) int.
+    :ivar point: half way between the surfaces [m], (C, 3), world.
+    :ivar normal: unit, from the piece to the segment, (C, 3).
+    :ivar gap: between the surfaces along the normal, now; negative where they overlap [m], (C,).
+    """
+
+    pair: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    gap: np.ndarray
+
+
+def meet(rows: np.ndarray, poses: np.ndarray, sizes: np.ndarray, velocities: np.ndarray,
+         pieces: np.ndarray, shapes: np.ndarray, piece_poses: np.ndarray,
+         piece_sizes: np.ndarray, piece_velocities: np.ndarray, dt: float) -> Meetings:
+    """
+    Look which pairs come so near each other in the next step that they may touch.
+
+    :param rows: segment of each pair, (K,).
+    :param poses: of all segments, (S, 7); `sizes` (S, 3) and `velocities` (S, 6) likewise.
+    :param pieces: piece of each pair, (K,).
+    :param shapes: `Shape` of all pieces, (P,); further columns likewise.
+    :param dt: time step [s].
+    """
+    pair = np.empty(2 * len(rows), np.int64)
+    point, normal = np.empty((2 * len(rows), 3)), np.empty((2 * len(rows), 3))
+    gap = np.empty(2 * len(rows))
+    count = _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_sizes,
+                  piece_velocities, dt, pair, point, normal, gap)
+    return Meetings(pair[:count], point[:count], normal[:count], gap[:count])
+
+
+@njit(cache=True)
+def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_sizes,
+          piece_velocities, dt, pair, point, normal, gap):
+    count = 0
+    for n in range(len(rows)):
+        i, p = rows[n], pieces[n]
+        slip = velocities[i, :3] - piece_velocities[p, :3]
+        spin = (math.sqrt((velocities[i, 3:] ** 2).sum()) * 0.5 * sizes[i, 2]
+                + math.sqrt((piece_velocities[p, 3:] ** 2).sum()) * 0.5 * piece_sizes[p].max())
+        way = dt * (math.sqrt((slip ** 2).sum()) + spin)
+        thick = 0.5 * _STRIDE * (sizes[i, 0] + piece_sizes[p].min())
+        looks = int(min(max(math.ceil(_AHEAD * way / thick), 1.0), _LOOKS))
+        reach = _AHEAD * way + _NEAR
+        best = np.inf
+        late = 0.0
+        for look in range(looks + 1):
+            time = _AHEAD * dt * look / looks
+            centre = poses[i, :3] + time * slip
+            found, at, nx, ny, nz, bx, by, bz = _nearest(
+                centre, poses[i, 3:], sizes[i], -1.0, shapes[p], piece_poses[p], piece_sizes[p])
+            if look == 0 and found > reach:
+                break
+            if found > 0.0 or look == 0:
+                best, t, late = found, at, time
+                x, y, z, qx, qy, qz = nx, ny, nz, bx, by, bz
+            if found <= 0.0 or looks == 1:
+                break
+            if look == looks and best > _NEAR:
+                best = np.inf  # passes by
+        if best == np.inf:
+            continue
+        past = late * (slip[0] * x + slip[1] * y + slip[2] * z)
+        pair[count], gap[count] = n, best - past
+        _note(count, x, y, z, qx, qy, qz, best, point, normal)
+        count += 1
+        if t < 1.0 - _TIP and late == 0.0:  # lying along something: the tip, too
+            found, at, nx, ny, nz, bx, by, bz = _nearest(
+                poses[i, :3], poses[i, 3:], sizes[i], 1.0, shapes[p], piece_poses[p],
+                piece_sizes[p])
+            if found < reach:
+                pair[count], gap[count] = n, found
+                _note(count, nx, ny, nz, bx, by, bz, found, point, normal)
+                count += 1
+    return count
+
+
+def meet_ground(rows: np.ndarray, both: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
+                velocities: np.ndarray, dt: float) -> Meetings:
+    """
+    Look which segments may touch the plane z = 0 with their tips in the next step.
+
+    :param rows: of the segments, (K,).
+    :param both: whether the start of a segment counts as well as its tip, (K,).
+    :param poses: of all segments, (S, 7); `sizes` (S, 3) and `velocities` (S, 6) likewise.
+    :param dt: time step [s].
+    :returns: `pair` is the place in `rows`.
+    """
+    pair, place, gap = _meet_ground(rows, both, poses, sizes, velocities, dt)
+    place[:, 2] = 0.5 * gap
+    return Meetings(pair, place, np.tile([0.0, 0.0, 1.0], (len(pair), 1)), gap)
+
+
+@njit(cache=True)
+def _meet_ground(rows, both, poses, sizes, velocities, dt):
+    pair = np.empty(2 * len(rows), np.int64)
+    place, gap = np.empty((2 * len(rows), 3)), np.empty(2 * len(rows))
+    count = 0
+    for n in range(len(rows)):
+        i = rows[n]
+        if poses[i, 2] > sizes[i, 2] + _AHEAD * dt * (
+                abs(velocities[i, 2]) + sizes[i, 2] * (abs(velocities[i, 3])
+                                                       + abs(velocities[i, 4]))) + _NEAR:
+            continue
+        half, radius = 0.5 * max(sizes[i, 2] - sizes[i, 0], 0.0), 0.5 * sizes[i, 0]
+        axis = turn_of(poses[i, 3:])[:, 2]
+        for end in range(2 if both[n] else 1):
+            arm = (half if end == 0 else -half) * axis
+            fall = velocities[i, 2] + velocities[i, 3] * arm[1] - velocities[i, 4] * arm[0]
+            room = poses[i, 2] + arm[2] - radius
+            if room < _NEAR - _AHEAD * dt * min(fall, 0.0):
+                pair[count], gap[count] = n, room
+                place[count] = poses[i, :3] + arm
+                count += 1
+    return pair[:count], place[:count], gap[:count]
+
+
+@njit(cache=True)
+def _note(count, x, y, z, qx, qy, qz, gap, point, normal):
+    normal[count, 0], normal[count, 1], normal[count, 2] = x, y, z
+    point[count, 0] = qx + 0.5 * gap * x
+    point[count, 1] = qy + 0.5 * gap * y
+    point[count, 2] = qz + 0.5 * gap * z
+
+
+@njit(cache=True)
+def turn_of(q):
+    """Turn a quaternion xyzw into a matrix."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    m = np.empty((3, 3))
+    m[0, 0], m[0, 1], m[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    m[1, 0], m[1, 1], m[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    m[2, 0], m[2, 1], m[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+    return m
+
+
+@njit(cache=True)
+def _nearest(centre, attitude, size, least, shape, pose, extent):
+    """
+    Give gap, place on the segment's axis from 0 to 1, normal, and nearest point of the piece.
+
+    :param least: where on the axis to begin: -1 for its start, 1 for the tip only.
+    """
+    half, radius = 0.5 * max(size[2] - size[0], 0.0), 0.5 * size[0]
+    axis = turn_of(attitude)[:, 2].copy()
+    turn = turn_of(pose[3:])
+    begin = centre + least * half * axis
+    long = (1.0 - least) * half
+    if shape == _BOX:
+        arm = begin - pose[:3]
+        p, d = turn.T @ arm, turn.T @ (long * axis)
+        t, x, y, z, depth, q = _box(p, d, 0.5 * extent)
+        n = turn @ np.array([x, y, z])
+        q = pose[:3] + turn @ q
+        gap = depth - radius
+    else:
+        other = 0.5 * max(extent[2] - extent[0], 0.0)
+        along = turn[:, 2].copy()
+        t, s = _axes(begin, long * axis, pose[:3] - other * along, 2.0 * other * along)
+        q = pose[:3] + other * (2.0 * s - 1.0) * along
+        n = begin + t * long * axis - q
+        far = math.sqrt((n ** 2).sum())
+        if far > 1e-9:
+            n = n / far
+        else:  # axes cross: any way across both will do
+            n = np.array([axis[1] * along[2] - axis[2] * along[1],
+                          axis[2] * along[0] - axis[0] * along[2],
+                          axis[0] * along[1] - axis[1] * along[0]])
+            square = math.sqrt((n ** 2).sum())
+            n = n / square if square > 1e-9 else np.array([0.0, 0.0, 1.0])
+        q = q + 0.5 * extent[0] * n
+        gap = far - radius - 0.5 * extent[0]
+    place = t if least < 0.0 else 1.0
+    return gap, place, n[0], n[1], n[2], q[0], q[1], q[2]
+
+
+@njit(cache=True)
+def _axes(p, d, q, e):
+    """Give the parameters of the nearest points of two axes p + t·d and q + s·e, 0 to 1."""
+    dd, ee, de = (d ** 2).sum(), (e ** 2).sum(), (d * e).sum()
+    r = p - q
+    dr, er = (d * r).sum(), (e * r).sum()
+    det = dd * ee - de * de
+    t = 0.5
+    if dd < 1e-18:
+        t = 0.0
+    elif det > 1e-9 * dd * ee:
+        t = min(max((de * er - dr * ee) / det, 0.0), 1.0)
+    elif ee < 1e-18:
+        t = min(max(-dr / dd, 0.0), 1.0)
+    s = 0.0 if ee < 1e-18 else min(max((de * t + er) / ee, 0.0), 1.0)
+    if dd >= 1e-18:
+        t = min(max((de * s - dr) / dd, 0.0), 1.0)
+    return t, s
+
+
+@njit(cache=True)
+def _box(p, d, half):
+    """
+    Find where the axis p + t·d is nearest to a box, in the box's frame.
+
+    :returns: t, normal outwards, distance (negative inside), nearest point of the surface.
+    """
+    low, high = 0.0, 1.0
+    if (d ** 2).sum() > 1e-18:
+        for _ in range(_HALVINGS):  # the slope of the squared distance grows with t
+            t = 0.5 * (low + high)
+            slope = 0.0
+            for c in range(3):
+                x = p[c] + t * d[c]
+                slope += d[c] * (x - min(max(x, -half[c]), half[c]))
+            if slope < 0.0:
+                low = t
+            else:
+                high = t
+        if high < 1e-6:
+            high = 0.0
+        elif low > 1.0 - 1e-6:
+            high = 1.0
+    t = high
+    x = p + t * d
+    q = np.minimum(np.maximum(x, -half), half)
+    n = x - q
+    far = math.sqrt((n ** 2).sum())
+    if far > 1e-7:
+        return t, n[0] / far, n[1] / far, n[2] / far, far, q
+    inner, deepest, side = t, -np.inf, 2
+    for trial in range(9):  # the axis enters the box: least deep face at its deepest point
+        s = t + (1.0 - t) * trial / 8.0
+        y = p + s * d
+        outside = np.abs(y) - half
+        k = np.argmax(outside)
+        if -outside[k] > deepest:
+            inner, deepest, side = s, -outside[k], k
+    x = p + inner * d
+    q = x.copy()
+    sign = 1.0 if x[side] >= 0.0 else -1.0
+    q[side] = sign * half[side]
+    n = np.zeros(3)
+    n[side] = sign
+    return inner, n[0], n[1], n[2], -deepest, q

@@ -1,0 +1,81 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Boughs: large pieces of trees that came off, flexible while they fall."""
+
+import numpy as np
+
+from procphys_ros.physics.trees import Forest
+from procphys_ros.simulation.debris import Debris
+
+SMALLEST = 8     # segments; smaller pieces bend too little to be seen
+_MOST = 16       # at a time; each costs about as much as a standing tree while it touches nothing,
+#                  and up to a millisecond per step while it lies on many contacts
+_SLOW = 0.25     # [m/s] no segment faster
+_CALM = 0.5      # [s] so long, before a bough counts as lying
+_LONGEST = 8.0   # [s] from coming off, after which a bough becomes rigid anyway
+
+
+class Boughs:
+    """
+    Decides how long what came off a tree goes on as a tree with a free root.
+
+    Boughs that are small, lie still or have been down for long become rigid fragments, which
+    freeze and thaw as all debris does. Both changes keep poses, momentum and angular momentum.
+
+    :param forest: all trees.
+    """
+
+    def __init__(self, forest: Forest):
+        self._forest = forest
+        self.begin()
+
+    def begin(self) -> None:
+        """Start anew with whole trees."""
+        self._age: dict[int, float] = {}
+        self._quiet: dict[int, float] = {}
+
+    def stays_limp(self, row: int) -> bool:
+        """
+        Say whether a piece that is about to come off goes on as a flexible tree.
+
+        :param row: its first row in the forest.
+        """
+        return (len(self._forest.free_roots) < _MOST
+                and len(self._forest.subtree(row)) >= SMALLEST)
+
+    def stiffen(self, debris: Debris, time_step: float) -> None:
+        """
+        Hand over to the debris what need not be flexible any more.
+
+        :param debris: takes the parts.
+        :param time_step: since the last call [s].
+        """
+        forest = self._forest
+        roots = forest.free_roots.tolist()
+        if not roots and not self._age:
+            return
+        self._age = {r: self._age.get(r, 0.0) + time_step for r in roots}
+        self._quiet = {r: self._quiet.get(r, 0.0) + time_step if self._lies(r) else 0.0
+                       for r in roots}
+        for root in roots:
+            if (len(forest.subtree(root)) < SMALLEST or self._age[root] > _LONGEST - 1e-9
+                    or self._quiet[root] > _CALM - 1e-9):
+                rows, poses, velocities = forest.detach(root)
+                debris.gather(forest.parts[rows], poses, velocities)
+
+    def _lies(self, root: int) -> bool:
+        rows = self._forest.subtree(root)
+        return bool((np.abs(self._forest.velocities[rows, :3]).max(axis=1) < _SLOW).all())
