@@ -25,6 +25,7 @@ from procphys_ros.physics.world.population import Population
 from procphys_ros.physics.world.registry import FRICTION, GRAVITY
 
 _DEPTH = 0.02  # [m] under the ground from which a body is put back to where it touched it
+_OVERLAP = 1e-3  # [m] left when a body is put back: boxes that only touch have no contact
 _FAST = 0.5  # way in one step, as a share of a body's least extent, above which it is swept
 _SWEEP = 0.45  # radius of the swept sphere as a share of the least extent
 
@@ -134,7 +135,7 @@ class World(Population):
         if not len(chosen):
             return
         poses, velocities = bodies.poses[chosen], bodies.velocities[chosen]
-        poses[:, 2] += depth
+        poses[:, 2] += depth - _OVERLAP
         fall = np.minimum(velocities[:, 2], 0.0)
         energy = fall ** 2 - 2.0 * np.abs(self._gravity[2]) * depth
         velocities[:, 2] = np.where(velocities[:, 2] > 0.0, velocities[:, 2],
