@@ -65,9 +65,9 @@ class Dust:
         :param carrier: body of the world that carries each part, -1 for none, (N,).
         :param time_step: [s].
         """
-        self._hits.watch(world, time_step)
-        self._spared = np.zeros(len(world.bodies.state) + 1, bool)
-        self._spared[carrier[self._wooden]] = True  # the last row for what no body carries
+        if self._hits.watch(world, time_step):
+            self._spared = np.zeros(len(world.bodies.state) + 1, bool)
+            self._spared[carrier[self._wooden]] = True  # the last row for what no body carries
 
     def rise(self, world: World, log: EventLog, time_step: float) -> None:
         """

@@ -39,24 +39,27 @@ class Hits:
 
     def reset(self) -> None:
         """Forget what was watched."""
-        self._ids = np.zeros(0, np.intp)
+        self._alert = False
 
-    def watch(self, world: World, time_step: float) -> None:
+    def watch(self, world: World, time_step: float) -> bool:
         """
         Note how everything loose would move on freely.
 
         :param world: about to be stepped.
         :param time_step: [s].
+        :returns: whether anything is fast enough to hit hard.
         """
         bodies = world.bodies
         self._ids = ids = world.awake
         self._poses, self._free = bodies.poses[ids], bodies.velocities[ids]  # copies
         self._free[:, 2] -= self._gravity * time_step
         self._fast = (self._free[:, :3] ** 2).sum(axis=1) > _HARD ** 2
-        if self._fast.any():
+        self._alert = bool(self._fast.any())
+        if self._alert:
             self._mass, self._radius = bodies.mass[ids], bodies.radius[ids]
             self._energy = motion_energy(self._mass, bodies.inertia[ids], self._poses[:, 3:],
                                          self._free)
+        return self._alert
 
     def spent(self, world: World, spared: np.ndarray,
               time_step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -70,7 +73,7 @@ class Hits:
         :param time_step: [s].
         :returns: places [m] (K, 3), how far around there [m] (K,) and energies [J] (K,).
         """
-        if not len(self._ids) or not self._fast.any():
+        if not self._alert:
             return _NOWHERE
         now, after = self._present(world, time_step)
         lost = self._energy - now

@@ -51,6 +51,9 @@ class State(IntEnum):
     LYING = 2     # on the ground, for good
 
 
+_GONE, _LYING = int(State.GONE), int(State.LYING)
+
+
 class Puffs(NamedTuple):
     """
     The dust that there is, one row per puff.
@@ -215,6 +218,6 @@ def _drift(rows, air, noise, dt, fall, mass, grain, position, deviation,
         position[i, 2] = max(height, 0.0)
         deviation[i] = math.sqrt(deviation[i] ** 2 + widening)
         if height <= 0.0:
-            state[i] = 2
+            state[i] = _LYING
         elif _EXTINCTION / grain[i] * mass[i] < 2.0 * math.pi * deviation[i] ** 2 * _THINNEST:
-            state[i] = 0
+            state[i] = _GONE
