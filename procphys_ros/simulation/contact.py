@@ -183,7 +183,7 @@ class Contact:
                                     reach, _ROOM)
             trees = np.hstack([np.minimum.reduceat(bounds[:, :3], plan.start[:-1]),
                                np.maximum.reduceat(bounds[:, 3:], plan.start[:-1])])
-            tables = [self._loose_near(trees, loose, reach),
+            tables = [self._loose_near(bounds, trees, loose, reach),
                       self._branches_near(trees, free)]
             if len(self._bricks):
                 chosen = np.flatnonzero(free | beside)
@@ -193,16 +193,18 @@ class Contact:
         return self._nearest(_Close(*(np.concatenate(columns) for columns in
                                       zip(*(vars(f).values() for f in found)))))
 
-    def _loose_near(self, trees: np.ndarray, ids: np.ndarray, reach: float
+    def _loose_near(self, bounds: np.ndarray, trees: np.ndarray, ids: np.ndarray, reach: float
                     ) -> tuple[np.ndarray, Obstacles]:
         """Choose the trees that bodies come near, and those bodies."""
         bodies = self._world.bodies
         way = bodies.velocities[ids, :3] * reach
         room = bodies.radius[ids, None] + _ROOM
         place = bodies.poses[ids, :3]
-        chosen, near = overlaps(trees, np.hstack([place - room + np.minimum(way, 0.0),
-                                                  place + room + np.maximum(way, 0.0)]))
-        return np.unique(chosen), of_bodies(self._world, ids[np.unique(near)])
+        balls = np.hstack([place - room + np.minimum(way, 0.0),
+                           place + room + np.maximum(way, 0.0)])
+        chosen, near = (np.unique(rows) for rows in overlaps(trees, balls))
+        _, nearer = overlaps(bounds[_entries(self._forest.plan.start, chosen)], balls[near])
+        return chosen, of_bodies(self._world, ids[near[np.unique(nearer)]])
 
     def _branches_near(self, trees: np.ndarray, free: np.ndarray
                        ) -> tuple[np.ndarray, Obstacles]:

@@ -76,17 +76,15 @@ class Obstacles(NamedTuple):
 
 def of_bodies(world: World, ids: np.ndarray) -> Obstacles:
     """Cut bodies of the world into their pieces."""
-    tables = []
-    for body in ids.tolist():
-        pieces = world.pieces(body)
-        pose, velocity = world.bodies.poses[body], world.bodies.velocities[body]
-        count = len(pieces.shapes)
-        placed = rotation.compose(pose, pieces.local_poses)
-        moving = np.tile(velocity, (count, 1))
-        moving[:, :3] += np.cross(velocity[3:], placed[:, :3] - pose[:3])
-        tables.append(Obstacles._of(pieces.shapes, placed, pieces.sizes, moving,
-                                    np.full(count, body, np.intp)))
-    return Obstacles.join(tables) if tables else Obstacles.none()
+    if not len(ids):
+        return Obstacles.none()
+    pieces = [world.pieces(body) for body in ids.tolist()]
+    owner = np.repeat(ids, [len(p.shapes) for p in pieces])
+    pose, velocity = world.bodies.poses[owner], world.bodies.velocities[owner]
+    placed = rotation.compose(pose, np.concatenate([p.local_poses for p in pieces]))
+    velocity[:, :3] += np.cross(velocity[:, 3:], placed[:, :3] - pose[:, :3])
+    return Obstacles._of(np.concatenate([p.shapes for p in pieces]), placed,
+                         np.concatenate([p.sizes for p in pieces]), velocity, owner)
 
 
 def of_branches(rows: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
