@@ -17,27 +17,26 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.masonry import Breakage, FreeBodies
-from procphys_ros.physics.world import axes_of, Contacts, State, World
+from procphys_ros.physics.world import Contacts, State, World
+from procphys_ros.simulation.contact_loads import spread, Touches
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause, EventLog
 
 CONTACT = 15e-3     # [s] that a blow lasts: edges crush and rubble gives way by v·T/2, 6 cm after
 #                     a fall of 3 m; the elastic contact of two whole bricks would be shorter
 _CHAIN = 0.3        # [m/s] change of speed down to which taking back follows chains of contacts
-_FLAT = 0.03        # [m] off the plane of contact: what is nearer takes part of the pressure
-_AROUND = 0.06      # [m] outside of the points of contact: likewise
 _LEAST_JUMP = 0.5   # [m/s] change of speed by contacts that is no blow: thrice what gravity gives
 #                     in a step, so that what rests or is pushed about is never judged
 _SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot break a piece, except
 #                     for long chains, which break at the next, harder blow
-_NODES = 60         # cells that a piece breaks into at most in one step, and ...
-_WORK = 400         # ... cells of all pieces judged in one step; the rest follows in the next
+_NODES = 60         # cells that a piece breaks into at most in one step
+_PER_CELL = 5       # what a cell costs to judge, in units of ...
+_WORK = 1500        # ... parts taken apart in one step, about 8 µs each; the rest follows
 _BODIES = 400       # awake bodies that there should be: the more, the coarser pieces break
 
 
@@ -47,15 +46,12 @@ class _Blow(NamedTuple):
 
     :ivar body: id.
     :ivar parts: what it carries, (P,).
-    :ivar rows: contacts, those on the second body of a contact behind all others, (C,).
-    :ivar wrenches: on the parts, in the frame of the blueprint [N], [N·m], (P, 6); None = not
-        known yet.
+    :ivar touches: contacts.
     """
 
     body: int
     parts: np.ndarray
-    rows: np.ndarray
-    wrenches: np.ndarray | None
+    touches: Touches
 
 
 class Impacts:
@@ -105,24 +101,22 @@ class Impacts:
             return False
         contacts = self._world.contacts()
         blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
+        late = len(blows)
         known = {b.body for b in blows}
-        blows += [b for b in self._blows(contacts) if b.body not in known]
+        blows += [b for b in self._blows(contacts, room) if b.body not in known]
         self._waiting = []
         share = np.ones(len(self._world.bodies.state))
         broken = []
         work = 0
-        for blow, cells in zip(blows, _cells(blows, room)):
-            late = blow.wrenches is not None
-            if not late:
-                blow = blow._replace(wrenches=self._wrenches(blow, contacts))
+        for turn, (blow, cells) in enumerate(zip(blows, _cells(blows, room))):
             if work > _WORK:
                 self._waiting.append(blow)
                 continue
-            result = self._free.strike(blow.parts, blow.wrenches, cells)
-            work += cells
+            work += len(blow.parts) + _PER_CELL * cells
+            result = self._free.strike(blow.parts, self._wrenches(blow), cells)
             if len(result.bonds):
                 broken.append((blow, result))
-                if not late:  # the impulse of a late blow is history
+                if turn >= late:  # the impulse of a late blow is history
                     share[blow.body] = result.share
         if broken:
             self._give_back(contacts, share)
@@ -131,6 +125,10 @@ class Impacts:
                 if len(result.pieces) > 1:
                     self._debris.split(blow.body, result.pieces)
         return bool(broken)
+
+    def _wrenches(self, blow: _Blow) -> np.ndarray:
+        return spread(blow.touches, self._debris.local_poses(blow.parts),
+                      self._blueprint.size[blow.parts], self._blueprint.poses[blow.parts])
 
     def _struck(self, time_step: float) -> bool:
         """Say whether anything was hit while there are pieces; contacts are dear to read."""
@@ -147,8 +145,8 @@ class Impacts:
                 + np.sqrt((jump[:, 3:] ** 2).sum(axis=1)) * bodies.radius[awake])
         return bool((felt > _LEAST_JUMP).any())
 
-    def _blows(self, contacts: Contacts) -> Iterator[_Blow]:
-        """List the blows that might break something, the hardest first."""
+    def _blows(self, contacts: Contacts, most: int) -> Iterator[_Blow]:
+        """List the blows that might break something, the hardest first, `most` at the most."""
         bodies, debris = self._world.bodies, self._debris
         count = len(bodies.state)
         side = np.concatenate([contacts.body_a, contacts.body_b])
@@ -160,24 +158,23 @@ class Impacts:
                                 & (bodies.state == State.LOOSE))
         order = np.argsort(side, kind='stable')
         start = np.searchsorted(side[order], np.arange(count + 1))
-        for body in chosen[np.argsort(-felt[chosen], kind='stable')].tolist():
+        for body in chosen[np.argsort(-felt[chosen], kind='stable')][:most].tolist():
             parts = debris.parts_of(body)
             if felt[body] > CONTACT * _SCREEN * self._free.weakest[parts].min():
-                yield _Blow(body, parts, order[start[body]:start[body + 1]], None)
+                rows = order[start[body]:start[body + 1]]
+                yield _Blow(body, parts, self._touches(body, rows, contacts))
 
-    def _wrenches(self, blow: _Blow, contacts: Contacts) -> np.ndarray:
-        """Put the contact forces of a blow on the parts that they act on."""
-        first = blow.rows < len(contacts)
-        rows = blow.rows % len(contacts)
+    def _touches(self, body: int, rows: np.ndarray, contacts: Contacts) -> Touches:
+        """Select contacts of a body; those that have it second are listed behind all others."""
+        first = rows < len(contacts)
+        rows = rows % len(contacts)
         sign = np.where(first, 1.0, -1.0)[:, None]
-        other = np.where(first, contacts.body_b[rows], contacts.body_a[rows])
-        start, end = self._start[blow.body], self._world.bodies.poses[blow.body]
-        turn = rotation.multiply(end[3:], rotation.conjugate(start[3:]))
-        points = end[:3] + rotation.rotate(turn, contacts.point[rows] - start[:3])
-        return _loads(points, sign * contacts.normal[rows],
-                      sign * contacts.impulse[rows] / CONTACT, other,
-                      self._debris.poses_of(blow.body), self._blueprint.size[blow.parts],
-                      self._blueprint.poses[blow.parts])
+        inverse = rotation.conjugate(self._start[body, 3:])
+        return Touches(
+            rotation.rotate(inverse, contacts.point[rows] - self._start[body, :3]),
+            rotation.rotate(inverse, sign * contacts.normal[rows]),
+            rotation.rotate(inverse, sign * contacts.impulse[rows] / CONTACT),
+            np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
 
     def _give_back(self, contacts: Contacts, share: np.ndarray) -> None:
         """
@@ -251,117 +248,3 @@ def _cells(blows: list[_Blow], room: int) -> list[int]:
         if room < 2:
             break
     return cells
-
-
-@njit(cache=True)
-def _loads(points, normals, forces, other, poses, sizes, rest):
-    """
-    Put contact forces on parts, in the frame of the blueprint.
-
-    The outlines of bodies are merged boxes that touch at a few corners. Parts near the plane of
-    such a contact share its force as a stiff footing does: evenly, and linearly so that the moment
-    is right. Where no part is near, the nearest takes all.
-
-    :param points: world [m], (C, 3).
-    :param normals: towards this body, (C, 3).
-    :param forces: on this body, world [N], (C, 3).
-    :param other: id of what touches, (C,).
-    :param poses: of the parts now, (P, 7).
-    :param sizes: of the parts [m], (P, 3).
-    :param rest: poses in the blueprint, (P, 7).
-    :returns: force and moment at the parts' centres, (P, 6).
-    """
-    out = np.zeros((len(poses), 6))
-    axes = np.empty((len(poses), 3, 3))
-    for p in range(len(poses)):
-        axes[p] = axes_of(poses[p, 3:])
-    done = np.zeros(len(points), np.bool_)
-    for c in range(len(points)):
-        if done[c]:
-            continue
-        force = np.zeros(3)
-        middle = np.zeros(3)
-        weight = 0.0
-        low = np.full(3, np.inf)
-        high = np.full(3, -np.inf)
-        for d in range(c, len(points)):
-            if done[d] or other[d] != other[c] or (normals[d] * normals[c]).sum() < 0.9:
-                continue
-            done[d] = True
-            push = max((forces[d] * normals[d]).sum(), 0.0) + 1e-12
-            weight += push
-            middle += push * points[d]
-            force += forces[d]
-            low = np.minimum(low, points[d])
-            high = np.maximum(high, points[d])
-        middle /= weight
-        _press(middle, normals[c], force, low, high, poses, axes, sizes, rest, out)
-    return out
-
-
-@njit(cache=True)
-def _press(middle, normal, force, low, high, poses, axes, sizes, rest, out):
-    """Spread one force over the parts near a plane."""
-    count = len(poses)
-    spot = np.empty((count, 3))
-    gap = np.empty(count)
-    aside = np.empty(count)
-    for p in range(count):
-        arm = middle - poses[p, :3]
-        reach = 0.0
-        square = 0.0
-        for k in range(3):
-            along = arm[0] * axes[p, 0, k] + arm[1] * axes[p, 1, k] + arm[2] * axes[p, 2, k]
-            over = abs(along) - 0.5 * sizes[p, k]
-            square += max(over, 0.0) ** 2
-            reach += 0.5 * sizes[p, k] * abs(normal[0] * axes[p, 0, k] + normal[1] * axes[p, 1, k]
-                                             + normal[2] * axes[p, 2, k])
-        aside[p] = square
-        lift = -(arm * normal).sum()
-        gap[p] = lift - reach
-        spot[p] = poses[p, :3] - lift * normal
-    nearest = np.argmin(aside)
-    chosen = np.zeros(count, np.bool_)
-    for p in range(count):
-        chosen[p] = abs(gap[p] - gap[nearest]) < _FLAT
-        for k in range(3):
-            chosen[p] &= low[k] - _AROUND < spot[p, k] < high[k] + _AROUND
-    chosen[nearest] = True
-    share = _footing(middle, normal, spot, chosen)
-    for p in range(count):
-        if not chosen[p] or share[p] <= 0.0:
-            continue
-        arm = spot[p] - poses[p, :3] if p != nearest else middle - poses[p, :3]
-        inner = np.ascontiguousarray(axes[p].T)
-        arm = inner @ arm
-        for k in range(3):  # a merged outline may touch where no part is: act on its surface
-            arm[k] = min(max(arm[k], -0.5 * sizes[p, k]), 0.5 * sizes[p, k])
-        back = axes_of(rest[p, 3:])
-        push = share[p] * (back @ (inner @ force))
-        arm = back @ arm
-        out[p, :3] += push
-        out[p, 3] += arm[1] * push[2] - arm[2] * push[1]
-        out[p, 4] += arm[2] * push[0] - arm[0] * push[2]
-        out[p, 5] += arm[0] * push[1] - arm[1] * push[0]
-
-
-@njit(cache=True)
-def _footing(middle, normal, spot, chosen):
-    """Give the shares of a force that a stiff footing puts on its supports, adding up to one."""
-    count = chosen.sum()
-    mean = np.zeros(3)
-    for p in range(len(spot)):
-        if chosen[p]:
-            mean += spot[p] / count
-    spread = np.eye(3) * 1e-6 + np.outer(normal, normal)
-    for p in range(len(spot)):
-        if chosen[p]:
-            spread += np.outer(spot[p] - mean, spot[p] - mean)
-    tilt = np.linalg.solve(spread, middle - mean)
-    share = np.zeros(len(spot))
-    total = 0.0
-    for p in range(len(spot)):
-        if chosen[p]:
-            share[p] = max(1.0 / count + (tilt * (spot[p] - mean)).sum(), 0.0)
-            total += share[p]
-    return share / total
