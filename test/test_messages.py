@@ -156,7 +156,8 @@ def test_too_many_leaves_are_drawn_by_fewer_and_larger_ones():
     blueprint = replace(blueprint, leaves=alike)
     areas, corners = [], []
     for most in (9, 8, 4):
-        scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world', most)
+        scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world',
+                                      messages.MarkerStyle(most))
         found = read_markers(scene.whole(blueprint.poses, AT))
         points = np.array([[p.x, p.y, p.z] for p in found['oak/leaves', 2].points])
         a, b, c = points.reshape(-1, 3, 3).swapaxes(0, 1)

@@ -16,10 +16,10 @@
 """Bytes of ROS messages written straight from numpy arrays; nothing here needs ROS."""
 
 from procphys_ros.messages.cdr import Stamp, stamp
-from procphys_ros.messages.markers import SceneMarkers
+from procphys_ros.messages.markers import MarkerStyle, SceneMarkers
 from procphys_ros.messages.points import break_rows, dust_rows, point_cloud
 from procphys_ros.messages.poses import pose_array
-from procphys_ros.messages.scene_description import scene_description
+from procphys_ros.messages.scene_description import SceneDescription
 
-__all__ = ['break_rows', 'dust_rows', 'point_cloud', 'pose_array', 'scene_description',
-           'SceneMarkers', 'Stamp', 'stamp']
+__all__ = ['break_rows', 'dust_rows', 'MarkerStyle', 'point_cloud', 'pose_array',
+           'SceneDescription', 'SceneMarkers', 'Stamp', 'stamp']

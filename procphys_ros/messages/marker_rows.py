@@ -41,6 +41,8 @@ class Kind(IntEnum):
     CUBE = 1
     SPHERE = 2
     CYLINDER = 3
+    SPHERE_LIST = 7
+    MESH_RESOURCE = 10
     TRIANGLE_LIST = 11
 
 
@@ -52,19 +54,20 @@ class Action(IntEnum):
     DELETEALL = 3
 
 
-def row_layout(namespace_bytes: int, frame_id: str) -> tuple[np.dtype, bytes]:
+def row_layout(namespace_bytes: int, frame_id: str, mesh: str = '') -> tuple[np.dtype, bytes]:
     """
     Lay out a marker without points for all namespaces of one length.
 
     :param namespace_bytes: length of `ns` in UTF-8.
     :param frame_id: frame of the markers.
+    :param mesh: resource that is drawn with its own materials; '' = none.
     :returns: dtype with the fields that differ, as long as the marker; and the marker's bytes
         with those fields empty.
     """
     namespace = 'x' * namespace_bytes
     head, offsets = _head(namespace, frame_id, Kind.CUBE, (0.0, 0.0, 0.0, 0.0))
     head.numbers('I', 0)  # no points
-    data = _finish(head)
+    data = _finish(head, mesh)
     formats = {'stamp': ('<u4', 2), 'ns': ('u1', namespace_bytes), 'id': '<i4', 'type': '<i4',
                'action': '<i4', 'pose': ('<f8', 7), 'scale': ('<f8', 3), 'color': ('<f4', 4)}
     layout = np.dtype({'names': list(formats), 'formats': list(formats.values()),
@@ -72,35 +75,53 @@ def row_layout(namespace_bytes: int, frame_id: str) -> tuple[np.dtype, bytes]:
     return layout, data
 
 
-class TriangleList:
+class ListMarker:
     """
-    One TRIANGLE_LIST marker whose corners change.
+    One marker with a list of points that change: TRIANGLE_LIST or SPHERE_LIST.
 
+    :param kind: which of them.
     :param namespace: `ns` of the marker.
     :param number: `id` of the marker.
-    :param frame_id: frame of the corners.
-    :param rgba: colour of all triangles.
+    :param frame_id: frame of the points.
+    :param rgba: colour of all that has none of its own.
+    :ivar deletion: the marker that deletes it.
     """
 
-    def __init__(self, namespace: str, number: int, frame_id: str, rgba: Colour):
-        head, offsets = _head(namespace, frame_id, Kind.TRIANGLE_LIST, rgba, number)
+    def __init__(self, kind: Kind, namespace: str, number: int, frame_id: str, rgba: Colour):
+        self.deletion = command(Action.DELETE, namespace, number, frame_id)
+        head, self._offsets = _head(namespace, frame_id, kind, rgba, number)
         self._count_at = head.numbers('I', 0)
         head.align(8)
         self._before = bytearray(head.getvalue())
-        self._behind = _finish(head)[len(self._before):]
-        self._stamp_at = offsets['stamp']
+        colour_count = 4  # bytes
+        self._behind = _finish(head)[len(self._before) + colour_count:]
 
-    def write(self, corners: np.ndarray, at: Stamp) -> bytes:
+    def write(self, points: np.ndarray, at: Stamp, colours: np.ndarray | None = None,
+              diameter: float = 1.0) -> bytes:
         """
         Write the marker.
 
-        :param corners: three for each triangle [m], (3·T, 3).
+        :param points: at least one; three for each triangle [m], (P, 3).
         :param at: stamp of the marker.
+        :param colours: of the points, 0 to 1, (P, 4); None = the marker's own.
+        :param diameter: of spheres [m].
         """
-        struct.pack_into('<iI', self._before, self._stamp_at, *at)
-        struct.pack_into('<I', self._before, self._count_at, len(corners))
-        return b''.join((self._before, np.ascontiguousarray(corners, '<f8').tobytes(),
-                         self._behind))
+        struct.pack_into('<iI', self._before, self._offsets['stamp'], *at)
+        struct.pack_into('<3d', self._before, self._offsets['scale'], *[diameter] * 3)
+        struct.pack_into('<I', self._before, self._count_at, len(points))
+        shades = b'' if colours is None else np.ascontiguousarray(colours, '<f4').tobytes()
+        return b''.join((self._before, np.ascontiguousarray(points, '<f8').tobytes(),
+                         struct.pack('<I', len(shades) // 16), shades, self._behind))
+
+
+def command(action: Action, namespace: str, number: int, frame_id: str) -> bytes:
+    """Write a marker that only says what becomes of the one with this `ns` and `id`."""
+    layout, template = row_layout(len(namespace.encode()), frame_id)
+    data = np.frombuffer(template, np.uint8).copy()
+    fields = data.view(layout)
+    fields['ns'] = np.frombuffer(namespace.encode(), np.uint8)
+    fields['id'], fields['action'] = number, action
+    return data.tobytes()
 
 
 def marker_array(chunks: list[bytes], count: int) -> bytes:
@@ -126,7 +147,7 @@ def _head(namespace: str, frame_id: str, kind: Kind, rgba: Colour,
     return writer, offsets
 
 
-def _finish(head: Writer) -> bytes:
+def _finish(head: Writer, mesh: str = '') -> bytes:
     """Write what follows the points, filled up to a multiple of eight bytes."""
     for filling in range(8):
         writer = Writer(_START)
@@ -138,10 +159,10 @@ def _finish(head: Writer) -> bytes:
         writer.numbers('I', 0)
         writer.numbers('I', 0)  # uv_coordinates
         writer.string(' ' * filling)  # text
-        writer.string('')  # mesh_resource
+        writer.string(mesh)  # mesh_resource
         writer.string('')  # mesh_file: filename, data
         writer.numbers('I', 0)
-        writer.numbers('?', False)  # mesh_use_embedded_materials
+        writer.numbers('?', bool(mesh))  # mesh_use_embedded_materials
         if writer.align(4) % 8 == 0:
             return writer.getvalue()
     raise AssertionError('a string of 0 to 7 blanks reaches every alignment')

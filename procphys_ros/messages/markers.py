@@ -16,24 +16,74 @@
 """
 MarkerArray of a scene: the whole set when somebody starts to look, then only what changed.
 
-One marker per part (`ns` = object, `id` = part index) and one per texture of an object's leaves
-and ornaments (`ns` = `<object>/leaves`, `id` = texture index).
+One marker per part (`ns` = object, `id` = part index), one per texture of an object's leaves and
+ornaments (`ns` = `<object>/leaves`, `id` = texture index), a few for dust (`ns` = `dust`).
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.blueprint import Blueprint
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.foliage import balls, foliage, PlacedObject, too_many
-from procphys_ros.messages.marker_rows import Action, Kind, marker_array, row_layout, TriangleList
+from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE, Puffs
+from procphys_ros.messages.foliage import foliage, PlacedObject, too_many
+from procphys_ros.messages.marker_rows import Action, command, Kind, ListMarker, marker_array
+from procphys_ros.messages.part_markers import PartMarkers
 from procphys_ros.palette import look
 from procphys_ros.rotation import compose
 
 # A part is drawn anew when it has moved by this much since it was last sent: [m] in position,
 # [-] in the quaternion (0.01 degrees). No screen shows less.
 _VISIBLE = 1e-4
+
+
+@dataclass(frozen=True)
+class MarkerStyle:
+    """
+    How a scene is drawn.
+
+    :ivar most_triangles: of leaves and twigs in all, see `foliage`.
+    :ivar mesh: resource for boxes that have moved, a unit cube; '' = they stay plain cubes.
+    :ivar shard: '' = nobody else draws into the same view, so the whole set may clear it; else
+        what tells the dust of this scene from that of others.
+    """
+
+    most_triangles: int = 40_000
+    mesh: str = ''
+    shard: str = ''
+
+
+class _Sent:
+    """
+    Poses as they were sent last; NaN = not sent, or not there.
+
+    :param count: number of rows.
+    """
+
+    def __init__(self, count: int):
+        self.poses = np.full((count, 7), np.nan)
+
+    def grow(self, count: int) -> None:
+        """Have rows for so many in all."""
+        new = np.full((count - len(self.poses), 7), np.nan)
+        self.poses = np.concatenate([self.poses, new])
+
+    def update(self, poses: np.ndarray) -> np.ndarray:
+        """
+        Take over what is seen to have moved, appeared or vanished.
+
+        :param poses: present ones, (K, 7).
+        :returns: what has changed, (K,) bool.
+        """
+        there = np.isfinite(poses).all(axis=1)
+        was = np.isfinite(self.poses[:, 0])
+        moved = there & ~(np.abs(poses - self.poses).max(axis=1) <= _VISIBLE)
+        gone = was & ~there
+        self.poses[moved] = poses[moved]
+        self.poses[gone] = np.nan
+        return moved | gone
 
 
 class SceneMarkers:
@@ -45,133 +95,102 @@ class SceneMarkers:
     :param blueprint: all parts.
     :param objects: their owners, in part order.
     :param frame_id: frame of the poses.
-    :param most_triangles: of leaves and twigs drawn in all, see `foliage`.
+    :param style: how they are drawn.
     :ivar shows_leaf_poses: whether leaves are drawn one by one, where their own poses are.
     """
 
     def __init__(self, blueprint: Blueprint, objects: Sequence[PlacedObject], frame_id: str,
-                 most_triangles: int = 40_000):
-        self._count = len(blueprint)
+                 style: MarkerStyle | None = None):
+        style = style or MarkerStyle()
+        self._first_parts = len(blueprint)
+        self._objects = len(objects)
         self._petioles = blueprint.leaves
-        self.shows_leaf_poses = bool(len(blueprint.leaves)) and not too_many(blueprint,
-                                                                              most_triangles)
-        rows = len(blueprint) + self.shows_leaf_poses * len(blueprint.leaves)
-        self._sent = np.full((rows, 7), np.nan)
-        self._rows = _part_rows(blueprint, objects, frame_id)
+        self.shows_leaf_poses = bool(len(blueprint.leaves)) and not too_many(
+            blueprint, style.most_triangles)
+        self._sent = _Sent(len(blueprint))
+        self._sent_leaves = _Sent(self.shows_leaf_poses * len(blueprint.leaves))
+        self._home = blueprint.poses
+        self._parts = PartMarkers(frame_id, style.mesh)
+        self._parts.add(blueprint, objects)
         self._leaves = [
-            (entry, TriangleList(f'{o.name}/leaves', entry.texture, frame_id,
-                                 look(blueprint.textures[entry.texture]).rgba))
-            for o, entry in foliage(blueprint, objects, most_triangles)]
-        self._clear, fields = _blank_rows(0, 1, frame_id)
-        fields['action'] = Action.DELETEALL
+            (entry, ListMarker(Kind.TRIANGLE_LIST, f'{o.name}/leaves', entry.texture, frame_id,
+                               look(blueprint.textures[entry.texture]).rgba))
+            for o, entry in foliage(blueprint, objects, style.most_triangles)]
+        self._dust = DustMarkers(frame_id, f'{style.shard}/{NAMESPACE}'.lstrip('/'))
+        self._clear = b'' if style.shard else command(Action.DELETEALL, '', 0, frame_id)
 
     def __len__(self) -> int:
         """Give the number of parts."""
-        return self._count
+        return len(self._sent.poses)
 
-    def whole(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None) -> bytes:
+    def grow(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> None:
+        """
+        Draw parts that have come to a scene since as well.
+
+        :param blueprint: all parts, the old ones first.
+        :param objects: all owners, the old ones first.
+        """
+        self._sent.grow(len(blueprint))
+        self._home = blueprint.poses
+        self._parts.add(blueprint, objects[self._objects:])
+        self._objects = len(objects)
+
+    def whole(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
+              puffs: Puffs | None = None) -> bytes:
         """
         Write every marker that exists, after one that clears what stood there before.
 
         :param poses: poses of all parts, (N, 7).
         :param at: stamp of the markers.
         :param leaf_poses: petioles of all leaves, (L, 7), if `shows_leaf_poses`; None = still.
+        :param puffs: of dust.
         """
-        self._sent[:] = np.nan
-        chunks, count = self._changed(self._all_rows(poses, leaf_poses), at)
-        return marker_array([self._clear.tobytes(), *chunks], count + 1)
+        self._sent.poses[:] = np.nan
+        self._sent_leaves.poses[:] = np.nan
+        self._dust.forget()
+        chunks, count = self._changed(poses, at, leaf_poses, puffs)
+        return marker_array([self._clear, *chunks], count + bool(self._clear))
 
-    def changes(self, poses: np.ndarray, at: Stamp,
-                leaf_poses: np.ndarray | None = None) -> bytes | None:
+    def changes(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
+                puffs: Puffs | None = None) -> bytes | None:
         """
         Write the markers that changed since the last call; None when there are none.
 
         :param poses: poses of all parts, (N, 7).
         :param at: stamp of the markers.
         :param leaf_poses: as for `whole`.
+        :param puffs: of dust.
         """
-        chunks, count = self._changed(self._all_rows(poses, leaf_poses), at)
+        chunks, count = self._changed(poses, at, leaf_poses, puffs)
         return marker_array(chunks, count) if count else None
 
-    def _all_rows(self, poses: np.ndarray, leaf_poses: np.ndarray | None) -> np.ndarray:
-        """Put the poses of leaves behind those of parts, when leaves are shown one by one."""
-        if not self.shows_leaf_poses:
-            return poses
-        if leaf_poses is None:
-            leaf_poses = compose(poses[self._petioles.part], self._petioles.pose)
-        return np.concatenate([poses, leaf_poses])
+    def deletions(self, at: Stamp) -> bytes:
+        """Write the deletion of every marker, for views that others draw into as well."""
+        gone = np.full_like(self._sent.poses, np.nan)
+        none = np.zeros(len(gone), bool)
+        chunks, count = self._parts.write(gone, at, self._sent.update(gone), none)
+        others = [*self._dust.deletions, *(marker.deletion for _, marker in self._leaves)]
+        return marker_array([*chunks, *others], count + len(others))
 
-    def _changed(self, poses: np.ndarray, at: Stamp) -> tuple[list[bytes], int]:
-        there, was = np.isfinite(poses).all(axis=1), np.isfinite(self._sent[:, 0])
-        moved = there & ~(np.abs(poses - self._sent).max(axis=1) <= _VISIBLE)
-        gone = was & ~there
-        chunks, count = [], 0
-        for parts, rows, layout in self._rows:
-            chosen = np.flatnonzero((moved | gone)[parts])
-            if len(chosen):
-                out = rows[chosen]
-                fields = out.view(layout)[:, 0]
-                fields['stamp'] = at
-                fields['pose'] = np.where(there[parts[chosen], None], poses[parts[chosen]],
-                                          (0, 0, 0, 0, 0, 0, 1))
-                fields['action'][gone[parts[chosen]]] = Action.DELETE
-                chunks.append(out.tobytes())
-                count += len(chosen)
-        shown = np.where(there[:, None], poses, 0.0)  # corners of lost parts shrink to a point
+    def _changed(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None,
+                 puffs: Puffs | None) -> tuple[list[bytes], int]:
+        changed = self._sent.update(poses)
+        away = ~(np.abs(poses - self._home).max(axis=1) <= _VISIBLE)
+        chunks, count = self._parts.write(poses, at, changed, away)
+        carriers, marks = poses[:self._first_parts], changed[:self._first_parts]
+        if self.shows_leaf_poses:
+            if leaf_poses is None:
+                leaf_poses = compose(poses[self._petioles.part], self._petioles.pose)
+            carriers = np.concatenate([carriers, leaf_poses])
+            marks = np.append(marks, self._sent_leaves.update(leaf_poses))
+        # Corners of what is lost shrink to a point.
+        shown = np.where(np.isfinite(carriers[:, :1]), carriers, 0.0)
         for entry, marker in self._leaves:
-            if (moved | gone)[entry.carriers].any():
+            if marks[entry.carriers].any():
                 chunks.append(marker.write(entry.placed(shown), at))
                 count += 1
-        self._sent[moved] = poses[moved]
-        self._sent[gone] = np.nan
+        if puffs is not None:
+            clouds, number = self._dust.write(puffs, at)
+            chunks += clouds
+            count += number
         return chunks, count
-
-
-def _blank_rows(namespace_bytes: int, count: int,
-                frame_id: str) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Give empty markers as bytes (count, L), and the same memory as records (count,).
-
-    The bytes lead, because numpy does not copy what lies between the fields of a record.
-    """
-    layout, template = row_layout(namespace_bytes, frame_id)
-    rows = np.tile(np.frombuffer(template, np.uint8), (count, 1))
-    return rows, rows.view(layout)[:, 0]
-
-
-def _part_rows(blueprint: Blueprint, objects: Sequence[PlacedObject],
-               frame_id: str) -> list[tuple[np.ndarray, np.ndarray, np.dtype]]:
-    """Prepare the markers of all parts, grouped by the length of their namespace."""
-    size, kind, colour = _appearance(blueprint)
-    lengths = np.array([len(o.name.encode()) for o in objects], int)
-    groups = []
-    for length in np.unique(lengths):
-        mine = [o for o, n in zip(objects, lengths) if n == length and o.count]
-        if not mine:
-            continue
-        parts = np.concatenate([np.arange(o.first, o.first + o.count) for o in mine])
-        rows, fields = _blank_rows(int(length), len(parts), frame_id)
-        names = np.array([np.frombuffer(o.name.encode(), np.uint8) for o in mine])
-        fields['ns'] = np.repeat(names, [o.count for o in mine], axis=0)
-        fields['id'], fields['type'] = parts, kind[parts]
-        fields['scale'], fields['color'] = size[parts], colour[parts]
-        groups.append((parts, rows, fields.dtype))
-    return groups
-
-
-def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give extents [m], marker type and colour of every part."""
-    capsule = blueprint.shape == Shape.CAPSULE
-    size = blueprint.visual_size.copy()
-    # RViz draws no cones: a tapered segment becomes a cylinder of its middle diameter.
-    size[capsule, :2] = blueprint.visual_size[capsule, :2].mean(axis=1, keepdims=True)
-    kind = np.where(capsule, Kind.CYLINDER, Kind.CUBE)
-    ball = balls(blueprint)
-    kind[ball], size[ball] = Kind.SPHERE, blueprint.size[ball]
-    looks = [look(name) for name in blueprint.textures] or [look('')]
-    colour = np.array([one.rgba for one in looks])[blueprint.texture]
-    # Neighbouring bricks differ a little, always in the same way.
-    spread = np.array([one.variation for one in looks])[blueprint.texture]
-    shade = 1.0 + spread * np.random.default_rng(0).uniform(-1.0, 1.0, len(blueprint))
-    colour[:, :3] = np.clip(colour[:, :3] * shade[:, None], 0.0, 1.0)
-    return size, kind, colour

@@ -13,10 +13,11 @@
 # limitations under the License.
 
 
-"""Scene description: what stands in a scene, as JSON that is published once and kept."""
+"""Scene description: what stands in a scene, as JSON that is published when it changes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import json
+from typing import Any
 
 from procphys_ros.blueprint import Blueprint, Law, Shape
 from procphys_ros.messages.foliage import PlacedObject
@@ -24,30 +25,65 @@ from procphys_ros.messages.foliage import PlacedObject
 _DIGITS = 6  # of sizes and masses; micrometres and milligrams are enough
 
 
-def scene_description(blueprint: Blueprint, objects: Sequence[PlacedObject],
-                      frame_id: str) -> str:
+class SceneDescription:
     """
-    Describe objects, parts and bonds; list i of every entry of `parts` is part i.
+    Describes objects, parts and bonds; entry i of every list under `parts` is part i.
 
-    :param blueprint: all parts and bonds.
-    :param objects: their owners, in part order.
+    Parts and bonds that come later are appended; what has been written once is kept as text.
+
     :param frame_id: frame of the poses that are published.
+    :ivar parts: number of parts described so far.
     """
-    kinds = [blueprint.kinds[k] for k in blueprint.kind]
-    names = [f'{o.name}/{kinds[o.first + i]}_{i}' for o in objects for i in range(o.count)]
-    return json.dumps({
-        'frame': frame_id,
-        'objects': [{'name': o.name, 'first': o.first, 'count': o.count} for o in objects],
-        'parts': {
-            'name': names,
-            'kind': kinds,
-            'shape': [Shape(s).name.lower() for s in blueprint.shape],
-            'size': blueprint.size.round(_DIGITS).tolist(),
-            'mass': blueprint.mass.round(_DIGITS).tolist(),
-            'material': [blueprint.materials[m] for m in blueprint.material],
-        },
-        'bonds': {
-            'parts': blueprint.bonds.tolist(),
-            'law': [Law(law).name.lower() for law in blueprint.bond_law],
-        },
-    }, separators=(',', ':'))
+
+    def __init__(self, frame_id: str):
+        self._frame = frame_id
+        self._objects = self.parts = self._bonds = 0
+        self._lists: dict[str, dict[str, list[str]]] = {
+            'parts': {name: [] for name in ('name', 'kind', 'shape', 'size', 'mass', 'material')},
+            'bonds': {name: [] for name in ('parts', 'law')}}
+        self._owners: list[dict[str, Any]] = []
+
+    def write(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> str:
+        """
+        Write the description.
+
+        :param blueprint: all parts and bonds, those of the last call first.
+        :param objects: their owners, in part order.
+        """
+        new = objects[self._objects:]
+        self._owners += [{'name': o.name, 'first': o.first, 'count': o.count} for o in new]
+        self._add_parts(blueprint, new)
+        self._add_bonds(blueprint)
+        self._objects, self.parts = len(objects), len(blueprint)
+        self._bonds = len(blueprint.bonds)
+        groups = [f'"{group}":{{{",".join(_listed(lists))}}}'
+                  for group, lists in self._lists.items()]
+        head = json.dumps({'frame': self._frame, 'objects': self._owners}, separators=(',', ':'))
+        return f'{head[:-1]},{",".join(groups)}}}'
+
+    def _add_parts(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> None:
+        new = slice(self.parts, None)
+        kinds = [blueprint.kinds[k] for k in blueprint.kind[new]]
+        start = self.parts
+        self._add('parts', name=[f'{o.name}/{kinds[o.first - start + i]}_{i}'
+                                 for o in objects for i in range(o.count)],
+                  kind=kinds,
+                  shape=[Shape(s).name.lower() for s in blueprint.shape[new]],
+                  size=blueprint.size[new].round(_DIGITS).tolist(),
+                  mass=blueprint.mass[new].round(_DIGITS).tolist(),
+                  material=[blueprint.materials[m] for m in blueprint.material[new]])
+
+    def _add_bonds(self, blueprint: Blueprint) -> None:
+        new = slice(self._bonds, None)
+        self._add('bonds', parts=blueprint.bonds[new].tolist(),
+                  law=[Law(law).name.lower() for law in blueprint.bond_law[new]])
+
+    def _add(self, group: str, **lists: list) -> None:
+        for name, values in lists.items():
+            if values:
+                self._lists[group][name].append(
+                    json.dumps(values, separators=(',', ':'))[1:-1])
+
+
+def _listed(lists: dict[str, list[str]]) -> Iterable[str]:
+    return (f'"{name}":[{",".join(pieces)}]' for name, pieces in lists.items())

@@ -17,74 +17,162 @@
 
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import dataclass
+import math
+from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
 from rclpy.node import Node
 
+from procphys_ros.messages import stamp
 from procphys_ros.ros import qos
 from procphys_ros.ros.commands import CommandQueue
-from procphys_ros.ros.pacing import Pacer
+from procphys_ros.ros.pacing import Beat, Pacer
 from procphys_ros.simulation import Simulation
 
 _ON_TIME = 0.95  # share of the wanted real-time factor below which the node counts as overloaded
+_LOOKS = 4.0  # [Hz] at which the simulation is looked at
+_LONG_TURN = 1.0  # [s] after which a step or a command is worth a warning by itself
+
+
+@dataclass(frozen=True)
+class Look:
+    """
+    How the simulation was doing at one moment.
+
+    :ivar time: simulated [s].
+    :ivar wanted: real-time factor asked for; 0 = as fast as possible.
+    :ivar measured: real-time factor reached; NaN = not known yet.
+    :ivar paused: whether time stands still.
+    :ivar stages: [ms] that each stage of a step took in the mean.
+    :ivar parts: number of all parts.
+    :ivar awake: number of loose bodies that move.
+    :ivar broken: number of bonds broken.
+    :ivar wind: speed at the reference height [m/s].
+    """
+
+    time: float
+    wanted: float
+    measured: float
+    paused: bool
+    stages: Mapping[str, float]
+    parts: int
+    awake: int
+    broken: int
+    wind: float
+
+    @property
+    def message(self) -> str:
+        """Say it in a few words."""
+        if self.paused:
+            return 'paused'
+        if self.is_slow:
+            return f'overloaded: simulated time runs at {self.measured:.2f} of real time'
+        return 'running'
+
+    @property
+    def is_slow(self) -> bool:
+        """Say whether simulated time falls behind."""
+        return not self.paused and bool(self.wanted) and self.measured < _ON_TIME * self.wanted
 
 
 class Diagnostics:
     """
-    Publishes /diagnostics.
+    Looks at the simulation in the thread that simulates, and publishes /diagnostics in the other.
 
     :param node: the node that publishes.
     :param commands: where commands are counted.
+    :ivar latest: what was seen last; None before the first look.
     """
 
     def __init__(self, node: Node, commands: CommandQueue):
         self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', qos.ARRAYS)
         self._name = node.get_fully_qualified_name()
         self._commands = commands
+        self._beat = Beat(_LOOKS)
         self._stages: Counter[str] = Counter()
         self._steps = 0
+        self.latest: Look | None = None
 
     def note(self, timings: Mapping[str, float]) -> None:
         """Add what the stages of one step took [s]; the status tells their mean."""
         self._stages.update(timings)
         self._steps += 1
 
-    def publish(self, simulation: Simulation, pacer: Pacer, paused: bool) -> None:
-        """Publish the present status."""
-        level, message = judge(pacer, paused)
+    def look(self, simulation: Simulation, pacer: Pacer, paused: bool) -> None:
+        """Look at the simulation, if that is due."""
+        if not self._beat.is_due():
+            return
+        wind = np.linalg.norm(np.sum(simulation.wind.at_reference(simulation.time), axis=0))
+        stages = self.latest.stages if self.latest else {}
+        if self._steps:
+            stages = {stage: 1e3 * seconds / self._steps
+                      for stage, seconds in self._stages.items()}
+            self._stages.clear()
+            self._steps = 0
+        self.latest = Look(simulation.time, pacer.factor, pacer.measured, paused, stages,
+                           len(simulation.poses), simulation.awake_bodies,
+                           simulation.bonds_broken, float(wind))
+
+    def publish(self, turn_began: float | None) -> None:
+        """
+        Publish the status.
+
+        :param turn_began: steady time at which the present step or command began [s].
+        """
+        look = self.latest
+        if look is None:
+            return
+        level, message = judge(look, self._busy(turn_began), self._commands.under_way)
+        taken, rejected = self._commands.counts()
         values = {
-            'simulation time [s]': f'{simulation.time:.3f}',
-            'real-time factor': f'{pacer.measured:.2f}',
-            'real-time factor wanted': f'{pacer.factor:g}',
-            **{f'{stage} [ms/step]': f'{1e3 * seconds / self._steps:.3f}'
-               for stage, seconds in self._stages.items()},
-            'parts': str(len(simulation.poses)),
-            'awake bodies': str(simulation.awake_bodies),
-            'bonds broken': str(simulation.bonds_broken),
+            'simulation time [s]': f'{look.time:.3f}',
+            'real-time factor': f'{look.measured:.2f}',
+            'real-time factor wanted': f'{look.wanted:g}',
+            **{f'{stage} [ms/step]': f'{milliseconds:.3f}'
+               for stage, milliseconds in look.stages.items()},
+            'parts': str(look.parts),
+            'awake bodies': str(look.awake),
+            'bonds broken': str(look.broken),
             'commands waiting': str(len(self._commands)),
-            'commands taken': str(self._commands.taken.total()),
-            'commands rejected': str(self._commands.rejected.total()),
+            'commands taken': str(sum(taken.values())),
+            'commands rejected': str(sum(rejected.values())),
             'last rejection': self._commands.last_rejection,
-            **{f'rejected {name}': str(count)
-               for name, count in sorted(self._commands.rejected.items())},
+            **{f'rejected {name}': str(count) for name, count in sorted(rejected.items())},
         }
         status = DiagnosticStatus(
             level=level, name=f'{self._name}: simulation', message=message,
             hardware_id='procphys_ros',
             values=[KeyValue(key=key, value=value) for key, value in values.items()])
         array = DiagnosticArray(status=[status])
-        seconds, nanoseconds = divmod(round(simulation.time * 1e9), 10**9)
-        array.header.stamp.sec, array.header.stamp.nanosec = seconds, nanoseconds
+        array.header.stamp.sec, array.header.stamp.nanosec = stamp(look.time)
         self._publisher.publish(array)
-        self._stages.clear()
-        self._steps = 0
+
+    @staticmethod
+    def _busy(turn_began: float | None) -> float:
+        return 0.0 if turn_began is None else monotonic() - turn_began
 
 
-def judge(pacer: Pacer, paused: bool) -> tuple[bytes, str]:
-    """Give the level and the message of the status."""
-    if paused:
-        return DiagnosticStatus.OK, 'paused'
-    if pacer.factor and pacer.measured < _ON_TIME * pacer.factor:
-        return DiagnosticStatus.WARN, (f'overloaded: simulated time runs at '
-                                       f'{pacer.measured:.2f} of real time')
-    return DiagnosticStatus.OK, 'running'
+def judge(look: Look, busy: float, command: str) -> tuple[bytes, str]:
+    """
+    Give the level and the message of the status.
+
+    :param look: what was seen last.
+    :param busy: how long the simulation has been in one step or command [s].
+    :param command: what it carries out; '' = nothing.
+    """
+    if busy > _LONG_TURN:
+        return DiagnosticStatus.WARN, (f'busy with {command or "a step"} for {busy:.1f} s; time '
+                                       'stands still until it is done')
+    return DiagnosticStatus.WARN if look.is_slow else DiagnosticStatus.OK, look.message
+
+
+def status_line(look: Look | None) -> str:
+    """Say how it goes, in one line for a terminal."""
+    if look is None:
+        return 'starting'
+    pace = ('paused' if look.paused else 'starting' if math.isnan(look.measured)
+            else f'real-time factor {look.measured:.2f}')
+    return (f't {look.time:8.2f} s   {pace}   wind {look.wind:4.1f} m/s   '
+            f'{look.broken} broken')

@@ -20,16 +20,18 @@ from rclpy.node import Node
 
 from procphys_ros.errors import SceneError
 from procphys_ros.resources import shared_folder
-from procphys_ros.ros.commands import CommandQueue
+from procphys_ros.ros.commands import Command, CommandQueue
 from procphys_ros.ros.diagnostics import Diagnostics
-from procphys_ros.ros.pacing import Pacer
+from procphys_ros.ros.loop import Loop
+from procphys_ros.ros.pacing import Beat, Pacer
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.publishers import Publishers
-from procphys_ros.ros.services import create_services
+from procphys_ros.ros.services import Answers, create_services
 from procphys_ros.ros.session import Session
 from procphys_ros.ros.topic_commands import TopicCommands
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics
+_LONGEST_TURN = 0.05  # [s] of steps before commands are looked at again
 _WARNING_PERIOD = 1.0  # [s] least time between warnings about rejected commands
 
 
@@ -37,9 +39,10 @@ class SimNode(Node):
     """
     Simulates a scene of trees and buildings and shows it on topics.
 
-    Everything runs in one thread: a timer on a steady clock, at `publish_rate`, runs the steps
-    that are due and publishes. Commands wait in one queue until the next step. The node publishes
-    /clock, so it never uses ROS time itself.
+    Two threads share the work. One talks to ROS: it takes commands, checks parameters, answers
+    services. The other owns the simulation and takes turns: carry out what waits in the one queue
+    of commands, run the steps that are due, publish. So the node answers also while a step takes
+    long. The node publishes /clock, so it never uses ROS time itself.
 
     Parameters: see `parameter_table.GLOBAL`, and `parameter_table.OBJECT` for each object.
 
@@ -73,67 +76,74 @@ class SimNode(Node):
         if not self.parameters['scene.objects']:
             raise SceneError('scene.objects is empty, there is nothing to simulate; give a scene '
                              f'with --ros-args --params-file {shared_folder()}/config/demo.yaml')
-        rate = self.parameters['publish_rate']
-        self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
-                           budget=1.0 / rate)
-        self.session = Session(self.parameters, self.pacer)
-        self.commands = CommandQueue(self._warn_about_rejection)
-        frame = self.parameters['world_frame']
-        self._output = Publishers(self, frame, self.parameters['marker_rate'],
-                                  self.parameters['marker_triangles'])
-        self._diagnostics = Diagnostics(self, self.commands)
-        self._topic_commands = TopicCommands(self, self.commands, self.session, frame)
-        create_services(self, self.commands, self.session)
-        self.session.on_scene = self._start_scene
-        self.session.on_reset = self._output.restart_markers
-        self.session.on_steps = lambda: self._output.publish(self.session.simulation, True)
-        self.parameters.on_change(self._apply)
         # A node that publishes /clock must not wait for it: its timers run on a steady clock.
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
-        self._ticks = self.create_timer(1.0 / rate, self._tick, clock=self.steady_clock)
-        self._status = self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
+        self.loop = Loop(self._turn, self.context)
+        self.commands = CommandQueue(self.loop.wake, self._warn_about_rejection)
+        self._beat = Beat(self.parameters['publish_rate'])
+        self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
+                           budget=self._longest_turn())
+        self.session = Session(self.parameters, self.pacer)
+        frame = self.parameters['world_frame']
+        self._output = Publishers(self, frame, self.parameters)
+        self.diagnostics = Diagnostics(self, self.commands)
+        TopicCommands(self, self.commands, self.session, frame)
+        create_services(self, Answers(self, self.commands, self.steady_clock), self.session)
+        self.session.on_scene = self._start_scene
+        self.session.on_reset = self._output.restart
+        self.session.on_steps = lambda: self._output.publish(self.session.simulation, True)
+        self.parameters.on_change(
+            lambda names: self.commands.submit(Command('set_parameters',
+                                                       lambda: self._apply(names))))
+        self.create_timer(_STATUS_PERIOD, lambda: self.diagnostics.publish(self.loop.turn_began),
+                          clock=self.steady_clock)
         self._warn_about_settings()
         self._start_scene()
+        self._moved = False
         self.pacer.restart()
+        self.loop.start()
 
     def destroy_node(self) -> None:
-        """Let go of the simulation, then of the node."""
+        """End the simulation, then the node."""
+        self.loop.stop()
         self.session.simulation.close()
         super().destroy_node()
 
-    def _tick(self) -> None:
-        """Take commands, run the steps that are due, publish."""
-        self._topic_commands.take_all()
+    def _turn(self) -> float:
+        """Carry out commands, run the steps that are due, publish; say when to come again [s]."""
         self.commands.drain()
         simulation = self.session.simulation
-        steps = 0 if self.session.paused else self.pacer.advance(self._step)
-        self._output.publish(simulation, has_moved=steps > 0)
+        if not self.session.paused and self.pacer.advance(self._step):
+            self._moved = True
+        self.diagnostics.look(simulation, self.pacer, self.session.paused)
+        if self._beat.is_due():
+            self._output.publish(simulation, self._moved)
+            self._moved = False
+        if len(self.commands) or self.pacer.is_behind and not self.session.paused:
+            return 0.0
+        return min(self._beat.wait, _LONGEST_TURN)
 
     def _step(self) -> None:
         self.session.simulation.step()
-        self._diagnostics.note(self.session.simulation.timings)
-
-    def _report(self) -> None:
-        self._diagnostics.publish(self.session.simulation, self.pacer, self.session.paused)
+        self.diagnostics.note(self.session.simulation.timings)
 
     def _start_scene(self) -> None:
         self._output.start_scene(self.session.simulation)
 
-    def _apply(self, names: set[str]) -> None:
+    def _longest_turn(self) -> float:
+        return min(1.0 / self._beat.rate, _LONGEST_TURN)
+
+    def _apply(self, names: set[str]) -> str:
         """Let changed parameters take effect; they have been checked before."""
-        if 'publish_rate' in names:
-            period = 1.0 / self.parameters['publish_rate']
-            self._ticks.timer_period_ns = round(period * 1e9)
-            self.pacer.budget = period
-        self._output.marker_rate = self.parameters['marker_rate']
-        if 'marker_triangles' in names:
-            self._output.marker_triangles = self.parameters['marker_triangles']
-            self._output.restart_markers()
-        if 'real_time_factor' in names:
+        self._beat.rate = self.parameters['publish_rate']
+        self.pacer.budget = self._longest_turn()
+        if names & {'real_time_factor'}:
             self.pacer.factor = self.parameters['real_time_factor']
             self.pacer.restart()
+        self._output.apply(names)
         if any(name.startswith('wind.') for name in names):
             self.session.change_wind(names)
+        return f'{", ".join(sorted(names))} changed'
 
     def _warn_about_rejection(self, name: str, reason: str) -> None:
         self.get_logger().warning(f'{name} rejected: {reason}',

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 
-"""Pacing: how many steps are due, so that simulated time keeps up with real time or slows."""
+"""Pacing: how many steps are due, so that simulated time keeps up or slows; and what else is."""
 
 from collections.abc import Callable
 from time import monotonic
 
 _WINDOW = 1.0  # [s] of real time over which the real-time factor is measured
-_PATIENCE = 3.0  # calls that may be late in a row before the time they stand for is let go
+_STANDSTILL = 0.25  # [s] between two calls; what goes beyond it is let go
 
 
 class Pacer:
@@ -33,6 +33,7 @@ class Pacer:
     :param budget: real time that one call may spend on steps before it returns [s].
     :param clock: gives steady real time [s].
     :ivar measured: real-time factor over the last second or so; NaN before the first.
+    :ivar is_behind: whether the last call ran out of its budget.
     """
 
     def __init__(self, time_step: float, factor: float, budget: float,
@@ -48,6 +49,7 @@ class Pacer:
         self._last = self._window_start = self._clock()
         self._owed = 0.0
         self._window_steps = 0
+        self.is_behind = False
         self.measured = float('nan')
 
     def advance(self, step: Callable[[], None]) -> int:
@@ -59,14 +61,15 @@ class Pacer:
         """
         now = self._clock()
         # After a standstill of the process (a slow command, a busy machine) nothing is made up.
-        self._owed += min(now - self._last, _PATIENCE * self.budget) * self.factor
+        self._owed += min(now - self._last, _STANDSTILL) * self.factor
         self._last = now
         steps = 0
         while self._is_due() and (not steps or self._clock() - now < self.budget):
             step()
             steps += 1
             self._owed -= self.time_step
-        if self._is_due():
+        self.is_behind = self._is_due()
+        if self.is_behind:
             self._owed = 0.0  # overloaded: slow down instead of catching up later
         self._measure(steps)
         return steps
@@ -82,3 +85,38 @@ class Pacer:
             self.measured = self._window_steps * self.time_step / elapsed
             self._window_start += elapsed
             self._window_steps = 0
+
+
+class Beat:
+    """
+    Says when something is due that is done at a fixed rate; what is missed is not made up.
+
+    :param rate: [Hz].
+    :param early: share of its period that a beat may come early, for turns that jitter.
+    :param clock: gives steady real time [s].
+    :ivar rate: [Hz].
+    """
+
+    def __init__(self, rate: float, early: float = 0.0, clock: Callable[[], float] = monotonic):
+        self.rate = rate
+        self._early = early
+        self._clock = clock
+        self._next = clock()
+
+    @property
+    def wait(self) -> float:
+        """Give the time until it is due [s]; at most one period, also after `rate` has changed."""
+        self._next = min(self._next, self._clock() + 1.0 / self.rate)
+        return max(0.0, self._next - self._clock())
+
+    def is_due(self) -> bool:
+        """Say whether it is due; when it is, the next time is one period later."""
+        period = 1.0 / self.rate
+        if self.wait > self._early * period:
+            return False
+        self._next = max(self._next + period, self._clock())
+        return True
+
+    def hasten(self) -> None:
+        """Make it due now."""
+        self._next = self._clock()

@@ -126,10 +126,16 @@ GLOBAL = (
     Parameter('gravity', 9.81, 'downward acceleration', 'm/s²', 0.0, 100.0,
               takes_effect='reload'),
     Parameter('world_frame', 'world', 'frame of everything published', read_only=True),
+    Parameter('shard.index', 0, 'which share of the objects this node simulates', '', 0, 1000,
+              read_only=True),
+    Parameter('shard.count', 1, 'number of nodes that share the scene, each with another '
+              'shard.index', '', 1, 1000, read_only=True),
     Parameter('publish_rate', 30.0, 'rate of ~/poses, ~/wind_info and /clock', 'Hz', 0.1, 240.0),
     Parameter('marker_rate', 30.0, 'highest rate of ~/markers', 'Hz', 0.1, 240.0),
     Parameter('marker_triangles', 40_000, 'most triangles of leaves and twigs in ~/markers; of a '
               'scene that has more, fewer and larger leaves are drawn', '', 0, 10_000_000),
+    Parameter('marker_mesh', 'package://procphys_ros/meshes/brick.dae', 'mesh of a unit cube for '
+              'bricks that have moved; empty = plain cubes, for viewers that cannot load it'),
     Parameter('real_time_factor', 1.0,
               'simulated seconds per second; 0 = as fast as possible', '', 0.0, 1000.0),
     Parameter('wind.velocity', [0.0, 0.0, 0.0],

@@ -44,7 +44,8 @@ class Parameters:
     The node's parameters with their present values, checked and in the types of the table.
 
     Types are declared dynamic and checked here, because a statically typed double refuses an
-    integer (`wind.velocity: [5, 0, 0]` would stop the node).
+    integer (`wind.velocity: [5, 0, 0]` would stop the node). Changes replace the values as a
+    whole, so another thread may read them at any time.
 
     :param node: the node that they are declared on.
     :raises SceneError: when a value given at start is not allowed.
@@ -82,14 +83,14 @@ class Parameters:
 
     def _declare(self, parameter: Parameter, name: str) -> None:
         declared = self._node.declare_parameter(name, parameter.default, _descriptor(parameter))
-        self._values[name] = parameter.read(declared.value, name)
+        self._values = {**self._values, name: parameter.read(declared.value, name)}
 
     def _declare_objects(self) -> None:
         """Declare the parameters of objects that are new in `scene.objects`."""
         check_object_names(self._values['scene.objects'])
         for name in self._values['scene.objects']:
             if name not in self._objects:
-                self._objects.append(name)
+                self._objects = [*self._objects, name]
                 for parameter in OBJECT:
                     self._declare(parameter, f'{name}.{parameter.name}')
 
@@ -109,15 +110,17 @@ class Parameters:
 
     def _take_over(self, changes: list[RosParameter]) -> None:
         """Store changes that have been accepted, and pass them on."""
-        names = set()
+        values = dict(self._values)
         for change in changes:
             parameter = find(change.name, self._objects)
-            if parameter is not None and change.name in self._values:
-                self._values[change.name] = parameter.read(change.value, change.name)
-                names.add(change.name)
+            if parameter is not None and change.name in values:
+                values[change.name] = parameter.read(change.value, change.name)
+        names = {change.name for change in changes} & values.keys()
+        self._values = values
         if 'scene.objects' in names:
             self._declare_objects()
-        self._on_change(names)
+        if names:
+            self._on_change(names)
 
 
 def _descriptor(parameter: Parameter) -> ParameterDescriptor:

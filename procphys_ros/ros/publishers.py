@@ -28,15 +28,18 @@ from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from procphys_ros import messages
-from procphys_ros.messages import SceneMarkers
+from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.ros import qos
+from procphys_ros.ros.pacing import Beat
+from procphys_ros.ros.parameters import Parameters
 from procphys_ros.simulation import Simulation
 
 # A new subscriber may be known here before it knows this publisher, and then misses the first
 # message; so it gets the whole set once more [s].
 _SECOND_WHOLE_SET = 1.0
 
-_EARLY = 0.2  # share of their period that markers may come early, for ticks that jitter
+_EARLY = 0.2  # share of their period that markers may come early, for turns that jitter
+_DESCRIPTIONS = 2.0  # [Hz] highest rate of descriptions while parts come to the scene
 
 
 class Publishers:
@@ -45,13 +48,11 @@ class Publishers:
 
     :param node: the node that publishes.
     :param frame: `frame_id` of everything.
-    :ivar marker_rate: highest rate of the markers [Hz].
-    :ivar marker_triangles: most triangles of leaves and twigs, from the next whole set on.
+    :param parameters: say how often, and what the markers look like.
     """
 
-    def __init__(self, node: Node, frame: str, marker_rate: float, marker_triangles: int):
-        self.marker_rate = marker_rate
-        self.marker_triangles = marker_triangles
+    def __init__(self, node: Node, frame: str, parameters: Parameters):
+        self._parameters = parameters
         self._frame = frame
         self._poses = node.create_publisher(PoseArray, '~/poses', qos.ARRAYS)
         self._markers = node.create_publisher(MarkerArray, '~/markers', qos.ARRAYS)
@@ -59,22 +60,36 @@ class Publishers:
         self._dust = node.create_publisher(PointCloud2, '~/dust', qos.NEWEST)
         self._description = node.create_publisher(String, '~/scene_description', qos.LATCHED)
         self._wind_info = node.create_publisher(Vector3Stamped, '~/wind_info', qos.ARRAYS)
-        self._clock = node.create_publisher(Clock, '/clock', qos.NEWEST)
+        # Time has one source, also when several nodes share a scene.
+        self._clock = (node.create_publisher(Clock, '/clock', qos.NEWEST)
+                       if parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
         self._pose_watch = _Watch(self._poses)
         self._marker_watch = _Watch(self._markers)
-        self._whole_again = self._next_markers = 0.0
+        self._marker_beat = Beat(parameters['marker_rate'], _EARLY)
+        self._description_beat = Beat(_DESCRIPTIONS)
+        self._whole_again = 0.0
         self._had_dust = False
 
     def start_scene(self, simulation: Simulation) -> None:
         """Announce a scene that has been loaded; whoever watches gets all of it anew."""
-        self._scene_markers = None
-        self._whole_again = self._next_markers = 0.0
+        self._describer = SceneDescription(self._frame)
         self._describe(simulation)
+        self.restart()
 
-    def restart_markers(self) -> None:
-        """Send the whole set of markers next (the time has jumped back)."""
+    def restart(self) -> None:
+        """Send everything next, in place of what was shown (the time has jumped back)."""
+        if self._scene_markers is not None and self._style().shard:
+            self._markers.publish(self._scene_markers.deletions((0, 0)))
         self._scene_markers = None
+        self._marker_beat.hasten()
+        self._described = -1
+
+    def apply(self, names: set[str]) -> None:
+        """Let changed parameters take effect."""
+        self._marker_beat.rate = self._parameters['marker_rate']
+        if names & {'marker_triangles', 'marker_mesh'}:
+            self.restart()
 
     def publish(self, simulation: Simulation, has_moved: bool) -> None:
         """
@@ -83,47 +98,57 @@ class Publishers:
         :param has_moved: whether steps were run since the last call.
         """
         at = messages.stamp(simulation.time)
-        if simulation.blueprint is not self._described:
-            self._describe(simulation)
         if self._pose_watch.has_risen() or (has_moved and self._pose_watch.count):
             self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
+        if len(simulation.blueprint) != self._described and self._description_beat.is_due():
+            self._describe(simulation)
         self._publish_markers(simulation, at)
         self._publish_breaks(simulation, at)
         if has_moved and self._dust.get_subscription_count():
             self._publish_dust(simulation, at)
-        clock = Clock()
-        clock.clock.sec, clock.clock.nanosec = at
-        self._clock.publish(clock)
+        if self._clock is not None:
+            clock = Clock()
+            clock.clock.sec, clock.clock.nanosec = at
+            self._clock.publish(clock)
         if self._wind_info.get_subscription_count():
             self._publish_wind(simulation, at)
 
     def _describe(self, simulation: Simulation) -> None:
-        self._described = simulation.blueprint
-        self._description.publish(String(data=messages.scene_description(
-            simulation.blueprint, simulation.objects, self._frame)))
+        if len(simulation.blueprint) < self._describer.parts:  # late parts went with a reset
+            self._describer = SceneDescription(self._frame)
+        text = self._describer.write(simulation.blueprint, simulation.objects)
+        self._description.publish(String(data=text))
+        self._described = len(simulation.blueprint)
 
     def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:
         now = monotonic()
         if self._marker_watch.has_risen():
             self._scene_markers = None
             self._whole_again = now + _SECOND_WHOLE_SET
-        period = 1.0 / self.marker_rate
-        if not self._marker_watch.count or now < self._next_markers - _EARLY * period:
+        if not self._marker_watch.count or not self._marker_beat.is_due():
             return
-        self._next_markers = max(self._next_markers + period, now)
         if self._whole_again and now > self._whole_again:
             self._scene_markers = None
             self._whole_again = 0.0
-        if self._scene_markers is None or len(self._scene_markers) != len(simulation.poses):
-            self._scene_markers = SceneMarkers(simulation.blueprint, simulation.objects,
-                                               self._frame, self.marker_triangles)
-            write: Callable = self._scene_markers.whole
+        markers = self._scene_markers
+        if markers is None:
+            markers = self._scene_markers = SceneMarkers(
+                simulation.blueprint, simulation.objects, self._frame, self._style())
+            write: Callable = markers.whole
         else:
-            write = self._scene_markers.changes
-        leaves = simulation.leaf_poses() if self._scene_markers.shows_leaf_poses else None
-        data = write(simulation.poses, at, leaves)
+            write = markers.changes
+            if len(markers) < len(simulation.blueprint):
+                markers.grow(simulation.blueprint, simulation.objects)
+        leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
+        data = write(simulation.poses, at, leaves, simulation.dust)
         if data is not None:
             self._markers.publish(data)
+
+    def _style(self) -> MarkerStyle:
+        shard = (f'shard_{self._parameters["shard.index"]}'
+                 if self._parameters['shard.count'] > 1 else '')
+        return MarkerStyle(self._parameters['marker_triangles'], self._parameters['marker_mesh'],
+                           shard)
 
     def _publish_breaks(self, simulation: Simulation, at: messages.Stamp) -> None:
         events = simulation.log.take()

@@ -17,12 +17,12 @@
 
 import sys
 
-import numpy as np
 import rclpy
 from rclpy.exceptions import NotInitializedException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
 from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.ros.diagnostics import status_line
 from procphys_ros.ros.node import SimNode
 
 
@@ -52,11 +52,13 @@ def run(args: list[str] | None) -> int:
 def _spin() -> None:
     node = SimNode()
     print(banner(node), flush=True)
-    node.create_timer(1.0, lambda: print(status(node), flush=True), clock=node.steady_clock)
+    node.create_timer(1.0, lambda: print(status_line(node.diagnostics.latest), flush=True),
+                      clock=node.steady_clock)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
-        executor.spin()
+        executor.spin_until_future_complete(node.loop.ended)
+        node.loop.ended.result()
     finally:
         node.destroy_node()
 
@@ -78,17 +80,6 @@ def banner(node: SimNode) -> str:
     return '\n'.join((
         f'procphys_ros: {node.session.summary()}',
         f'  out  {name}/poses {name}/markers {name}/scene_description {name}/breaks '
-        f'{name}/wind_info /clock /diagnostics',
-        f'  in   {name}/wind {name}/impulse {name}/wrench',
+        f'{name}/dust {name}/wind_info /clock /diagnostics',
+        f'  in   {name}/wind {name}/impulse {name}/wrench {name}/explosion',
         '  stop with Ctrl-C'))
-
-
-def status(node: SimNode) -> str:
-    """Say how it goes, in one line."""
-    simulation = node.session.simulation
-    measured = node.pacer.measured
-    pace = ('paused' if node.session.paused else 'starting' if np.isnan(measured)
-            else f'real-time factor {measured:.2f}')
-    wind = np.linalg.norm(np.sum(simulation.wind.at_reference(simulation.time), axis=0))
-    return (f't {simulation.time:8.2f} s   {pace}   wind {wind:4.1f} m/s   '
-            f'{simulation.bonds_broken} broken')

@@ -47,7 +47,8 @@ class TopicCommands:
         self._frame = frame
         for name, kind, read in (('wind', Vector3Stamped, self._wind),
                                  ('impulse', WrenchStamped, self._impulse),
-                                 ('wrench', WrenchStamped, self._wrench)):
+                                 ('wrench', WrenchStamped, self._wrench),
+                                 ('explosion', PointStamped, self._explosion)):
             _subscribe(node, f'~/{name}', kind, self._receiver(name, read))
 
     def _receiver(self, name: str, read: Callable[[Any], Callable[[], str]]):

@@ -1,0 +1,94 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Markers of dust: translucent spheres, one marker for puffs of about the same size."""
+
+from typing import Protocol
+
+import numpy as np
+
+from procphys_ros.messages.cdr import Stamp
+from procphys_ros.messages.marker_rows import Kind, ListMarker
+from procphys_ros.palette import rgba
+
+NAMESPACE = 'dust'
+_EDGES = 0.1 * 2.0 ** np.arange(1, 7)  # [m] diameters between the markers, 0.2 to 6.4
+_MOST = 5000  # puffs drawn at once; of more, evenly chosen ones
+_FAINTEST = 5e-3  # opacity that nobody sees
+
+
+class Puffs(Protocol):
+    """What is drawn: rows of positions [m], diameters [m], opacities 0 to 1."""
+
+    @property
+    def positions(self) -> np.ndarray: ...
+
+    @property
+    def sizes(self) -> np.ndarray: ...
+
+    @property
+    def opacity(self) -> np.ndarray: ...
+
+
+class DustMarkers:
+    """
+    Writes the markers of puffs and remembers what it wrote.
+
+    :param frame_id: frame of the positions.
+    :param namespace: `ns` of the markers.
+    """
+
+    def __init__(self, frame_id: str, namespace: str = NAMESPACE):
+        colour = rgba('mortar')
+        self._colour = np.array(colour)
+        self._lists = [ListMarker(Kind.SPHERE_LIST, namespace, number, frame_id, colour)
+                       for number in range(len(_EDGES) + 1)]
+        self._sent: list[bytes] = [b''] * len(self._lists)
+
+    def forget(self) -> None:
+        """Write everything anew next time."""
+        self._sent = [b''] * len(self._lists)
+
+    @property
+    def deletions(self) -> list[bytes]:
+        """Give the deletion of every marker."""
+        return [marker.deletion for marker in self._lists]
+
+    def write(self, puffs: Puffs, at: Stamp) -> tuple[list[bytes], int]:
+        """
+        Write the markers that changed.
+
+        :param puffs: all dust there is.
+        :param at: stamp of the markers.
+        :returns: the markers, and how many they are.
+        """
+        seen = np.flatnonzero(puffs.opacity > _FAINTEST)
+        seen = seen[::-(-len(seen) // _MOST) or 1]
+        group = np.digitize(puffs.sizes[seen], _EDGES)
+        chunks = []
+        for number, marker in enumerate(self._lists):
+            mine = seen[group == number]
+            points = puffs.positions[mine].tobytes()
+            if points == self._sent[number]:
+                continue
+            self._sent[number] = points
+            chunks.append(self._write(marker, puffs, mine, at) if len(mine)
+                          else marker.deletion)
+        return chunks, len(chunks)
+
+    def _write(self, marker: ListMarker, puffs: Puffs, mine: np.ndarray, at: Stamp) -> bytes:
+        colours = np.tile(self._colour, (len(mine), 1))
+        colours[:, 3] = puffs.opacity[mine]
+        return marker.write(puffs.positions[mine], at, colours, float(puffs.sizes[mine].mean()))

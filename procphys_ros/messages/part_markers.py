@@ -1,0 +1,148 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Markers of parts: cubes, cylinders, spheres, and meshes for boxes that have moved."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.messages.cdr import Stamp
+from procphys_ros.messages.foliage import balls, PlacedObject
+from procphys_ros.messages.marker_rows import Action, Kind, row_layout
+from procphys_ros.palette import look
+
+_NOWHERE = (0, 0, 0, 0, 0, 0, 1)  # pose of a marker that is deleted
+
+
+class _Rows:
+    """
+    Prepared markers of some parts with namespaces of one length.
+
+    :param parts: their indices, (K,).
+    :param namespaces: bytes of `ns`, (K, L).
+    :param frame_id: frame of the poses.
+    :param mesh: resource to draw; '' = the shape.
+    """
+
+    def __init__(self, parts: np.ndarray, namespaces: np.ndarray, frame_id: str, mesh: str = ''):
+        self.parts = parts
+        layout, template = row_layout(namespaces.shape[1], frame_id, mesh)
+        # The bytes lead, because numpy does not copy what lies between the fields of a record.
+        self._bytes = np.tile(np.frombuffer(template, np.uint8), (len(parts), 1))
+        self._layout = layout
+        self.fields = self._bytes.view(layout)[:, 0]
+        self.fields['ns'], self.fields['id'] = namespaces, parts
+
+    def write(self, chosen: np.ndarray, poses: np.ndarray, at: Stamp,
+              there: np.ndarray) -> bytes:
+        """Write the chosen rows; those of parts that are not there delete."""
+        out = self._bytes[chosen]
+        fields = out.view(self._layout)[:, 0]
+        parts = self.parts[chosen]
+        fields['stamp'] = at
+        fields['pose'] = np.where(there[parts, None], poses[parts], _NOWHERE)
+        fields['action'][~there[parts]] = Action.DELETE
+        return out.tobytes()
+
+
+class PartMarkers:
+    """
+    Writes one marker per part, `ns` = object, `id` = part index.
+
+    :param frame_id: frame of the poses.
+    :param mesh: resource for boxes once they have moved, a unit cube; '' = they stay cubes.
+    """
+
+    def __init__(self, frame_id: str, mesh: str = ''):
+        self._frame = frame_id
+        self._mesh = mesh
+        self._shapes: list[_Rows] = []
+        self._meshes: list[_Rows] = []
+        self._may_have_mesh = np.zeros(0, bool)
+        self._has_mesh = np.zeros(0, bool)
+
+    def add(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> None:
+        """
+        Prepare the markers of parts that are new.
+
+        :param blueprint: all parts.
+        :param objects: owners of the new ones.
+        """
+        new = len(blueprint) - len(self._has_mesh)
+        self._has_mesh = np.append(self._has_mesh, np.zeros(new, bool))
+        size, kind, colour = _appearance(blueprint)
+        self._may_have_mesh = (kind == Kind.CUBE) & bool(self._mesh)
+        lengths = np.array([len(o.name.encode()) for o in objects], int)
+        for length in np.unique(lengths):
+            mine = [o for o, n in zip(objects, lengths) if n == length and o.count]
+            if not mine:
+                continue
+            parts = np.concatenate([np.arange(o.first, o.first + o.count) for o in mine])
+            names = np.array([np.frombuffer(o.name.encode(), np.uint8) for o in mine])
+            names = np.repeat(names, [o.count for o in mine], axis=0)
+            box = kind[parts] == Kind.CUBE
+            shapes = _Rows(parts, names, self._frame)
+            meshes = _Rows(parts[box], names[box], self._frame, self._mesh)
+            for rows in (shapes, meshes):
+                rows.fields['scale'] = size[rows.parts]
+                rows.fields['color'] = colour[rows.parts]
+            shapes.fields['type'] = kind[parts]
+            meshes.fields['type'] = Kind.MESH_RESOURCE
+            self._shapes.append(shapes)
+            if self._mesh:
+                self._meshes.append(meshes)
+
+    def write(self, poses: np.ndarray, at: Stamp, changed: np.ndarray,
+              away: np.ndarray) -> tuple[list[bytes], int]:
+        """
+        Write the markers of changed parts.
+
+        :param poses: of all parts, (N, 7); what is not finite is deleted.
+        :param at: stamp of the markers.
+        :param changed: parts to write, (N,) bool.
+        :param away: parts that are not where they were built, (N,) bool.
+        :returns: the markers, and how many they are.
+        """
+        there = np.isfinite(poses[:, 0])
+        self._has_mesh |= away & there & self._may_have_mesh
+        chunks, count = [], 0
+        for groups, wanted in ((self._meshes, changed & self._has_mesh),
+                               (self._shapes, changed & ~self._has_mesh)):
+            for rows in groups:
+                chosen = np.flatnonzero(wanted[rows.parts])
+                if len(chosen):
+                    chunks.append(rows.write(chosen, poses, at, there))
+                    count += len(chosen)
+        return chunks, count
+
+
+def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give extents [m], marker type and colour of every part."""
+    capsule = blueprint.shape == Shape.CAPSULE
+    size = blueprint.visual_size.copy()
+    # RViz draws no cones: a tapered segment becomes a cylinder of its middle diameter.
+    size[capsule, :2] = blueprint.visual_size[capsule, :2].mean(axis=1, keepdims=True)
+    kind = np.where(capsule, Kind.CYLINDER, Kind.CUBE)
+    ball = balls(blueprint)
+    kind[ball], size[ball] = Kind.SPHERE, blueprint.size[ball]
+    looks = [look(name) for name in blueprint.textures] or [look('')]
+    colour = np.array([one.rgba for one in looks])[blueprint.texture]
+    # Neighbouring bricks differ a little, always in the same way.
+    spread = np.array([one.variation for one in looks])[blueprint.texture]
+    shade = 1.0 + spread * np.random.default_rng(0).uniform(-1.0, 1.0, len(blueprint))
+    colour[:, :3] = np.clip(colour[:, :3] * shade[:, None], 0.0, 1.0)
+    return size, kind, colour

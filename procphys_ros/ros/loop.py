@@ -1,0 +1,75 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Loop: a thread that takes turns at the simulation while ROS is served by another."""
+
+from collections.abc import Callable
+from threading import Event, Thread
+from time import monotonic
+
+from rclpy.context import Context
+from rclpy.task import Future
+
+
+class Loop:
+    """
+    Calls a function over and over in a thread of its own.
+
+    The function belongs to one thread only, so what it works on needs no locks. Whatever goes
+    wrong in it ends the loop and comes out of `ended`, for whoever spins the node to see.
+
+    :param turn: what to call; gives the time until it wants to be called again [s].
+    :param context: once it has been shut down, errors of the turn mean nothing any more.
+    :ivar ended: is done when the loop has ended; its result raises what went wrong.
+    :ivar turn_began: steady time at which the present turn began [s]; None between turns.
+    """
+
+    def __init__(self, turn: Callable[[], float], context: Context):
+        self._turn = turn
+        self._context = context
+        self._woken = Event()
+        self._stopped = False
+        self._thread = Thread(target=self._run, name='simulation', daemon=True)
+        self.ended = Future()
+        self.turn_began: float | None = None
+
+    def start(self) -> None:
+        """Begin to take turns."""
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Begin the next turn now."""
+        self._woken.set()
+
+    def stop(self) -> None:
+        """End after the present turn, and wait for that."""
+        self._stopped = True
+        self.wake()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _run(self) -> None:
+        try:
+            while not self._stopped:
+                self._woken.clear()
+                self.turn_began = monotonic()
+                pause = self._turn()
+                self.turn_began = None
+                self._woken.wait(pause)
+        except Exception as error:
+            if self._context.ok():
+                self.ended.set_exception(error)
+                return
+        self.ended.set_result(None)
