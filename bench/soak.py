@@ -40,7 +40,8 @@ from procphys_ros.scene.strikes import Demolition, Projectile
 from procphys_ros.simulation import Simulation
 
 _LANDING = 0.2    # [m] that a moving body may sink into the ground in a hard landing
-_RESTING = 0.03   # [m] that a body at rest may
+_RESTING = 0.06   # [m] that a brick may that sticks out of a piece: teeth have no contact shape
+_SUNK = -0.03     # [m] centre of mass of a thin twig that carries nothing, pressed into the earth
 _BENT = -0.3      # [m] centre of mass of a branch that bends down to the ground on its tree
 _GROWTH = 0.3     # [MB per reset] of memory that counts as a leak
 _WARM_UP = 0.4    # share of the resets after which caches are full
@@ -196,7 +197,7 @@ def faults(simulation: Simulation) -> list[str]:
     if not np.isfinite(poses[there]).all() or not np.isfinite(simulation.velocities[there]).all():
         found.append('a part that exists is not finite')
     carried = simulation._debris.carrier >= 0
-    low = there & (poses[:, 2] < np.where(carried, 0.0, _BENT))
+    low = there & (poses[:, 2] < np.where(carried, _SUNK, _BENT))
     for part in np.flatnonzero(low)[:3].tolist():
         found.append(f'{simulation.names.name(part)} is at {poses[part, 2]:.3f} m')
     loose = np.flatnonzero(there & carried)

@@ -85,8 +85,10 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
         place = view.frame(points if items else _EMPTY_SCENE, size)
     else:
         place = tuple(camera[:3]), tuple(camera[3:]), (0.0, 0.0, 1.0)
-    if dust is not None and len(dust.positions):
-        canvas.add(*particles.dust(dust.positions, dust.sizes, dust.opacity, place[0]))
+    if dust is not None:
+        discs, colours = particles.dust(dust.positions, dust.sizes, dust.opacity, place[0])
+        if len(discs.points):
+            canvas.add(discs, colours)
     canvas.write(path, place, view.FIELD_OF_VIEW)
 
 
