@@ -35,6 +35,7 @@ from procphys_ros.physics.wind import WindSettings
 from procphys_ros.render import draw, particles
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import read_settings, Settings
+from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
 
 STEP = 1.0 / 60.0
@@ -257,6 +258,25 @@ def test_dust_lies_around_what_fell():
     puffs = simulation.dust
     assert len(puffs.ages) > 3 and puffs.ages.max() < 0.6
     assert np.abs(np.median(puffs.positions, axis=0)).max() < 1.0
+
+
+def test_a_projectile_gives_dust_for_the_energy_it_leaves_in_a_wall():
+    """Turn into dust what a ball loses in a wall and no brick takes along; nothing in flight."""
+    scene = Scene()
+    centres = np.array([[0.225 * i, 0.0, 0.0325 + 0.075 * j] for i in range(7) for j in range(9)])
+    scene.add(bonded(centres, BRICK), name='wall')
+    simulation = Simulation(scene)
+    ball = simulation.launch(Projectile('sphere', 0.2, 20.0, (0.675, -2.0, 0.4), (0.0, 30.0, 0.0)))
+    simulation.step(3)
+    cloud = simulation._dust.cloud
+    assert total_mass(cloud) == 0.0
+    simulation.step(2)
+    speed, bricks = simulation.velocities[:, :3] ** 2, slice(0, 63)
+    lost = 0.5 * 20.0 * (30.0 ** 2 - speed[ball].sum())
+    carried = 0.5 * simulation.blueprint.mass[bricks] @ speed[bricks].sum(axis=1)
+    assert simulation.impacts[0].torn and lost > 1000.0
+    assert total_mass(cloud) / DUST_PER_ENERGY == pytest.approx(lost - carried, rel=0.1)
+    assert np.abs(np.median(cloud.puffs.positions, axis=0) - [0.675, 0.0, 0.4]).max() < 0.5
 
 
 def test_standing_and_resting_things_do_not_smoke():

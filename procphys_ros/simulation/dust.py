@@ -14,6 +14,8 @@
 
 """Dust of a scene: it rises where mortar bursts and where masonry and missiles hit hard."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Law
@@ -22,6 +24,7 @@ from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
 from procphys_ros.simulation.events import Cause, EventLog
 from procphys_ros.simulation.hits import Hits
+from procphys_ros.simulation.striking import Impact
 
 _SEED = 104  # told apart from other random things by the scene's own seed
 _MODES = np.full(len(Cause), Mode.OPENED)
@@ -46,16 +49,40 @@ class Dust:
         self._mortar = blueprint.bond_law == Law.MORTAR
         pairs = blueprint.bonds[~self._mortar]
         self._wooden = np.unique(pairs[pairs >= 0])
+        self._stony = np.ones(len(blueprint), bool)
+        self._stony[self._wooden] = False
         self.cloud = DustCloud(capacity, (_SEED << 64) + seed, gravity)
         self._hits = Hits(gravity)
         self._spared = np.zeros(1, bool)
-        self._seen = 0
+        self._seen = self._struck = 0
 
     def reset(self, log: EventLog) -> None:
         """Clear the air; what the log holds already makes no dust any more."""
         self.cloud.clear()
         self._hits.reset()
-        self._seen = log.total
+        self._seen, self._struck = log.total, 0
+
+    def batter(self, world: World, carrier: np.ndarray, impacts: Sequence[Impact]) -> None:
+        """
+        Let dust rise where projectiles struck masonry that stood.
+
+        :param world: before its step, the projectiles as fast as their last blow left them.
+        :param carrier: body of the world that carries each part, -1 for none, (N,).
+        :param impacts: every blow since the last reset, oldest first.
+        """
+        new, self._struck = impacts[self._struck:], len(impacts)
+        velocity: dict[int, np.ndarray] = {}
+        for blow in reversed(new):  # from what is left of the speed back to what there was
+            body = carrier[blow.projectile]
+            mass = world.bodies.mass[body]
+            after = velocity.get(blow.projectile, world.bodies.velocities[body, :3])
+            before = velocity[blow.projectile] = after + blow.lost / mass
+            if self._stony[blow.parts].all():
+                carried = blow.carried @ blow.carried / (
+                    2.0 * self._blueprint.mass[blow.parts].sum())
+                energy = 0.5 * mass * (before @ before - after @ after) - carried - blow.work
+                self.cloud.raise_dust(blow.point[None], np.zeros(1),
+                                      np.array([max(energy, 0.0)]))
 
     def watch(self, world: World, carrier: np.ndarray, time_step: float) -> None:
         """

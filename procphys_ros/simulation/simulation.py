@@ -343,6 +343,7 @@ class Simulation:
             self._debris.drag(self.wind.velocity(points, self.time), self.time_step)
         self._impacts.watch()
         if self._dust is not None:
+            self._dust.batter(self._world, self._debris.carrier, self.impacts)
             self._dust.watch(self._world, self._debris.carrier, self.time_step)
         self._world.step(self.time_step)
 
