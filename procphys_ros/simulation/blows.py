@@ -130,7 +130,7 @@ class Blows:
         self.buildings.standing[parts] = False
         rows = graph.rows[bonds]
         self.log.record(time, self._blueprint.bond_frame[rows, :3], rows,
-                         self._blueprint.bonds[rows], cause, np.full(len(rows), load))
+                        self._blueprint.bonds[rows], cause, np.full(len(rows), load))
 
     def remove(self, parts: np.ndarray) -> None:
         """Take the bodies of parts that were cut out from the world, (K,) indices."""

@@ -15,6 +15,8 @@
 
 """Demolition: charges in walls that go off one after the other."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
@@ -41,7 +43,8 @@ class Charges:
     :param vanish: takes parts out of the scene for good.
     """
 
-    def __init__(self, blueprint: Blueprint, blows: Blows, vanish):
+    def __init__(self, blueprint: Blueprint, blows: Blows,
+                 vanish: Callable[[np.ndarray], None]):
         self._blueprint = blueprint
         self._blows = blows
         self._vanish = vanish

@@ -68,13 +68,14 @@ def shards(size: np.ndarray, density: float, pose: np.ndarray, texture: str, mat
     :param rng: places the cuts.
     """
     thin, u, v = np.argsort(size, kind='stable')
-    low, high = [], []
+    lows: list[tuple[float, float]] = []
+    highs: list[tuple[float, float]] = []
     edges = _cuts(columns, rng)
     for left, right in zip(edges[:-1], edges[1:]):
         across = _cuts(rows, rng)
-        low += [(left, a) for a in across[:-1]]
-        high += [(right, b) for b in across[1:]]
-    low, high = np.array(low), np.array(high)
+        lows += [(left, a) for a in across[:-1]]
+        highs += [(right, b) for b in across[1:]]
+    low, high = np.array(lows), np.array(highs)
     sizes, centres = np.full((len(low), 3), size[thin]), np.zeros((len(low), 3))
     sizes[:, [u, v]] = (high - low) * size[[u, v]]
     centres[:, [u, v]] = (0.5 * (low + high) - 0.5) * size[[u, v]]

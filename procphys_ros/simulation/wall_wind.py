@@ -93,7 +93,7 @@ class WallWind:
 
     def _has_lost_parts(self) -> bool:
         count = np.count_nonzero(self._buildings.standing)
-        return not len(self._parts) or count < (1.0 - _GONE) * len(self._parts)
+        return not len(self._parts) or bool(count < (1.0 - _GONE) * len(self._parts))
 
 
 def _pressure(air: np.ndarray) -> float:
