@@ -88,7 +88,7 @@ def timed(simulation, count):
 def main():
     """Print all figures."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
-    strike(SIZES[0], 0.5)  # compile
+    strike(SIZES[0], seconds)  # compile
     for size in SIZES:
         ours, bricks = strike(size, seconds)
     theirs, sag = jointed(*BASELINE, 50)

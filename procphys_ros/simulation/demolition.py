@@ -29,7 +29,7 @@ _CORE = 0.9        # of a charge's radius: inside masonry turns to dust, outside
 _THROW = 6.0       # [m/s] away from the charge
 _BAND = (0.3, 2.0)  # [m] above the foot of a building, where charges are drilled
 _SPACING = 1.1     # [m] between charges of the default plan
-_RADIUS = 0.7      # [m] of such a charge; radius over spacing leaves no pier standing
+_MARGIN = 0.02     # [m] by which their cores reach beyond the last brick
 _SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at the corners
 _HEAVY = 200.0     # [kg] parts above it, such as slabs, are cut loose, not turned to dust
 
@@ -101,7 +101,11 @@ class Charges:
                                    for column in points.T])
         away = np.linalg.norm(middles[:, :2] - middles[:, :2].mean(axis=0), axis=1)
         delays = _SPREAD * away / max(float(away.max()), 1e-9)
-        return Demolition(delays.tolist(), middles.ravel().tolist(), [_RADIUS] * len(middles))
+        reach = np.zeros(len(middles))  # so far that no pier is left between two charges
+        np.maximum.at(reach, place.ravel(),
+                      np.linalg.norm(points - middles[place.ravel()], axis=1))
+        return Demolition(delays.tolist(), middles.ravel().tolist(),
+                          ((reach + _MARGIN) / _CORE).tolist())
 
     def _fire(self, place: np.ndarray, radius: float, time: float) -> None:
         """Break what stands within the radius: dust inside, thrown pieces at the rim."""
