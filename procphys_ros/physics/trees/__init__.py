@@ -14,9 +14,9 @@
 
 """Trees: an O(n) articulated kernel for swaying, bending and breaking branches."""
 
+from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees.breaks import Cause
 from procphys_ros.physics.trees.foresight import Foresight
 from procphys_ros.physics.trees.forest import Forest
-from procphys_ros.physics.trees.layout import AIR_DENSITY
 
 __all__ = ['AIR_DENSITY', 'Cause', 'Foresight', 'Forest']

@@ -22,6 +22,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Hinges, Law
 from procphys_ros.errors import SceneError
+from procphys_ros.physics.air import CYLINDER_DRAG, FOLIAGE_DRAG
 
 # Columns of `Rows.body`, constants of a segment.
 MASS, ACROSS, ALONG, REACH, LENGTH, CROSS_FLOW, LEAF_FLOW = range(7)
@@ -30,12 +31,6 @@ STIFFNESS, DAMPING, THETA, LIMIT, PRELOAD_X, PRELOAD_Y = range(6)
 # Columns of `Rows.extra`: the same for twist (first) and stretch (from EXTRA_STRIDE on).
 EXTRA_STIFFNESS, EXTRA_DAMPING, EXTRA_THETA, EXTRA_PRELOAD, EXTRA_STRIDE = range(5)
 
-AIR_DENSITY = 1.225  # [kg/m³], standard atmosphere at sea level (ISO 2533)
-# Drag of a long cylinder across the wind, subcritical (Hoerner 1965, Fluid-Dynamic Drag, 3-9).
-_CYLINDER_DRAG = 1.1  # [-]
-# Drag of foliage per one-sided leaf area up to 10 m/s: canopy models use F = 0.2·ρ·a·u² (Shaw and
-# Schumann 1992, Boundary-Layer Meteorology 61:47, take 0.15), hence 0.4 with the usual 1/2.
-_LEAF_DRAG = 0.4  # [-]
 # Below this ratio of damping to stiffness the step must be fully implicit: with less, a violent
 # shock leaves a buzz that does not die out.
 _THETA_RATIO = 0.005  # [s]
@@ -102,8 +97,8 @@ def arrange(blueprint: Blueprint, air_density: float) -> Rows:
     length = blueprint.visual_size[part, 2]
     body = np.column_stack([
         blueprint.mass[part], inertia[:, 0], inertia[:, 2], inner[:, 2], length,
-        0.5 * air_density * _CYLINDER_DRAG * width * length,
-        0.5 * air_density * _LEAF_DRAG * blueprint.leaf_area[part]])
+        0.5 * air_density * CYLINDER_DRAG * width * length,
+        0.5 * air_density * FOLIAGE_DRAG * blueprint.leaf_area[part]])
     swing, extra = _springs(blueprint.hinges, order)
     return Rows(part, bond, order, parent, end, _axes(parent, width, frame), mount, body, swing,
                 extra, width)

@@ -28,6 +28,7 @@ import math
 from numba import njit
 import numpy as np
 
+from procphys_ros.physics.air import CALM, STORM
 from procphys_ros.physics.trees import joints, pose
 from procphys_ros.physics.trees.layout import (
     ACROSS,
@@ -56,9 +57,6 @@ from procphys_ros.physics.trees.state import Joint
 _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
 ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp takes the rest
-# Foliage streamlines: its drag coefficient falls as u^-0.85 from 10 to 20 m/s and is constant
-# outside (ForestGALES, broadleaved species: exponents 0.846 to 0.904, limit 20 m/s).
-_CALM, _STORM, _STREAMLINING = 10.0, 20.0, -0.85  # [m/s], [m/s], [-]
 
 
 @njit(**KERNEL)
@@ -165,8 +163,8 @@ def drag(i, x, y, z, body, v, wind):
     if foliage > 0.0:
         speed = math.sqrt(square)
         foliage *= speed
-        if speed > _CALM:
-            foliage *= (min(speed, _STORM) / _CALM) ** _STREAMLINING
+        if speed > CALM:
+            foliage *= CALM / min(speed, STORM)
     spin = v[i, 3] * x + v[i, 4] * y + v[i, 5] * z
     turn = math.sqrt(max(0.0, v[i, 3] * v[i, 3] + v[i, 4] * v[i, 4] + v[i, 5] * v[i, 5]
                          - spin * spin))

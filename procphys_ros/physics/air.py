@@ -1,0 +1,33 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Air: its density, and the drag of what has one shape wherever it is met."""
+
+AIR_DENSITY = 1.225  # [kg/m³], standard atmosphere at sea level (ISO 2533)
+# Drag of a long cylinder across the wind, subcritical (Hoerner 1965, Fluid-Dynamic Drag, 3-9).
+CYLINDER_DRAG = 1.1  # [-]
+CUBE_DRAG = 1.05  # [-], face on (Hoerner 1965, 3-16)
+# Drag of foliage per one-sided leaf area, in terms of the wind that reaches the crown. One leaf
+# alone has 0.4 (canopy models use F = 0.2·ρ·a·u² with the speed between the leaves; Shaw and
+# Schumann 1992, Boundary-Layer Meteorology 61:47), but in a crown most leaves stand in the lee of
+# others. Calibrated on ForestGALES (R package fgr): the force on a whole tree, its wood included,
+# is ½·ρ·C·v^-N·A·u² with v = u within 10 to 20 or 25 m/s and A = crown depth · breadth / 2. C and
+# N are 2.6575 and 0.846 for oak, 1.9627 and 0.881 for birch, 3.07 and 0.75 for Scots pine: 1360,
+# 490 and 1190 N at 10 m/s for the shipped trees. Less about 280 N, 120 N and 280 N for their wood,
+# over 346, 105 and 190 m² of leaves this leaves 0.051, 0.058 and 0.078.
+FOLIAGE_DRAG = 0.055  # [-]
+# Foliage folds: from 10 to 25 m/s its drag grows with the speed, not with its square (Vollsinger
+# et al. 2005, Can. J. For. Res. 35:1238), beyond that ForestGALES holds the coefficient constant.
+# Below 10 m/s leaves have hardly moved. The wood does not fold: a whole tree comes out at u^1.2.
+CALM, STORM = 10.0, 25.0  # [m/s], the coefficient falls as 1/u between the two
