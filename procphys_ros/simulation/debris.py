@@ -17,14 +17,11 @@
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.physics.air import AIR_DENSITY, CUBE_DRAG, CYLINDER_DRAG, FOLIAGE_DRAG
 from procphys_ros.physics.world import expand, rigid_sum, State, World
 from procphys_ros.physics.world.registry import FRICTION
 
-_AIR_DENSITY = 1.225  # [kg/m³], ISO 2533 standard atmosphere at sea level, 15 °C
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
-_CYLINDER_DRAG = 1.1  # cross flow, 1e3 < Re < 2e5 (Hoerner 1965, Fluid-Dynamic Drag, 3-9)
-_LEAF_DRAG = 0.3      # crowns in a strong wind, per leaf area (Vollsinger 2005: 0.15 to 0.4)
-_BOX_DRAG = 1.05      # cube, face on (Hoerner 1965, 3-16)
 _NONE = np.zeros(0, np.intp)
 _SAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
 _SIDE_MEAN = np.pi / 4.0  # mean projected width of a slender body over all attitudes
@@ -67,9 +64,18 @@ class Debris:
         """Count the bodies that carry parts."""
         return len(self._members)
 
+    @property
+    def has_pieces(self) -> bool:
+        """Say whether any body carries more than one part."""
+        return bool((self.size > 1).any())
+
     def parts_of(self, body: int) -> np.ndarray:
         """List the parts that a body carries, ascending; none for one that carries nothing."""
         return self._members.get(int(body), _NONE)
+
+    def local_poses(self, parts: np.ndarray) -> np.ndarray:
+        """Give the poses of carried parts in the frames of their bodies, (K, 7)."""
+        return self._local[parts]
 
     def poses_of(self, body: int) -> np.ndarray:
         """Give the present poses of the parts that a body carries, (P, 7)."""
@@ -169,7 +175,7 @@ class Debris:
         area[:len(self._area)] = self._area
         velocities = self._world.velocities(awake).copy()
         slip = air - velocities[:, :3]
-        rate = (0.5 * _AIR_DENSITY * area[awake] * np.linalg.norm(slip, axis=1)
+        rate = (0.5 * AIR_DENSITY * area[awake] * np.linalg.norm(slip, axis=1)
                 / self._world.bodies.mass[awake])
         share = -np.expm1(-rate * time_step)[:, None]
         velocities[:, :3] += share * slip
@@ -210,7 +216,7 @@ def drag_area(blueprint: Blueprint) -> np.ndarray:
     :param blueprint: the parts.
     """
     x, y, z = blueprint.visual_size.T
-    box = _BOX_DRAG * 0.5 * (x * y + y * z + z * x)
-    rod = _CYLINDER_DRAG * _SIDE_MEAN * 0.5 * (x + y) * z
+    box = CUBE_DRAG * 0.5 * (x * y + y * z + z * x)
+    rod = CYLINDER_DRAG * _SIDE_MEAN * 0.5 * (x + y) * z
     solid = np.where(blueprint.shape == Shape.BOX, box, rod)
-    return solid + _LEAF_DRAG * blueprint.leaf_area
+    return solid + FOLIAGE_DRAG * blueprint.leaf_area

@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.masonry import Breakage, FreeBodies
-from procphys_ros.physics.world import Contacts, State, World
+from procphys_ros.physics.world import axes_of, Contacts, State, World
 from procphys_ros.simulation.contact_loads import spread, Touches
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause, EventLog
@@ -97,13 +97,16 @@ class Impacts:
         :returns: whether anything broke.
         """
         room = _BODIES - len(self._world.awake)
-        if room < 2 or not (self._waiting or self._struck(time_step)):
+        if room < 2 or not self._debris.has_pieces:
+            return False
+        struck = self._struck(time_step)
+        if not self._waiting and not struck.any():
             return False
         contacts = self._world.contacts()
         blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
         late = len(blows)
         known = {b.body for b in blows}
-        blows += [b for b in self._blows(contacts, room) if b.body not in known]
+        blows += [b for b in self._blows(contacts, struck, room) if b.body not in known]
         self._waiting = []
         share = np.ones(len(self._world.bodies.state))
         broken = []
@@ -130,12 +133,9 @@ class Impacts:
         return spread(blow.touches, self._debris.local_poses(blow.parts),
                       self._blueprint.size[blow.parts], self._blueprint.poses[blow.parts])
 
-    def _struck(self, time_step: float) -> bool:
-        """Say whether anything was hit while there are pieces; contacts are dear to read."""
+    def _struck(self, time_step: float) -> np.ndarray:
+        """Mark the bodies whose motion contacts changed at once, by id, (B,) bool."""
         bodies, awake = self._world.bodies, self._world.awake
-        if not len(awake) or self._debris.size[awake[awake < len(self._debris.size)]].max(
-                initial=0) < 2:
-            return False
         before = np.zeros((len(awake), 6))
         known = awake < len(self._before)
         before[known] = self._before[awake[known]]
@@ -143,15 +143,23 @@ class Impacts:
         jump = bodies.velocities[awake] - before
         felt = (np.sqrt((jump[:, :3] ** 2).sum(axis=1))
                 + np.sqrt((jump[:, 3:] ** 2).sum(axis=1)) * bodies.radius[awake])
-        return bool((felt > _LEAST_JUMP).any())
+        struck = np.zeros(len(bodies.state), bool)
+        struck[awake] = felt > _LEAST_JUMP
+        return struck
 
-    def _blows(self, contacts: Contacts, most: int) -> Iterator[_Blow]:
-        """List the blows that might break something, the hardest first, `most` at the most."""
+    def _blows(self, contacts: Contacts, struck: np.ndarray, most: int) -> Iterator[_Blow]:
+        """
+        List the blows that might break something, the hardest first.
+
+        :param struck: bodies that were stopped or pushed; others only rest on each other.
+        :param most: number of blows.
+        """
         bodies, debris = self._world.bodies, self._debris
         count = len(bodies.state)
         side = np.concatenate([contacts.body_a, contacts.body_b])
         push = np.tile(np.sqrt((contacts.impulse ** 2).sum(axis=1)), 2)
-        felt = np.bincount(side, push, count)
+        by_blow = struck[side] | struck[np.concatenate([contacts.body_b, contacts.body_a])]
+        felt = np.bincount(side, push * by_blow, count)
         size = np.zeros(count, np.intp)
         size[:len(debris.size)] = debris.size[:count]
         chosen = np.flatnonzero((size > 1) & (felt > _LEAST_JUMP * bodies.mass)
@@ -169,11 +177,11 @@ class Impacts:
         first = rows < len(contacts)
         rows = rows % len(contacts)
         sign = np.where(first, 1.0, -1.0)[:, None]
-        inverse = rotation.conjugate(self._start[body, 3:])
+        axes = axes_of(self._start[body, 3:])
         return Touches(
-            rotation.rotate(inverse, contacts.point[rows] - self._start[body, :3]),
-            rotation.rotate(inverse, sign * contacts.normal[rows]),
-            rotation.rotate(inverse, sign * contacts.impulse[rows] / CONTACT),
+            (contacts.point[rows] - self._start[body, :3]) @ axes,
+            (sign * contacts.normal[rows]) @ axes,
+            (sign * contacts.impulse[rows] / CONTACT) @ axes,
             np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
 
     def _give_back(self, contacts: Contacts, share: np.ndarray) -> None:
