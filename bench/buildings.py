@@ -30,7 +30,8 @@ from procphys_ros.simulation import Cause, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 OFFICE = Path(__file__).parents[1] / 'grammars' / 'office.wall'
-SIZES = (dict(bays=1, deep=1, storeys=1, module=2.8), dict(bays=3, deep=2, storeys=1), {})
+SIZES = ({'bays': 1, 'deep': 1, 'storeys': 1, 'module': 2.8},
+         {'bays': 3, 'deep': 2, 'storeys': 1}, {})
 BLOWN = 1.5  # [m] walls below vanish
 HEAVY = 200.0  # [kg] slabs, which stay
 
@@ -98,7 +99,7 @@ def demolition(size, seconds):
 
 def warm_up():
     """Let everything be compiled and loaded once."""
-    simulation, _ = office(dict(bays=1, deep=1, storeys=1, module=2.8))
+    simulation, _ = office(SIZES[0])
     blow(simulation)
     simulation.step(60)
     simulation.close()

@@ -30,7 +30,7 @@ from scipy.sparse.linalg import splu
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 'test')]
 
-from masonry_walls import building  # noqa: E402
+from masonry_walls import building  # noqa: E402, I100
 
 from procphys_ros.physics.masonry import BondGraph, Fracture, pcg, StressSolver  # noqa: E402
 from procphys_ros.physics.masonry.coarse import CoarseSpace  # noqa: E402

@@ -50,11 +50,11 @@ def run(args: list[str] | None) -> int:
 
 
 def _spin() -> None:
+    executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
     node = SimNode()
     print(banner(node), flush=True)
     node.create_timer(1.0, lambda: print(status_line(node.diagnostics.latest), flush=True),
                       clock=node.steady_clock)
-    executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         executor.spin_until_future_complete(node.loop.ended)

@@ -19,5 +19,5 @@ from procphys_ros.physics.touch.broad import capsule_bounds, overlaps, piece_bou
 from procphys_ros.physics.touch.geometry import meet, meet_ground, Meetings
 from procphys_ros.physics.touch.impulses import Partners, resolve
 
-__all__ = ['Meetings', 'Partners', 'capsule_bounds', 'meet', 'meet_ground', 'overlaps', 'piece_bounds',
-           'resolve']
+__all__ = ['Meetings', 'Partners', 'capsule_bounds', 'meet', 'meet_ground', 'overlaps',
+           'piece_bounds', 'resolve']

@@ -30,7 +30,7 @@ import numpy as np
 from procphys_ros.physics.trees import joints, passes
 from procphys_ros.physics.trees.layout import EXTRA_STRIDE, EXTRA_THETA, THETA
 from procphys_ros.physics.trees.response import descend
-from procphys_ros.physics.trees.state import Joint, State
+from procphys_ros.physics.trees.state import Joint, Plan, State
 
 _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
@@ -63,7 +63,7 @@ class Foresight:
     response: np.ndarray
 
 
-def foresee(plan: tuple, entry: np.ndarray, points: np.ndarray, model: tuple, state: State,
+def foresee(plan: Plan, entry: np.ndarray, points: np.ndarray, model: tuple, state: State,
             scratch: tuple, wind: np.ndarray, gravity: np.ndarray, dt: float) -> Foresight:
     """
     Look one step ahead; nothing changes but the workspace and the wrenches of the last step.
