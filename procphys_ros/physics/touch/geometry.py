@@ -28,7 +28,8 @@ _AHEAD = 1.5      # steps looked ahead: this one, and what joints lag behind in 
 _NEAR = 0.004     # [m] gap below which things count as near, however slow
 _STRIDE = 0.5     # way between two looks as a share of the thickness of both
 _LOOKS = 16       # at most along the way of one step
-_TIP = 0.15       # of its length: nearest points closer to the tip than this are the tip
+_SPAN = 0.15      # of its length: a segment that lies along something on more touches twice
+_SLANT = 0.05     # sine of the angle up to which things count as lying along each other
 _HALVINGS = 26    # finds the nearest point of an axis to 1e-8 of its length
 
 
@@ -102,15 +103,18 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
         past = late * (slip[0] * x + slip[1] * y + slip[2] * z)
         pair[count], gap[count] = n, best - past
         _note(count, x, y, z, qx, qy, qz, best, point, normal)
+        if late == 0.0:
+            low, high = _span(poses[i], sizes[i], shapes[p], piece_poses[p], piece_sizes[p], t)
+            if high - low > _SPAN:
+                for at in (low, high):
+                    found, _, nx, ny, nz, bx, by, bz = _nearest(
+                        poses[i, :3], poses[i, 3:], sizes[i], at, shapes[p], piece_poses[p],
+                        piece_sizes[p])
+                    pair[count], gap[count] = n, found
+                    _note(count, nx, ny, nz, bx, by, bz, found, point, normal)
+                    count += 1
+                continue
         count += 1
-        if t < 1.0 - _TIP and late == 0.0:  # lying along something: the tip, too
-            found, at, nx, ny, nz, bx, by, bz = _nearest(
-                poses[i, :3], poses[i, 3:], sizes[i], 1.0, shapes[p], piece_poses[p],
-                piece_sizes[p])
-            if found < reach:
-                pair[count], gap[count] = n, found
-                _note(count, nx, ny, nz, bx, by, bz, found, point, normal)
-                count += 1
     return count
 
 
@@ -174,17 +178,17 @@ def turn_of(q):
 
 
 @njit(cache=True)
-def _nearest(centre, attitude, size, least, shape, pose, extent):
+def _nearest(centre, attitude, size, at, shape, pose, extent):
     """
     Give gap, place on the segment's axis from 0 to 1, normal, and nearest point of the piece.
 
-    :param least: where on the axis to begin: -1 for its start, 1 for the tip only.
+    :param at: place on the axis that is asked for; -1 = the nearest.
     """
     half, radius = 0.5 * max(size[2] - size[0], 0.0), 0.5 * size[0]
     axis = turn_of(attitude)[:, 2].copy()
     turn = turn_of(pose[3:])
-    begin = centre + least * half * axis
-    long = (1.0 - least) * half
+    begin = centre + (2.0 * max(at, 0.0) - 1.0) * half * axis
+    long = 2.0 * half if at < 0.0 else 0.0
     if shape == _BOX:
         arm = begin - pose[:3]
         p, d = turn.T @ arm, turn.T @ (long * axis)
@@ -209,8 +213,56 @@ def _nearest(centre, attitude, size, least, shape, pose, extent):
             n = n / square if square > 1e-9 else np.array([0.0, 0.0, 1.0])
         q = q + 0.5 * extent[0] * n
         gap = far - radius - 0.5 * extent[0]
-    place = t if least < 0.0 else 1.0
+    place = t if at < 0.0 else at
     return gap, place, n[0], n[1], n[2], q[0], q[1], q[2]
+
+
+@njit(cache=True)
+def _span(pose, size, shape, other, extent, t):
+    """Give the places between which a segment lies along a piece, both t if it does not."""
+    half = 0.5 * max(size[2] - size[0], 0.0)
+    axis = turn_of(pose[3:])[:, 2].copy()
+    turn = turn_of(other[3:])
+    begin, way = pose[:3] - half * axis, 2.0 * half * axis
+    if half < 1e-6:
+        return t, t
+    if shape == _BOX:
+        p, d = turn.T @ (begin - other[:3]), turn.T @ way
+        x = p + t * d
+        far = math.sqrt(((x - np.minimum(np.maximum(x, -0.5 * extent), 0.5 * extent)) ** 2).sum())
+        if far < 1e-7:
+            return t, t
+        room = _SLANT * far * 2.0 * half
+        return _rise(p, d, 0.5 * extent, -room), _rise(p, d, 0.5 * extent, room)
+    along = turn[:, 2].copy()
+    reach = 0.5 * max(extent[2] - extent[0], 0.0)
+    cosine = (axis * along).sum()
+    if 1.0 - cosine * cosine > _SLANT * _SLANT:
+        return t, t
+    middle = ((other[:3] - begin) * axis).sum()
+    low, high = (middle - reach) / (2.0 * half), (middle + reach) / (2.0 * half)
+    return min(max(low, 0.0), 1.0), min(max(high, 0.0), 1.0)
+
+
+@njit(cache=True)
+def _rise(p, d, half, level):
+    """Find where the slope of half the squared distance to a box rises above a level, 0 to 1."""
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):  # the slope grows with t
+        t = 0.5 * (low + high)
+        slope = 0.0
+        for c in range(3):
+            x = p[c] + t * d[c]
+            slope += d[c] * (x - min(max(x, -half[c]), half[c]))
+        if slope < level:
+            low = t
+        else:
+            high = t
+    if high < 1e-6:
+        high = 0.0
+    elif low > 1.0 - 1e-6:
+        high = 1.0
+    return high
 
 
 @njit(cache=True)
@@ -240,23 +292,7 @@ def _box(p, d, half):
 
     :returns: t, normal outwards, distance (negative inside), nearest point of the surface.
     """
-    low, high = 0.0, 1.0
-    if (d ** 2).sum() > 1e-18:
-        for _ in range(_HALVINGS):  # the slope of the squared distance grows with t
-            t = 0.5 * (low + high)
-            slope = 0.0
-            for c in range(3):
-                x = p[c] + t * d[c]
-                slope += d[c] * (x - min(max(x, -half[c]), half[c]))
-            if slope < 0.0:
-                low = t
-            else:
-                high = t
-        if high < 1e-6:
-            high = 0.0
-        elif low > 1.0 - 1e-6:
-            high = 1.0
-    t = high
+    t = _rise(p, d, half, 0.0) if (d ** 2).sum() > 1e-18 else 0.0
     x = p + t * d
     q = np.minimum(np.maximum(x, -half), half)
     n = x - q

@@ -1,0 +1,319 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Contact of trees with what is loose, with walls, with the ground and with each other."""
+
+from grown_trees import bush
+from masonry_walls import bonded
+import numpy as np
+import pytest
+
+from procphys_ros import rotation, skeleton
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.physics.touch import meet, meet_ground, overlaps
+from procphys_ros.physics.world import State
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
+
+_DT = 1.0 / 60.0
+_TURN = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+def gallows(reach: float = 2.0, radius: float = 0.04, strength: float = 5e8) -> Blueprint:
+    """Stand a post with a long straight bough to one side, 2 m above the ground."""
+    count = 5
+    post = np.column_stack([np.zeros(3), np.zeros(3), np.array([0.0, 1.0, 2.0])])
+    bough = np.column_stack([np.linspace(0.0, reach, count + 1)[1:], np.zeros(count),
+                             np.full(count, 2.0)])
+    nodes = np.concatenate([post, bough])
+    parents = np.arange(len(nodes)) - 1
+    radii = np.concatenate([np.full(3, 0.12), np.full(count, radius)])
+    return skeleton.from_nodes(nodes, parents, radii, strength=strength, damping_ratio=0.1)
+
+
+def single(blueprint: Blueprint) -> Simulation:
+    """Simulate one blueprint alone, in still air."""
+    scene = Scene()
+    scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'tree')
+    return Simulation(scene)
+
+
+def drop(simulation: Simulation, place: tuple, mass: float = 5.0, edge: float = 0.2,
+         velocity: tuple = (0.0, 0.0, 0.0)) -> int:
+    """Put a loose block into the world."""
+    pose = np.concatenate([place, _TURN])
+    return simulation._world.add_body(Shape.BOX, np.full(3, edge), mass, pose,
+                                      np.concatenate([velocity, np.zeros(3)]))
+
+
+def momentum(simulation: Simulation) -> np.ndarray:
+    """Add up the momentum of all trees."""
+    forest = simulation._grove.forest
+    mass = simulation.blueprint.mass[forest.parts]
+    return (mass[:, None] * forest.velocities[:, :3])[forest.active].sum(axis=0)
+
+
+def test_a_block_rests_on_a_bough_and_bends_it():
+    """Hold a block up with its weight, sagging as under a force of this size at this place."""
+    simulation, pulled = single(gallows(radius=0.02)), single(gallows(radius=0.02))
+    body = drop(simulation, (1.0, 0.0, 2.13), mass=2.0)
+    row = int(np.argmin(np.abs(pulled._grove.forest.poses[:, 0] - 0.9)))
+    forces = []
+    for i in range(360):
+        pulled._grove.forest.push(np.array([row]), np.array([[1.0, 0.0, 2.0]]),
+                                  np.array([[0.0, 0.0, -2.0 * 9.81 * _DT]]))
+        pulled.step()
+        simulation.step()
+        touches = simulation._contact.touches
+        if i >= 300:
+            forces.append(touches.impulse[touches.body == body].sum(axis=0) / _DT)
+    bodies = simulation._world.bodies
+    sag = simulation.poses[4:, 2] - simulation.blueprint.poses[4:, 2]
+    expected = pulled.poses[4:, 2] - pulled.blueprint.poses[4:, 2]
+    assert expected.min() < -0.003
+    np.testing.assert_allclose(sag, expected, rtol=0.05, atol=1e-4)
+    assert np.mean(forces, axis=0)[2] == pytest.approx(-2.0 * 9.81, rel=0.01)
+    assert np.abs(bodies.velocities[body]).max() < 0.02
+
+
+@pytest.mark.parametrize(('mass', 'speed'), [(0.3, 4.0), (5.0, 8.0), (80.0, 6.0)])
+def test_momentum_is_accounted_for_in_every_contact(mass, speed):
+    """Balance body, tree, weight and the push of the ground at the root, to 1 % of the blow."""
+    simulation = single(bush(30, seed=5, damping_ratio=0.1, strength=1e12))
+    forest = simulation._grove.forest
+    tip = forest.poses[-1, :3]
+    body = drop(simulation, tuple(tip + [-1.0, 0.0, 0.3]), mass, 0.25, (speed, 0.0, 0.0))
+    weight = simulation.blueprint.mass.sum() * np.array([0.0, 0.0, -9.81]) * _DT
+    given, worst = np.zeros(3), 0.0
+    world, seen = simulation._world, []
+    real = world.step
+
+    def watched(time_step: float) -> None:
+        seen.append(world.bodies.velocities[body, :3].copy())
+        real(time_step)
+    world.step = watched
+    for _ in range(40):
+        start, flying = momentum(simulation), world.bodies.velocities[body, :3].copy()
+        simulation.step()
+        touches = simulation._contact.touches
+        push = touches.impulse[touches.body == body].sum(axis=0)
+        if len(touches):
+            drag = simulation._debris  # the world's bodies that carry no part feel no air
+            assert drag.carrier.max(initial=-1) != body
+            np.testing.assert_allclose(mass * (seen[-1] - flying), -push, atol=1e-9 * mass)
+            held = forest.joint_wrenches[0, :3] * _DT
+            left = momentum(simulation) - start - push - held - weight
+            worst = max(worst, np.linalg.norm(left))
+            given += push
+    assert np.linalg.norm(given) > 0.5 * mass
+    assert worst < 0.01 * np.linalg.norm(given)
+
+
+def test_a_heavy_block_takes_what_two_bodies_would_share():
+    """Slow a block by the mass that the bough shows there: m·v = (m + M)·v'."""
+    simulation = single(gallows())
+    forest = simulation._grove.forest
+    top = 2.0 + 0.5 * float(simulation.blueprint.size[-1, 0])
+    body = drop(simulation, (1.7, 0.0, top + 0.1), 3.0, 0.2, (0.0, 0.0, -3.0))
+    point = np.array([1.7, 0.0, top])
+    row = int(np.argmin(np.linalg.norm(forest.poses[:, :3] - point, axis=1)))
+    shown = forest.effective_mass(row, point, (0.0, 0.0, 1.0))
+    simulation.step()
+    push = -simulation._contact.touches.impulse[:, 2].sum()
+    speed = 3.0 + 9.81 * _DT
+    assert push == pytest.approx(3.0 * speed * shown / (3.0 + shown), rel=0.01)
+    assert simulation._world.bodies.velocities[body, 2] == pytest.approx(
+        push / 3.0 - speed, rel=0.01)
+
+
+def test_a_falling_branch_is_thrown_off_its_way():
+    """Deflect a thin branch that falls on a bough, which swings down in turn."""
+    simulation = single(gallows(radius=0.03))
+    pose = np.array([1.5, 0.5, 3.0, np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # along y
+    body = simulation._world.add_body(Shape.CAPSULE, np.array([0.06, 0.06, 1.6]), 3.0, pose)
+    simulation.step(20)
+    assert not len(simulation._contact.touches)
+    lowest = 0.0
+    for _ in range(40):
+        simulation.step()
+        lowest = min(lowest, float((simulation.poses - simulation.blueprint.poses)[-1, 2]))
+    state = simulation._world.bodies
+    assert lowest < -0.01
+    assert abs(state.velocities[body, 3]) > 0.5  # it tips over the bough
+
+
+def test_a_tree_felled_onto_another_comes_to_rest():
+    """Cut a tree beside another: it leans or lies, still, above the ground, and no part is lost."""
+    scene = Scene()
+    tree = bush(40, seed=1, damping_ratio=0.15, strength=1e12)
+    scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'falls')
+    scene.add(tree, (1.3, 0.2, 0.0), 1.0, 'stands')
+    simulation = Simulation(scene)
+    forest = simulation._grove.forest
+    forest.release(int(simulation._grove.row_of_part[1]))
+    forest.push(np.array([8]), forest.poses[[8], :3], np.array([[60.0, 0.0, 0.0]]))
+    met = 0
+    for _ in range(1200):
+        simulation.step()
+        met += int((simulation._contact.touches.other >= 0).any())
+    assert met > 3
+    assert np.abs(simulation.velocities[:len(tree)]).max() < 0.1
+    assert simulation.poses[:, 2].min() > -0.01
+    assert simulation.poses[1:len(tree), 2].mean() < tree.poses[1:, 2].mean()
+
+
+def test_a_heavy_fall_breaks_what_is_below():
+    """Break a weak bough under a heavy block, not under a light one."""
+    def broken(mass: float) -> int:
+        simulation = single(gallows(strength=4e7))
+        drop(simulation, (1.6, 0.0, 3.5), mass)
+        simulation.step(60)
+        return simulation.bonds_broken
+    assert broken(0.3) == 0
+    assert broken(150.0) > 0
+
+
+def test_branches_do_not_pass_through_a_wall():
+    """Blow a bush against a wall: no branch gets deeper than 2 cm into any brick."""
+    scene = Scene()
+    scene.add(bush(40, seed=4, damping_ratio=0.2, strength=1e12, stiffness=1e8),
+              (0.0, 0.0, 0.0), 0.0, 'bush')
+    reach = scene.blueprint.poses[:, 0].max()
+    scene.add(slab(0.3, 6, 3.0), (reach + 0.35, 0.0, 0.0), 0.0, 'wall')
+    simulation = Simulation(scene)
+    simulation.set_wind((18.0, 0.0, 0.0))
+    forest = simulation._grove.forest
+    sizes = simulation.blueprint.size[forest.parts]
+    face = reach + 0.2
+    deepest, touched = 0.0, 0
+    for _ in range(240):
+        simulation.step()
+        touches = simulation._contact.touches
+        touched += int((touches.part >= 0).any())
+        turn = simulation.poses[:len(forest), 3:]
+        axis = 2.0 * (turn[:, 0] * turn[:, 2] + turn[:, 3] * turn[:, 1])
+        half = 0.5 * (sizes[:, 2] - sizes[:, 0])
+        ends = simulation.poses[:len(forest), 0] + half * np.abs(axis) + 0.5 * sizes[:, 0]
+        deepest = max(deepest, float(ends.max()) - face)
+    assert touched > 20
+    assert deepest < 0.02
+    assert simulation._buildings.standing[len(forest):].all()
+
+
+def slab(thick: float, wide: int, high: float) -> Blueprint:
+    """Stand a wall of big blocks, mortared."""
+    rows = int(high / 0.5)
+    centres = [[0.0, j - 0.5 * wide + 0.5, 0.5 * i + 0.25] for i in range(rows)
+               for j in range(wide)]
+    return bonded(centres, (thick, 1.0, 0.5))
+
+
+def test_nothing_changes_where_nothing_touches():
+    """Give the same poses to the bit whether contacts are looked for or not."""
+    def run(blind: bool) -> np.ndarray:
+        scene = Scene()
+        for i in range(3):
+            scene.add(bush(20, seed=i, damping_ratio=0.1), (6.0 * i, 0.0, 0.0), 0.0, f't{i}')
+        simulation = Simulation(scene, seed=1)
+        simulation.set_wind((9.0, 0.0, 0.0))
+        if blind:
+            simulation._contact.act = lambda time, time_step: None
+        simulation.step(120)
+        return simulation.poses
+    assert np.array_equal(run(True), run(False))
+
+
+def test_contacts_repeat_and_reset_to_the_bit():
+    """Repeat a run with contacts bit for bit, after a reset as well."""
+    simulation = single(gallows(strength=3e7))
+
+    def run() -> np.ndarray:
+        for i in range(4):
+            drop(simulation, (0.8 + 0.3 * i, 0.05 * i, 2.5 + 0.2 * i), 10.0 * i + 1.0)
+        simulation.step(150)
+        return simulation.poses.copy()
+    first = run()
+    simulation.reset()
+    assert np.array_equal(simulation.poses, simulation.blueprint.poses)
+    assert np.array_equal(first, run())
+
+
+def test_the_sweep_lists_every_pair_of_overlapping_boxes():
+    """Agree with testing all pairs."""
+    rng = np.random.default_rng(0)
+    boxes = []
+    for count in (40, 70):
+        low = rng.uniform(-3.0, 3.0, (count, 3))
+        boxes.append(np.hstack([low, low + rng.uniform(0.1, 1.5, (count, 3))]))
+    a, b = boxes
+    every = ((a[:, None, :3] <= b[None, :, 3:]) & (a[:, None, 3:] >= b[None, :, :3])).all(axis=2)
+    found = np.zeros_like(every)
+    found[overlaps(a, b)] = True
+    assert every.any() and np.array_equal(found, every)
+
+
+def test_the_nearest_point_of_a_box_is_found():
+    """Agree with a dense search along the capsule's axis."""
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        size = np.array([0.1, 0.1, rng.uniform(0.2, 1.5)])
+        box = rng.uniform(0.2, 1.0, 3)
+        turns = rng.normal(size=(2, 4))
+        turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+        poses = np.hstack([rng.uniform(-1.2, 1.2, (2, 3)), turns])
+        found = meet(np.zeros(1, np.intp), poses[:1], size[None], np.zeros((1, 6)),
+                     np.zeros(1, np.intp), np.array([Shape.BOX], np.uint8), poses[1:], box[None],
+                     np.zeros((1, 6)), 10.0)
+        gap = _dense_gap(poses, size, box)
+        if gap > 0.004:
+            assert not len(found.gap)
+        elif gap > -0.05:
+            assert found.gap.min() == pytest.approx(gap, abs=1e-4)
+
+
+def test_a_fast_stone_does_not_tunnel_and_a_passing_one_is_left_alone():
+    """Look along the way of a step: meet what is in it, not what is beside it."""
+    pose = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]])
+    for aside, hits in ((0.0, 1), (0.3, 0)):
+        stone = np.array([[-1.0, aside, 1.0, 0.0, 0.0, 0.0, 1.0]])
+        found = meet(np.zeros(1, np.intp), pose, np.array([[0.04, 0.04, 1.0]]),
+                     np.zeros((1, 6)), np.zeros(1, np.intp), np.array([Shape.BOX], np.uint8),
+                     stone, np.full((1, 3), 0.1), np.array([[90.0, 0, 0, 0, 0, 0]]), _DT)
+        assert len(found.gap) == hits
+        if hits:
+            assert found.normal[0, 0] == pytest.approx(1.0, abs=1e-6)
+            assert found.gap[0] == pytest.approx(0.93, abs=1e-3)
+
+
+def test_tips_meet_the_ground():
+    """See only the ends of segments that are about to touch."""
+    poses = np.array([[0, 0, 0.5, 0, 0, 0, 1.0], [0, 0, 5.0, 0, 0, 0, 1.0]])
+    sizes = np.tile([0.1, 0.1, 1.0], (2, 1))
+    still = np.zeros((2, 6))
+    found = meet_ground(np.arange(2), np.ones(2, bool), poses, sizes, still, _DT)
+    assert found.pair.tolist() == [0] and found.gap[0] == pytest.approx(0.0, abs=1e-12)
+    still[1, 2] = -300.0
+    assert 1 in meet_ground(np.arange(2), np.ones(2, bool), poses, sizes, still, _DT).pair
+
+
+def _dense_gap(poses: np.ndarray, size: np.ndarray, box: np.ndarray) -> float:
+    half = 0.5 * (size[2] - size[0])
+    axis = rotation.rotate(poses[0, 3:], np.array([0.0, 0.0, 1.0]))
+    points = poses[0, :3] + np.linspace(-half, half, 20001)[:, None] * axis
+    inside = rotation.rotate(rotation.conjugate(poses[1, 3:]), points - poses[1, :3])
+    outside = np.abs(inside) - 0.5 * box
+    distance = np.linalg.norm(np.maximum(outside, 0.0), axis=1) + np.minimum(
+        outside.max(axis=1), 0.0)
+    return float(distance.min()) - 0.5 * size[0]
