@@ -31,7 +31,7 @@ STAY_TIME = 1.0  # [s], how long a body stays, though it trembles, before it com
 STUCK_TIME = 4.0  # [s], a body that stays for so long is held by more than the check sees
 TREMBLE_TIME = 0.1  # [s], a body that stays for so long trembles and hits nothing; one that was
 #                     set free counts as such until it leaves, or wedged heaps wake each other
-WAKE_SPEED = 0.3  # [m/s], speed change by a hit that sets a resting body free
+WAKE_SPEED = 0.6  # [m/s], speed change by a hit that sets a resting body free: a fall of 2 cm
 SUPPORT_SHIFT = 0.01  # [m], move of a support that sets free what rests on it
 _TOUCH = 2e-3  # [m], gap below which a contact counts as touching
 _STANCE = 0.003  # [m], how far the centre of mass may lie outside what carries it
