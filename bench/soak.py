@@ -15,9 +15,9 @@
 """
 Run a mixed scene for simulated minutes under random commands, good and bad, and look for rot.
 
-Checks after every simulated second: every part that exists is finite, nothing lies below
-the ground, bad commands are refused, nothing raises; at the end: memory did not grow from reset to reset. Exit
-code 1 and the command history since the last reset when something is wrong.
+Checks after every simulated second: every part that exists is finite, nothing lies below the
+ground, bad commands are refused, nothing raises; at the end: memory did not grow from reset to
+reset. Exit code 1 and the command history since the last reset when something is wrong.
 Run: python bench/soak.py [--minutes 30] [--seed 1]
 """
 

@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.physics.wind.settings import check_number
+from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 
 _Group = TypeVar('_Group')
@@ -39,6 +40,7 @@ class Settings:
     :ivar gust: what `gust` starts when nothing else is said.
     :ivar leaves: flutter and shedding.
     :ivar dust: of bursting mortar and impacts.
+    :ivar culling: what is simulated less, because nobody looks closely.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -49,6 +51,7 @@ class Settings:
     gust: Gust = field(default_factory=Gust)
     leaves: LeafSettings = field(default_factory=LeafSettings)
     dust: DustSettings = field(default_factory=DustSettings)
+    culling: CullingSettings = field(default_factory=CullingSettings)
 
     def __post_init__(self) -> None:
         if isinstance(self.seed, bool) or not isinstance(self.seed, numbers.Integral) \
@@ -69,7 +72,8 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
     return Settings(**own, wind=_group(parameters, 'wind', WindSettings),
                     gust=_group(parameters, 'gust', Gust),
                     leaves=_group(parameters, 'leaves', LeafSettings),
-                    dust=_group(parameters, 'dust', DustSettings))
+                    dust=_group(parameters, 'dust', DustSettings),
+                    culling=_group(parameters, 'culling', CullingSettings))
 
 
 def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:

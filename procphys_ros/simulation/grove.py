@@ -16,12 +16,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Law
 from procphys_ros.physics.trees import Foresight, Forest
 from procphys_ros.physics.wind import Wind
+from procphys_ros.physics.world import World
+from procphys_ros.simulation.observer import Observer
+
+if TYPE_CHECKING:
+    from procphys_ros.simulation.contact import Touches
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,16 @@ class Grove:
     def air(self) -> np.ndarray:
         """Velocity of the air at every row when `feel` last asked for it [m/s], (S, 3)."""
         return self._wind
+
+    def reset(self) -> None:
+        """Put all trees back to rest and whole."""
+        self.forest.reset()
+
+    def observe(self, observer: Observer) -> None:
+        """Look from another place from now on; here all trees are simulated alike."""
+
+    def heed(self, touches: 'Touches', world: World) -> None:
+        """Take note of what touches trees in the step to come; here all of them move anyway."""
 
     def holds(self, part: int) -> bool:
         """Say whether a part still belongs to a tree that stands or falls, but is no debris."""

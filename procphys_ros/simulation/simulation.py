@@ -42,7 +42,9 @@ from procphys_ros.simulation.grove import Grove
 from procphys_ros.simulation.impacts import Impacts
 from procphys_ros.simulation.leaning import Leaning
 from procphys_ros.simulation.naming import PartNames
+from procphys_ros.simulation.observer import Observer
 from procphys_ros.simulation.striking import Impact
+from procphys_ros.simulation.watched_grove import WatchedGrove
 
 
 class Simulation:
@@ -79,7 +81,9 @@ class Simulation:
         self.timings: dict[str, float] = {}
         seed = settings.seed if seed is None else seed
         self.wind = Wind(settings.wind, seed)
-        self._grove = Grove(self.blueprint, settings.gravity)
+        self._grove = (WatchedGrove(self.blueprint, settings.gravity, settings.culling)
+                       if settings.culling.spares_trees
+                       else Grove(self.blueprint, settings.gravity))
         self._foliage = Foliage(self.blueprint, self._grove, settings.leaves, settings.gravity,
                                 seed)
         self._dust = (Dust(self.blueprint, settings.dust.capacity, settings.gravity, seed)
@@ -141,7 +145,7 @@ class Simulation:
         self.velocities = np.zeros((len(self.blueprint), 6))
         self.log.clear()
         self.wind.reset()
-        self._grove.forest.reset()
+        self._grove.reset()
         self._foliage.reset()
         self._world = World((0.0, 0.0, -self.scene.settings.gravity))
         self._debris = Debris(self.blueprint, self._world)
@@ -176,6 +180,7 @@ class Simulation:
                 self._grove.feel(self.wind, self.time)
             with self._stage('contact'):
                 self._contact.act(self.time, self.time_step)
+                self._grove.heed(self._contact.touches, self._world)
             with self._stage('trees'):
                 self._grove.sway(self.time_step)
             with self._stage('fracture'):
@@ -223,6 +228,17 @@ class Simulation:
         :raises CommandError: when it has no direction.
         """
         self.wind.start_gust(gust or self.scene.settings.gust, self.time)
+
+    def set_observer(self, position: Sequence[float],
+                     orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)) -> None:
+        """
+        Say from where the scene is looked at, for the schemes of `Settings.culling`.
+
+        :param position: of the camera [m], (3,), world.
+        :param orientation: quaternion xyzw; the camera looks along x, z is up.
+        :raises CommandError: when a value is not finite, or the quaternion has no length.
+        """
+        self._grove.observe(Observer(self.scene.settings.culling, position, orientation))
 
     def apply_impulse(self, part: int | str, linear: Sequence[float] = (0.0, 0.0, 0.0),
                       angular: Sequence[float] = (0.0, 0.0, 0.0),

@@ -20,16 +20,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.physics.trees import breaks, foresight, modes, passes, pose, response, state
+from procphys_ros.physics.air import AIR_DENSITY
+from procphys_ros.physics.trees import (
+    breaks,
+    foresight,
+    modes,
+    passes,
+    pose,
+    response,
+    state,
+    subset,
+)
 from procphys_ros.physics.trees.layout import (
     ACROSS,
-    AIR_DENSITY,
     ALONG,
     arrange,
     EXTRA_PRELOAD,
     EXTRA_STIFFNESS,
     EXTRA_STRIDE,
     LEAF_FLOW,
+    LENGTH,
     MASS,
     PRELOAD_X,
     PRELOAD_Y,
@@ -119,6 +129,8 @@ class Forest:
         self.active = np.ones(len(self.parts), bool)
         self._wind = self._still
         self._time_step = _TIME_STEP
+        self._stepped: np.ndarray | None = None
+        self._disturbed = np.zeros(len(self.parts), bool)
         self._replan()
         pose.place_all(self._plan, self._model, self._state)
 
@@ -130,14 +142,48 @@ class Forest:
         :param wind: air velocity at the centres of mass [m/s], (S, 3), world; None = still air.
         :raises ValueError: when the wind has another shape.
         """
-        if self._stale:
-            self._replan()
-        self._time_step = float(dt)
-        self._wind = self._still if wind is None else np.ascontiguousarray(wind, float)
-        if self._wind.shape != self._still.shape:
-            raise ValueError(f'wind is {self._wind.shape}, but must be {self._still.shape}')
+        self._stepped = None
+        self._breathe(dt, wind)
         passes.step(self._plan, self._model, self._state, self._scratch, self._wind,
                     self._gravity, self._time_step)
+
+    def step_some(self, trees: np.ndarray, steps: np.ndarray, dt: float,
+                  wind: np.ndarray | None = None) -> None:
+        """
+        Advance some trees, which costs in proportion to them; the others do not move.
+
+        :param trees: places of the trees in `plan`, (K,).
+        :param steps: how many time steps each goes in one, (K,).
+        :param dt: time step [s].
+        :param wind: as for `step`; read at the rows of these trees only.
+        """
+        self._stepped = self.rows_of(trees)
+        self._breathe(dt, wind)
+        subset.step(self._plan, trees, steps * self._time_step, self._model, self._state,
+                    self._scratch, self._wind, self._gravity)
+
+    def rows_of(self, trees: np.ndarray) -> np.ndarray:
+        """List the rows of some trees of `plan`, tree by tree."""
+        return subset.rows_of(self.plan, trees)
+
+    def hold(self, trees: np.ndarray) -> None:
+        """Stop some trees of `plan` dead, bent as they are, and drop what pushed them."""
+        subset.hold(self.rows_of(trees), self._state)
+
+    def kinetic(self, trees: np.ndarray) -> np.ndarray:
+        """Give the kinetic energy per mass of some trees of `plan` [J/kg], (K,)."""
+        return subset.kinetic(self.plan, trees, self._model.body, self._state)
+
+    @property
+    def half_lengths(self) -> np.ndarray:
+        """Half the length of every segment [m], (S,)."""
+        return 0.5 * self._model.body[:, LENGTH]
+
+    def take_disturbed(self) -> np.ndarray:
+        """List the rows that got an impulse, or that lost a branch, since this was last asked."""
+        rows = np.flatnonzero(self._disturbed)
+        self._disturbed[rows] = False
+        return rows
 
     def overloaded(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """
@@ -148,7 +194,8 @@ class Forest:
         if self._stale:
             self._replan()
         row, cause, load = self._found
-        count = breaks.find_overloads(self._plan.row, self._state.wrenches, self._state.frame,
+        judged = self._plan.row if self._stepped is None else self._stepped
+        count = breaks.find_overloads(judged, self._state.wrenches, self._state.frame,
                                       self._section, self._capacity, row, cause, load)
         rows = row[:count].copy()
         return rows, cause[:count].copy(), load[:count].copy(), self.bonds[rows]
@@ -172,6 +219,7 @@ class Forest:
         """
         rows = self.subtree(row)
         taken = rows, self.poses[rows].copy(), self.velocities[rows].copy()
+        self._disturb(self.parents[row])
         self.active[rows] = False
         self._state.wrenches[rows] = 0.0
         self._stale = True
@@ -183,6 +231,7 @@ class Forest:
 
         :param row: first row of what comes off.
         """
+        self._disturb(self.parents[row])
         self._model.joint[row] = state.Joint.FREE
         self.parents[row] = -1
         self._state.rate[row] = 0.0
@@ -198,9 +247,9 @@ class Forest:
         """
         self._model.body[rows, LEAF_FLOW] = share * self._foliage[rows]
 
-    def apply_impulse(self, row: int, point: Sequence[float] | None = None,
-                      linear: Sequence[float] = (0.0, 0.0, 0.0),
-                      angular: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+    def apply_impulse(self, row: int, point: Sequence[float] | np.ndarray | None = None,
+                      linear: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+                      angular: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)) -> None:
         """
         Add momentum to a segment; the tree feels it exactly in the next step.
 
@@ -216,6 +265,7 @@ class Forest:
         spin = axis @ turn
         self.velocities[row, :3] += np.asarray(linear, float) / body[MASS]
         self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]
+        self._disturb(row)
 
     def push(self, rows: np.ndarray, points: np.ndarray, impulses: np.ndarray) -> None:
         """
@@ -318,6 +368,19 @@ class Forest:
         held = self._model.joint[moving] != state.Joint.FREE
         return float((0.5 * kinetic - body[:, MASS] * height).sum()
                      + (0.5 * elastic - preload)[held].sum())
+
+    def _breathe(self, dt: float, wind: np.ndarray | None) -> None:
+        """Take over the time step and the air of the step that begins."""
+        if self._stale:
+            self._replan()
+        self._time_step = float(dt)
+        self._wind = self._still if wind is None else np.ascontiguousarray(wind, float)
+        if self._wind.shape != self._still.shape:
+            raise ValueError(f'wind is {self._wind.shape}, but must be {self._still.shape}')
+
+    def _disturb(self, row: int) -> None:
+        if row >= 0:
+            self._disturbed[row] = True
 
     def _replan(self) -> None:
         self._plan = state.make_plan(self.parents, self.active)

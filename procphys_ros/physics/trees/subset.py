@@ -1,0 +1,127 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Subset: what is done to some trees of a forest while the others stand still."""
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.trees import passes
+from procphys_ros.physics.trees.layout import ACROSS, ALONG, MASS
+from procphys_ros.physics.trees.spatial import KERNEL
+from procphys_ros.physics.trees.state import AXIS
+
+_AXIS = int(AXIS)
+
+
+@njit(**KERNEL)
+def step(plan, trees, spans, model, state, scratch, wind, gravity):
+    """
+    Advance some trees, each by a time of its own; see `passes.step`.
+
+    :param trees: places in the plan, (K,).
+    :param spans: how far each goes [s], (K,).
+    """
+    for n in range(len(trees)):
+        first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
+        rows, above = plan.row[first:last], plan.above[first:last]
+        for _ in range(passes.ATTEMPTS):
+            passes.factor(rows, above, model, state, scratch, wind, gravity, spans[n], 1.0)
+            if not passes.take(rows, above, model, state, scratch, spans[n]):
+                break
+        passes.integrate(rows, above, model, state, scratch, spans[n])
+
+
+@njit(cache=True)
+def rows_of(plan, trees):
+    """List the rows of some trees, tree by tree, (R,)."""
+    count = 0
+    for t in trees:
+        count += plan.start[t + 1] - plan.start[t]
+    rows = np.empty(count, plan.row.dtype)
+    place = 0
+    for t in trees:
+        for k in range(plan.start[t], plan.start[t + 1]):
+            rows[place] = plan.row[k]
+            place += 1
+    return rows
+
+
+@njit(cache=True)
+def hold(rows, state):
+    """Stop trees dead where they are; their joints keep their bends."""
+    for i in rows:
+        for c in range(6):
+            state.velocities[i, c] = 0.0
+            state.push[i, c] = 0.0
+            state.wrenches[i, c] = 0.0
+        for c in range(4):
+            state.rate[i, c] = 0.0
+        state.struck[i, 0] = 0.0
+
+
+@njit(cache=True)
+def kinetic(plan, trees, body, state):
+    """Give the kinetic energy per mass of some trees [J/kg], (K,)."""
+    out = np.empty(len(trees))
+    for n in range(len(trees)):
+        energy, mass = 0.0, 0.0
+        for k in range(plan.start[trees[n]], plan.start[trees[n] + 1]):
+            i = plan.row[k]
+            v = state.velocities[i]
+            spin = 0.0
+            for c in range(3):
+                energy += body[i, MASS] * v[c] ** 2 + body[i, ACROSS] * v[3 + c] ** 2
+                spin += v[3 + c] * state.frame[i, _AXIS + c]
+            energy += (body[i, ALONG] - body[i, ACROSS]) * spin ** 2
+            mass += body[i, MASS]
+        out[n] = 0.5 * energy / mass
+    return out
+
+
+@njit(cache=True)
+def write_between(plan, trees, share, start, end, velocities, parts, poses, speeds):
+    """
+    Write poses on the way from one set of poses to another to the parts that rows stand for.
+
+    :param share: of the way that each tree has gone, (K,); 1 gives the end to the bit.
+    :param start: poses of all rows where the way begins, (S, 7).
+    :param end: and where it ends, (S, 7).
+    :param velocities: of all rows at the end, (S, 6).
+    :param parts: part of each row, (S,).
+    :param poses: of all parts, (N, 7), written in place; `speeds` (N, 6) likewise.
+    """
+    for n in range(len(trees)):
+        s = share[n]
+        for k in range(plan.start[trees[n]], plan.start[trees[n] + 1]):
+            i = plan.row[k]
+            p = parts[i]
+            for c in range(6):
+                speeds[p, c] = velocities[i, c]
+            if s == 1.0:
+                for c in range(7):
+                    poses[p, c] = end[i, c]
+                continue
+            same, length = 0.0, 0.0
+            for c in range(3, 7):
+                same += start[i, c] * end[i, c]
+            side = 1.0 if same >= 0.0 else -1.0
+            for c in range(7):
+                first = start[i, c] if c < 3 else side * start[i, c]
+                poses[p, c] = first + s * (end[i, c] - first)
+                if c > 2:
+                    length += poses[p, c] ** 2
+            for c in range(3, 7):
+                poses[p, c] /= np.sqrt(length)

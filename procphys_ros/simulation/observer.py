@@ -1,0 +1,86 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Observer: what a camera sees, so that the rest can be simulated less."""
+
+from collections.abc import Sequence
+import math
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.errors import CommandError
+from procphys_ros.scene.culling import CullingSettings
+from procphys_ros.simulation.bounds import checked_vector
+
+_STRAIGHT = 0.5 * math.pi  # [rad] widest half angle; the planes of wider ones would not bound
+
+
+class Observer:
+    """
+    A camera that looks along the x axis of its pose, z up (REP 103).
+
+    :param settings: opening of its view, and how far it looks.
+    :param position: [m], (3,), world.
+    :param orientation: quaternion xyzw of any length, (4,), world.
+    :raises CommandError: when a value is not finite, or the quaternion has no length.
+    """
+
+    def __init__(self, settings: CullingSettings, position: Sequence[float],
+                 orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)):
+        self.position = checked_vector('position of the observer', position)
+        turn = np.asarray(orientation, float)
+        length = np.linalg.norm(turn)
+        if turn.shape != (4,) or not np.isfinite(turn).all() or length < 1e-6:
+            raise CommandError(f'orientation of the observer is {list(orientation)}, it must be '
+                               'a quaternion x y z w')
+        self._reach = settings.distance
+        self._normals = np.zeros((0, 3))
+        if settings.frustum:
+            inward = _planes(settings)
+            self._normals = rotation.rotate(np.tile(turn / length, (len(inward), 1)), inward)
+
+    def distance(self, centres: np.ndarray) -> np.ndarray:
+        """Give how far points are away [m], (K,)."""
+        return np.linalg.norm(centres - self.position, axis=1)
+
+    def sees(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+        """
+        Say which spheres reach into the view, as far as its planes and its distance tell.
+
+        A sphere near an edge of the view may count as seen though it just misses it, never the
+        other way round.
+
+        :param centres: [m], (K, 3), world.
+        :param radii: [m], (K,).
+        :returns: (K,) bool.
+        """
+        away = centres - self.position
+        seen = np.ones(len(centres), bool)
+        for normal in self._normals:
+            seen &= away @ normal >= -radii
+        if self._reach > 0.0:
+            seen &= np.einsum('ki,ki->k', away, away) <= (self._reach + radii) ** 2
+        return seen
+
+
+def _planes(settings: CullingSettings) -> np.ndarray:
+    """Give inward normals of the planes through the eye: sides, top, bottom, behind, (5, 3)."""
+    half = 0.5 * settings.field_of_view
+    up = min(half + settings.widening, _STRAIGHT)
+    side = min(math.atan(settings.aspect * math.tan(half)) + settings.widening, _STRAIGHT)
+    return np.array([[math.sin(side), math.cos(side), 0.0], [math.sin(side), -math.cos(side), 0.0],
+                     [math.sin(up), 0.0, math.cos(up)], [math.sin(up), 0.0, -math.cos(up)],
+                     [1.0, 0.0, 0.0]])
