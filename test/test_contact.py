@@ -23,7 +23,6 @@ import pytest
 from procphys_ros import rotation, skeleton
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.touch import meet, meet_ground, overlaps
-from procphys_ros.physics.world import State
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
@@ -155,7 +154,7 @@ def test_a_falling_branch_is_thrown_off_its_way():
 
 
 def test_a_tree_felled_onto_another_comes_to_rest():
-    """Cut a tree beside another: it leans or lies, still, above the ground, and no part is lost."""
+    """Cut a tree beside another: it ends up lower, still and above the ground."""
     scene = Scene()
     tree = bush(40, seed=1, damping_ratio=0.15, strength=1e12)
     scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'falls')

@@ -90,6 +90,8 @@ class Debris:
         :param velocities: of these parts, world axes, (P, 6).
         :returns: id of the body.
         """
+        order = np.argsort(parts)  # rows of a tree follow its branches, not the part indices
+        parts, poses, velocities = np.asarray(parts)[order], poses[order], velocities[order]
         source = self._blueprint
         friction = FRICTION if source.shape[parts[0]] == Shape.BOX else _WOOD_FRICTION
         if len(parts) == 1:
