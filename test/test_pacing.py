@@ -21,7 +21,7 @@ import pytest
 
 from procphys_ros.errors import CommandError
 from procphys_ros.ros.commands import CAPACITY, Command, CommandQueue
-from procphys_ros.ros.pacing import Pacer
+from procphys_ros.ros.pacing import Beat, Pacer
 
 STEP = 1 / 60
 TICK = 1 / 30
@@ -80,7 +80,7 @@ def test_standstill_is_not_made_up():
     clock = FakeClock()
     pacer = Pacer(STEP, 1.0, TICK, clock)
     clock.now += 60.0
-    assert run(pacer, clock, 1, 0.0) <= 7
+    assert run(pacer, clock, 1, 0.0) <= 15
 
 
 def test_as_fast_as_possible_fills_the_budget_only():
@@ -91,43 +91,95 @@ def test_as_fast_as_possible_fills_the_budget_only():
     assert math.isnan(pacer.measured)
 
 
+def test_beat_keeps_its_rate_and_makes_up_for_nothing():
+    """Be due once a period, however often it is asked, and once after a standstill."""
+    clock = FakeClock()
+    beat = Beat(10.0, clock=clock)
+    due = 0
+    for _ in range(1000):
+        clock.now += 0.01
+        due += beat.is_due()
+    assert due == pytest.approx(100, abs=1)
+    clock.now += 60.0
+    assert [beat.is_due() for _ in range(3)] == [True, False, False]
+    assert beat.wait == pytest.approx(0.1)
+    beat.rate = 1000.0
+    assert beat.wait == pytest.approx(0.001)
+
+
+class Record:
+    """A queue with what became of its commands."""
+
+    def __init__(self, clock: FakeClock | None = None):
+        self.arrivals = 0
+        self.rejections: list[tuple[str, str]] = []
+        self.answers: list[tuple[bool, str]] = []
+        self.queue = CommandQueue(self._arrive, lambda *told: self.rejections.append(told),
+                                  clock or FakeClock())
+
+    def _arrive(self) -> None:
+        self.arrivals += 1
+
+    def submit(self, name: str, carry_out) -> None:
+        """Submit a command whose answer is kept."""
+        self.queue.submit(Command(name, carry_out, lambda *told: self.answers.append(told)))
+
+
+def refuse() -> str:
+    """Refuse as the simulation does."""
+    raise CommandError('no such part')
+
+
 def test_commands_are_carried_out_in_the_order_they_came():
-    """Carry out what waits before a command that is run at once."""
+    """Carry out nothing before the next step, then all, and answer each."""
+    record = Record()
     done: list[int] = []
-
-    def note(number: int) -> Command:
-        return Command('n', lambda: str(done.append(number)))
-
-    queue = CommandQueue(lambda name, reason: None)
-    for number in range(3):
-        queue.submit(note(number))
-    assert not done and len(queue) == 3
-    assert queue.run(note(3)) == (True, 'None')
-    assert done == [0, 1, 2, 3] and len(queue) == 0
-    assert queue.taken == {'n': 4}
+    for number in range(4):
+        record.submit('n', lambda number=number: str(done.append(number)))
+    assert not done and not record.answers and len(record.queue) == record.arrivals == 4
+    record.queue.drain()
+    assert done == [0, 1, 2, 3] and len(record.queue) == 0
+    assert record.answers == [(True, 'None')] * 4
+    assert record.queue.counts() == ({'n': 4}, {})
 
 
 def test_refused_command_is_counted_and_reported():
     """Keep the reason, and go on with the next command."""
-    def refuse() -> str:
-        raise CommandError('no such part')
-
-    reports: list[tuple[str, str]] = []
-    queue = CommandQueue(lambda name, reason: reports.append((name, reason)))
-    queue.submit(Command('impulse', refuse))
-    queue.submit(Command('wind', lambda: 'blows'))
-    queue.drain()
-    assert queue.rejected == {'impulse': 1} and queue.taken == {'wind': 1}
-    assert reports == [('impulse', 'no such part')]
-    assert queue.last_rejection == 'impulse: no such part'
-    assert queue.run(Command('impulse', refuse)) == (False, 'no such part')
+    record = Record()
+    record.submit('impulse', refuse)
+    record.submit('wind', lambda: 'blows')
+    record.queue.drain()
+    assert record.queue.counts() == ({'wind': 1}, {'impulse': 1})
+    assert record.rejections == [('impulse', 'no such part')]
+    assert record.queue.last_rejection == 'impulse: no such part'
+    assert record.answers == [(False, 'no such part'), (True, 'blows')]
 
 
 def test_queue_is_bounded_and_the_rest_is_counted():
     """Reject what does not fit, so that taken and rejected add up to all."""
-    queue = CommandQueue(lambda name, reason: None)
+    record = Record()
     for _ in range(CAPACITY + 5):
-        queue.submit(Command('wind', lambda: ''))
-    assert len(queue) == CAPACITY and queue.rejected == {'wind': 5}
-    queue.drain()
-    assert queue.taken == {'wind': CAPACITY}
+        record.submit('wind', lambda: '')
+    assert len(record.queue) == CAPACITY and record.queue.rejected == {'wind': 5}
+    assert len(record.answers) == 5 and not any(success for success, _ in record.answers)
+    record.queue.drain()
+    assert record.queue.taken == {'wind': CAPACITY}
+
+
+def test_flood_of_slow_commands_leaves_time_for_steps():
+    """Carry out some of them between two steps and the rest, in order, between the next."""
+    clock = FakeClock()
+    record = Record(clock)
+    done: list[int] = []
+
+    def slow(number: int) -> str:
+        clock.now += 0.02
+        done.append(number)
+        return ''
+
+    for number in range(9):
+        record.submit('impulse', lambda number=number: slow(number))
+    record.queue.drain()
+    assert done == [0, 1, 2]
+    record.queue.drain()
+    assert done == [0, 1, 2, 3, 4, 5]

@@ -114,7 +114,8 @@ class Beat:
         period = 1.0 / self.rate
         if self.wait > self._early * period:
             return False
-        self._next = max(self._next + period, self._clock())
+        now = self._clock()
+        self._next = self._next + period if self._next + period > now else now + period
         return True
 
     def hasten(self) -> None:
