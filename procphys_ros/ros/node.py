@@ -61,6 +61,7 @@ class SimNode(Node):
         ~/impulse (geometry_msgs/WrenchStamped): [N·s], [N·m·s] on the part header.frame_id
         ~/wrench (geometry_msgs/WrenchStamped): the same as a lasting force [N], [N·m]
         ~/explosion (geometry_msgs/PointStamped): where `explosion.charge` goes off
+        ~/observer (geometry_msgs/PoseStamped): the camera for `culling.*`, looking along its x
 
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)

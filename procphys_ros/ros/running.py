@@ -81,5 +81,6 @@ def banner(node: SimNode) -> str:
         f'procphys_ros: {node.session.summary()}',
         f'  out  {name}/poses {name}/markers {name}/scene_description {name}/breaks '
         f'{name}/dust {name}/wind_info /clock /diagnostics',
-        f'  in   {name}/wind {name}/impulse {name}/wrench {name}/explosion',
+        f'  in   {name}/wind {name}/impulse {name}/wrench {name}/explosion '
+        f'{name}/observer',
         '  stop with Ctrl-C'))

@@ -18,7 +18,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from geometry_msgs.msg import PointStamped, Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import PointStamped, PoseStamped, Vector3Stamped, WrenchStamped
 from rclpy.node import Node
 
 from procphys_ros.errors import CommandError
@@ -48,7 +48,8 @@ class TopicCommands:
         for name, kind, read in (('wind', Vector3Stamped, self._wind),
                                  ('impulse', WrenchStamped, self._impulse),
                                  ('wrench', WrenchStamped, self._wrench),
-                                 ('explosion', PointStamped, self._explosion)):
+                                 ('explosion', PointStamped, self._explosion),
+                                 ('observer', PoseStamped, self._observer)):
             _subscribe(node, f'~/{name}', kind, self._receiver(name, read))
 
     def _receiver(self, name: str, read: Callable[[Any], Callable[[], str]]):
@@ -72,6 +73,16 @@ class TopicCommands:
         check_frame(message.header, self._frame)
         point = triple(message.point, 'explosion')
         return lambda: self._session.explode_at(point)
+
+    def _observer(self, message: PoseStamped) -> Callable[[], str]:
+        check_frame(message.header, self._frame)
+        place, turn = message.pose.position, message.pose.orientation
+
+        def carry_out() -> str:
+            self._session.simulation.set_observer((place.x, place.y, place.z),
+                                                  (turn.x, turn.y, turn.z, turn.w))
+            return 'looks from there'
+        return carry_out
 
     def _wrench(self, message: WrenchStamped) -> Callable[[], str]:
         part, force, torque = _on_part(message, 'force', 'torque')

@@ -26,6 +26,7 @@ from procphys_ros.errors import SceneError
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.settings import read_settings, Settings
+from procphys_ros.scene.shards import read_shard, Shard
 from procphys_ros.scene.sources import load_grammar, parse_grammar
 from procphys_ros.scene.yaml_file import read_yaml
 
@@ -57,6 +58,8 @@ class Scene:
         self.settings = settings or Settings()
         self.objects: list[SceneObject] = []
         self._blueprints: list[Blueprint] = []
+        self._shard = Shard()
+        self._instances = 0
         self._chained: Blueprint | None = None
 
     @classmethod
@@ -84,6 +87,7 @@ class Scene:
         :raises GrammarError: when a grammar cannot be read or derived.
         """
         scene = cls(read_settings(parameters))
+        scene._shard = read_shard(parameters)
         for number, spec in enumerate(read_objects(parameters)):
             scene._add_object(spec, number)
         return scene
@@ -128,10 +132,13 @@ class Scene:
         points, headings = places(spec.layout, len(names), spec.spacing,
                                   np.random.default_rng([seed, number]))
         variants = min(spec.variants or len(names), len(names))
-        built = [grammar.build(seed=seed + i, **spec.numbers) for i in range(variants)]
+        mine = self._shard.members(self._instances, len(names))
+        self._instances += len(names)
+        built = {i: grammar.build(seed=seed + i, **spec.numbers)
+                 for i in sorted({i % variants for i in mine})}
         turn = np.array([[np.cos(spec.yaw), np.sin(spec.yaw)],
                          [-np.sin(spec.yaw), np.cos(spec.yaw)]])
-        for i, name in enumerate(names):
+        for i in mine:
             x, y = points[i] @ turn
             position = np.asarray(spec.origin) + np.array([x, y, 0.0])
-            self.add(built[i % variants], position, spec.yaw + headings[i], name)
+            self.add(built[i % variants], position, spec.yaw + headings[i], names[i])

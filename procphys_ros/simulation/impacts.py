@@ -23,6 +23,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.masonry import Breakage, FreeBodies
 from procphys_ros.physics.world import axes_of, Contacts, State, World
+from procphys_ros.simulation.bearing import Bearing
 from procphys_ros.simulation.contact_loads import spread, Touches
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause, EventLog
@@ -75,9 +76,10 @@ class Impacts:
         self._gravity = gravity
         self._log = log
 
-    def begin(self, world: World, debris: Debris) -> None:
-        """Start anew in a world that has just been built."""
+    def begin(self, world: World, debris: Debris, bearing: Bearing) -> None:
+        """Start anew in a world that has just been built, with what still stands in it."""
         self._world = world
+        self._bearing = bearing
         self._debris = debris
         self._before = np.zeros((0, 6))
         self._start = np.zeros((0, 7))
@@ -96,17 +98,17 @@ class Impacts:
         :param time_step: [s].
         :returns: whether anything broke.
         """
-        room = _BODIES - len(self._world.awake)
-        if room < 2 or not self._debris.has_pieces:
-            return False
         struck = self._struck(time_step)
         if not self._waiting and not struck.any():
+            return False
+        room = _BODIES - len(self._world.awake)
+        if (room < 2 or not self._debris.has_pieces) and not self._bearing.any_stands:
             return False
         contacts = self._world.contacts()
         blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
         late = len(blows)
         known = {b.body for b in blows}
-        blows += [b for b in self._blows(contacts, struck, room) if b.body not in known]
+        blows += [b for b in self._blows(contacts, struck, max(room, 0)) if b.body not in known]
         self._waiting = []
         share = np.ones(len(self._world.bodies.state))
         broken = []
@@ -121,13 +123,17 @@ class Impacts:
                 broken.append((blow, result))
                 if turn >= late:  # the impulse of a late blow is history
                     share[blow.body] = result.share
-        if broken:
+        knocks = self._bearing.knocks(contacts, struck)
+        for knock in knocks:
+            share[self._bearing.body(knock.part)] = knock.share
+        if broken or knocks:
             self._give_back(contacts, share)
+            self._bearing.knock_out(knocks, time)
             for blow, result in broken:
                 self._record(blow, result, time)
                 if len(result.pieces) > 1:
                     self._debris.split(blow.body, result.pieces)
-        return bool(broken)
+        return bool(broken or knocks)
 
     def _wrenches(self, blow: _Blow) -> np.ndarray:
         return spread(blow.touches, self._debris.local_poses(blow.parts),
@@ -248,8 +254,8 @@ def _cells(blows: list[_Blow], room: int) -> list[int]:
     :param room: for more bodies.
     """
     total = sum(len(b.parts) for b in blows)
-    cells = []
-    for blow in blows:
+    cells: list[int] = []
+    for blow in blows if room > 1 else []:
         fair = int(np.ceil(room * len(blow.parts) / total))
         cells.append(min(max(fair, 2), room, _NODES, len(blow.parts)))
         room -= cells[-1]

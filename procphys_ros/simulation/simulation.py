@@ -29,6 +29,7 @@ from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation.arsenal import Arsenal
+from procphys_ros.simulation.bearing import Bearing
 from procphys_ros.simulation.boughs import Boughs
 from procphys_ros.simulation.bounds import checked_vector
 from procphys_ros.simulation.buildings import Buildings, Collapse
@@ -45,6 +46,7 @@ from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.observer import Observer
 from procphys_ros.simulation.striking import Impact
 from procphys_ros.simulation.watched_grove import WatchedGrove
+from procphys_ros.simulation.wrenches import Wrenches
 
 
 class Simulation:
@@ -95,6 +97,8 @@ class Simulation:
         self._contact = Contact(self.blueprint, self._grove, self._buildings)
         self._boughs = Boughs(self._grove.forest)
         self._release = Release(self._buildings, self._free)
+        self._bearing = Bearing(self.blueprint, self._arsenal.blows, self._arsenal.loads,
+                                settings.gravity)
         self._impacts = Impacts(self.blueprint, self._free, settings.gravity, self.log)
         self._world = World()
         self.reset()
@@ -137,7 +141,7 @@ class Simulation:
         """Put everything back to rest and whole, the time to zero and the wind to its settings."""
         self.close()
         self._steps = 0
-        self._wrenches: dict[int, np.ndarray] = {}
+        self._wrenches = Wrenches()
         self.blueprint = self.scene.blueprint
         self.objects = list(self.scene.objects)
         self.names = PartNames(self.objects, self.blueprint)
@@ -150,10 +154,11 @@ class Simulation:
         self._world = World((0.0, 0.0, -self.scene.settings.gravity))
         self._debris = Debris(self.blueprint, self._world)
         self._free.reset()
-        self._impacts.begin(self._world, self._debris)
         self._buildings.reset()
         self._buildings.build(self._world)
         self._arsenal.begin(self._world, self._debris, self.scene.settings.gravity)
+        self._bearing.begin(self._world, self._debris)
+        self._impacts.begin(self._world, self._debris, self._bearing)
         self._boughs.begin()
         self._contact.begin(self._world, Leaning(self._arsenal.blows, self._grove.forest),
                             self.scene.settings.gravity)
@@ -274,12 +279,7 @@ class Simulation:
         :param torque: [N·m], (3,), world axes.
         :raises CommandError: when the part is unknown or a value not finite or too large.
         """
-        index = self.names.index(part)
-        wrench = np.concatenate([checked_vector('force', force),
-                                 checked_vector('torque', torque)])
-        self._wrenches.pop(index, None)
-        if wrench.any():
-            self._wrenches[index] = wrench
+        self._wrenches.put(self.names.index(part), force, torque)
 
     def launch(self, projectile: Projectile) -> int:
         """
@@ -313,9 +313,7 @@ class Simulation:
 
     def clear_wrenches(self) -> int:
         """End all lasting forces, and say how many there were."""
-        count = len(self._wrenches)
-        self._wrenches.clear()
-        return count
+        return self._wrenches.clear()
 
     def _strike(self, index: int, linear: np.ndarray, angular: np.ndarray,
                 point: np.ndarray) -> None:
@@ -327,11 +325,8 @@ class Simulation:
             self._world.apply_impulse(body, linear, point, angular)
 
     def _push(self) -> None:
-        stands = [index for index in self._wrenches if self._buildings.holds(index)]
-        self._arsenal.loads.put('wrenches', np.array(stands, np.intp),
-                                np.array([self._wrenches[i] for i in stands]).reshape(-1, 6))
-        for index, wrench in self._wrenches.items():
-            impulse = wrench * self.time_step
+        self._arsenal.loads.put('wrenches', *self._wrenches.on(self._buildings.holds))
+        for index, impulse in self._wrenches.impulses(self.time_step):
             self._strike(index, impulse[:3], impulse[3:], self.poses[index, :3])
 
     def _snap(self) -> None:
@@ -364,6 +359,7 @@ class Simulation:
         self._world.step(self.time_step)
 
     def _shatter(self) -> None:
+        self._bearing.press(self.time_step)
         if self._impacts.judge(self.time, self.time_step):
             self._debris.carry(self.poses, self.velocities)
 

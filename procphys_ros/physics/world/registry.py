@@ -105,6 +105,11 @@ class Registry:
         """Give the collision shapes of a body."""
         return self._pieces[body]
 
+    @property
+    def supports(self) -> settling.Supports:
+        """Who rests on whom; to be read, not written."""
+        return self._supports
+
     def poses(self, ids: np.ndarray) -> np.ndarray:
         """Give centres of mass and attitudes in the world, (K, 7)."""
         return self._bodies.poses[ids]

@@ -47,6 +47,8 @@ class Supports:
     :ivar resting: id of the body that is carried, (E,) int.
     :ivar local: contact point in the axes of the support [m], (E, 3).
     :ivar point: contact point in the world when it was recorded [m], (E, 3).
+    :ivar share: of the weight of the carried body that went this way; the ground bears the rest
+        of one, (E,).
     """
 
     def __init__(self) -> None:
@@ -54,6 +56,7 @@ class Supports:
         self.resting = np.zeros(0, np.intp)
         self.local = np.zeros((0, 3))
         self.point = np.zeros((0, 3))
+        self.share = np.zeros(0)
 
     def add(self, bodies: Bodies, contacts: Contacts, rests: np.ndarray) -> None:
         """Record what carries the bodies that come to rest now, (K,) ids."""
@@ -68,6 +71,9 @@ class Supports:
         self.resting = np.concatenate([self.resting, contacts.body_a[keep]])
         self.local = np.concatenate([self.local, local])
         self.point = np.concatenate([self.point, point])
+        upward = np.maximum(contacts.impulse[:, 2], 0.0)
+        borne = np.bincount(contacts.body_a, upward, len(bodies.state))[contacts.body_a[keep]]
+        self.share = np.concatenate([self.share, upward[keep] / np.maximum(borne, 1e-12)])
 
     def drop(self, state: np.ndarray) -> None:
         """Forget what no longer rests."""
@@ -75,6 +81,7 @@ class Supports:
         if not keep.all():
             self.support, self.resting = self.support[keep], self.resting[keep]
             self.local, self.point = self.local[keep], self.point[keep]
+            self.share = self.share[keep]
 
     def carried_by(self, support: np.ndarray) -> np.ndarray:
         """List the bodies that rest on any of the given ids."""

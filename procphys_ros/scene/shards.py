@@ -1,0 +1,71 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Shards: which instances of a scene one of several nodes simulates."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import numbers
+from typing import Any
+
+from procphys_ros.errors import SceneError
+
+
+@dataclass(frozen=True)
+class Shard:
+    """
+    One node's share of a scene; all shares together are the whole scene, each instance once.
+
+    Seeds, places and names do not depend on the shares, so the union of the shares is the scene
+    that one node would simulate.
+
+    :ivar index: number of this share, from 0.
+    :ivar count: number of shares.
+    :raises SceneError: when there is no such share.
+    """
+
+    index: int = 0
+    count: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ('index', 'count'):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+                raise SceneError(f'shard.{name} is {value!r}, it must be a whole number')
+        if not 0 <= self.index < self.count:
+            raise SceneError(f'shard.index is {self.index}, it must lie from 0 to '
+                             f'{self.count - 1}, one less than shard.count ({self.count})')
+
+    def members(self, first: int, count: int) -> range:
+        """
+        Choose which of some instances belong to this share.
+
+        :param first: number of instances in the scene before these.
+        :param count: how many these are.
+        :returns: places among these.
+        """
+        return range((self.index - first) % self.count, count, self.count)
+
+
+def read_shard(parameters: Mapping[str, Any]) -> Shard:
+    """
+    Read which share of a scene is wanted.
+
+    :param parameters: nested mapping as a ROS parameter file holds it.
+    :raises SceneError: naming the key, the value and what is allowed.
+    """
+    given = parameters.get('shard', {})
+    if not isinstance(given, Mapping) or not set(given) <= {'index', 'count'}:
+        raise SceneError(f'shard: {given!r} is not a group of index and count')
+    return Shard(**given)
