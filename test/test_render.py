@@ -28,7 +28,7 @@ import pytest
 from procphys_ros import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.palette import look, LOOKS, rgba
-from procphys_ros.render import camera, draw, light, mesh, RenderUnavailableError, texture
+from procphys_ros.render import camera, draw, joints, light, mesh, RenderUnavailableError, texture
 from procphys_ros.render.backend import load_pyvista
 from procphys_ros.render.command import main
 from procphys_ros.scene.sources import load_grammar
@@ -46,6 +46,12 @@ _SIZE = (320, 200)
 def bush():
     """Three segments and two leaves."""
     return LSystem.parse(_BUSH).build(seed=0)
+
+
+@pytest.fixture(scope='module')
+def wall():
+    """Give a low wall of bricks in running bond."""
+    return load_grammar('garden_wall.wall', 'wall').build(seed=0)
 
 
 def _pixels(path: Path) -> np.ndarray:
@@ -208,6 +214,57 @@ def test_poses_move_what_is_drawn(bush, tmp_path):
                    for name in ('rest.png', 'moved.png'))
     # 1 m at 6 m, on 200 pixels per 32 degrees
     assert right - rest == pytest.approx(200 / (2 * 6.0 * np.tan(np.radians(16.0))), rel=0.15)
+
+
+def _inside(points: np.ndarray, poses: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Tell which points lie in any of the boxes, (P,) bool."""
+    inside = np.zeros(len(points), bool)
+    for pose, extents in zip(poses, size):
+        local = rotation.rotate(rotation.conjugate(pose[3:]), points - pose[:3])
+        inside |= (np.abs(local) <= 0.5 * extents + 1e-9).all(axis=1)
+    return inside
+
+
+def test_mortar_leaves_no_hole_in_a_wall(wall):
+    """Find every point of the wall's middle plane in a brick or in the mortar between them."""
+    everything = np.ones(len(wall), bool)
+    corners = np.concatenate([wall.poses[:, :3] - 0.5 * wall.size,
+                              wall.poses[:, :3] + 0.5 * wall.size])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    spots = np.random.default_rng(5).uniform(low, high, (4000, 3))
+    spots[:, 1] = 0.5 * (low[1] + high[1])
+    in_bricks = _inside(spots, wall.poses, wall.size)
+    poses, size = joints.standing(wall, wall.poses, everything)
+    assert 0.1 < np.mean(~in_bricks) < 0.3
+    assert _inside(spots[~in_bricks], poses, size).all()
+    lowest, highest = ((poses[:, :3] + side * 0.5 * np.abs(rotation.rotate(poses[:, 3:], size)))
+                       for side in (-1.0, 1.0))
+    assert (lowest > low - 1e-9).all() and (highest < high + 1e-9).all()
+
+
+def test_broken_joints_lose_their_mortar(wall):
+    """Drop the mortar around a brick that was pushed out, and of one that is gone, only theirs."""
+    everything = np.ones(len(wall), bool)
+    brick = int(np.argmin(np.linalg.norm(wall.poses[:, :3] - wall.poses[:, :3].mean(0), axis=1)))
+    its_own = (wall.bonds == brick).any(axis=1).sum()
+    whole = len(joints.standing(wall, wall.poses, everything)[0])
+    pushed = wall.poses.copy()
+    pushed[brick, 1] += 0.02
+    gone = np.arange(len(wall)) != brick
+    assert its_own == 6
+    assert len(joints.standing(wall, pushed, everything)[0]) == whole - its_own
+    assert len(joints.standing(wall, wall.poses, gone)[0]) == whole - its_own
+
+
+def test_mortar_moves_with_the_wall(wall):
+    """Keep all the mortar, in its place, when the wall is carried off as a whole."""
+    everything = np.ones(len(wall), bool)
+    turned = wall.placed((3.0, -2.0, 1.0), 0.7)
+    carried, size = joints.standing(wall, turned.poses, everything)
+    placed, same = joints.standing(turned, turned.poses, everything)
+    assert len(carried) > len(wall)
+    assert carried[:, :3] == pytest.approx(placed[:, :3])
+    assert size == pytest.approx(same)
 
 
 def test_command_draws_without_a_display(tmp_path):

@@ -23,6 +23,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render.backend import RenderUnavailableError
@@ -54,13 +55,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         _check_picture(options.out)
         scene = _scene(options)
-        poses, leaf_poses, dust = _state_at(scene, options.time)
-        draw(scene.blueprint, poses, options.out, camera=options.camera, size=options.size,
+        blueprint, poses, leaf_poses, dust = _state_at(scene, options.time)
+        draw(blueprint, poses, options.out, camera=options.camera, size=options.size,
              leaf_poses=leaf_poses, dust=dust)
     except (ProcPhysError, RenderUnavailableError, OSError) as error:
         print(f'render: {error}', file=sys.stderr)
         return 1
-    print(f'{options.out}: {len(scene.blueprint)} parts at {options.time:g} s')
+    print(f'{options.out}: {len(blueprint)} parts at {options.time:g} s')
     return 0
 
 
@@ -95,16 +96,16 @@ def _scene(options: argparse.Namespace) -> Scene:
     return scene
 
 
-def _state_at(scene: Scene, time: float) -> tuple[np.ndarray, np.ndarray | None, Puffs]:
-    """Simulate from rest; give the poses of parts (N, 7) and leaves (L, 7), world, and dust."""
+def _state_at(scene: Scene, time: float) -> tuple[Blueprint, np.ndarray, np.ndarray | None, Puffs]:
+    """Simulate from rest; give all parts, their poses (N, 7), those of leaves (L, 7), and dust."""
     if time == 0.0:
-        return scene.blueprint.poses, None, Puffs.none()
+        return scene.blueprint, scene.blueprint.poses, None, Puffs.none()
     # Late, because PyBullet greets on import, which is noise before a one-line error.
     from procphys_ros.simulation import Simulation
 
     simulation = Simulation(scene)
     simulation.step(max(1, round(time / simulation.time_step)))
-    return simulation.poses, simulation.leaf_poses(), simulation.dust
+    return simulation.blueprint, simulation.poses, simulation.leaf_poses(), simulation.dust
 
 
 def _check_picture(path: Path) -> None:

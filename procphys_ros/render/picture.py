@@ -26,7 +26,7 @@ from procphys_ros.blueprint import Blueprint, GROUND, Shape
 from procphys_ros.palette import Look, look
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import camera as view
-from procphys_ros.render import light, mesh, particles, texture
+from procphys_ros.render import joints, light, mesh, particles, texture
 from procphys_ros.render.backdrop import backdrop
 from procphys_ros.render.canvas import Canvas
 
@@ -125,6 +125,14 @@ def _items(blueprint: Blueprint, poses: np.ndarray, shown: np.ndarray, petioles:
         row = np.flatnonzero(shown[ornaments.part] & (ornaments.texture == index))
         yield _Item(mesh.loose_triangles(poses[ornaments.part[row]], ornaments.triangle[row]),
                     appearance, row, True)
+
+    place, size = joints.standing(blueprint, poses, shown)
+    yield _Item(mesh.boxes(place, size), _mortar(blueprint.textures), np.arange(len(place)), True)
+
+
+def _mortar(textures: tuple[str, ...]) -> Look:
+    """Choose the look of joints: the scene's own texture of mortar if it has one."""
+    return look(next((name for name in textures if 'mortar' in name), 'mortar'))
 
 
 def _leaf_cloud(blueprint: Blueprint, petioles: np.ndarray,
