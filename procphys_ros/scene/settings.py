@@ -23,6 +23,7 @@ from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.physics.wind.settings import check_number
 from procphys_ros.scene.culling import CullingSettings
+from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 
 _Group = TypeVar('_Group')
@@ -41,6 +42,7 @@ class Settings:
     :ivar leaves: flutter and shedding.
     :ivar dust: of bursting mortar and impacts.
     :ivar culling: what is simulated less, because nobody looks closely.
+    :ivar intruder: shape and size of a body moved from outside.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -52,6 +54,7 @@ class Settings:
     leaves: LeafSettings = field(default_factory=LeafSettings)
     dust: DustSettings = field(default_factory=DustSettings)
     culling: CullingSettings = field(default_factory=CullingSettings)
+    intruder: IntruderSettings = field(default_factory=IntruderSettings)
 
     def __post_init__(self) -> None:
         if isinstance(self.seed, bool) or not isinstance(self.seed, numbers.Integral) \
@@ -73,7 +76,8 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
                     gust=_group(parameters, 'gust', Gust),
                     leaves=_group(parameters, 'leaves', LeafSettings),
                     dust=_group(parameters, 'dust', DustSettings),
-                    culling=_group(parameters, 'culling', CullingSettings))
+                    culling=_group(parameters, 'culling', CullingSettings),
+                    intruder=_group(parameters, 'intruder', IntruderSettings))
 
 
 def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:

@@ -13,12 +13,15 @@
 # limitations under the License.
 
 
-"""Boughs: large pieces of trees that came off, flexible while they fall."""
+"""Boughs: what breaks off trees, the large pieces flexible while they fall."""
 
 import numpy as np
 
-from procphys_ros.physics.trees import Forest
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.masonry import FreeBodies
 from procphys_ros.simulation.debris import Debris
+from procphys_ros.simulation.events import EventLog
+from procphys_ros.simulation.grove import Grove
 
 SMALLEST = 8     # segments; smaller pieces bend too little to be seen
 _MOST = 16       # at a time; each costs about as much as a standing tree while it touches nothing,
@@ -30,22 +33,47 @@ _LONGEST = 8.0   # [s] from coming off, after which a bough becomes rigid anyway
 
 class Boughs:
     """
-    Decides how long what came off a tree goes on as a tree with a free root.
+    Lets overloaded branches come off, and decides how long they go on as trees with free roots.
 
     Boughs that are small, lie still or have been down for long become rigid fragments, which
     freeze and thaw as all debris does. Both changes keep poses, momentum and angular momentum.
 
-    :param forest: all trees.
+    :param blueprint: all parts and bonds of the scene.
+    :param grove: its trees.
+    :param free: bonds of what flies about.
+    :param log: where broken bonds are recorded.
     """
 
-    def __init__(self, forest: Forest):
-        self._forest = forest
+    def __init__(self, blueprint: Blueprint, grove: Grove, free: FreeBodies, log: EventLog):
+        self._blueprint = blueprint
+        self._grove = grove
+        self._forest = grove.forest
+        self._free = free
+        self._log = log
         self.begin()
 
     def begin(self) -> None:
         """Start anew with whole trees."""
         self._age: dict[int, float] = {}
         self._quiet: dict[int, float] = {}
+
+    def shed(self, debris: Debris, time: float, time_step: float) -> None:
+        """
+        Break what the last step of the trees overloaded, and hand over what is to be rigid.
+
+        :param debris: takes the parts.
+        :param time: [s].
+        :param time_step: [s].
+        """
+        self.stiffen(debris, time_step)
+        broken = self._grove.snap(self.stays_limp)
+        if broken is None:
+            return
+        self._log.record(time, broken.position, broken.bond, self._blueprint.bonds[broken.bond],
+                         broken.cause, broken.load)
+        self._free.graph.cut(broken.bond)
+        for parts, poses, velocities in broken.pieces:
+            debris.gather(parts, poses, velocities)
 
     def stays_limp(self, row: int) -> bool:
         """

@@ -103,6 +103,9 @@ class Contact:
     :param blueprint: all parts of the scene.
     :param grove: its trees.
     :param buildings: its masonry.
+
+    :ivar touches: of the last step.
+    :ivar bricks: what stands.
     """
 
     def __init__(self, blueprint: Blueprint, grove: Grove, buildings: Buildings):
@@ -117,7 +120,7 @@ class Contact:
         self._world = world
         self._leaning = leaning
         self._weight = np.array([0.0, 0.0, -gravity])
-        self._bricks = Bricks(self._blueprint, self._buildings)
+        self.bricks = Bricks(self._blueprint, self._buildings)
         self.touches = _nothing()
         self._beside = np.zeros(len(self._forest), bool)
         self._slack = np.zeros(len(self._forest))
@@ -185,9 +188,9 @@ class Contact:
                                np.maximum.reduceat(bounds[:, 3:], plan.start[:-1])])
             tables = [self._loose_near(bounds, trees, loose, reach),
                       self._branches_near(trees, free)]
-            if len(self._bricks):
+            if len(self.bricks):
                 chosen = np.flatnonzero(free | beside)
-                tables.append((chosen, self._bricks.within(trees[chosen])))
+                tables.append((chosen, self.bricks.within(trees[chosen])))
             found += [self._meet(chosen, table, bounds, time_step) for chosen, table in tables
                       if len(chosen) and len(table.row)]
         return self._nearest(_Close(*(np.concatenate(columns) for columns in
@@ -303,7 +306,7 @@ class Contact:
         forest, plan = self._forest, self._forest.plan
         still = np.zeros_like(forest.velocities)
         touching = [self._on_ground(forest.poses, still, 0.0)]
-        if len(self._bricks):
+        if len(self.bricks):
             length = 0.5 * self._sizes[:, 2].max(initial=0.0)
             for first, last in zip(plan.start[:-1], plan.start[1:]):
                 rows = plan.row[first:last]
@@ -311,12 +314,12 @@ class Contact:
                 room = np.full(3, arm.max() + 3.0 * length)
                 base = forest.poses[rows[0], :3]
                 reached, _ = overlaps(np.concatenate([base - room, base + room])[None],
-                                      self._bricks.cells)
+                                      self.bricks.cells)
                 self._beside[rows] = len(reached) > 0
             bounds = capsule_bounds(plan.row, forest.poses, self._sizes, still, 0.0, _ROOM)
             trees = np.flatnonzero(self._beside[plan.row[plan.start[:-1]]])
             if len(trees):
-                table = self._bricks.within(bounds[_entries(plan.start, trees)])
+                table = self.bricks.within(bounds[_entries(plan.start, trees)])
                 touching.append(self._meet(trees, table, bounds, 0.0))
         for close in touching:
             np.minimum.at(self._slack, close.row, close.gap)

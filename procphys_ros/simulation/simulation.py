@@ -41,6 +41,7 @@ from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.foliage import Foliage
 from procphys_ros.simulation.grove import Grove
 from procphys_ros.simulation.impacts import Impacts
+from procphys_ros.simulation.intruder import Intruder
 from procphys_ros.simulation.leaning import Leaning
 from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.observer import Observer
@@ -64,6 +65,7 @@ class Simulation:
     :ivar velocities: linear and angular, world, (N, 6).
     :ivar wind: the air.
     :ivar log: break events not taken yet.
+    :ivar intruder: body moved from outside, with the wrench on it.
     :ivar timings: wall time of each stage of the last call of `step` [s].
     """
 
@@ -93,9 +95,10 @@ class Simulation:
         self._buildings = Buildings(self.blueprint, settings.gravity)
         self._arsenal = Arsenal(self.blueprint, self._grove, self._buildings, self.log, seed,
                                 self._join, self._vanish)
+        self.intruder = Intruder(settings.intruder, self._arsenal.blows, self._arsenal.loads)
         self._free = FreeBodies(self.blueprint)
         self._contact = Contact(self.blueprint, self._grove, self._buildings)
-        self._boughs = Boughs(self._grove.forest)
+        self._boughs = Boughs(self.blueprint, self._grove, self._free, self.log)
         self._release = Release(self._buildings, self._free)
         self._bearing = Bearing(self.blueprint, self._arsenal.blows, self._arsenal.loads,
                                 settings.gravity)
@@ -162,6 +165,7 @@ class Simulation:
         self._boughs.begin()
         self._contact.begin(self._world, Leaning(self._arsenal.blows, self._grove.forest),
                             self.scene.settings.gravity)
+        self.intruder.begin(self._world, self._contact)
         self._crumble(self._buildings.settle())
         if self._dust is not None:
             self._dust.reset(self.log)
@@ -180,6 +184,7 @@ class Simulation:
         for _ in range(n):
             with self._stage('strikes'):
                 self._push()
+                self.intruder.advance(self.time, self.time_step)
                 self._arsenal.advance(self.wind, self.poses, self.time, self.time_step)
             with self._stage('trees'):
                 self._grove.feel(self.wind, self.time)
@@ -189,7 +194,7 @@ class Simulation:
             with self._stage('trees'):
                 self._grove.sway(self.time_step)
             with self._stage('fracture'):
-                self._snap()
+                self._boughs.shed(self._debris, self.time, self.time_step)
             with self._stage('stress'):
                 collapse = self._buildings.stand()
                 self._arsenal.kick(collapse.pieces, self.velocities)
@@ -197,6 +202,7 @@ class Simulation:
                 self._arsenal.blows.judged(collapse)
             with self._stage('debris'):
                 self._tumble()
+                self.intruder.feel(self.time_step)
             with self._stage('poses'):
                 self._grove.carry(self.poses, self.velocities)
                 self._debris.carry(self.poses, self.velocities)
@@ -311,6 +317,16 @@ class Simulation:
         """
         return self._arsenal.demolish(plan or Demolition(), self.time)
 
+    def place_intruder(self, pose: Sequence[float], time: float | None = None) -> None:
+        """
+        Put the body of `Settings.intruder` into the scene, or move it on; see `Course`.
+
+        :param pose: x y z qx qy qz qw [m], (7,), world.
+        :param time: when it is there [s]; None = now.
+        :raises CommandError: when the pose is none.
+        """
+        self.intruder.place(pose, self.time if time is None else time)
+
     def clear_wrenches(self) -> int:
         """End all lasting forces, and say how many there were."""
         return self._wrenches.clear()
@@ -328,17 +344,6 @@ class Simulation:
         self._arsenal.loads.put('wrenches', *self._wrenches.on(self._buildings.holds))
         for index, impulse in self._wrenches.impulses(self.time_step):
             self._strike(index, impulse[:3], impulse[3:], self.poses[index, :3])
-
-    def _snap(self) -> None:
-        self._boughs.stiffen(self._debris, self.time_step)
-        broken = self._grove.snap(self._boughs.stays_limp)
-        if broken is None:
-            return
-        self.log.record(self.time, broken.position, broken.bond,
-                        self.blueprint.bonds[broken.bond], broken.cause, broken.load)
-        self._free.graph.cut(broken.bond)
-        for parts, poses, velocities in broken.pieces:
-            self._debris.gather(parts, poses, velocities)
 
     def _crumble(self, collapse: Collapse) -> None:
         if len(collapse.bond):

@@ -1,0 +1,100 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Overlap: how deep a ball or a box sticks in boxes."""
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.touch.geometry import turn_of
+
+
+def overlap(ball: bool, pose: np.ndarray, size: np.ndarray, poses: np.ndarray,
+            sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Give how far a ball or a box would have to be moved out of each of many boxes.
+
+    :param ball: whether it is one; its diameter is `size[0]`.
+    :param pose: of its centre, (7,).
+    :param size: full extents [m], (3,).
+    :param poses: of the boxes, (B, 7).
+    :param sizes: full extents [m], (B, 3).
+    :returns: depths, 0 for those it does not touch [m], (B,), the ways out of each box, (B, 3),
+        and a point where they press on each other [m], world, (B, 3).
+    """
+    return _overlap(ball, np.asarray(pose, float), np.asarray(size, float), poses, sizes)
+
+
+@njit(cache=True)
+def _overlap(ball, pose, size, poses, sizes):
+    depth, normal = np.zeros(len(poses)), np.zeros((len(poses), 3))
+    point = np.zeros((len(poses), 3))
+    mine = turn_of(pose[3:])
+    for i in range(len(poses)):
+        turn, half = turn_of(poses[i, 3:]), 0.5 * sizes[i]
+        arm = pose[:3] - poses[i, :3]
+        inside = turn.T @ arm
+        if ball:
+            d, n = _ball(inside, half, 0.5 * size[0])
+            n = turn @ n
+            reach = 0.5 * size[0]
+            place = pose[:3] - reach * n
+        else:
+            d, n = _boxes(arm, mine, 0.5 * size, turn, half)
+            nearest = np.minimum(np.maximum(inside, -half), half)
+            place = poses[i, :3] + turn @ nearest
+        if d > 0.0:
+            depth[i], normal[i], point[i] = d, n, place
+    return depth, normal, point
+
+
+@njit(cache=True)
+def _ball(centre, half, radius):
+    """Give depth and way out of a ball in a box, in the box's frame."""
+    away = centre - np.minimum(np.maximum(centre, -half), half)
+    far = np.sqrt((away ** 2).sum())
+    if far > 1e-9:
+        return radius - far, away / far
+    room = np.abs(centre) - half
+    k = np.argmax(room)
+    n = np.zeros(3)
+    n[k] = 1.0 if centre[k] >= 0.0 else -1.0
+    return radius - room[k], n
+
+
+@njit(cache=True)
+def _boxes(arm, mine, size, turn, half):
+    """Separate two boxes along the axis that does it best: faces, or edge across edge."""
+    least, normal = np.inf, np.zeros(3)
+    for a in range(15):
+        if a < 3:
+            axis = mine[:, a].copy()
+        elif a < 6:
+            axis = turn[:, a - 3].copy()
+        else:
+            u, v = mine[:, (a - 6) // 3], turn[:, (a - 6) % 3]
+            axis = np.array([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
+                             u[0] * v[1] - u[1] * v[0]])
+            length = np.sqrt((axis ** 2).sum())
+            if length < 1e-6:
+                continue
+            axis /= length
+        reach = (np.abs(mine.T @ axis) * size).sum() + (np.abs(turn.T @ axis) * half).sum()
+        along = (arm * axis).sum()
+        room = reach - abs(along)
+        if room < least - (1e-6 if a >= 6 else 0.0):
+            least = room
+            normal = axis if along >= 0.0 else -axis
+    return least, normal

@@ -1,0 +1,63 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Settings of the intruder: a body that something outside of the simulation moves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.errors import SceneError
+
+SHAPES = ('sphere', 'box')
+_LARGEST = 50.0  # [m]
+
+
+@dataclass(frozen=True)
+class IntruderSettings:
+    """
+    What a robot, a drone or a vehicle of another simulator is here.
+
+    :ivar shape: 'sphere' or 'box'.
+    :ivar size: diameter, or edges along its axes [m], one number or three.
+    :raises SceneError: when a value is out of its range; the message names key and range.
+    """
+
+    shape: str = 'box'
+    size: float | Sequence[float] = (1.0, 1.0, 1.0)
+
+    def __post_init__(self) -> None:
+        if self.shape not in SHAPES:
+            raise SceneError(f'intruder.shape is {self.shape!r}, it must be one of '
+                             f'{", ".join(SHAPES)}')
+        edges = self.edges
+        if not (edges > 0.0).all() or edges.max() > _LARGEST:
+            raise SceneError(f'intruder.size is {edges.tolist()} m, it must lie above 0 and not '
+                             f'exceed {_LARGEST:g}')
+        if self.shape == 'sphere' and np.ptp(edges) > 0.0:
+            raise SceneError(f'intruder.size is {edges.tolist()}; a sphere has one diameter')
+
+    @property
+    def edges(self) -> np.ndarray:
+        """Give full extents along its axes [m], (3,)."""
+        try:
+            given = np.array(self.size, float).ravel()
+        except (TypeError, ValueError):
+            given = np.empty(0)
+        if given.size not in (1, 3) or not np.isfinite(given).all():
+            raise SceneError(f'intruder.size is {self.size!r}, it must be one finite number or '
+                             'three')
+        return np.broadcast_to(given, 3).copy()
