@@ -1,0 +1,215 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The intruder: where it goes, what it pushes, and the wrench on it."""
+
+from grown_trees import BENDING, LENGTH
+from masonry_walls import bonded
+import numpy as np
+import pytest
+
+from procphys_ros import rotation, skeleton
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.physics.touch import overlap
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.course import Course
+
+_DT = 1.0 / 60.0
+_TURN = [0.0, 0.0, 0.0, 1.0]
+
+
+def scene_of(blueprint: Blueprint, gravity: float = 9.81, **intruder: object) -> Simulation:
+    """Simulate a blueprint and an intruder of a shape and size."""
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'gravity': gravity,
+                                   'intruder': intruder})
+    scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'thing')
+    return Simulation(scene)
+
+
+def mast() -> Blueprint:
+    """Stand a uniform cantilever with many segments and plenty of damping."""
+    nodes = np.zeros((21, 3))
+    nodes[:, 2] = np.linspace(0.0, LENGTH, 21)
+    return skeleton.from_nodes(nodes, np.arange(21) - 1, np.full(21, 0.05), density=900.0,
+                               modulus=8e9, strength=1e12, damping_ratio=0.5)
+
+
+def drive(simulation: Simulation, start: np.ndarray, velocity: np.ndarray, duration: float,
+          every: int = 6) -> None:
+    """Send poses at a lower rate than that of the steps."""
+    for i in range(int(round(duration / _DT))):
+        if i % every == 0:
+            place = start + velocity * simulation.time
+            simulation.place_intruder([*place, *_TURN])
+        simulation.step()
+
+
+def wall(length: int = 8, courses: int = 8) -> Blueprint:
+    """Stack a wall of blocks along y."""
+    centres = [[0.0, 0.5 * j + 0.25 * (i % 2), 0.25 * i + 0.125] for i in range(courses)
+               for j in range(length)]
+    return bonded(centres, (0.2, 0.49, 0.24), gap=0.02)
+
+
+def test_it_pushes_a_mast_aside_with_the_force_of_its_stiffness():
+    """Feel k·x of a weightless cantilever pushed at a height a, k = 3·E·I/a³, to 5 %."""
+    simulation = scene_of(mast(), gravity=0.0, shape='sphere', size=0.2)
+    height, push = 3.125, 0.15
+    radius = 0.5 * float(simulation.blueprint.size[0, 0])
+    start = np.array([-0.1 - radius - 0.05, 0.0, height])
+    for _ in range(240):
+        way = min(0.05 + push, simulation.time * 0.1)
+        if round(simulation.time / _DT) % 6 == 0:
+            simulation.place_intruder([*(start + [way, 0.0, 0.0]), *_TURN])
+        simulation.step()
+    assert simulation.intruder.pose[0] == pytest.approx(start[0] + 0.05 + push, abs=1e-9)
+    simulation.step(120)
+    force = simulation.intruder.smooth_wrench[0]
+    assert -force == pytest.approx(3.0 * BENDING * push / height ** 3, rel=0.05)
+    assert simulation.intruder.wrench[0] == pytest.approx(force, rel=0.02)
+
+
+def test_the_mast_springs_back_when_it_leaves():
+    """Let go of a bent mast, and feel nothing any more."""
+    simulation = scene_of(mast(), shape='sphere', size=0.2)
+    drive(simulation, np.array([-0.3, 0.0, 3.0]), np.array([0.2, 0.0, 0.0]), 2.0)
+    assert simulation.poses[12, 0] > 0.02
+    simulation.place_intruder([-50.0, 0.0, 3.0, *_TURN])
+    simulation.step(600)
+    assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-3
+    assert np.abs(simulation.intruder.wrench).max() == 0.0
+    assert np.abs(simulation.intruder.smooth_wrench).max() < 1e-6
+
+
+def test_it_pushes_loose_blocks_along():
+    """
+    Push a block over the ground: it goes as fast, and friction is felt.
+
+    Friction on the pushed side may press the block down as well: F = μ(m·g + μ·F) at most.
+    """
+    simulation = scene_of(mast(), shape='box', size=[0.5, 0.5, 0.5])
+    body = simulation._world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
+                                      np.array([5.0, 0.0, 0.2, *_TURN]))
+    forces = []
+    start = np.array([4.3, 0.0, 0.3])
+    for i in range(180):
+        if i % 3 == 0:
+            simulation.place_intruder([*(start + [0.4 * simulation.time, 0.0, 0.0]), *_TURN])
+        simulation.step()
+        forces.append(simulation.intruder.smooth_wrench[0])
+    assert simulation._world.bodies.velocities[body, 0] == pytest.approx(0.4, abs=0.05)
+    friction, weight = 0.7, 20.0 * 9.81
+    least, most = friction * weight, friction * weight / (1.0 - friction ** 2)
+    assert 0.95 * least < -np.mean(forces[-60:]) < 1.05 * most
+
+
+def test_a_slow_push_loads_a_wall_and_a_drive_breaks_it():
+    """Lean on a wall without harm; go through it and knock bricks out."""
+    simulation = scene_of(wall(), shape='box', size=[0.4, 0.2, 0.2])
+    simulation.place_intruder([-0.2 - 0.1 + 2e-5, 1.0, 0.375, *_TURN])
+    simulation.step(30)
+    assert simulation.bonds_broken == 0
+    assert simulation.intruder.wrench[0] < -100.0
+    assert np.array_equal(simulation.poses, simulation.blueprint.poses)
+    simulation = scene_of(wall(), shape='box', size=[1.0, 1.0, 1.0])
+    drive(simulation, np.array([-1.0, 1.0, 1.0]), np.array([3.0, 0.0, 0.0]), 1.0)
+    assert simulation.bonds_broken > 10
+    out = simulation.poses[:, 0] > 0.3
+    assert 3 < out.sum() < len(simulation.blueprint)
+    assert simulation.poses[:, 2].min() > 0.0
+
+
+def test_poses_at_a_low_rate_make_an_even_motion():
+    """Pass through every pose one interval late, evenly, and stop at the last."""
+    course = Course()
+    seen = []
+    for i in range(40):
+        time = i * _DT
+        if i % 6 == 0 and i <= 24:
+            course.aim(np.array([0.5 * time, 0.0, 1.0, *_TURN]), time)
+        velocity = course.advance(time, _DT)
+        seen.append((course.pose[0], velocity[0]))
+    place, speed = np.array(seen).T
+    np.testing.assert_allclose(speed[6:30], 0.5, rtol=1e-9)
+    np.testing.assert_allclose(place[29], 0.5 * 24 * _DT, rtol=1e-9)
+    assert np.abs(speed[30:]).max() == 0.0
+
+
+def test_turns_are_followed_too():
+    """Turn evenly from one attitude to the next."""
+    course = Course()
+    course.aim(np.array([0.0, 0.0, 1.0, *_TURN]), 0.0)
+    course.aim(np.concatenate([[0.0, 0.0, 1.0], rotation.from_yaw(0.4)]), 0.1)
+    for i in range(6):
+        velocity = course.advance(0.1 + i * _DT, _DT)
+        assert velocity[5] == pytest.approx(4.0, rel=1e-6)
+    np.testing.assert_allclose(course.pose[3:], rotation.from_yaw(0.4), atol=1e-9)
+
+
+def test_a_jump_is_no_motion():
+    """Put it somewhere else at once rather than at 1 km/s."""
+    course = Course()
+    course.aim(np.array([0.0, 0.0, 1.0, *_TURN]), 0.0)
+    assert course.aim(np.array([100.0, 0.0, 1.0, *_TURN]), 0.1)
+    assert np.abs(course.advance(0.1, _DT)).max() == 0.0
+
+
+@pytest.mark.parametrize('pose', [[0, 0, 1], [0, 0, np.nan, 0, 0, 0, 1], [0] * 7,
+                                  [0, 0, 1, 0, 0, 0, np.inf], [1e30, 0, 0, 0, 0, 0, 1]])
+def test_what_is_no_pose_is_refused(pose):
+    """Name what is wrong, and change nothing."""
+    simulation = scene_of(mast(), shape='sphere', size=0.2)
+    with pytest.raises(CommandError, match='intruder'):
+        simulation.place_intruder(pose)
+    assert simulation.intruder.pose is None
+
+
+@pytest.mark.parametrize('settings', [{'shape': 'cone'}, {'size': 0.0}, {'size': [1, 2]},
+                                      {'shape': 'sphere', 'size': [1.0, 2.0, 3.0]},
+                                      {'size': 'big'}, {'colour': 3}])
+def test_settings_are_checked(settings):
+    """Refuse shapes and sizes that there are not."""
+    with pytest.raises(SceneError, match='intruder'):
+        scene_of(mast(), **settings)
+
+
+def test_reset_takes_it_away():
+    """Begin again without it, and repeat the same run."""
+    simulation = scene_of(wall(), shape='box', size=[1.0, 1.0, 1.0])
+    runs = []
+    for _ in range(2):
+        drive(simulation, np.array([-1.0, 1.0, 1.0]), np.array([3.0, 0.0, 0.0]), 0.7)
+        runs.append(simulation.poses.copy())
+        simulation.reset()
+        assert simulation.intruder.pose is None
+    assert np.array_equal(*runs)
+
+
+def test_depths_of_boxes_and_balls():
+    """Give the overlap of shifted boxes and of a ball over a face and an edge."""
+    box = np.array([[0.0, 0.0, 0.0, *_TURN]])
+    size = np.ones((1, 3))
+    pose = np.array([0.9, 0.2, 0.0, *_TURN])
+    depth, normal, point = overlap(False, pose, np.ones(3), box, size)
+    assert depth[0] == pytest.approx(0.1) and normal[0] == pytest.approx([1.0, 0.0, 0.0])
+    assert point[0] == pytest.approx([0.5, 0.2, 0.0])
+    pose[:2] = 0.5 + 0.4
+    depth, normal, _ = overlap(True, pose, np.full(3, 1.2), box, size)
+    assert depth[0] == pytest.approx(0.6 - 0.4 * 2 ** 0.5)
+    assert normal[0] == pytest.approx([0.5 ** 0.5, 0.5 ** 0.5, 0.0])
+    pose[0] = 3.0
+    assert overlap(True, pose, np.full(3, 1.2), box, size)[0][0] == 0.0
