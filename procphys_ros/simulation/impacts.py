@@ -127,7 +127,7 @@ class Impacts:
         for knock in knocks:
             share[self._bearing.body(knock.part)] = knock.share
         if broken or knocks:
-            self._give_back(contacts, share)
+            self._give_back(contacts, share, time_step)
             self._bearing.knock_out(knocks, time)
             for blow, result in broken:
                 self._record(blow, result, time)
@@ -190,11 +190,12 @@ class Impacts:
             (sign * contacts.impulse[rows] / CONTACT) @ axes,
             np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
 
-    def _give_back(self, contacts: Contacts, share: np.ndarray) -> None:
+    def _give_back(self, contacts: Contacts, share: np.ndarray, time_step: float) -> None:
         """
         Undo the part of each impulse that the bonds of a side could not transmit.
 
-        Contacts are where the bodies were at the start of the step, and so are their arms.
+        Contacts are where the bodies were at the start of the step, and so are their arms. Bodies
+        that stood on what gives way now did not fall in this step, so gravity gives them no speed.
         """
         bodies = self._world.bodies
         kept = self._kept(contacts, share)
@@ -212,6 +213,7 @@ class Impacts:
         spin = rotation.rotate(rotation.conjugate(attitude), total[:, 3:]) / bodies.inertia[ids]
         change = np.hstack([total[:, :3] / bodies.mass[ids][:, None],
                             rotation.rotate(attitude, spin)])
+        change[:, 2] += (1.0 - share[ids]) * self._gravity * time_step
         self._world.set_velocities(ids, bodies.velocities[ids] + change)
 
     def _kept(self, contacts: Contacts, share: np.ndarray) -> np.ndarray:

@@ -35,11 +35,12 @@ from procphys_ros.physics.masonry import cells, components, links, strength
 from procphys_ros.physics.masonry.brittle import as_mortar, wood_utilisation
 from procphys_ros.physics.masonry.graph import BondGraph
 
-_ROUNDS = 6        # of stress and breaking per blow; what still cracks does so at the next blow
+_ROUNDS = 12       # of stress and breaking per blow; what still cracks does so at the next blow
 _BAND = 0.4        # a blow breaks all that is loaded above this share of the worst at once: the
 #                    stress arrives everywhere before the first crack has relieved anything
 _ITERATIONS = 150  # of conjugate gradients per round
 _LEAST = 1e4       # [Pa] strength of what has none: dry parts hook into each other
+_ROUNDING = 1e-9   # of the loads: what balances up to this is in balance
 _ACCURACY = 1e-4   # drop of the squared preconditioned residual at which stresses are known well
 
 
@@ -191,6 +192,8 @@ class _System:
         label = components.label(count, self._a, self._b, self.alive)[0]
         load = _balanced(label, self._node, self._mass, self._inertia, self._part_centre,
                          self._centre, wrenches)
+        if np.abs(load).max(initial=0.0) < _ROUNDING * np.abs(wrenches).max(initial=0.0):
+            return np.zeros(len(self._a))  # the loads move all parts alike
         blocks = np.zeros((count, 6, 6))
         self._links[~self.alive, 6:] = 0.0
         links.diagonal_inverses(np.arange(count), self._start, self._incident, self.alive,

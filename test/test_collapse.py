@@ -1,0 +1,217 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Falling masonry: released whole, broken where it hits, and at rest in the end."""
+
+from dataclasses import replace
+
+from masonry_walls import bonded, wall
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import chain
+from procphys_ros.lsystem import LSystem
+from procphys_ros.physics.masonry import FreeBodies
+from procphys_ros.physics.world import World
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.simulation.debris import Debris
+
+BRANCH = """
+angle: 40
+axiom: Width(0.06) Density(800) Modulus(8e9) DampingRatio(0.05) Strength({strength})
+  F(0.5) F(0.5) F(0.5) F(0.5) F(0.5) F(0.5)
+"""
+
+
+def tilted(blueprint, angle=0.3):
+    """Turn a blueprint about y, so that it lands on an edge."""
+    frame = np.array([0, 0, 0, 0, np.sin(0.5 * angle), 0, np.cos(0.5 * angle)])
+    return replace(blueprint, poses=rotation.compose(frame, blueprint.poses),
+                   bond_frame=rotation.compose(frame, blueprint.bond_frame))
+
+
+def fall(blueprint, height, seconds=3.0):
+    """Let a blueprint that holds on to nothing fall with its lowest point from a height."""
+    size = np.einsum('nij,nj->ni', np.abs(rotation.to_matrix(blueprint.poses[:, 3:])),
+                     0.5 * blueprint.size)
+    low = (blueprint.poses[:, 2] - size[:, 2]).min()
+    scene = Scene()
+    scene.add(blueprint, (0.0, 0.0, height - low), 0.0, 'piece')
+    simulation = Simulation(scene)
+    simulation.step(round(seconds / simulation.time_step))
+    return simulation
+
+
+def momentum(blueprint, poses, velocities):
+    """Give linear momentum, and angular momentum about the origin, (6,)."""
+    linear = blueprint.mass[:, None] * velocities[:, :3]
+    axes = rotation.to_matrix(poses[:, 3:])
+    spin = np.einsum('nij,nj,nkj,nk->ni', axes, blueprint.inertia, axes, velocities[:, 3:])
+    return np.concatenate([linear.sum(axis=0),
+                           (np.cross(poses[:, :3], linear) + spin).sum(axis=0)])
+
+
+def test_a_piece_breaks_in_a_high_fall_but_not_in_a_low_one():
+    """Drop a wall, a degree off the plumb line, from 3 m and from 2 cm."""
+    piece = tilted(wall(5, 6, ground=False, tension=0.4e6, cohesion=0.5e6), 0.02)
+    assert fall(piece, 0.02, 1.0).bonds_broken == 0
+    assert fall(piece, 3.0, 1.5).bonds_broken > 10
+
+
+def test_a_fall_never_gains_energy():
+    """Let no more than a tenth of the fall's energy come back from bodies that overlapped."""
+    piece = tilted(wall(6, 10, ground=False))
+    simulation = fall(piece, 2.0, 0.0)
+    source, lowest, start = simulation.blueprint, np.inf, None
+    for _ in range(120):
+        simulation.step()
+        axes = rotation.to_matrix(simulation.poses[:, 3:])
+        spin = np.einsum('nij,ni->nj', axes, simulation.velocities[:, 3:])
+        energy = (source.mass * (9.81 * simulation.poses[:, 2] + 0.5 * (
+            simulation.velocities[:, :3] ** 2).sum(axis=1))).sum() + 0.5 * (
+                source.inertia * spin ** 2).sum()
+        start = start or energy
+        assert energy < lowest + 0.1 * start
+        lowest = min(lowest, energy)
+
+
+def test_a_split_keeps_momentum_and_every_part_its_velocity():
+    """Split a spinning piece in three; parts go on exactly as the rigid body moved them."""
+    piece = wall(6, 6, ground=False)
+    rng = np.random.default_rng(1)
+    with World((0.0, 0.0, 0.0)) as world:
+        debris = Debris(piece, world)
+        motion = rng.normal(0.0, 3.0, 6)
+        parts = np.arange(len(piece))
+        arm = piece.poses[:, :3] - np.average(piece.poses[:, :3], axis=0, weights=piece.mass)
+        velocities = np.tile(motion, (len(piece), 1))
+        velocities[:, :3] += np.cross(motion[3:], arm)
+        body = debris.gather(parts, piece.poses, velocities)
+        before = momentum(piece, piece.poses, velocities)
+        bodies = debris.split(body, [parts[5:20], parts[20:], parts[:5]])
+        poses, after = np.zeros((len(piece), 7)), np.zeros((len(piece), 6))
+        debris.carry(poses, after)
+        assert len(bodies) == 3 and debris.body_count == 3
+        np.testing.assert_allclose(poses[:, :3], piece.poses[:, :3], atol=1e-9)
+        np.testing.assert_allclose(after, velocities, atol=1e-9)
+        np.testing.assert_allclose(momentum(piece, poses, after), before, rtol=1e-9, atol=1e-9)
+
+
+def test_stress_in_a_free_bar_is_that_of_inertia_relief():
+    """Push a free bar of equal blocks at one end: its middle carries half of the push."""
+    count, force = 10, 1000.0
+    centres = np.column_stack([np.arange(count) * 0.2, np.zeros(count), np.ones(count)])
+    bar = bonded(centres, (0.2, 0.1, 0.1), ground=False, tension=1e4)
+    middle = np.flatnonzero((bar.bonds == [4, 5]).all(axis=1))[0]
+    wrenches = np.zeros((count, 6))
+    wrenches[0, 0] = -force  # pull: only inertia holds it back
+    share = 0.9 * force / (0.01 * 1e4)  # of the first bond: nine tenths of the blocks behind it
+    result = FreeBodies(bar).strike(np.arange(count), wrenches, count)
+    assert result.share == pytest.approx(1.0 / share, rel=1e-6)
+    assert result.load[result.bonds == middle] == pytest.approx(0.5 * force / 100.0, rel=1e-6)
+
+
+def test_even_acceleration_makes_no_stress():
+    """Give all parts of a wall loads in proportion to their mass: nothing breaks."""
+    piece = wall(6, 6, ground=False)
+    wrenches = np.zeros((len(piece), 6))
+    wrenches[:, 2] = 1e6 * piece.mass
+    result = FreeBodies(piece).strike(np.arange(len(piece)), wrenches, len(piece))
+    assert not len(result.bonds) and result.share == 1.0
+
+
+def test_cells_bound_the_number_of_pieces():
+    """Break a wall by a huge blow into no more pieces than it may."""
+    piece = wall(12, 20, ground=False)
+    wrenches = np.zeros((len(piece), 6))
+    wrenches[0, 2] = 1e8
+    result = FreeBodies(piece).strike(np.arange(len(piece)), wrenches, 12)
+    assert 1 < len(result.pieces) <= 12
+    assert sorted(np.concatenate(result.pieces)) == list(range(len(piece)))
+
+
+@pytest.mark.parametrize(('strength', 'breaks'), [(1e9, False), (2e6, True)])
+def test_a_branch_on_the_ground_breaks_again_if_its_wood_is_weak(strength, breaks):
+    """Let a rigid branch fall flat across a block: its joints break there, or hold."""
+    branch = LSystem.parse(BRANCH.format(strength=strength)).build()
+    free = FreeBodies(branch)
+    wrenches = np.zeros((len(branch), 6))
+    wrenches[len(branch) // 2, 0] = 400.0  # across, in the middle
+    result = free.strike(np.arange(len(branch)), wrenches, len(branch))
+    assert (len(result.bonds) > 0) == breaks
+
+
+def test_debris_comes_to_rest_on_something():
+    """Drop a wall: all of it ends at rest, on the ground, on itself, and not below."""
+    simulation = fall(tilted(wall(6, 10, ground=False)), 1.5, 8.0)
+    assert simulation.awake_bodies == 0
+    bodies = simulation._world.bodies
+    for body in np.unique(simulation._debris.carrier):
+        pieces = simulation._world._pieces[int(body)]
+        assert pieces.lowest(bodies.poses[body]) > -0.03
+    top = simulation.poses[:, 2].max()
+    assert top < 0.8  # nothing hangs in the air
+
+
+def test_same_fall_twice_and_after_reset():
+    """Repeat a fall bit by bit, in a new simulation and after a reset; ids do not grow."""
+    piece = tilted(wall(5, 6, ground=False))
+    first, second = fall(piece, 2.0, 1.5), fall(piece, 2.0, 1.5)
+    assert np.array_equal(first.poses, second.poses)
+    steps = round(1.5 / first.time_step)
+    highest = first._debris.carrier.max()
+    first.reset()
+    first.step(steps)
+    assert np.array_equal(first.poses, second.poses)
+    assert first._debris.carrier.max() == highest
+
+
+def test_every_broken_bond_is_told_once():
+    """Compare the events of a fall with the bonds that are gone."""
+    simulation = fall(tilted(wall(6, 10, ground=False)), 3.0, 2.0)
+    events = simulation.events
+    gone = np.flatnonzero(~simulation._free.graph.alive)
+    assert np.array_equal(np.sort(events['bond']), gone)
+    assert set(events['cause']) == {int(Cause.IMPACT)}
+    assert (events['load'] > 1.0).all()
+
+
+def test_what_lies_on_a_wall_loads_it():
+    """Lower a piece onto a wall: the wall ends up bearing its weight."""
+    piece = wall(4, 4, ground=False)
+    below = wall(8, 10)
+    scene = Scene()
+    scene.add(below, (0.0, 0.0, 0.0), 0.0, 'wall')
+    scene.add(piece, (0.4, 0.0, 0.76), 0.0, 'piece')
+    simulation = Simulation(scene)
+    simulation.step(300)
+    assert simulation.awake_bodies == 0 and simulation.bonds_broken == 0
+    down = simulation._bearing._given[:, 2].sum()
+    assert down == pytest.approx(-9.81 * piece.mass.sum(), rel=0.03)
+
+
+def test_a_heavy_fall_knocks_bricks_out_of_a_wall():
+    """Drop a heavy block on a thin wall: it breaks; a light one leaves it whole."""
+    below = wall(8, 10)
+    for density, breaks in ((300.0, False), (40000.0, True)):
+        block = bonded([[0.0, 0.0, 0.0], [0.31, 0.0, 0.0]], (0.3, 0.3, 0.3), density=density,
+                       ground=False, tension=1e9, cohesion=1e9)
+        scene = Scene()
+        scene.add(chain([below]), (0.0, 0.0, 0.0), 0.0, 'wall')
+        scene.add(block, (0.8, 0.0, 0.76 + 0.2 + (2.0 if breaks else 0.05)), 0.0, 'block')
+        simulation = Simulation(scene)
+        simulation.step(120)
+        assert (simulation.bonds_broken > 0) == breaks
