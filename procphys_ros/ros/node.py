@@ -53,6 +53,7 @@ class SimNode(Node):
         ~/breaks (sensor_msgs/PointCloud2): a row per broken bond
         ~/dust (sensor_msgs/PointCloud2): dust of bursting mortar and impacts
         ~/wind_info (geometry_msgs/Vector3Stamped): wind at reference height, all included
+        ~/intruder_wrench (geometry_msgs/WrenchStamped): on the intruder, smoothed over 0.1 s
         /clock (rosgraph_msgs/Clock): simulation time
         /diagnostics (diagnostic_msgs/DiagnosticArray): once a second
 
@@ -62,6 +63,7 @@ class SimNode(Node):
         ~/wrench (geometry_msgs/WrenchStamped): the same as a lasting force [N], [N·m]
         ~/explosion (geometry_msgs/PointStamped): where `explosion.charge` goes off
         ~/observer (geometry_msgs/PoseStamped): the camera for `culling.*`, looking along its x
+        ~/intruder (geometry_msgs/PoseStamped): where the body of `intruder.*` is to be
 
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)

@@ -18,7 +18,7 @@
 from collections.abc import Callable
 from time import monotonic
 
-from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped
+from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped, WrenchStamped
 import numpy as np
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -60,6 +60,8 @@ class Publishers:
         self._dust = node.create_publisher(PointCloud2, '~/dust', qos.NEWEST)
         self._description = node.create_publisher(String, '~/scene_description', qos.LATCHED)
         self._wind_info = node.create_publisher(Vector3Stamped, '~/wind_info', qos.ARRAYS)
+        self._intruder_wrench = node.create_publisher(WrenchStamped, '~/intruder_wrench',
+                                                      qos.ARRAYS)
         # Time has one source, also when several nodes share a scene.
         self._clock = (node.create_publisher(Clock, '/clock', qos.NEWEST)
                        if parameters['shard.index'] == 0 else None)
@@ -112,6 +114,9 @@ class Publishers:
             self._clock.publish(clock)
         if self._wind_info.get_subscription_count():
             self._publish_wind(simulation, at)
+        if (has_moved and simulation.intruder.pose is not None
+                and self._intruder_wrench.get_subscription_count()):
+            self._publish_intruder_wrench(simulation, at)
 
     def _describe(self, simulation: Simulation) -> None:
         if len(simulation.blueprint) < self._describer.parts:  # late parts went with a reset
@@ -170,6 +175,15 @@ class Publishers:
         x, y, z = np.sum(simulation.wind.at_reference(simulation.time), axis=0).tolist()
         message.vector = Vector3(x=x, y=y, z=z)
         self._wind_info.publish(message)
+
+    def _publish_intruder_wrench(self, simulation: Simulation, at: messages.Stamp) -> None:
+        message = WrenchStamped()
+        message.header.stamp.sec, message.header.stamp.nanosec = at
+        message.header.frame_id = self._frame
+        wrench = simulation.intruder.smooth_wrench.tolist()
+        message.wrench.force = Vector3(**dict(zip('xyz', wrench[:3])))
+        message.wrench.torque = Vector3(**dict(zip('xyz', wrench[3:])))
+        self._intruder_wrench.publish(message)
 
 
 class _Watch:

@@ -80,7 +80,8 @@ def banner(node: SimNode) -> str:
     return '\n'.join((
         f'procphys_ros: {node.session.summary()}',
         f'  out  {name}/poses {name}/markers {name}/scene_description {name}/breaks '
-        f'{name}/dust {name}/wind_info /clock /diagnostics',
+        f'{name}/dust {name}/wind_info {name}/intruder_wrench /clock '
+        '/diagnostics',
         f'  in   {name}/wind {name}/impulse {name}/wrench {name}/explosion '
-        f'{name}/observer',
+        f'{name}/observer {name}/intruder',
         '  stop with Ctrl-C'))

@@ -49,7 +49,8 @@ class TopicCommands:
                                  ('impulse', WrenchStamped, self._impulse),
                                  ('wrench', WrenchStamped, self._wrench),
                                  ('explosion', PointStamped, self._explosion),
-                                 ('observer', PoseStamped, self._observer)):
+                                 ('observer', PoseStamped, self._observer),
+                                 ('intruder', PoseStamped, self._intruder)):
             _subscribe(node, f'~/{name}', kind, self._receiver(name, read))
 
     def _receiver(self, name: str, read: Callable[[Any], Callable[[], str]]):
@@ -82,6 +83,16 @@ class TopicCommands:
             self._session.simulation.set_observer((place.x, place.y, place.z),
                                                   (turn.x, turn.y, turn.z, turn.w))
             return 'looks from there'
+        return carry_out
+
+    def _intruder(self, message: PoseStamped) -> Callable[[], str]:
+        check_frame(message.header, self._frame)
+        place, turn = message.pose.position, message.pose.orientation
+
+        def carry_out() -> str:
+            self._session.simulation.place_intruder(
+                (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
+            return f'intruder to {[place.x, place.y, place.z]} m'
         return carry_out
 
     def _wrench(self, message: WrenchStamped) -> Callable[[], str]:

@@ -32,7 +32,7 @@ class IntruderSettings:
     What a robot, a drone or a vehicle of another simulator is here.
 
     :ivar shape: 'sphere' or 'box'.
-    :ivar size: diameter, or edges along its axes [m], one number or three.
+    :ivar size: edges along its axes [m], (3,); a single number gives all three.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -49,6 +49,7 @@ class IntruderSettings:
                              f'exceed {_LARGEST:g}')
         if self.shape == 'sphere' and np.ptp(edges) > 0.0:
             raise SceneError(f'intruder.size is {edges.tolist()}; a sphere has one diameter')
+        object.__setattr__(self, 'size', tuple(edges.tolist()))  # however it was written
 
     @property
     def edges(self) -> np.ndarray:

@@ -1,0 +1,65 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The intruder through the node, over loopback."""
+
+from geometry_msgs.msg import PoseStamped, WrenchStamped
+from node_process import Client, NodeProcess, SAPLING
+import pytest
+import rclpy
+
+SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': SAPLING},
+         'intruder': {'shape': 'sphere', 'size': [0.3]}}
+
+
+@pytest.fixture(scope='module', autouse=True)
+def process(tmp_path_factory):
+    """Run one node for all tests here."""
+    rclpy.init()
+    process = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
+    process.wait_for_banner()
+    yield process
+    process.kill()
+    rclpy.try_shutdown()
+
+
+def test_a_robot_leans_on_a_tree_and_feels_it():
+    """Move a ball against a stem, and hear of the force that holds it off."""
+    client = Client()
+    publisher = client.publisher(PoseStamped, '/sim/intruder')
+    message = PoseStamped()
+    message.pose.orientation.w = 1.0
+    message.pose.position.z = 1.5
+    forces = []
+    for i in range(12):
+        message.pose.position.x = -0.4 + 0.02 * i
+        publisher.publish(message)
+        forces.append(client.next_message(WrenchStamped, '/sim/intruder_wrench').wrench.force.x)
+    for _ in range(60):
+        forces.append(client.next_message(WrenchStamped, '/sim/intruder_wrench').wrench.force.x)
+    assert forces[0] == 0.0
+    assert forces[-1] < -1.0
+    client.close()
+
+
+def test_a_pose_that_is_none_is_rejected():
+    """Count a quaternion without length as a rejected command."""
+    client = Client()
+    message = PoseStamped()
+    message.pose.orientation.w = 0.0
+    client.publisher(PoseStamped, '/sim/intruder').publish(message)
+    values = client.diagnostics_where(lambda v: int(v['commands rejected']) > 0)
+    assert values['last rejection'].startswith('intruder: intruder orientation')
+    client.close()
