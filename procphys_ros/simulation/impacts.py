@@ -113,7 +113,10 @@ class Impacts:
         share = np.ones(len(self._world.bodies.state))
         broken = []
         work = 0
-        for turn, (blow, cells) in enumerate(zip(blows, _cells(blows, room))):
+        grain = self._grain()
+        for turn, (blow, cells) in enumerate(zip(blows, _cells(blows, room, grain))):
+            if cells < 2:
+                continue
             if work > _WORK:
                 self._waiting.append(blow)
                 continue
@@ -134,6 +137,12 @@ class Impacts:
                 if len(result.pieces) > 1:
                     self._debris.split(blow.body, result.pieces)
         return bool(broken or knocks)
+
+    def _grain(self) -> float:
+        """Give the mean size of the pieces if all that moves now broke into as many as may."""
+        awake = self._world.awake
+        awake = awake[awake < len(self._debris.size)]
+        return max(float(self._debris.size[awake].sum()) / _BODIES, 1.0)
 
     def _wrenches(self, blow: _Blow) -> np.ndarray:
         return spread(blow.touches, self._debris.local_poses(blow.parts),
@@ -248,19 +257,18 @@ class Impacts:
                          Cause.IMPACT, result.load)
 
 
-def _cells(blows: list[_Blow], room: int) -> list[int]:
+def _cells(blows: list[_Blow], room: int, grain: float) -> list[int]:
     """
-    Say in how many cells each piece may break: larger ones in more, until there is no room.
+    Say in how many cells each piece may break; below 2 it stays as it is.
 
     :param blows: the hardest first.
     :param room: for more bodies.
+    :param grain: parts of the smallest pieces that there is room for in the long run.
     """
     total = sum(len(b.parts) for b in blows)
-    cells: list[int] = []
-    for blow in blows if room > 1 else []:
+    cells = []
+    for blow in blows:
         fair = int(np.ceil(room * len(blow.parts) / total))
-        cells.append(min(max(fair, 2), room, _NODES, len(blow.parts)))
-        room -= cells[-1]
-        if room < 2:
-            break
+        cells.append(min(max(fair, 2), room, _NODES, int(len(blow.parts) / grain)))
+        room -= cells[-1] if cells[-1] > 1 else 0
     return cells
