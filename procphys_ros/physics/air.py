@@ -23,11 +23,13 @@ CUBE_DRAG = 1.05  # [-], face on (Hoerner 1965, 3-16)
 # Schumann 1992, Boundary-Layer Meteorology 61:47), but in a crown most leaves stand in the lee of
 # others. Calibrated on ForestGALES (R package fgr): the force on a whole tree, its wood included,
 # is ½·ρ·C·v^-N·A·u² with v = u within 10 to 20 or 25 m/s and A = crown depth · breadth / 2. C and
-# N are 2.6575 and 0.846 for oak, 1.9627 and 0.881 for birch, 3.07 and 0.75 for Scots pine: 1360,
-# 490 and 1190 N at 10 m/s for the shipped trees. Less about 280 N, 120 N and 280 N for their wood,
-# over 346, 105 and 190 m² of leaves this leaves 0.051, 0.058 and 0.078.
+# N are 2.6575 and 0.846 for oak, 1.9627 and 0.881 for birch, 3.07 and 0.75 for Scots pine: 1362,
+# 493 and 1185 N at 10 m/s for the shipped trees. Less 293, 144 and 335 N on their wood, over 346,
+# 104 and 185 m² of leaves, 0.050, 0.055 and 0.075 remain; with one value whole trees come
+# within 30 %.
 FOLIAGE_DRAG = 0.055  # [-]
 # Foliage folds: from 10 to 25 m/s its drag grows with the speed, not with its square (Vollsinger
 # et al. 2005, Can. J. For. Res. 35:1238), beyond that ForestGALES holds the coefficient constant.
-# Below 10 m/s leaves have hardly moved. The wood does not fold: a whole tree comes out at u^1.2.
+# Below 10 m/s leaves have hardly moved. The wood does not fold: whole trees come out at u^1.3 to
+# u^1.4 between 10 and 20 m/s.
 CALM, STORM = 10.0, 25.0  # [m/s], the coefficient falls as 1/u between the two

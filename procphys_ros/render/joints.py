@@ -12,8 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-
 """Joints: the mortar between the bricks that still hang together."""
 
 import numpy as np

@@ -30,11 +30,13 @@ class Course:
 
     Between two poses it moves evenly; it goes through every pose exactly, and stops at the last.
 
-    :ivar pose: where it is, (7,), world; None before the first pose.
+    :ivar pose: where it is, (7,), world; zeros before the first pose.
+    :ivar placed: whether it has been anywhere yet.
     """
 
     def __init__(self) -> None:
-        self.pose: np.ndarray | None = None
+        self.pose = np.zeros(7)
+        self.placed = False
         self._goal = np.zeros(7)
         self._arrival = 0.0
         self._last = -np.inf
@@ -50,8 +52,8 @@ class Course:
         interval = float(np.clip(time - self._last, 0.0, _STALE))
         self._last, self._goal = time, pose
         self._arrival = time + interval
-        if self.pose is None:
-            self.pose = pose
+        if not self.placed:
+            self.pose, self.placed = pose, True
             return True
         if np.linalg.norm(pose[:3] - self.pose[:3]) > _FASTEST * interval:
             self.pose = pose
@@ -67,7 +69,6 @@ class Course:
         :returns: velocity in this step, linear and angular, world, (6,).
         """
         start = self.pose
-        assert start is not None
         left = max(self._arrival - time, time_step)
         velocity = velocity_between(start, self._goal, left)
         if left <= time_step:
@@ -76,7 +77,7 @@ class Course:
         spin = float(np.linalg.norm(velocity[3:]))
         turn = rotation.IDENTITY
         if spin > 0.0:
-            turn = rotation.from_axis_angle(velocity[3:] / spin, spin * time_step)
+            turn = rotation.from_axis_angle(velocity[3:] / spin, np.asarray(spin * time_step))
         self.pose = np.concatenate([start[:3] + time_step * velocity[:3],
                                     rotation.multiply(turn, start[3:])])
         return velocity

@@ -37,8 +37,8 @@ _SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot bre
 #                     for long chains, which break at the next, harder blow
 _NODES = 60         # cells that a piece breaks into at most in one step
 _PER_CELL = 5       # what a cell costs to judge, in units of ...
-_WORK = 1500        # ... parts taken apart in one step, about 8 µs each; the rest follows
-_BODIES = 400       # awake bodies that there should be: the more, the coarser pieces break
+_WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows
+_BODIES = 300       # awake bodies that there should be: the more, the coarser pieces break
 
 
 class _Blow(NamedTuple):

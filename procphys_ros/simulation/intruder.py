@@ -72,7 +72,7 @@ class Intruder:
     @property
     def pose(self) -> np.ndarray | None:
         """Where it is, (7,), world; None before it was placed."""
-        return self._course.pose
+        return self._course.pose if self._course.placed else None
 
     def place(self, pose: Sequence[float], time: float) -> None:
         """
