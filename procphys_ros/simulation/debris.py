@@ -64,11 +64,6 @@ class Debris:
         """Count the bodies that carry parts."""
         return len(self._members)
 
-    @property
-    def has_pieces(self) -> bool:
-        """Say whether any body carries more than one part."""
-        return bool((self.size > 1).any())
-
     def parts_of(self, body: int) -> np.ndarray:
         """List the parts that a body carries, ascending; none for one that carries nothing."""
         return self._members.get(int(body), _NONE)

@@ -47,12 +47,14 @@ class _Blow(NamedTuple):
 
     :ivar body: id.
     :ivar parts: what it carries, (P,).
-    :ivar touches: contacts.
+    :ivar touches: contacts; None = not selected yet.
+    :ivar rows: of the contacts, see `Impacts._touches`.
     """
 
     body: int
     parts: np.ndarray
-    touches: Touches
+    touches: Touches | None
+    rows: np.ndarray
 
 
 class Impacts:
@@ -102,26 +104,28 @@ class Impacts:
         if not self._waiting and not struck.any():
             return False
         room = _BODIES - len(self._world.awake)
-        if (room < 2 or not self._debris.has_pieces) and not self._bearing.any_stands:
+        grain = self._grain()
+        size = self._debris.size
+        if (room < 2 or size.max(initial=0) < 2.0 * grain) and not self._bearing.any_stands:
             return False
         contacts = self._world.contacts()
         blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
         late = len(blows)
         known = {b.body for b in blows}
-        blows += [b for b in self._blows(contacts, struck, max(room, 0)) if b.body not in known]
+        blows += [b for b in self._blows(contacts, struck, grain) if b.body not in known]
         self._waiting = []
         share = np.ones(len(self._world.bodies.state))
         broken = []
         work = 0
-        grain = self._grain()
         for turn, (blow, cells) in enumerate(zip(blows, _cells(blows, room, grain))):
             if cells < 2:
                 continue
+            touches = blow.touches or self._touches(blow.body, blow.rows, contacts)
             if work > _WORK:
-                self._waiting.append(blow)
+                self._waiting.append(blow._replace(touches=touches))
                 continue
             work += len(blow.parts) + _PER_CELL * cells
-            result = self._free.strike(blow.parts, self._wrenches(blow), cells)
+            result = self._free.strike(blow.parts, self._wrenches(blow, touches), cells)
             if len(result.bonds):
                 broken.append((blow, result))
                 if turn >= late:  # the impulse of a late blow is history
@@ -144,8 +148,8 @@ class Impacts:
         awake = awake[awake < len(self._debris.size)]
         return max(float(self._debris.size[awake].sum()) / _BODIES, 1.0)
 
-    def _wrenches(self, blow: _Blow) -> np.ndarray:
-        return spread(blow.touches, self._debris.local_poses(blow.parts),
+    def _wrenches(self, blow: _Blow, touches: Touches) -> np.ndarray:
+        return spread(touches, self._debris.local_poses(blow.parts),
                       self._blueprint.size[blow.parts], self._blueprint.poses[blow.parts])
 
     def _struck(self, time_step: float) -> np.ndarray:
@@ -162,12 +166,12 @@ class Impacts:
         struck[awake] = felt > _LEAST_JUMP
         return struck
 
-    def _blows(self, contacts: Contacts, struck: np.ndarray, most: int) -> Iterator[_Blow]:
+    def _blows(self, contacts: Contacts, struck: np.ndarray, grain: float) -> Iterator[_Blow]:
         """
         List the blows that might break something, the hardest first.
 
         :param struck: bodies that were stopped or pushed; others only rest on each other.
-        :param most: number of blows.
+        :param grain: parts of the smallest pieces that there is room for.
         """
         bodies, debris = self._world.bodies, self._debris
         count = len(bodies.state)
@@ -177,15 +181,15 @@ class Impacts:
         felt = np.bincount(side, push * by_blow, count)
         size = np.zeros(count, np.intp)
         size[:len(debris.size)] = debris.size[:count]
-        chosen = np.flatnonzero((size > 1) & (felt > _LEAST_JUMP * bodies.mass)
+        chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > _LEAST_JUMP * bodies.mass)
                                 & (bodies.state == State.LOOSE))
         order = np.argsort(side, kind='stable')
         start = np.searchsorted(side[order], np.arange(count + 1))
-        for body in chosen[np.argsort(-felt[chosen], kind='stable')][:most].tolist():
+        for body in chosen[np.argsort(-felt[chosen], kind='stable')].tolist():
             parts = debris.parts_of(body)
             if felt[body] > CONTACT * _SCREEN * self._free.weakest[parts].min():
                 rows = order[start[body]:start[body + 1]]
-                yield _Blow(body, parts, self._touches(body, rows, contacts))
+                yield _Blow(body, parts, None, rows)
 
     def _touches(self, body: int, rows: np.ndarray, contacts: Contacts) -> Touches:
         """Select contacts of a body; those that have it second are listed behind all others."""
