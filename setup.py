@@ -37,7 +37,8 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
         (f'share/{PACKAGE}', ['package.xml']),
-        (f'share/{PACKAGE}/config', sorted(glob('config/*'))),
+        (f'share/{PACKAGE}/config', sorted(glob('config/*.*'))),
+        (f'share/{PACKAGE}/config/meshes', sorted(glob('config/meshes/*'))),
         (f'share/{PACKAGE}/grammars', sorted(glob('grammars/*'))),
         # pip ignores setup.cfg's install_scripts; `ros2 run` looks here in both installs.
         (f'lib/{PACKAGE}', sorted(glob('scripts/*'))),

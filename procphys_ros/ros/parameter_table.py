@@ -134,8 +134,9 @@ GLOBAL = (
     Parameter('marker_rate', 30.0, 'highest rate of ~/markers', 'Hz', 0.1, 240.0),
     Parameter('marker_triangles', 40_000, 'most triangles of leaves and twigs in ~/markers; of a '
               'scene that has more, fewer and larger leaves are drawn', '', 0, 10_000_000),
-    Parameter('marker_mesh', 'package://procphys_ros/meshes/brick.dae', 'mesh of a unit cube for '
-              'bricks that have moved; empty = plain cubes, for viewers that cannot load it'),
+    Parameter('marker_mesh', 'package://procphys_ros/config/meshes/brick.dae',
+              'mesh of a unit cube for bricks that have moved; empty = plain cubes, for viewers '
+              'that cannot load it'),
     Parameter('real_time_factor', 1.0,
               'simulated seconds per second; 0 = as fast as possible', '', 0.0, 1000.0),
     Parameter('wind.velocity', [0.0, 0.0, 0.0],
