@@ -66,7 +66,7 @@ def _scatter(count: int, spacing: float, rng: np.random.Generator) -> np.ndarray
             point = rng.uniform(-half, half, 2)
             gap = np.sum((found[:i] - point) ** 2, axis=1)
             limit = clearance * 0.5 ** (throw // _SCATTER_TRIES)
-            if not i or gap.min() >= limit * limit:
+            if not i or np.min(gap) >= limit * limit:
                 break
         found[i] = point
     return found

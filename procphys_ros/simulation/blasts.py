@@ -271,7 +271,8 @@ class Blasts:
         extent = np.sort(np.ptp(self._blueprint.poses[parts, :3], axis=0))
         rate = WALL_RATE * (_STOREY / max(float(extent[1]), _BRICK)) ** 2
         rate = min(rate, 2.0 / float(np.median(self._pulse[parts])))
-        return size * rate > resistance.force and self._energy(parts).sum() > resistance.energy
+        energy = float(self._energy(parts).sum())
+        return size * rate > resistance.force and energy > resistance.energy
 
     def _loosen(self, parts: np.ndarray, time: float) -> None:
         """Cut a piece of wall out, and into what flies singly and clumps."""

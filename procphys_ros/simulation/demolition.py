@@ -87,7 +87,7 @@ class Charges:
         on_ground = np.zeros(len(source) + 1, bool)
         for ends in (graph.first, graph.second):
             on_ground[ends[graph.grounded()]] = True
-        foot = float(low[on_ground[:-1] & standing].min(initial=0.0))
+        foot = float(np.min(low[on_ground[:-1] & standing], initial=0.0))
         height = source.poses[:, 2] - foot
         chosen = np.flatnonzero(standing & (source.shape == Shape.BOX) & (height > _BAND[0])
                                 & (height < _BAND[1]) & (source.mass < _HEAVY))
@@ -100,7 +100,7 @@ class Charges:
         middles = np.column_stack([np.bincount(place.ravel(), column) / count
                                    for column in points.T])
         away = np.linalg.norm(middles[:, :2] - middles[:, :2].mean(axis=0), axis=1)
-        delays = _SPREAD * away / max(float(away.max()), 1e-9)
+        delays = _SPREAD * away / max(float(np.max(away)), 1e-9)
         reach = np.zeros(len(middles))  # so far that no pier is left between two charges
         np.maximum.at(reach, place.ravel(),
                       np.linalg.norm(points - middles[place.ravel()], axis=1))

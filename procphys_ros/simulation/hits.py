@@ -82,8 +82,9 @@ class Hits:
             return _NOWHERE
         others = np.setdiff1d(world.awake, self._ids[self._same])
         bodies = world.bodies
-        gained = motion_energy(bodies.mass[others], bodies.inertia[others],
-                               bodies.poses[others, 3:], bodies.velocities[others]).sum()
+        gained = float(np.sum(motion_energy(bodies.mass[others], bodies.inertia[others],
+                                            bodies.poses[others, 3:],
+                                            bodies.velocities[others])))
         energy = lost_energy(self._energy, now, gained)[hit]
         kick = (after - self._free)[hit, :3]  # away from what it hit
         kick /= np.maximum(np.linalg.norm(kick, axis=1, keepdims=True), 1e-9)

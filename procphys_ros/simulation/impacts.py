@@ -106,7 +106,7 @@ class Impacts:
         room = _BODIES - len(self._world.awake)
         grain = self._grain()
         size = self._debris.size
-        if (room < 2 or size.max(initial=0) < 2.0 * grain) and not self._bearing.any_stands:
+        if (room < 2 or np.max(size, initial=0) < 2.0 * grain) and not self._bearing.any_stands:
             return False
         contacts = self._world.contacts()
         blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]

@@ -112,7 +112,7 @@ class Bricks:
         key = np.floor(0.5 * (bounds[:, :3] + bounds[:, 3:]) / _CELL).astype(np.int64)
         _, self._cell = np.unique(key, axis=0, return_inverse=True)
         self._bounds = bounds
-        count = int(self._cell.max(initial=-1)) + 1
+        count = int(np.max(self._cell, initial=-1)) + 1
         self.cells = np.hstack([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)])
         np.minimum.at(self.cells[:, :3], self._cell, bounds[:, :3])
         np.maximum.at(self.cells[:, 3:], self._cell, bounds[:, 3:])

@@ -91,7 +91,7 @@ def _same_planes(frame: np.ndarray, ahead: np.ndarray,
     new = (np.diff(keys[order], axis=0) != 0).any(axis=1)
     plane = np.zeros(2 * n, np.int64)
     plane[order[1:]] = np.cumsum(new)
-    size = int(plane.max(initial=-1)) + 1
+    size = int(np.max(plane, initial=-1)) + 1
     both = (np.bincount(plane[:n], minlength=size) > 0) & (np.bincount(plane[n:],
                                                                        minlength=size) > 0)
     plane = np.where(both[plane], plane, -1)
