@@ -14,13 +14,19 @@
 
 """The whole simulation: commands, determinism, breaking, reset."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
 from procphys_ros.errors import CommandError
 from procphys_ros.lsystem import LSystem
+from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.wallgrammar import WallGrammar
 
 TREE = """
 angle: 40
@@ -174,3 +180,21 @@ def test_an_empty_scene_steps():
     simulation = Simulation(Scene())
     simulation.step(3)
     assert simulation.poses.shape == (0, 7) and simulation.time == pytest.approx(0.05)
+
+
+def test_memory_goes_with_the_last_reference():
+    """Free a simulation at once, its walls and projectiles too, without Python's collector."""
+    scene = Scene()
+    scene.add(LSystem.parse(TREE.format(strength=5e7)).build(), (0, 0, 0), 0.0, 'tree')
+    scene.add(WallGrammar.load(shared_folder() / 'grammars' / 'garden_wall.wall').build(),
+              (6, 0, 0), 0.0, 'wall')
+    gc.disable()
+    try:
+        simulation = Simulation(scene)
+        simulation.launch(Projectile(position=(6.0, -3.0, 1.0), velocity=(0.0, 20.0, 0.0)))
+        simulation.step(10)
+        gone = weakref.ref(simulation)
+        del simulation
+        assert gone() is None
+    finally:
+        gc.enable()

@@ -16,6 +16,8 @@
 """Arsenal: everything that is thrown at a scene, and the walls and trees that answer."""
 
 from collections.abc import Callable
+from typing import Any
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -62,6 +64,7 @@ class Arsenal:
     def __init__(self, blueprint: Blueprint, grove: Grove, buildings: Buildings, log: EventLog,
                  seed: int, join: Callable[[Blueprint, str], int],
                  vanish: Callable[[np.ndarray], None]):
+        join, vanish = _unowned(join), _unowned(vanish)
         self._join = join
         self.loads = StandingLoads(buildings.solver)
         self.blows = Blows(blueprint, buildings, self.loads, log)
@@ -149,3 +152,19 @@ class Arsenal:
         :raises CommandError: when there is nothing to demolish.
         """
         return self._charges.arm(plan, time)
+
+
+def _unowned(method: Callable) -> Callable:
+    """
+    Give the same call without keeping the method's object alive.
+
+    The simulation owns what calls it back. A cycle of references would hold its memory, 80 MB
+    and more of a large scene, until Python's collector happens to look.
+    """
+    reference = WeakMethod(method)
+
+    def call(*arguments: Any) -> Any:
+        owner = reference()
+        assert owner is not None, 'parts of a simulation outlived it'
+        return owner(*arguments)
+    return call
