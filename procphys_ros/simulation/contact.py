@@ -190,15 +190,16 @@ class Contact:
                       self._branches_near(trees, free)]
             if len(self.bricks):
                 chosen = np.flatnonzero(free | beside)
-                tables.append((chosen, self.bricks.within(trees[chosen])))
-            found += [self._meet(chosen, table, bounds, time_step) for chosen, table in tables
-                      if len(chosen) and len(table.row)]
+                tables.append((_entries(plan.start, chosen),
+                               self.bricks.within(trees[chosen])))
+            found += [self._meet(entries, table, bounds, time_step) for entries, table in tables
+                      if len(entries) and len(table.row)]
         return self._nearest(_Close(*(np.concatenate(columns) for columns in
                                       zip(*(vars(f).values() for f in found)))))
 
     def _loose_near(self, bounds: np.ndarray, trees: np.ndarray, ids: np.ndarray, reach: float
                     ) -> tuple[np.ndarray, Obstacles]:
-        """Choose the trees that bodies come near, and those bodies."""
+        """Choose the entries of the plan that bodies come near, and those bodies."""
         bodies = self._world.bodies
         way = bodies.velocities[ids, :3] * reach
         room = bodies.radius[ids, None] + _ROOM
@@ -206,24 +207,25 @@ class Contact:
         balls = np.hstack([place - room + np.minimum(way, 0.0),
                            place + room + np.maximum(way, 0.0)])
         chosen, near = (np.unique(rows) for rows in overlaps(trees, balls))
-        _, nearer = overlaps(bounds[_entries(self._forest.plan.start, chosen)], balls[near])
-        return chosen, of_bodies(self._world, ids[near[np.unique(nearer)]])
+        entries = _entries(self._forest.plan.start, chosen)
+        close, nearer = overlaps(bounds[entries], balls[near])
+        return entries[np.unique(close)], of_bodies(self._world, ids[near[np.unique(nearer)]])
 
     def _branches_near(self, trees: np.ndarray, free: np.ndarray
                        ) -> tuple[np.ndarray, Obstacles]:
-        """Choose the falling trees that others are near, and those others."""
+        """Choose the entries of falling trees that others are near, and those others."""
         falling = np.flatnonzero(free)
         a, b = overlaps(trees[falling], trees)
         a, b = falling[a][falling[a] != b], b[falling[a] != b]
         plan, forest = self._forest.plan, self._forest
         rows = plan.row[_entries(plan.start, np.unique(b))]
-        return np.unique(a), of_branches(rows, forest.poses, self._sizes, forest.velocities)
+        return (_entries(plan.start, np.unique(a)),
+                of_branches(rows, forest.poses, self._sizes, forest.velocities))
 
-    def _meet(self, trees: np.ndarray, table: Obstacles, bounds: np.ndarray,
+    def _meet(self, entries: np.ndarray, table: Obstacles, bounds: np.ndarray,
               time_step: float) -> _Close:
-        """Look where trees may touch what is near them."""
+        """Look where segments, entries of the plan, may touch what is near them."""
         forest, plan = self._forest, self._forest.plan
-        entries = _entries(plan.start, trees)
         a, piece = overlaps(bounds[entries], table.bounds(_AHEAD * time_step, _ROOM))
         row = plan.row[entries[a]]
         other = table.row[piece]
@@ -319,8 +321,9 @@ class Contact:
             bounds = capsule_bounds(plan.row, forest.poses, self._sizes, still, 0.0, _ROOM)
             trees = np.flatnonzero(self._beside[plan.row[plan.start[:-1]]])
             if len(trees):
-                table = self.bricks.within(bounds[_entries(plan.start, trees)])
-                touching.append(self._meet(trees, table, bounds, 0.0))
+                entries = _entries(plan.start, trees)
+                table = self.bricks.within(bounds[entries])
+                touching.append(self._meet(entries, table, bounds, 0.0))
         for close in touching:
             np.minimum.at(self._slack, close.row, close.gap)
 

@@ -15,12 +15,15 @@
 
 """Broad phase: which of many boxes overlap which of many others."""
 
+import math
+
 from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Shape
 
 _BOX = int(Shape.BOX)  # numba reads no enums
+_CELLS = 64  # along x and along y at most; a finer grid takes longer to clear
 
 
 @njit(cache=True)
@@ -72,7 +75,7 @@ def piece_bounds(shapes, poses, sizes, velocities, reach, margin):
 
 def overlaps(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    List the pairs of boxes that overlap, sorted, by sweeping along x.
+    List the pairs of boxes that overlap, sorted, by looking into the cells of a grid.
 
     :param first: three minima, three maxima, (A, 6).
     :param second: likewise, (B, 6).
@@ -80,35 +83,84 @@ def overlaps(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndar
     """
     if not len(first) or not len(second):
         return np.zeros(0, np.intp), np.zeros(0, np.intp)
-    low, high = first[:, :3].min(axis=0), first[:, 3:].max(axis=0)
-    near = np.flatnonzero((second[:, :3] <= high).all(axis=1) & (second[:, 3:] >= low).all(axis=1))
-    near = near[np.argsort(second[near, 0], kind='stable')]
-    pairs = _sweep(first, second[near])
-    a, b = pairs[:, 0], near[pairs[:, 1]]
-    order = np.lexsort((b, a))
-    return a[order], b[order]
+    second = np.ascontiguousarray(second)
+    pairs = _search(first, second, _in_hull(first, second))
+    order = np.argsort(pairs[:, 0] * len(second) + pairs[:, 1])
+    return pairs[order, 0], pairs[order, 1]
 
 
 @njit(cache=True)
-def _sweep(first, second):
-    """Test every box against those, sorted by their least x, that can reach it."""
+def _in_hull(first, second):
+    """List the boxes of the second that overlap the hull of all of the first."""
+    hull = first[0].copy()
+    for a in range(1, len(first)):
+        for c in range(3):
+            hull[c] = min(hull[c], first[a, c])
+            hull[3 + c] = max(hull[3 + c], first[a, 3 + c])
+    found = np.zeros(len(second), np.bool_)
+    for b in range(len(second)):
+        found[b] = (second[b, 0] <= hull[3] and second[b, 3] >= hull[0]
+                    and second[b, 1] <= hull[4] and second[b, 4] >= hull[1]
+                    and second[b, 2] <= hull[5] and second[b, 5] >= hull[2])
+    return np.flatnonzero(found)
+
+
+@njit(cache=True)
+def _search(first, second, near):
+    """Sort boxes into cells by their lower corners, and test each of the others in its cells."""
     pairs = np.empty((64, 2), np.int64)
     found = 0
-    width = 0.0
-    for b in range(len(second)):
-        width = max(width, second[b, 3] - second[b, 0])
-    least = second[:, 0].copy()
+    if not len(near):
+        return pairs[:0]
+    low, high, width = np.full(2, np.inf), np.full(2, -np.inf), np.zeros(2)
+    for b in near:
+        for c in range(2):
+            low[c] = min(low[c], second[b, c])
+            high[c] = max(high[c], second[b, c])
+            width[c] = max(width[c], second[b, 3 + c] - second[b, c])
+    cells = min(int(math.sqrt(len(near))) + 1, _CELLS)
+    edge = np.maximum((high - low) / cells, 1e-9)
+    start, member = _sorted_into_cells(second, near, low, edge, cells)
     for a in range(len(first)):
-        for b in range(np.searchsorted(least, first[a, 0] - width), len(second)):
-            if second[b, 0] > first[a, 3]:
-                break
-            if (second[b, 3] >= first[a, 0]
-                    and second[b, 1] <= first[a, 4] and second[b, 4] >= first[a, 1]
-                    and second[b, 2] <= first[a, 5] and second[b, 5] >= first[a, 2]):
-                if found == len(pairs):
-                    more = np.empty((2 * found, 2), np.int64)
-                    more[:found] = pairs
-                    pairs = more
-                pairs[found, 0], pairs[found, 1] = a, b
-                found += 1
+        x0, x1 = _span(first[a, 0] - width[0], first[a, 3], low[0], edge[0], cells)
+        y0, y1 = _span(first[a, 1] - width[1], first[a, 4], low[1], edge[1], cells)
+        for x in range(x0, x1 + 1):
+            for k in range(start[x * cells + y0], start[x * cells + y1 + 1]):
+                b = member[k]
+                if (second[b, 0] <= first[a, 3] and second[b, 3] >= first[a, 0]
+                        and second[b, 1] <= first[a, 4] and second[b, 4] >= first[a, 1]
+                        and second[b, 2] <= first[a, 5] and second[b, 5] >= first[a, 2]):
+                    if found == len(pairs):
+                        more = np.empty((2 * found, 2), np.int64)
+                        more[:found] = pairs
+                        pairs = more
+                    pairs[found, 0], pairs[found, 1] = a, b
+                    found += 1
     return pairs[:found]
+
+
+@njit(cache=True)
+def _span(lower, upper, low, edge, cells):
+    """Give the first and last cell along an axis that hold what begins between two values."""
+    first = min(max(int(math.floor((lower - low) / edge)), 0), cells)
+    last = min(max(int(math.floor((upper - low) / edge)), -1), cells - 1)
+    return min(first, cells - 1), last
+
+
+@njit(cache=True)
+def _sorted_into_cells(second, near, low, edge, cells):
+    """Give where the members of each cell begin, row of cells by row, and the members."""
+    key = np.empty(len(near), np.int64)
+    start = np.zeros(cells * cells + 1, np.int64)
+    for n in range(len(near)):
+        x = min(int((second[near[n], 0] - low[0]) / edge[0]), cells - 1)
+        y = min(int((second[near[n], 1] - low[1]) / edge[1]), cells - 1)
+        key[n] = x * cells + y
+        start[key[n] + 1] += 1
+    for k in range(1, len(start)):
+        start[k] += start[k - 1]
+    member, fill = np.empty(len(near), np.int64), start[:-1].copy()
+    for n in range(len(near)):
+        member[fill[key[n]]] = near[n]
+        fill[key[n]] += 1
+    return start, member

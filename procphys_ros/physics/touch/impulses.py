@@ -22,6 +22,7 @@ inside the cone of friction. Trees answer with the response matrices that their 
 rigid bodies with mass and inertia, all else not at all.
 """
 
+import math
 from typing import NamedTuple
 
 from numba import njit
@@ -73,73 +74,95 @@ def resolve(normal, least, friction, partners, velocity, first, place, count, re
     fastest = 0.0
     for c in range(len(normal)):
         _prepare(c, normal[c], partners, first, place, count, response, yielding, sliding)
-        fastest = max(fastest, least[c] - (normal[c] * _slip(c, partners, velocity)).sum())
+        fastest = max(fastest, least[c] - _along(normal, c, _slip(c, partners, velocity)))
     enough = max(_CONVERGED, _TURN * fastest)
     for _ in range(_ITERATIONS):
         worst = 0.0
         for c in range(len(normal)):
-            n = normal[c]
-            slip = _slip(c, partners, velocity)
-            before = (total[c] * n).sum()
-            push = max(0.0, before + (least[c] - (slip * n).sum()) / yielding[c])
-            worst = max(worst, abs(push - before) * yielding[c])
-            _exert(c, (push - before) * n, total, partners, velocity, first, place, count,
-                   response)
-            if push == 0.0 and before == 0.0:
+            x, y, z = _correct(c, normal, least[c], friction[c], yielding[c], sliding[c], total,
+                               _slip(c, partners, velocity))
+            if x == 0.0 and y == 0.0 and z == 0.0:
                 continue
-            slip = _slip(c, partners, velocity)
-            tangent = total[c] - push * n
-            wanted = tangent - (slip - (slip * n).sum() * n) / sliding[c]
-            size = np.sqrt((wanted ** 2).sum())
-            if size > friction[c] * push:
-                wanted = wanted * (friction[c] * push / size)
-            worst = max(worst, np.sqrt(((wanted - tangent) ** 2).sum()) * sliding[c])
-            _exert(c, wanted - tangent, total, partners, velocity, first, place, count, response)
+            worst = max(worst, math.sqrt(x * x + y * y + z * z)
+                        * max(yielding[c], sliding[c]))
+            total[c, 0] += x
+            total[c, 1] += y
+            total[c, 2] += z
+            _exert(c, x, y, z, partners, velocity, first, place, count, response)
         if worst < enough:
             break
     return total
 
 
 @njit(cache=True)
+def _correct(c, normal, least, friction, yielding, sliding, total, slip):
+    """Give the change of an impulse that corrects its contact, within the cone of friction."""
+    nx, ny, nz = normal[c, 0], normal[c, 1], normal[c, 2]
+    before = _along(normal, c, (total[c, 0], total[c, 1], total[c, 2]))
+    closing = _along(normal, c, slip)
+    push = max(0.0, before + (least - closing) / yielding)
+    if push == 0.0:
+        return -total[c, 0], -total[c, 1], -total[c, 2]
+    x = total[c, 0] - before * nx - (slip[0] - closing * nx) / sliding
+    y = total[c, 1] - before * ny - (slip[1] - closing * ny) / sliding
+    z = total[c, 2] - before * nz - (slip[2] - closing * nz) / sliding
+    size = math.sqrt(x * x + y * y + z * z)
+    share = friction * push / size if size > friction * push else 1.0
+    return (share * x + push * nx - total[c, 0], share * y + push * ny - total[c, 1],
+            share * z + push * nz - total[c, 2])
+
+
+@njit(cache=True)
+def _along(normal, c, v):
+    return normal[c, 0] * v[0] + normal[c, 1] * v[1] + normal[c, 2] * v[2]
+
+
+@njit(cache=True)
 def _slip(c, partners, velocity):
     """Give the velocity of the tree relative to its partner at contact c."""
-    slip = velocity[partners.end[c]].copy()
-    if partners.other[c] >= 0:
-        slip -= velocity[partners.other[c]]
-    if partners.body[c] >= 0:
-        v, r = partners.motion[partners.body[c]], partners.arm[c]
-        slip[0] -= v[0] + v[4] * r[2] - v[5] * r[1]
-        slip[1] -= v[1] + v[5] * r[0] - v[3] * r[2]
-        slip[2] -= v[2] + v[3] * r[1] - v[4] * r[0]
-    return slip
+    end, other, b = partners.end[c], partners.other[c], partners.body[c]
+    x, y, z = velocity[end, 0], velocity[end, 1], velocity[end, 2]
+    if other >= 0:
+        x -= velocity[other, 0]
+        y -= velocity[other, 1]
+        z -= velocity[other, 2]
+    if b >= 0:
+        v, arm = partners.motion, partners.arm
+        x -= v[b, 0] + v[b, 4] * arm[c, 2] - v[b, 5] * arm[c, 1]
+        y -= v[b, 1] + v[b, 5] * arm[c, 0] - v[b, 3] * arm[c, 2]
+        z -= v[b, 2] + v[b, 3] * arm[c, 1] - v[b, 4] * arm[c, 0]
+    return x, y, z
 
 
 @njit(cache=True)
-def _exert(c, impulse, total, partners, velocity, first, place, count, response):
+def _exert(c, x, y, z, partners, velocity, first, place, count, response):
     """Let contact c push its partners apart."""
-    total[c] += impulse
-    _move(partners.end[c], impulse, velocity, first, place, count, response)
-    if partners.other[c] >= 0:
-        _move(partners.other[c], -impulse, velocity, first, place, count, response)
-    b = partners.body[c]
+    other, b = partners.other[c], partners.body[c]
+    _move(partners.end[c], x, y, z, velocity, first, place, count, response)
+    if other >= 0:
+        _move(other, -x, -y, -z, velocity, first, place, count, response)
     if b >= 0 and partners.inverse_mass[b] > 0.0:
-        v, r = partners.motion[b], partners.arm[c]
-        v[:3] -= partners.inverse_mass[b] * impulse
-        turn = np.array([r[1] * impulse[2] - r[2] * impulse[1],
-                         r[2] * impulse[0] - r[0] * impulse[2],
-                         r[0] * impulse[1] - r[1] * impulse[0]])
-        v[3:] -= partners.inverse_inertia[b] @ turn
+        v, arm, spin = partners.motion, partners.arm, partners.inverse_inertia
+        v[b, 0] -= partners.inverse_mass[b] * x
+        v[b, 1] -= partners.inverse_mass[b] * y
+        v[b, 2] -= partners.inverse_mass[b] * z
+        tx = arm[c, 1] * z - arm[c, 2] * y
+        ty = arm[c, 2] * x - arm[c, 0] * z
+        tz = arm[c, 0] * y - arm[c, 1] * x
+        for i in range(3):
+            v[b, 3 + i] -= spin[b, i, 0] * tx + spin[b, i, 1] * ty + spin[b, i, 2] * tz
 
 
 @njit(cache=True)
-def _move(end, impulse, velocity, first, place, count, response):
+def _move(end, x, y, z, velocity, first, place, count, response):
     """Let all points on the tree of an end answer to an impulse there."""
-    start = end - place[end]
-    x, y, z = impulse[0], impulse[1], impulse[2]
-    for p in range(count[end]):
-        w = response[first[end] + p * count[end] + place[end]]
+    start, n = end - place[end], count[end]
+    row = first[end] + place[end]
+    for p in range(n):
+        k = row + p * n
         for i in range(3):
-            velocity[start + p, i] += w[i, 0] * x + w[i, 1] * y + w[i, 2] * z
+            velocity[start + p, i] += (response[k, i, 0] * x + response[k, i, 1] * y
+                                       + response[k, i, 2] * z)
 
 
 @njit(cache=True)
