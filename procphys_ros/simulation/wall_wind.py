@@ -35,6 +35,10 @@ class WallWind:
     """
     Presses the wind on the outsides of buildings.
 
+    Each building feels the air at its top as a whole (EN 1991-1-4, 7.2.2: the reference height of
+    walls no higher than wide; it overrates the lower storeys of towers). Eddies smaller than a
+    building press on parts of it at different times, which codes leave out as well.
+
     :param blueprint: all parts of the scene.
     :param buildings: what stands.
     :param loads: on what stands.
@@ -44,17 +48,13 @@ class WallWind:
         self._blueprint = blueprint
         self._buildings = buildings
         self._loads = loads
-        members = buildings.standing & (blueprint.shape == Shape.BOX)
-        top = blueprint.poses[members, :3]
-        middle = 0.5 * (top.min(axis=0) + top.max(axis=0)) if len(top) else np.zeros(3)
-        self._gauge = np.array([[*middle[:2], top[:, 2].max(initial=0.0)]])
         self.begin()
 
     def begin(self) -> None:
         """Forget what the wind did."""
         self._next_look = 0.0
-        self._applied = np.zeros(3)
         self._parts = np.zeros(0, np.intp)
+        self._tops = self._applied = np.zeros((0, 3))
 
     def advance(self, wind: Wind, time: float) -> None:
         """
@@ -66,29 +66,42 @@ class WallWind:
         if time < self._next_look - 1e-9 or not self._buildings.standing.any():
             return
         self._next_look = time + _INTERVAL
-        air = wind.velocity(self._gauge, time)[0] if wind.enabled else np.zeros(3)
+        lost = self._has_lost_parts()
+        if lost:
+            self._survey()
+        air = wind.velocity(self._tops, time)
         now, before = _pressure(air), _pressure(self._applied)
-        if now < _BREEZE:
-            if before:
-                self._applied = np.zeros(3)
+        if now.max(initial=0.0) < _BREEZE:
+            if before.any():
+                self._applied = np.zeros_like(air)
                 self._loads.take_off(_LAYER)
             return
-        turned = np.linalg.norm(air - self._applied) * np.linalg.norm(air) * AIR_DENSITY
-        if turned > _CHANGE * max(before, _BREEZE) or self._has_lost_parts():
+        turned = AIR_DENSITY * np.sqrt(((air - self._applied) ** 2).sum(axis=1) * 2.0 * now
+                                       / AIR_DENSITY)
+        if lost or np.any(turned > _CHANGE * np.maximum(before, _BREEZE)):
             self._applied = air
-            self._press(wind, time)
+            self._press()
 
-    def _press(self, wind: Wind, time: float) -> None:
+    def _survey(self) -> None:
+        """Find the outsides of what stands, and the top of each building."""
         source = self._blueprint
-        if self._has_lost_parts():
-            self._parts = np.flatnonzero(self._buildings.standing
-                                         & (source.shape == Shape.BOX))
-            self._exposed = exposed_faces(source.poses[self._parts], source.size[self._parts])
+        self._parts = np.flatnonzero(self._buildings.standing & (source.shape == Shape.BOX))
+        poses = source.poses[self._parts]
+        self._exposed = exposed_faces(poses, source.size[self._parts])
+        _, self._owner = np.unique(self._buildings.solver.labels[self._parts],
+                                   return_inverse=True)
+        count = np.bincount(self._owner)
+        self._tops = np.column_stack([np.bincount(self._owner, poses[:, axis]) / count
+                                      for axis in range(3)])
+        np.maximum.at(self._tops[:, 2], self._owner, poses[:, 2])
+        self._applied = np.zeros_like(self._tops)
+
+    def _press(self) -> None:
+        source = self._blueprint
         chosen = self._exposed.any(axis=1) & self._buildings.standing[self._parts]
         parts = self._parts[chosen]
-        poses = source.poses[parts]
-        force, moment = wall_forces(poses, source.size[parts], self._exposed[chosen],
-                                    wind.velocity(poses[:, :3], time))
+        force, moment = wall_forces(source.poses[parts], source.size[parts],
+                                    self._exposed[chosen], self._applied[self._owner[chosen]])
         self._loads.put(_LAYER, parts, np.hstack([force, moment]))
 
     def _has_lost_parts(self) -> bool:
@@ -96,5 +109,5 @@ class WallWind:
         return not len(self._parts) or bool(count < (1.0 - _GONE) * len(self._parts))
 
 
-def _pressure(air: np.ndarray) -> float:
-    return float(0.5 * AIR_DENSITY * (air @ air))
+def _pressure(air: np.ndarray) -> np.ndarray:
+    return 0.5 * AIR_DENSITY * np.einsum('ki,ki->k', air, air)

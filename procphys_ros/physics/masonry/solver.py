@@ -22,6 +22,7 @@ import numpy as np
 from procphys_ros.physics.masonry import components, links, pcg, strength
 from procphys_ros.physics.masonry.coarse import CoarseSpace
 from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.superposition import Superposition
 
 _AGGREGATE = 12      # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
@@ -67,6 +68,7 @@ class StressSolver:
         self._weight[:-1, :3] = graph.mass[:, None] * np.asarray(gravity, float)
         self._search = np.zeros((3, count + 1, 6))  # z, p, q of the conjugate gradients
         self._blocks = np.empty((count, 6, 6))
+        self._past = Superposition()
         self.state = 0
         self.reset()
 
@@ -83,6 +85,7 @@ class StressSolver:
         self.state += 1
         self._bonds_changed(np.arange(graph.count))
         self._relabel()
+        self._past.forget(self.labels)
         self._refresh()
 
     def set_loads(self, force: np.ndarray, moment: np.ndarray | None = None) -> None:
@@ -98,14 +101,13 @@ class StressSolver:
             new[:-1, 3:] = moment
         if not np.all(np.isfinite(new)):
             raise ValueError('loads must be finite')
-        self._add_loads(new - self._given)
-        self._given = new
-
-    def _add_loads(self, change: np.ndarray) -> None:
+        change = new - self._given
         change[:-1][~self.supported] = 0.0
         if np.any(change[:-1]):
-            self._residual += change
+            self._past.guess(self.displacement, self._residual, change)
             self._stale_view = True
+            self.state += 1
+        self._given = new
 
     def cut(self, bonds: np.ndarray, dynamic_factor: float = 1.0) -> None:
         """
@@ -158,7 +160,10 @@ class StressSolver:
         :param share: how much of it goes, 1 all; 1 - exp(-dt/T) for a decay with time constant T.
         """
         if np.any(self._sudden):
-            self._add_loads(-share * self._sudden)
+            change = -share * self._sudden
+            self._residual += change
+            self._past.shift(change)
+            self._stale_view = True
             self._sudden *= 1.0 - share
 
     @property
@@ -173,6 +178,7 @@ class StressSolver:
         self._coarse_fresh = False
         self._stale_view = True
         self._patience = 0
+        self._past.forget(self.labels)
         self.state += 1
 
     def _bonds_changed(self, parts: np.ndarray) -> None:
