@@ -32,7 +32,6 @@ from procphys_ros.simulation.standing_loads import StandingLoads
 CONTACT = 2e-3     # [s] contact of hard bodies on masonry: Hertz gives less, crushing more
 WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick wall, T about 60 ms:
 #                    a blow much shorter than T stresses a wall as the steady force rate·impulse
-_LAYER = 'blows'
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,6 @@ class Blows:
         """Start anew in a world that has just been built."""
         self._world = world
         self._debris = debris
-        self._pressed: list[tuple[np.ndarray, np.ndarray]] = []
 
     def resistance(self, parts: np.ndarray, direction: np.ndarray) -> Resistance:
         """
@@ -146,9 +144,7 @@ class Blows:
         """
         wrenches = np.zeros((len(parts), 6))
         wrenches[:, :3] = rate * impulses
-        self._pressed.append((np.asarray(parts, np.intp), wrenches))
-        self._loads.put(_LAYER, np.concatenate([p for p, _ in self._pressed]),
-                        np.concatenate([w for _, w in self._pressed]))
+        self._loads.strike(parts, wrenches)
 
     def press_around(self, bonds: np.ndarray, parts: np.ndarray, impulse: np.ndarray) -> None:
         """
@@ -166,9 +162,8 @@ class Blows:
 
     def judged(self, collapse: Collapse) -> None:
         """End all blows once the stresses that they caused are known, and what they broke."""
-        if self._pressed and (len(collapse.bond) or self.buildings.stable):
-            self._pressed.clear()
-            self._loads.take_off(_LAYER)
+        if len(collapse.bond) or self.buildings.stable:
+            self._loads.judged()
 
     def strike(self, part: int, linear: np.ndarray, angular: np.ndarray, time: float) -> bool:
         """

@@ -134,20 +134,24 @@ class Contact:
         :param time: [s].
         :param time_step: [s].
         """
-        self.touches = _nothing()
+        self.touches = self._meet_all(time, time_step)
+        self._leaning.press(self.touches.part, self.touches.impulse, time_step)
+
+    def _meet_all(self, time: float, time_step: float) -> Touches:
+        """Solve for the impulses, and exert them."""
         if not self._forest.active.any():
-            return
+            return _nothing()
         for _ in range(_ROUNDS):
             close = self._close(time_step)
             if not len(close.row):
-                return
+                return _nothing()
             touches, change, bodies = self._solve(close, time_step)
             if not self._give_way(touches, time, time_step):
                 break
         pushed = touches.impulse.any(axis=1)
-        self.touches = Touches(*(column[pushed] for column in vars(touches).values()))
-        self._apply(self.touches, change, bodies)
-        self._leaning.press(self.touches.part, self.touches.impulse, time_step)
+        touches = Touches(*(column[pushed] for column in vars(touches).values()))
+        self._apply(touches, change, bodies)
+        return touches
 
     def _apply(self, touches: Touches, change: np.ndarray, bodies: np.ndarray) -> None:
         forest, world = self._forest, self._world

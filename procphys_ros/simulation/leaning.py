@@ -20,21 +20,33 @@ import numpy as np
 from procphys_ros.physics.trees import Forest
 from procphys_ros.simulation.blows import Blows, CONTACT
 from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.standing_loads import StandingLoads
 
-_HEAVY = 200.0  # [N] on one brick; lighter pushes, such as of twigs in the wind, load no wall
+_HEAVY = 200.0    # [N] on one brick; lighter pushes, such as of twigs in the wind, load no wall
+_SMOOTHING = 0.1  # [s] over which pushes count as a steady load, as for debris
+_CHANGE = 0.25    # of the largest load: smaller changes are not worth new stresses
+_LEAST = 1.0      # [N] below which a push is forgotten
+_LAYER = 'branches'
 
 
 class Leaning:
     """
     Hands the impulses of branches on bricks to the walls.
 
+    What a branch presses with over some time is a load that lasts as long as it does; what goes
+    far beyond that in one step is a blow.
+
     :param blows: on masonry.
+    :param loads: on what stands.
     :param forest: all trees.
     """
 
-    def __init__(self, blows: Blows, forest: Forest):
+    def __init__(self, blows: Blows, loads: StandingLoads, forest: Forest):
         self._blows = blows
+        self._loads = loads
         self._forest = forest
+        self._parts, self._mean = np.zeros(0, np.intp), np.zeros((0, 3))
+        self._given: dict[int, np.ndarray] = {}
 
     def tear_out(self, rows: np.ndarray, parts: np.ndarray, points: np.ndarray,
                  impulses: np.ndarray, time: float, time_step: float) -> bool:
@@ -71,12 +83,44 @@ class Leaning:
         return torn
 
     def press(self, parts: np.ndarray, impulses: np.ndarray, time_step: float) -> None:
-        """Load bricks that hold with what presses on them; arguments as for `tear_out`."""
+        """
+        Load bricks that hold with what presses on them; arguments as for `tear_out`.
+
+        Call it in every step, also when nothing touches.
+        """
         chosen, total = _per_part(parts, impulses)
-        heavy = np.linalg.norm(total, axis=1) > _HEAVY * time_step
-        heavy &= self._blows.buildings.standing[chosen]
-        if heavy.any():
-            self._blows.press(chosen[heavy], -total[heavy], 1.0 / time_step)
+        if not len(chosen) and not len(self._parts):
+            return
+        before = len(self._parts)
+        both, place = np.unique(np.concatenate([self._parts, chosen]), return_inverse=True)
+        mean, now = np.zeros((2, len(both), 3))
+        mean[place[:before]] = self._mean
+        now[place[before:]] = -total / time_step
+        beyond = now - mean
+        size = np.linalg.norm(beyond, axis=1)
+        struck = ((size > np.maximum(_HEAVY, np.linalg.norm(mean, axis=1)))
+                  & now.any(axis=1) & self._blows.buildings.standing[both])
+        if struck.any():
+            self._blows.press(both[struck], beyond[struck] * time_step, 1.0 / time_step)
+        mean -= np.expm1(-time_step / _SMOOTHING) * beyond
+        felt = np.linalg.norm(mean, axis=1) > _LEAST
+        self._parts, self._mean = both[felt], mean[felt]
+        self._renew()
+
+    def _renew(self) -> None:
+        """Put the lasting loads on the walls, if they have changed."""
+        standing = self._blows.buildings.standing[self._parts]
+        heavy = standing & (np.linalg.norm(self._mean, axis=1) > _HEAVY)
+        now = dict(zip(self._parts[heavy].tolist(), self._mean[heavy]))
+        none = np.zeros(3)
+        change = max((np.linalg.norm(now.get(part, none) - self._given.get(part, none))
+                      for part in now.keys() | self._given.keys()), default=0.0)
+        largest = max((np.linalg.norm(force) for force in now.values()), default=0.0)
+        if change > max(_CHANGE * largest, 0.5 * _HEAVY):
+            self._given = now
+            wrenches = np.zeros((len(now), 6))
+            wrenches[:, :3] = self._mean[heavy]
+            self._loads.put(_LAYER, self._parts[heavy], wrenches)
 
 
 def _per_part(parts: np.ndarray, impulses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -163,8 +163,8 @@ class Simulation:
         self._bearing.begin(self._world, self._debris)
         self._impacts.begin(self._world, self._debris, self._bearing)
         self._boughs.begin()
-        self._contact.begin(self._world, Leaning(self._arsenal.blows, self._grove.forest),
-                            self.scene.settings.gravity)
+        leaning = Leaning(self._arsenal.blows, self._arsenal.loads, self._grove.forest)
+        self._contact.begin(self._world, leaning, self.scene.settings.gravity)
         self.intruder.begin(self._world, self._contact)
         self._crumble(self._buildings.settle())
         if self._dust is not None:

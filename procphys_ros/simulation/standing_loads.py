@@ -19,12 +19,20 @@ import numpy as np
 
 from procphys_ros.physics.masonry import StressSolver
 
+_TOGETHER = 0.1  # [s] loads that change within this act together: about two periods of a
+#                  storey-high wall, which has not answered to the first of them before
+
 
 class StandingLoads:
     """
     Sums what different sources put on standing parts and hands it to the stress solver.
 
-    Nothing reaches the solver while nothing changes, so that standing walls cost nothing.
+    Nothing reaches the solver while nothing changes, so that standing walls cost nothing. What
+    changes while it works on earlier loads waits until these have been judged: loads that never
+    stay the same, such as of moving rubble, would keep it from ever finding a stress.
+
+    Blows act until they have been judged once. Of blows that follow each other on one part only
+    the strongest counts, since a part feels them one after the other.
 
     :param solver: of the stresses in all buildings.
     """
@@ -32,7 +40,10 @@ class StandingLoads:
     def __init__(self, solver: StressSolver):
         self._solver = solver
         self._layers: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        self._changed = False
+        self._struck: list[tuple[np.ndarray, np.ndarray]] = []
+        self._waiting: np.ndarray | None = None
+        self._blows: np.ndarray | None = None
+        self.clear()
 
     def put(self, source: str, parts: np.ndarray, wrenches: np.ndarray) -> None:
         """
@@ -54,17 +65,61 @@ class StandingLoads:
         """End a layer, if there is one."""
         self._changed |= self._layers.pop(source, None) is not None
 
+    def strike(self, parts: np.ndarray, wrenches: np.ndarray) -> None:
+        """Let blows act until the stresses under them have been judged; arguments as of `put`."""
+        self._struck.append((np.asarray(parts, np.intp), np.asarray(wrenches, float)))
+
+    def judged(self) -> None:
+        """Take note that the loads handed over have broken what they break."""
+        self._open = True
+        if self._blows is not None:
+            self._blows = None
+            self._changed = True
+
     def clear(self) -> None:
-        """Forget all layers; the solver has been reset."""
+        """Forget all loads; the solver has been reset."""
         self._layers.clear()
         self._changed = False
+        self._open = True
+        self._opened = 0.0
+        self._struck.clear()
+        self._waiting = self._blows = None
 
-    def apply(self) -> None:
-        """Tell the solver when anything has changed; before it works on the stresses."""
-        if not self._changed:
+    def apply(self, time: float) -> None:
+        """
+        Tell the solver when anything has changed; once per step, before it works.
+
+        :param time: [s].
+        """
+        if self._struck:
+            self._waiting = _strongest(self._waiting, self._total(self._struck))
+            self._struck.clear()
+        if not self._changed and self._waiting is None:
             return
-        total = np.zeros((self._solver.graph.count, 6))
-        for parts, wrenches in self._layers.values():
-            np.add.at(total, parts, wrenches)
+        if self._open:
+            self._open, self._opened = False, time
+        elif time > self._opened + _TOGETHER:
+            return
+        if self._waiting is not None:
+            self._blows = _strongest(self._blows, self._waiting)
+            self._waiting = None
+        total = self._total(list(self._layers.values()))
+        if self._blows is not None:
+            total += self._blows
         self._solver.set_loads(total[:, :3], total[:, 3:])
         self._changed = False
+
+    def _total(self, loads: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Add up loads on each part, (N, 6)."""
+        total = np.zeros((self._solver.graph.count, 6))
+        for parts, wrenches in loads:
+            np.add.at(total, parts, wrenches)
+        return total
+
+
+def _strongest(blows: np.ndarray | None, others: np.ndarray) -> np.ndarray:
+    """Give the one with the larger force on each part, (N, 6)."""
+    if blows is None:
+        return others
+    harder = (others[:, :3] ** 2).sum(axis=1) > (blows[:, :3] ** 2).sum(axis=1)
+    return np.where(harder[:, None], others, blows)

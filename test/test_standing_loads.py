@@ -1,0 +1,78 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Loads on standing walls: what lasts, what strikes once, and what waits."""
+
+import numpy as np
+import pytest
+
+from procphys_ros.simulation.standing_loads import StandingLoads
+
+_DT = 1.0 / 60.0
+
+
+class Slow:
+    """Take loads as a stress solver does that is not done with them for a while."""
+
+    def __init__(self):
+        self.graph = self
+        self.count = 3
+        self.given: list[np.ndarray] = []
+
+    def set_loads(self, force: np.ndarray, moment: np.ndarray) -> None:
+        self.given.append(np.hstack([force, moment]))
+
+
+def push(force: float) -> np.ndarray:
+    """Give one wrench along z."""
+    return np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]])
+
+
+def test_loads_that_jitter_wait_until_earlier_ones_are_judged():
+    """Hand over what changes within a moment, then nothing before the judgement."""
+    solver = Slow()
+    loads = StandingLoads(solver)
+    for i in range(60):
+        loads.put('debris', np.array([1]), push(100.0 + i))
+        loads.apply(i * _DT)
+    assert 1 < len(solver.given) <= 7
+    loads.judged()
+    loads.apply(1.0)
+    assert solver.given[-1][1, 2] == 159.0
+    count = len(solver.given)
+    loads.judged()
+    loads.apply(1.0 + _DT)
+    assert len(solver.given) == count  # and nothing while nothing changes
+
+
+def test_blows_end_when_they_have_been_judged_and_those_in_between_are_kept():
+    """Judge each blow once, on top of what lasts; one after the other on a part do not add up."""
+    solver = Slow()
+    loads = StandingLoads(solver)
+    loads.put('wind', np.array([0, 1]), np.repeat(push(-5.0), 2, axis=0))
+    loads.strike(np.array([1]), push(1000.0))
+    loads.strike(np.array([1]), push(500.0))  # at the same time
+    loads.apply(0.0)
+    assert solver.given[-1][:, 2] == pytest.approx([-5.0, 1495.0, 0.0])
+    for i in range(30, 60):
+        loads.strike(np.array([2]), push(200.0 + i))
+        loads.apply(i * _DT)
+    assert len(solver.given) == 1
+    loads.judged()
+    loads.apply(1.0)
+    assert solver.given[-1][:, 2] == pytest.approx([-5.0, -5.0, 259.0])
+    loads.judged()
+    loads.apply(1.0 + _DT)
+    assert solver.given[-1][:, 2] == pytest.approx([-5.0, -5.0, 0.0])
