@@ -17,7 +17,8 @@
 Run the paper's sweep (section 4.3, figure 9) without any culling, published at 30 frames a second.
 
 50 to 250 trees in a turbulent wind, and offices of 2,000 to 15,196 bricks: standing in a storm,
-and while they come down; then 250 trees and 15,196 bricks together in a storm. Each frame is two
+and while they come down; then 250 trees and 15,196 bricks together, in a wind in which all stands and
+in one that breaks hundreds of branches. Each frame is two
 steps of 1/60 s and the bytes of `~/poses` and of `~/markers`, with moving leaves and dust, as for
 a node with a subscriber to each. Prints frames per second of work on one core, medians over
 blocks of one simulated second, and the worst block; at or above 30 is real time.
@@ -42,6 +43,7 @@ _TREES = (50, 100, 150, 200, 250)
 _OFFICES = (['bays=1', 'deep=1', 'storeys=1', 'module=2.8'],
             ['bays=3', 'deep=2', 'storeys=1'], [])
 _STORM = [25.0, 0.0, 0.0]  # [m/s] at 10 m, Beaufort 10
+_GALE = [20.0, 0.0, 0.0]  # [m/s] Beaufort 8, and gusts of 11: the most in which all trees stand
 _BREEZE = [12.0, 0.0, 0.0]  # [m/s]
 _TREE_SPACING = 10.0  # [m]
 # Frames per second as the paper's section 5.3 tells them; figure 9 prints no numbers.
@@ -125,7 +127,8 @@ def main() -> None:
         falling.demolish(Demolition())
         report(f'office {size + 1}, demolished', theirs, falling, seconds)
     both = {'office': {'grammar': 'office.wall', 'origin': [0.0, -60.0, 0.0]}, **trees(250)}
-    report('250 trees and office 3, 25 m/s', '', simulate(both, _STORM), seconds)
+    report('250 trees and office 3, standing in 20 m/s', '', simulate(both, _GALE), seconds)
+    report('250 trees and office 3, breaking in 25 m/s', '', simulate(both, _STORM), seconds)
 
 
 if __name__ == '__main__':
