@@ -17,11 +17,11 @@
 Run the paper's sweep (section 4.3, figure 9) without any culling, published at 30 frames a second.
 
 50 to 250 trees in a turbulent wind, and offices of 2,000 to 15,196 bricks: standing in a storm,
-and while they come down; then 250 trees and 15,196 bricks together, in a wind in which all stands and
-in one that breaks hundreds of branches. Each frame is two
-steps of 1/60 s and the bytes of `~/poses` and of `~/markers`, with moving leaves and dust, as for
-a node with a subscriber to each. Prints frames per second of work on one core, medians over
-blocks of one simulated second, and the worst block; at or above 30 is real time.
+and while they come down; then 250 trees and 15,196 bricks together, in a wind in which all stands
+and in one that breaks hundreds of branches. Each frame is two steps of 1/60 s and the bytes of
+`~/poses` and of `~/markers`, with moving leaves and dust, as for a node with a subscriber to each.
+Prints frames per second of work on one core, medians over blocks of one simulated second, and the
+worst block; at or above 30 is real time.
 Run: python bench/paper.py [seconds per scene]
 """
 
