@@ -20,8 +20,7 @@ from procphys_ros.physics.world.contacts import Contacts
 from procphys_ros.physics.world.merging import merge_boxes
 from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.population import solid_inertia
-from procphys_ros.physics.world.proxies import Hits, Proxies
 from procphys_ros.physics.world.world import World
 
-__all__ = ['axes_of', 'Bodies', 'Contacts', 'expand', 'Hits', 'merge_boxes', 'Pieces', 'Proxies',
-           'rigid_sum', 'RigidSum', 'solid_inertia', 'State', 'World']
+__all__ = ['axes_of', 'Bodies', 'Contacts', 'expand', 'merge_boxes', 'Pieces', 'rigid_sum',
+           'RigidSum', 'solid_inertia', 'State', 'World']

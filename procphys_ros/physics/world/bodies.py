@@ -26,10 +26,8 @@ class State(IntEnum):
     GROUND = 1    # the plane z = 0
     HELD = 2      # immovable until it is thawed by a command: a standing brick
     RESTING = 3   # debris that came to rest: immovable until it is hit or loses its support
-    PARKED = 4    # a proxy that is not in use: meets nothing
-    LOOSE = 5     # moves freely
-    DRIVEN = 6    # follows a prescribed motion and pushes what is in its way
-    PROXY = 7     # stands in for a piece of a tree
+    LOOSE = 4     # moves freely
+    DRIVEN = 5    # follows a prescribed motion and pushes what is in its way
 
 
 class Bodies:

@@ -29,7 +29,11 @@ import tempfile
 import weakref
 
 import numpy as np
-import pybullet
+
+from procphys_ros.physics.world.quiet import without_greeting
+
+with without_greeting('pybullet build time'):
+    import pybullet
 
 # Measured on piles of 500 bricks that fall 1.2 m: with these three the worst second runs twice as
 # fast as with PyBullet's ERP 0.08, warm starting 0.1 (and 10 iterations), everything comes to rest

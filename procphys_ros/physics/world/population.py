@@ -131,41 +131,6 @@ class Population(Registry):
         self._courses.enter(body, pose)
         return body
 
-    def add_proxy(self, size: np.ndarray, pose: np.ndarray) -> int:
-        """Add a capsule that stands in for a piece of a tree, see `proxies.Proxies`."""
-        body = self.add_projectile(Shape.CAPSULE, size, 1.0, pose, np.zeros(6), FRICTION, 0.0)
-        self.park(body)
-        return body
-
-    def set_proxy(self, body: int, pose: np.ndarray, velocity: np.ndarray, mass: float,
-                  inertia: float, time_step: float) -> None:
-        """
-        Set what loose bodies meet in the next step.
-
-        :param pose: (7,).
-        :param velocity: that it would have after the step if nothing met it, world, (6,).
-        :param mass: [kg].
-        :param inertia: about any axis [kg·m²].
-        :param time_step: of the next step [s].
-        """
-        bodies = self._bodies
-        self._engine.set_mass(body, mass, np.full(3, inertia))
-        if bodies.state[body] != State.PROXY:
-            self._engine.set_filter(body, *FILTERS[State.PROXY])
-        bodies.state[body], bodies.mass[body] = State.PROXY, mass
-        bodies.poses[body], bodies.velocities[body] = pose, velocity
-        self._engine.place(body, bodies.poses[body])
-        weightless = bodies.velocities[body].copy()
-        weightless[:3] -= self._gravity * time_step
-        self._engine.set_velocity(body, weightless)
-
-    def park(self, body: int) -> None:
-        """Take a proxy out of everything's way until it is set again."""
-        self._bodies.state[body] = State.PARKED
-        self._bodies.velocities[body] = 0.0
-        self._engine.hold(body)
-        self._engine.set_filter(body, *FILTERS[State.PARKED])
-
 
 def solid_inertia(shape: int, size: np.ndarray, mass: float) -> np.ndarray:
     """

@@ -31,20 +31,17 @@ FRICTION = 0.7  # dry brick on brick, broken mortar; also wood on earth
 
 # Who meets whom (collision groups and masks): two bodies meet when each one's mask has the
 # other's group. What is fixed never meets what is fixed, a driven body goes through it.
-#                 loose fixed proxy driven
-#   loose (1)       x     x     x     x
-#   fixed (2)       x     -     -     -      ground, held, resting
-#   proxy (4)       x     -     -     x
-#   driven (8)      x     -     x     -
-_LOOSE, _FIXED, _PROXY, _DRIVEN = 1, 2, 4, 8
+#                 loose fixed driven
+#   loose (1)       x     x     x
+#   fixed (2)       x     -     -      ground, held, resting
+#   driven (4)      x     -     -
+_LOOSE, _FIXED, _DRIVEN = 1, 2, 4
 FILTERS = {
-    State.LOOSE: (_LOOSE, _LOOSE | _FIXED | _PROXY | _DRIVEN),
+    State.LOOSE: (_LOOSE, _LOOSE | _FIXED | _DRIVEN),
     State.GROUND: (_FIXED, _LOOSE),
     State.HELD: (_FIXED, _LOOSE),
     State.RESTING: (_FIXED, _LOOSE),
-    State.PARKED: (_PROXY, 0),
-    State.PROXY: (_PROXY, _LOOSE | _DRIVEN),
-    State.DRIVEN: (_DRIVEN, _LOOSE | _PROXY),
+    State.DRIVEN: (_DRIVEN, _LOOSE),
 }
 
 

@@ -1,0 +1,59 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Quiet: a library that greets while it is imported must not."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import ctypes
+import os
+import sys
+import tempfile
+
+
+@contextmanager
+def without_greeting(beginning: str) -> Iterator[None]:
+    """
+    Keep lines off the standard error that begin with these words; all else gets through.
+
+    C buffers what it prints for itself, so its buffers are emptied before and after, by
+    `fflush(NULL)` (ISO C 7.21.5.2).
+
+    :param beginning: of the lines that are dropped.
+    """
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no standard error, so nobody reads a greeting
+        yield
+        return
+    _flush()
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), 2)
+        try:
+            yield
+        finally:
+            _flush()
+            os.dup2(kept, 2)
+            os.close(kept)
+            said.seek(0)
+            for line in said:
+                if not line.startswith(beginning.encode()):
+                    os.write(2, line)
+
+
+def _flush() -> None:
+    if sys.stderr is not None:
+        sys.stderr.flush()
+    ctypes.CDLL(None).fflush(None)
