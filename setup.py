@@ -55,6 +55,7 @@ setup(
     entry_points={
         'console_scripts': [
             'sim = procphys_ros.ros.sim:main',
+            'command = procphys_ros.ros.command:main',
             'render = procphys_ros.render.command:main',
         ],
     },

@@ -42,7 +42,7 @@ LAYERS = {
     'physics': 3, 'physics.wind': 3, 'physics.trees': 3, 'physics.masonry': 3,
     'physics.loads': 3, 'physics.dust': 3, 'physics.foliage': 3, 'physics.touch': 3,
     'physics.world': 4,
-    'scene': 5, 'simulation': 6, 'messages': 7, 'render': 8, 'ros': 9,
+    'scene': 5, 'simulation': 6, 'messages': 7, 'render': 8, 'command_line': 8, 'ros': 9,
 }
 # Who may know a library that the rest of the house must not depend on.
 ONLY_IN = {

@@ -1,0 +1,102 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What a scene holds, as `~/scene_description` tells it, and how to list it."""
+
+from collections import Counter
+from collections.abc import Iterator
+from fnmatch import fnmatchcase
+import json
+from typing import Any
+
+from procphys_ros.errors import CommandError, nearest_names
+
+_WILD = '*?['
+
+
+class Description:
+    """
+    Objects and parts of a scene.
+
+    :param text: JSON of `~/scene_description`.
+    """
+
+    def __init__(self, text: str):
+        self._content: dict[str, Any] = json.loads(text)
+        self._ranges = {o['name']: range(o['first'], o['first'] + o['count'])
+                        for o in self._content['objects']}
+
+    @property
+    def objects(self) -> list[str]:
+        """Name the objects."""
+        return list(self._ranges)
+
+    def parts(self, owner: str) -> list[str]:
+        """Name the parts of an object as `<object>/<kind>_<index>`; none when there is no such."""
+        return [self._content['parts']['name'][i] for i in self._ranges.get(owner, ())]
+
+    def overview(self) -> Iterator[str]:
+        """Give a line per object: its name, how many parts of which kinds, their mass."""
+        width = max((len(name) for name in self.objects), default=0)
+        kinds, masses = self._content['parts']['kind'], self._content['parts']['mass']
+        for name in self.objects:
+            rows = self._ranges[name]
+            counts = Counter(kinds[i] for i in rows)
+            total = sum(masses[i] for i in rows)
+            content = ', '.join(f'{count} {kind}' for kind, count in counts.most_common(5))
+            more = ', …' if len(counts) > 5 else ''
+            yield f'{name:{width}}  {len(rows):6d} parts  {_mass(total)}  {content}{more}'
+
+    def listing(self, pattern: str) -> Iterator[str]:
+        """
+        Give a line per part that a pattern names.
+
+        :param pattern: `oak_0`, `oak_*`, `house/pane`, `house/pane_3`, `house/12`, with wildcards.
+        :raises CommandError: when it names none; the message offers what there is.
+        """
+        owner, _, part = pattern.partition('/')
+        owners = [name for name in self.objects if fnmatchcase(name, owner)]
+        if not owners:
+            raise CommandError(f'there is no object "{owner}"'
+                               f'{nearest_names(owner, self.objects)}')
+        chosen = [i for name in owners for i in self._matching(name, part)]
+        if not chosen:
+            kinds = {self._content['parts']['kind'][i] for name in owners
+                     for i in self._ranges[name]}
+            raise CommandError(f'no part of {owners[0]} is called "{part}"; kinds are '
+                               f'{", ".join(sorted(kinds))}')
+        parts = self._content['parts']
+        width = max(len(parts['name'][i]) for i in chosen)
+        for i in chosen:
+            size = ' x '.join(f'{edge:.3g}' for edge in parts['size'][i])
+            yield (f'{parts["name"][i]:{width}}  {_mass(parts["mass"][i])}  '
+                   f'{parts["material"][i]}, {parts["shape"][i]} {size} m')
+
+    def _matching(self, owner: str, part: str) -> Iterator[int]:
+        """Find the parts of an object that a kind, a name, an index or wildcards mean."""
+        for local, i in enumerate(self._ranges.get(owner, ())):
+            name = self._content['parts']['name'][i].rpartition('/')[2]
+            kind = self._content['parts']['kind'][i]
+            if not part or part in (str(local), name, kind) or (
+                    any(c in part for c in _WILD) and fnmatchcase(name, part)):
+                yield i
+
+
+def _mass(kilograms: float) -> str:
+    if kilograms >= 1000.0:
+        return f'{kilograms / 1000.0:7.1f} t '
+    if kilograms >= 1.0:
+        return f'{kilograms:7.1f} kg'
+    return f'{1000.0 * kilograms:7.1f} g '

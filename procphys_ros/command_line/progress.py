@@ -1,0 +1,55 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""How a simulation goes on, in single lines."""
+
+from collections.abc import Mapping
+
+# As `~/breaks` numbers them.
+_CAUSES = ('force', 'twist', 'bending', 'tension', 'shear', 'compression', 'impact', 'blast',
+           'demolition')
+
+
+def status_line(message: str, values: Mapping[str, str]) -> str:
+    """
+    Say how a simulation does.
+
+    :param message: of its diagnostic status.
+    :param values: of that status.
+    """
+    stages = {name.removesuffix(' [ms/step]'): float(value) for name, value in values.items()
+              if name.endswith(' [ms/step]')}
+    line = (f't {float(values["simulation time [s]"]):8.2f} s   '
+            f'x{values["real-time factor"]}   {sum(stages.values()):5.1f} ms/step   '
+            f'{values["parts"]} parts, {values["awake bodies"]} awake, '
+            f'{values["bonds broken"]} bonds broken')
+    if message != 'running':
+        line += f'   {message}'
+    return line
+
+
+def break_line(row: Mapping[str, float]) -> str:
+    """
+    Say which bond broke.
+
+    :param row: of `~/breaks`.
+    """
+    cause = int(row['cause'])
+    name = _CAUSES[cause] if cause < len(_CAUSES) else str(cause)
+    one, other = ('the ground' if row[side] < 0 else f'part {int(row[side])}'
+                  for side in ('part_a', 'part_b'))
+    return (f'  broken: {one} from {other} by {name} at '
+            f'({row["x"]:.2f}, {row["y"]:.2f}, {row["z"]:.2f}), '
+            f'load {row["load"]:.2f} of strength')

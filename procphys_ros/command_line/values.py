@@ -1,0 +1,75 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Values of parameters, as people write and read them."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from procphys_ros.errors import CommandError
+
+_TRUTH = {'true': True, 'on': True, 'yes': True, 'false': False, 'off': False, 'no': False}
+
+
+def parse(words: Sequence[str], present: Any) -> Any:
+    """
+    Read a value in the type of the present one.
+
+    :param words: as typed; lists word by word.
+    :param present: value that it replaces; None = of any type.
+    :raises CommandError: when it cannot be such a value.
+    """
+    words = [word for text in words for word in text.strip('[]').replace(',', ' ').split()] \
+        if isinstance(present, list) else [' '.join(words)]
+    if isinstance(present, list):
+        texts = any(isinstance(value, str) for value in present)
+        values = [word if texts else _number(word) for word in words]
+        return [str(v) for v in values] if any(isinstance(v, str) for v in values) else values
+    text = words[0]
+    if isinstance(present, str):
+        return text
+    if isinstance(present, bool):
+        if text.lower() not in _TRUTH:
+            raise CommandError(f'"{text}" is neither true nor false')
+        return _TRUTH[text.lower()]
+    value = _number(text)
+    if isinstance(value, str) and present is not None:
+        raise CommandError(f'"{text}" is not a number')
+    return value
+
+
+def show(value: Any) -> str:
+    """Write a value as `parse` reads it."""
+    if value is None:
+        return '(not set)'
+    if isinstance(value, bool):
+        return 'true' if value else 'false'
+    if isinstance(value, float):
+        return f'{value:g}'
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, str):
+        lines = value.splitlines()
+        return value if len(lines) < 2 else f'{lines[0]} … ({len(lines)} lines)'
+    return '[' + ', '.join(show(v) for v in value) + ']'
+
+
+def _number(word: str) -> int | float | str:
+    for kind in (int, float):
+        try:
+            return kind(word)
+        except ValueError:
+            pass
+    return word

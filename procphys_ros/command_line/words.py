@@ -1,0 +1,187 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What people may say to a running simulation: words, numbers, and their help."""
+
+import argparse
+from collections.abc import Sequence
+import math
+import re
+
+from procphys_ros import __version__
+
+EXIT_CODES = """\
+exit codes: 0 done, 1 refused by the node (it says why), 2 words that make no sense,
+3 no node found"""
+_NUMBER = re.compile(r'-(\d+\.?\d*|\.\d+|inf|nan)([eE][+-]?\d+)?\Z')
+_EXAMPLES = """\
+examples:
+  command wind 12 0 0
+  command impulse oak_0/17 0 300 0
+  command explode 3 2 0.5 --charge 5
+  command launch --from 0 -20 2 --velocity 0 25 0 --mass 40
+  command list 'oak*'
+  command watch
+"""
+
+
+def read(words: Sequence[str] | None = None) -> argparse.Namespace:
+    """
+    Read the words behind the command's name; print help or an error and exit where they ask.
+
+    :param words: None = the process's own.
+    :returns: `verb`, and what belongs to it; `node` and `timeout` in any case.
+    :raises SystemExit: with code 0 for help, 2 for words that make no sense.
+    """
+    parser, _ = _grown()
+    said = parser.parse_args(words)
+    if said.verb == 'wind' and [type(w) for w in said.velocity] not in ([float] * 3, [bool]):
+        parser.error('wind takes three numbers [m/s], or "on", or "off"')
+    return said
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser for which every number is a value, however it is written, never an option."""
+
+    def __init__(self, **keywords):
+        super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter,
+                         allow_abbrev=False, **keywords)
+        self._negative_number_matcher = _NUMBER
+
+
+def verbs() -> list[str]:
+    """List the verbs in the order of the help."""
+    return list(_grown()[1])
+
+
+def options(verb: str) -> list[str]:
+    """List the options of a verb; those of the command itself when there is no such verb."""
+    parser, verb_parsers = _grown()
+    return sorted(set(re.findall(r'--[a-z]+', verb_parsers.get(verb, parser).format_usage())))
+
+
+def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
+    """Make the parser, and give it with those of its verbs."""
+    parser = _Parser(prog='command', description='Talk to a running simulation.',
+                     epilog=f'{_EXAMPLES}\n{EXIT_CODES}')
+    parser.add_argument('--version', action='version', version=f'procphys_ros {__version__}')
+    parser.add_argument('--node', default='/sim', metavar='NAME',
+                        help='the node to talk to (default %(default)s)')
+    parser.add_argument('--timeout', type=_positive, default=5.0, metavar='S',
+                        help='how long to look for it [s] (default %(default)s)')
+    group = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
+    _add_loads(group)
+    _add_time(group)
+    _add_looks(group)
+    return parser, group.choices
+
+
+def _add_loads(group) -> None:
+    """Add what moves and breaks things."""
+    wind = group.add_parser('wind', help='set the mean wind, or switch it on and off',
+                            description='Set the mean wind, the way it blows to [m/s], or say '
+                                        '"on" or "off".', epilog='example: command wind 12 0 0')
+    wind.add_argument('velocity', type=_wind, nargs='+', metavar='X Y Z|on|off')
+    gust = group.add_parser('gust', help='send one gust through the scene')
+    gust.add_argument('--amplitude', type=_number, metavar='M/S', help='change at its peak')
+    gust.add_argument('--duration', type=_positive, metavar='S')
+    _vector(gust, '--direction', 'where it blows to; along the wind if not given')
+    for verb, what, unit in (('impulse', 'strike a part once', 'N·s'),
+                             ('wrench', 'push a part until "clear"', 'N')):
+        part = group.add_parser(verb, help=what,
+                                description=f'{what.capitalize()}, at its centre of mass.',
+                                epilog=f'example: command {verb} oak_0/17 0 300 0')
+        part.add_argument('part', help='such as oak_0/17, oak_0/segment_17, or an index')
+        for axis in 'xyz':
+            part.add_argument(axis, type=_number, help=f'[{unit}]')
+        _vector(part, '--angular', f'about the axes [{unit[0]}·m{unit[1:]}]', (0.0, 0.0, 0.0))
+    group.add_parser('clear', help='end all lasting pushes')
+    explode = group.add_parser('explode', help='set off a charge',
+                               epilog='example: command explode 3 2 0.5 --charge 5')
+    for axis in 'xyz':
+        explode.add_argument(axis, type=_number, help='[m]')
+    explode.add_argument('--charge', type=_positive, metavar='KG', help='mass of TNT')
+    launch = group.add_parser('launch', help='throw a ball or a block', epilog=(
+        'What is not given is as in the last throw.\n'
+        'example: command launch --from 0 -20 2 --velocity 0 25 0 --mass 40'))
+    launch.add_argument('--shape', choices=('sphere', 'box'))
+    launch.add_argument('--size', type=_positive, nargs='+', metavar='M',
+                        help='diameter of a ball, or the three edges of a block [m]')
+    launch.add_argument('--mass', type=_positive, metavar='KG')
+    _vector(launch, '--from', 'where it starts [m]')
+    _vector(launch, '--velocity', 'how fast it starts [m/s]')
+    group.add_parser('demolish', help='start the timed charges of demolition.*')
+
+
+def _add_time(group) -> None:
+    """Add what concerns time and the scene."""
+    group.add_parser('pause', help='let simulated time stand still')
+    group.add_parser('resume', help='let it go on')
+    step = group.add_parser('step', help='one or more time steps, while paused')
+    step.add_argument('count', type=_count, nargs='?', default=1, metavar='N')
+    group.add_parser('reset', help='the same scene from the start')
+    group.add_parser('reload', help='build the scene anew from the present parameters')
+    get = group.add_parser('get', help='show parameters', epilog='example: command get wind.')
+    get.add_argument('name', nargs='?', default='', help='name, or how names begin; all if none')
+    put = group.add_parser('set', help='change a parameter',
+                           epilog='example: command set gust.duration 3')
+    put.add_argument('name')
+    put.add_argument('value', nargs='+', help='number, word, or the numbers of a list')
+
+
+def _add_looks(group) -> None:
+    """Add what shows things and changes none."""
+    listing = group.add_parser('list', help='objects, or the parts of some', epilog=(
+        "examples: command list    command list 'oak_*'    command list house/pane"))
+    listing.add_argument('pattern', nargs='?', default='', metavar='OBJECT[/PART]',
+                         help='name, with * and ? for anything; a part by kind or index')
+    watch = group.add_parser('watch', help='follow time, speed, wind and breaks until Ctrl-C')
+    watch.add_argument('--seconds', type=_positive, metavar='S', help='stop after so long')
+    completion = group.add_parser('completion', help='print what makes the TAB key work',
+                                  epilog='in ~/.bashrc: eval "$(command completion bash)", with '
+                                         'the path of this command')
+    completion.add_argument('shell', choices=('bash', 'zsh'))
+
+
+def _vector(parser: argparse.ArgumentParser, name: str, what: str, default=None) -> None:
+    parser.add_argument(name, type=_number, nargs=3, metavar=('X', 'Y', 'Z'), help=what,
+                        default=default, dest=name.strip('-') + ('_' if name == '--from' else ''))
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'"{text}" is not a number') from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f'"{text}" is not finite')
+    return value
+
+
+def _positive(text: str) -> float:
+    value = _number(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f'"{text}" is not above 0')
+    return value
+
+
+def _count(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f'"{text}" is not a number of steps')
+    return int(text)
+
+
+def _wind(text: str) -> float | bool:
+    return text == 'on' if text in ('on', 'off') else _number(text)

@@ -1,0 +1,193 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Executable `command`: what people say to a running simulation, one sentence per call."""
+
+import argparse
+from collections.abc import Callable, Sequence
+import os
+from pathlib import Path
+import signal
+import sys
+from typing import Any
+
+from procphys_ros.command_line import answers, Description, read, script
+from procphys_ros.command_line.completion import memory, remember
+from procphys_ros.command_line.values import parse, show
+from procphys_ros.errors import CommandError, nearest_names
+
+_DONE, _REFUSED, _NOT_FOUND = 0, 1, 3  # argparse itself ends with 2
+_SENT = 'sent; ~/wrench is a topic and gives no answer, "watch" shows rejections'
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """
+    Carry out one command line.
+
+    :param words: behind the command's name; None = the process's own.
+    :returns: exit code: 0 done, 1 refused, 2 words that make no sense, 3 no node found.
+    """
+    words = sys.argv[1:] if words is None else list(words)
+    if words[:1] == ['__complete']:
+        typed = words[1:]
+        node = typed[typed.index('--node') + 1] if '--node' in typed[:-1] else '/sim'
+        print(*answers(typed, memory(node)), sep='\n')
+        return _DONE
+    said = read(words)
+    if said.verb == 'completion':
+        program = os.environ.get('PROCPHYS_COMMAND') or str(Path(sys.argv[0]).resolve())
+        print(script(said.shell, program), end='')
+        return _DONE
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: sys.exit(_DONE if said.verb == 'watch' else 130))
+    return _talk(said)
+
+
+def _talk(said: argparse.Namespace) -> int:
+    """Find the node, speak, and print what it answers."""
+    # Late, because it takes half a second that help and completion need not wait for.
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from procphys_ros.ros.remote import NoNodeError, Remote
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    remote = None
+    try:
+        remote = Remote(said.node, said.timeout)
+        _VERBS[said.verb](remote, said)
+        return _DONE
+    except CommandError as error:
+        print(f'command: {error}', file=sys.stderr)
+        return _REFUSED
+    except NoNodeError as error:
+        print(f'command: {error}', file=sys.stderr)
+        return _NOT_FOUND
+    except BrokenPipeError:  # the reader of a pipe, such as head, has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return _DONE
+    finally:
+        if remote is not None:
+            remote.close()
+        rclpy.try_shutdown()
+
+
+def _wind(remote: Any, said: argparse.Namespace) -> None:
+    words = said.velocity
+    if len(words) == 1:
+        print(remote.switch('set_wind_enabled', words[0]))
+        return
+    remote.change({'wind.velocity': words})
+    print(f'wind {show(words)} m/s')
+
+
+def _with_parameters(service: str, prefix: str, *names: str) -> Callable:
+    """Set the parameters that were given, and call the service that reads them."""
+    def carry_out(remote: Any, said: argparse.Namespace) -> None:
+        given = {f'{prefix}.{name}': getattr(said, _ARGUMENTS.get(name, name)) for name in names}
+        given = {name: value for name, value in given.items() if value is not None}
+        if given:
+            remote.change(given)
+        print(remote.trigger(service))
+    return carry_out
+
+
+def _impulse(remote: Any, said: argparse.Namespace) -> None:
+    remote.change({'impulse.target': said.part, 'impulse.linear': [said.x, said.y, said.z],
+                'impulse.angular': list(said.angular)})
+    print(remote.trigger('apply_impulse'))
+
+
+def _wrench(remote: Any, said: argparse.Namespace) -> None:
+    description = _described(remote, said)
+    owner, _, part = said.part.partition('/')
+    if not said.part.isdigit():
+        next(description.listing(f'{owner}/{part}' if part else owner))
+    remote.push(said.part, (said.x, said.y, said.z), said.angular)
+    print(_SENT)
+
+
+def _explode(remote: Any, said: argparse.Namespace) -> None:
+    values: dict[str, Any] = {'explosion.position': [said.x, said.y, said.z]}
+    if said.charge is not None:
+        values['explosion.charge'] = said.charge
+    remote.change(values)
+    print(remote.trigger('explode'))
+
+
+def _step(remote: Any, said: argparse.Namespace) -> None:
+    for _ in range(said.count):
+        answer = remote.trigger('step_simulation')
+    print(answer)
+
+
+def _get(remote: Any, said: argparse.Namespace) -> None:
+    known = remote.parameters()
+    names = [name for name in known if name.startswith(said.name)]
+    if not names:
+        raise CommandError(f'there is no parameter "{said.name}"{nearest_names(said.name, known)}')
+    width = max(map(len, names))
+    for name, value in zip(names, remote.values(names)):
+        print(f'{name:{width}}  {show(value)}')
+
+
+def _set(remote: Any, said: argparse.Namespace) -> None:
+    known = remote.parameters()
+    if said.name not in known:
+        raise CommandError(f'there is no parameter "{said.name}"{nearest_names(said.name, known)}')
+    value = parse(said.value, remote.values([said.name])[0])
+    remote.change({said.name: value})
+    print(f'{said.name}  {show(value)}')
+
+
+def _list(remote: Any, said: argparse.Namespace) -> None:
+    description = _described(remote, said)
+    lines = description.listing(said.pattern) if said.pattern else description.overview()
+    for line in lines:
+        print(line)
+
+
+def _watch(remote: Any, said: argparse.Namespace) -> None:
+    from procphys_ros.ros.watching import watch
+    watch(remote, said.seconds, sys.stdout)
+
+
+def _described(remote: Any, said: argparse.Namespace) -> Description:
+    description = Description(remote.description())
+    remember(description, memory(said.node))
+    return description
+
+
+def _trigger(service: str) -> Callable:
+    return lambda remote, said: print(remote.trigger(service))
+
+
+def _switch(service: str, on: bool) -> Callable:
+    return lambda remote, said: print(remote.switch(service, on))
+
+
+_ARGUMENTS = {'position': 'from_'}
+_VERBS: dict[str, Callable] = {
+    'wind': _wind, 'impulse': _impulse, 'wrench': _wrench, 'explode': _explode, 'step': _step,
+    'gust': _with_parameters('gust', 'gust', 'amplitude', 'duration', 'direction'),
+    'launch': _with_parameters('launch_projectile', 'projectile', 'shape', 'size', 'mass',
+                               'position', 'velocity'),
+    'demolish': _trigger('demolish'), 'clear': _trigger('clear_wrenches'),
+    'pause': _switch('set_pause', True), 'resume': _switch('set_pause', False),
+    'reset': _trigger('reset_simulation'), 'reload': _trigger('reload_scene'),
+    'get': _get, 'set': _set, 'list': _list, 'watch': _watch,
+}
+
+if __name__ == '__main__':
+    sys.exit(main())

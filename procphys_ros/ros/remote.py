@@ -1,0 +1,213 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""A running `sim` node, seen from outside: its services, topics and parameters."""
+
+from collections.abc import Iterable, Sequence
+import os
+from time import monotonic
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import Vector3, WrenchStamped
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.task import Future
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+
+from procphys_ros.errors import CommandError
+from procphys_ros.ros import qos
+
+_TURN = 0.05  # [s] between looks at the clock
+_FIELDS = {ParameterType.PARAMETER_BOOL: 'bool_value',
+           ParameterType.PARAMETER_INTEGER: 'integer_value',
+           ParameterType.PARAMETER_DOUBLE: 'double_value',
+           ParameterType.PARAMETER_STRING: 'string_value',
+           ParameterType.PARAMETER_DOUBLE_ARRAY: 'double_array_value',
+           ParameterType.PARAMETER_INTEGER_ARRAY: 'integer_array_value',
+           ParameterType.PARAMETER_BOOL_ARRAY: 'bool_array_value',
+           ParameterType.PARAMETER_STRING_ARRAY: 'string_array_value'}
+
+
+class NoNodeError(Exception):
+    """No node of that name answers."""
+
+
+class Remote:
+    """
+    Talks to one node and waits for its answers.
+
+    :param name: of the node, absolute, such as /sim.
+    :param timeout: how long to look for it [s].
+    :param patience: how long to wait for an answer once it is found [s].
+    :raises NoNodeError: when it is not found; the message says which nodes are there.
+    """
+
+    def __init__(self, name: str, timeout: float, patience: float = 120.0):
+        self.name = '/' + name.strip('/')
+        self._patience = patience
+        self._node = rclpy.create_node(f'command_{os.getpid()}', start_parameter_services=False)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        end = monotonic() + timeout
+        client = self._node.create_client(Trigger, f'{self.name}/reset_simulation')
+        while not client.service_is_ready():
+            if monotonic() > end:
+                raise NoNodeError(self._who_is_there(timeout))
+            self._executor.spin_once(timeout_sec=_TURN)
+        self._node.destroy_client(client)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+    def trigger(self, service: str) -> str:
+        """
+        Call a service that takes nothing.
+
+        :param service: private name, such as 'gust'.
+        :returns: what the node says happened.
+        :raises CommandError: when it refuses, with its reason.
+        """
+        return self._answer(self._call(Trigger, service, Trigger.Request()))
+
+    def switch(self, service: str, on: bool) -> str:
+        """Call a service that switches something; else as `trigger`."""
+        return self._answer(self._call(SetBool, service, SetBool.Request(data=on)))
+
+    def change(self, values: dict[str, Any]) -> None:
+        """
+        Change parameters, all or none.
+
+        :param values: bool, int, float, str, or a sequence of numbers or of str, by name.
+        :raises CommandError: when the node refuses one, with its reason.
+        """
+        request = SetParametersAtomically.Request(
+            parameters=[Parameter(name=name, value=_to_message(value))
+                        for name, value in values.items()])
+        result = self._call(SetParametersAtomically, 'set_parameters_atomically', request).result
+        if not result.successful:
+            raise CommandError(result.reason)
+
+    def values(self, names: Sequence[str]) -> list[Any]:
+        """Read parameters; None for one that is not set."""
+        answer = self._call(GetParameters, 'get_parameters', GetParameters.Request(names=names))
+        return [_from_message(value) for value in answer.values]
+
+    def parameters(self) -> list[str]:
+        """Name all parameters."""
+        answer = self._call(ListParameters, 'list_parameters', ListParameters.Request())
+        return sorted(answer.result.names)
+
+    def push(self, part: str, force: Sequence[float], torque: Sequence[float]) -> None:
+        """
+        Let a lasting force act on a part.
+
+        :param part: name or index.
+        :param force: [N], world axes.
+        :param torque: [N·m].
+        :raises CommandError: when the node does not listen.
+        """
+        publisher = self._node.create_publisher(WrenchStamped, f'{self.name}/wrench', qos.COMMANDS)
+        self._spin_until(publisher.get_subscription_count, self._patience)
+        message = WrenchStamped()
+        message.header.frame_id = part
+        message.wrench.force = Vector3(**dict(zip('xyz', force)))
+        message.wrench.torque = Vector3(**dict(zip('xyz', torque)))
+        publisher.publish(message)
+        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=self._patience))
+
+    def description(self) -> str:
+        """Give the JSON of the scene that is simulated now."""
+        received: list[String] = []
+        subscription = self._node.create_subscription(
+            String, f'{self.name}/scene_description', received.append, qos.LATCHED)
+        self._spin_until(lambda: received, self._patience)
+        self._node.destroy_subscription(subscription)
+        return received[-1].data
+
+    def follow(self, statuses: list[DiagnosticArray], breaks: list[PointCloud2]) -> None:
+        """Append what arrives on /diagnostics and `~/breaks` while `spin` is called."""
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 5)
+        self._node.create_subscription(PointCloud2, f'{self.name}/breaks', breaks.append,
+                                       qos.ARRAYS)
+
+    def spin(self) -> None:
+        """Handle what arrives for a moment."""
+        self._executor.spin_once(timeout_sec=_TURN)
+
+    def _call(self, kind: type, service: str, request: Any) -> Any:
+        client = self._node.create_client(kind, f'{self.name}/{service}')
+        self._spin_until(client.service_is_ready, self._patience)
+        future: Future = client.call_async(request)
+        self._spin_until(future.done, self._patience)
+        self._node.destroy_client(client)
+        return future.result()
+
+    def _spin_until(self, done, patience: float) -> None:
+        end = monotonic() + patience
+        while not done():
+            if monotonic() > end:
+                raise NoNodeError(f'{self.name} has not answered for {patience:.0f} s')
+            self._executor.spin_once(timeout_sec=_TURN)
+
+    def _who_is_there(self, timeout: float) -> str:
+        mark = '/scene_description'
+        found = sorted({topic.removesuffix(mark)
+                        for topic, _ in self._node.get_topic_names_and_types()
+                        if topic.endswith(mark)})
+        domain = os.environ.get('ROS_DOMAIN_ID') or '0'
+        there = (f'there is {", ".join(found)} (say --node)' if found else
+                 'nor any other sim node; start one with "ros2 run procphys_ros sim"')
+        return f'no node {self.name} in ROS domain {domain} within {timeout:g} s, {there}'
+
+    @staticmethod
+    def _answer(response: Any) -> str:
+        if not response.success:
+            raise CommandError(response.message)
+        return response.message
+
+
+def _to_message(value: Any) -> ParameterValue:
+    """Write a value as the parameter that it looks like."""
+    if isinstance(value, bool):
+        kind = ParameterType.PARAMETER_BOOL
+    elif isinstance(value, int):
+        kind = ParameterType.PARAMETER_INTEGER
+    elif isinstance(value, float):
+        kind = ParameterType.PARAMETER_DOUBLE
+    elif isinstance(value, str):
+        kind = ParameterType.PARAMETER_STRING
+    elif _all_are(str, value):
+        kind = ParameterType.PARAMETER_STRING_ARRAY
+    else:
+        kind, value = ParameterType.PARAMETER_DOUBLE_ARRAY, [float(v) for v in value]
+    return ParameterValue(type=kind, **{_FIELDS[kind]: value})
+
+
+def _all_are(kind: type, values: Iterable) -> bool:
+    return all(isinstance(value, kind) for value in values)
+
+
+def _from_message(value: ParameterValue) -> Any:
+    if value.type not in _FIELDS:
+        return None
+    found = getattr(value, _FIELDS[value.type])
+    return found if isinstance(found, bool | int | float | str) else list(found)

@@ -1,0 +1,141 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The executable `command` in processes of its own, against a running node."""
+
+import os
+import signal
+import subprocess
+import sys
+from time import monotonic
+
+from node_process import NodeProcess, ROOT, SAPLING, SCENE
+import pytest
+
+
+@pytest.fixture(scope='module')
+def node(tmp_path_factory):
+    """Run one node for all tests; what they change they name themselves."""
+    weak = SAPLING.replace('DampingRatio', 'Strength(1e6) DampingRatio')
+    scene = {**SCENE, 'post': {**SCENE['post'], 'grammar_text': weak}}
+    process = NodeProcess(tmp_path_factory.mktemp('node'), scene)
+    process.wait_for_banner()
+    yield process
+    process.kill()
+
+
+@pytest.fixture(scope='module')
+def say(tmp_path_factory):
+    """Give a function that runs one command line: exit code, output, errors."""
+    cache = tmp_path_factory.mktemp('cache')
+
+    def run(words, **options):
+        done = subprocess.run(
+            [sys.executable, '-m', 'procphys_ros.ros.command', *words.split()], cwd=ROOT,
+            env={**os.environ, 'XDG_CACHE_HOME': str(cache)}, capture_output=True, text=True,
+            timeout=120, check=False, **options)
+        assert 'Traceback' not in done.stderr
+        return done.returncode, done.stdout, done.stderr
+    return run
+
+
+@pytest.mark.parametrize('words, answer', [
+    ('wind 4 0 0', 'wind [4, 0, 0] m/s'),
+    ('wind off', 'wind off'),
+    ('impulse sapling_0/2 0 -3 0', 'on sapling_0/2'),
+    ('wrench sapling_1/segment_2 5 0 0', 'sent'),
+    ('clear', 'ended'),
+    ('explode 0 30 1 --charge 0.5', '0.5 kg TNT'),
+    ('launch --shape box --size 0.2 0.2 0.1 --mass 2 --from 40 0 3 --velocity 1 0 0', 'flies'),
+    ('gust --amplitude 3 --duration 2 --direction 1 0 0', 'gust of 3 m/s for 2 s'),
+    ('set gust.duration 4', 'gust.duration  4'),
+    ('list', 'sapling_2'),
+    ('list sapling_0/1', 'sapling_0/segment_1'),
+    ('get wind.vel', '[4, 0, 0]'),
+])
+def test_what_is_said_happens(node, say, words, answer):
+    """End with 0 and print what the node answered."""
+    code, out, err = say(words)
+    assert (code, err) == (0, '') and answer in out
+
+
+@pytest.mark.parametrize('words, reason', [
+    ('wind 500 0 0', 'from -150 to 150'),
+    ('impulse sapling_9/2 1 0 0', 'did you mean'),
+    ('wrench saplin_0/2 1 0 0', 'did you mean'),
+    ('wrench sapling_0/leaf_2 1 0 0', 'kinds are segment'),
+    ('demolish', ''),
+    ('step', 'pause'),
+    ('set gust.duratoin 3', 'did you mean gust.duration'),
+    ('set gust.duration long', 'not a number'),
+    ('set shard.count 2', ''),
+    ('list nothing', 'no object'),
+])
+def test_what_is_refused_ends_with_one(node, say, words, reason):
+    """Print the reason on the error stream, in one line, and nothing else."""
+    code, out, err = say(words)
+    assert code == 1 and not out and reason in err
+    assert err.startswith('command: ') and err.count('\n') == 1
+
+
+def test_time_obeys(node, say):
+    """Pause, step, go on, reset and reload."""
+    assert say('pause')[:2][0] == 0
+    before = say('step')[1]
+    after = say('step 30')[1]
+    assert float(after.split()[-2]) - float(before.split()[-2]) == pytest.approx(0.5, abs=1e-3)
+    assert say('resume')[0] == 0
+    assert 'back at 0 s' in say('reset')[1]
+    assert '16 parts' in say('reload')[1]
+
+
+def test_tab_knows_the_scene_once_it_was_listed(node, say):
+    """Complete names of the running scene."""
+    say('list')
+    code, out, _ = say('__complete impulse sapling_2/')
+    assert code == 0 and 'sapling_2/segment_1' in out.split()
+
+
+def test_watch_tells_time_and_breaks_until_it_is_stopped(node, say):
+    """Print a status each second and a line for a bond that breaks; end with 0 on Ctrl-C."""
+    watch = subprocess.Popen(
+        [sys.executable, '-m', 'procphys_ros.ros.command', 'watch'], cwd=ROOT,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert 'ms/step' in watch.stdout.readline()
+        say('wrench post/3 3000 0 0')
+        end = monotonic() + 60.0
+        while 'broken: part' not in watch.stdout.readline():
+            assert monotonic() < end
+        watch.send_signal(signal.SIGINT)
+        _, errors = watch.communicate(timeout=30)
+        assert watch.returncode == 0 and 'Traceback' not in errors
+    finally:
+        watch.kill()
+
+
+def test_no_node_ends_with_three(node, say):
+    """Say where was looked and what is there."""
+    code, out, err = say('--node /elsewhere --timeout 0.5 reset')
+    assert code == 3 and not out
+    assert '/elsewhere' in err and os.environ['ROS_DOMAIN_ID'] in err and '/sim' in err
+
+
+def test_completion_and_help_need_no_node(say):
+    """Answer at once, without looking for a node."""
+    code, out, _ = say('completion bash')
+    assert code == 0 and '__complete' in out and 'complete -F' in out
+    assert say('--help')[0] == 0
+    assert say('impulse')[0] == 2
