@@ -105,7 +105,7 @@ def _with_parameters(service: str, prefix: str, *names: str) -> Callable:
 
 def _impulse(remote: Any, said: argparse.Namespace) -> None:
     remote.change({'impulse.target': said.part, 'impulse.linear': [said.x, said.y, said.z],
-                'impulse.angular': list(said.angular)})
+                   'impulse.angular': list(said.angular)})
     print(remote.trigger('apply_impulse'))
 
 
