@@ -227,6 +227,20 @@ class Blueprint:
         """Names of the parts inside their object, `<kind>_<index>`."""
         return [f'{self.kinds[kind]}_{i}' for i, kind in enumerate(self.kind)]
 
+    def solid_size(self, parts: np.ndarray) -> np.ndarray:
+        """
+        Give what parts are to others [m], (K, 3), as `size`.
+
+        Bones end before the joints, so that neighbours in a branch are free to bend. What hits
+        the branch must not find these gaps: here capsules reach from joint to joint.
+
+        :param parts: indices, (K,).
+        """
+        out = self.size[parts]
+        round_ = self.shape[parts] == Shape.CAPSULE
+        out[round_, 2] = np.maximum(out[round_, 2], self.visual_size[parts][round_, 2])
+        return out
+
     def placed(self, position: Sequence[float], yaw: float = 0.0) -> 'Blueprint':
         """
         Move the whole blueprint.

@@ -113,7 +113,7 @@ class Contact:
         self._grove = grove
         self._forest = grove.forest
         self._buildings = buildings
-        self._sizes = blueprint.size[self._forest.parts]
+        self._sizes = blueprint.solid_size(self._forest.parts)
 
     def begin(self, world: World, leaning: Leaning, gravity: float) -> None:
         """Start anew in a world that has just been built."""

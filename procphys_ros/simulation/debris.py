@@ -89,16 +89,17 @@ class Debris:
         parts, poses, velocities = np.asarray(parts)[order], poses[order], velocities[order]
         source = self._blueprint
         friction = FRICTION if source.shape[parts[0]] == Shape.BOX else _WOOD_FRICTION
+        sizes = source.solid_size(parts)
         if len(parts) == 1:
             part = int(parts[0])
             body = self._world.add_body(
-                source.shape[part], source.size[part], float(source.mass[part]), poses[0],
+                source.shape[part], sizes[0], float(source.mass[part]), poses[0],
                 velocities[0], source.inertia[part], friction)
             self._enter(body, parts, _SAME)
             return body
         total = rigid_sum(source.mass[parts], source.inertia[parts], poses, velocities)
         body = self._world.add_fragment(
-            source.shape[parts], source.size[parts], total.local_poses, total.mass,
+            source.shape[parts], sizes, total.local_poses, total.mass,
             total.inertia, total.pose, total.velocity, friction=friction)
         self._enter(body, parts, total.local_poses)
         return body

@@ -101,7 +101,7 @@ class Striking:
         self._blueprint = blueprint
         self._grove = grove
         self._closed_sizes = blueprint.size + _JOINT
-        self._tree_sizes = blueprint.size[grove.forest.parts]
+        self._tree_sizes = blueprint.solid_size(grove.forest.parts)
         self._blows = blows
         self._panes = panes
 

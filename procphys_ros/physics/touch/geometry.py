@@ -26,8 +26,8 @@ from procphys_ros.blueprint import Shape
 _BOX = int(Shape.BOX)  # numba reads no enums
 _AHEAD = 1.5      # steps looked ahead: this one, and what joints lag behind in the next
 _NEAR = 0.004     # [m] gap below which things count as near, however slow
-_STRIDE = 0.5     # way between two looks as a share of the thickness of both
-_LOOKS = 16       # at most along the way of one step
+_STRIDE = 0.5     # least way between two looks as a share of the thickness of both
+_LOOKS = 64       # at most along the way of one step
 _SPAN = 0.15      # of its length: a segment that lies along something on more touches twice
 _SLANT = 0.05     # sine of the angle up to which things count as lying along each other
 _HALVINGS = 26    # finds the nearest point of an axis to 1e-8 of its length
@@ -80,12 +80,11 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
                 + math.sqrt((piece_velocities[p, 3:] ** 2).sum()) * 0.5 * piece_sizes[p].max())
         way = dt * (math.sqrt((slip ** 2).sum()) + spin)
         thick = 0.5 * _STRIDE * (sizes[i, 0] + piece_sizes[p].min())
-        looks = int(min(max(math.ceil(_AHEAD * way / thick), 1.0), _LOOKS))
         reach = _AHEAD * way + _NEAR
+        speed = math.sqrt((slip ** 2).sum())
         best = np.inf
-        late = 0.0
-        for look in range(looks + 1):
-            time = _AHEAD * dt * look / looks
+        late = time = 0.0
+        for look in range(_LOOKS):
             centre = poses[i, :3] + time * slip
             found, at, nx, ny, nz, bx, by, bz = _nearest(
                 centre, poses[i, 3:], sizes[i], -1.0, shapes[p], piece_poses[p], piece_sizes[p])
@@ -94,10 +93,12 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
             if found > 0.0 or look == 0:
                 best, t, late = found, at, time
                 x, y, z, qx, qy, qz = nx, ny, nz, bx, by, bz
-            if found <= 0.0 or looks == 1:
+            if found <= _NEAR or _AHEAD * way <= thick:
                 break
-            if look == looks and best > _NEAR:
+            time += max(found, thick) / max(speed, 1e-9)  # nothing is nearer than that
+            if time > _AHEAD * dt:
                 best = np.inf  # passes by
+                break
         if best == np.inf:
             continue
         past = late * (slip[0] * x + slip[1] * y + slip[2] * z)
@@ -114,6 +115,11 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
                     _note(count, nx, ny, nz, bx, by, bz, found, point, normal)
                     count += 1
                 continue
+            if high > low:  # on less it touches once, in the middle and not at one end
+                _, _, nx, ny, nz, bx, by, bz = _nearest(
+                    poses[i, :3], poses[i, 3:], sizes[i], 0.5 * (low + high), shapes[p],
+                    piece_poses[p], piece_sizes[p])
+                _note(count, nx, ny, nz, bx, by, bz, best, point, normal)
         count += 1
     return count
 

@@ -1,0 +1,237 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What meets trees, one sentence after the other: blows, roofs, heaps of trees, and rest."""
+
+from grown_trees import bush
+from masonry_walls import bonded
+import numpy as np
+import pytest
+
+from procphys_ros import rotation, skeleton
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.physics.world import rigid_sum
+from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
+
+_DT = 1.0 / 60.0
+_TURN = np.array([0.0, 0.0, 0.0, 1.0])
+_ALONG_Y = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
+_BRICK = np.array([0.065, 0.1025, 0.215])
+_EDGE = 0.5 * np.hypot(_BRICK[0], _BRICK[2])  # [m] from a brick's centre to its edge along y ...
+_ON_EDGE = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]),  # ... when it stands on that edge
+                                    np.arctan2(_BRICK[0], _BRICK[2]))
+_RADIUS = 0.04  # [m] of the bough
+
+
+def bough(strength: float = 5e8) -> Blueprint:
+    """Stand a post with a straight bough 2.5 m to one side, 2 m above the ground."""
+    nodes = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 2], *([0.5 * k, 0, 2] for k in range(1, 6))])
+    radii = np.concatenate([np.full(3, 0.12), np.full(5, _RADIUS)])
+    return skeleton.from_nodes(nodes, np.arange(8) - 1, radii, strength=strength,
+                               damping_ratio=0.1)
+
+
+def scene_of(*placed: tuple[Blueprint, tuple], gravity: float = 9.81) -> Simulation:
+    """Simulate blueprints where they are put, in still air."""
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'gravity': gravity})
+    for i, (blueprint, place) in enumerate(placed):
+        scene.add(blueprint, place, 0.0, f'thing_{i}')
+    return Simulation(scene)
+
+
+def falling(simulation: Simulation, kind: str, mass: float, speed: float) -> int:
+    """Put something right above the bough, 1.75 m from the post, on its way down."""
+    world, velocity = simulation._world, np.array([0.0, 0.0, -speed, 0.0, 0.0, 0.0])
+    over = np.array([1.75, 0.0, 2.0 + _RADIUS + 1e-6])
+    if kind == 'ball':
+        return world.add_body(Shape.CAPSULE, np.full(3, 0.1), mass,
+                              np.concatenate([over + [0, 0, 0.05], _TURN]), velocity)
+    if kind == 'brick':
+        return world.add_body(Shape.BOX, _BRICK, mass,
+                              np.concatenate([over + [0, 0, _EDGE], _ON_EDGE]), velocity)
+    if kind == 'branch':
+        return world.add_body(Shape.CAPSULE, np.array([0.06, 0.06, 1.2]), mass,
+                              np.concatenate([over + [0, 0, 0.03], _ALONG_Y]), velocity)
+    poses = np.array([[*over, *_ON_EDGE] for _ in range(3)])
+    poses[:, 1] += (-0.11, 0.0, 0.11)
+    poses[:, 2] += _EDGE
+    total = rigid_sum(np.full(3, mass / 3.0), np.full((3, 3), 0.004 * mass), poses)
+    return world.add_fragment(np.full(3, Shape.BOX), np.tile(_BRICK, (3, 1)), total.local_poses,
+                              total.mass, total.inertia, total.pose, velocity)
+
+
+@pytest.mark.parametrize('mass', [0.2, 3.0, 20.0])
+@pytest.mark.parametrize('kind', ['ball', 'brick', 'fragment', 'branch'])
+def test_whatever_hits_a_bough_is_stopped_by_the_mass_that_it_shows(kind, mass):
+    """Pass on m·v·M / (m + M), with M of the tree at this point, to 1 % on both sides."""
+    simulation = scene_of((bough(), (0.0, 0.0, 0.0)), gravity=0.0)
+    forest = simulation._grove.forest
+    body = falling(simulation, kind, mass, 5.0)
+    point = np.array([1.75, 0.0, 2.0 + _RADIUS])
+    row = int(np.argmin(np.linalg.norm(forest.poses[:, :3] - point, axis=1)))
+    shown = forest.effective_mass(row, point, (0.0, 0.0, 1.0))
+    before = simulation._world.bodies.velocities[body, 2]
+    simulation.step()
+    touches = simulation._contact.touches
+    assert (touches.row == row).all() and (touches.body == body).all()
+    push = -touches.impulse[:, 2].sum()
+    assert push == pytest.approx(mass * 5.0 * shown / (mass + shown), rel=0.01)
+    after = simulation._world.bodies.velocities[body, 2]
+    assert mass * (after - before) == pytest.approx(push, rel=0.01)
+
+
+@pytest.mark.parametrize('kind', ['ball', 'brick', 'fragment', 'branch'])
+def test_whatever_hits_a_bough_hard_breaks_it(kind):
+    """Break a bough of weak wood by a heavy blow, not by a light one."""
+    broken = []
+    for mass, speed in ((0.3, 2.0), (30.0, 12.0)):
+        simulation = scene_of((bough(strength=4e7), (0.0, 0.0, 0.0)))
+        falling(simulation, kind, mass, speed)
+        simulation.step(30)
+        broken.append(simulation.bonds_broken)
+    assert broken[0] == 0 and broken[1] > 0
+
+
+def test_a_projectile_breaks_a_bough():
+    """Launch a light and a heavy ball at it."""
+    broken = []
+    for mass, speed in ((0.2, 3.0), (30.0, 20.0)):
+        simulation = scene_of((bough(strength=4e7), (0.0, 0.0, 0.0)))
+        simulation.launch(Projectile(shape='sphere', size=0.15, mass=mass,
+                                     position=(1.75, -0.3, 2.0), velocity=(0.0, speed, 0.0)))
+        simulation.step(60)
+        assert simulation.impacts
+        broken.append(simulation.bonds_broken)
+    assert broken[0] == 0 and broken[1] > 0
+
+
+@pytest.mark.parametrize('height', [1.0, 1.5])
+@pytest.mark.parametrize('start', np.linspace(-1.0, -3.0, 5))
+def test_a_pebble_at_100_m_s_does_not_miss_a_twig(start, height):
+    """Strike 16 mm of wood, at a joint too, whatever the phase of the step, launched or loose."""
+    twig = skeleton.from_nodes(np.array([[0, 0, 0], [0, 0, 1.0], [0, 0, 2.0]]),
+                               np.array([-1, 0, 1]), np.array([0.008, 0.008, 0.008]))
+    size, mass = 0.05, 0.2
+    simulation = scene_of((twig, (0.0, 0.0, 0.0)))
+    simulation.launch(Projectile(shape='sphere', size=size, mass=mass,
+                                 position=(0.005, start, height), velocity=(0.0, 100.0, 0.0)))
+    simulation.step(5)
+    assert simulation.impacts
+    simulation = scene_of((twig, (0.0, 0.0, 0.0)))
+    pose = np.array([0.005, start, height, *_TURN])
+    body = simulation._world.add_projectile(Shape.CAPSULE, np.full(3, size), mass, pose,
+                                            np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0]))
+    given = 0.0
+    for _ in range(5):
+        simulation.step()
+        given -= simulation._contact.touches.impulse[:, 1].sum()
+    slower = 100.0 - simulation._world.bodies.velocities[body, 1]
+    assert -given > 0.1 and mass * slower == pytest.approx(-given, rel=0.01)
+
+
+def portal() -> Blueprint:
+    """Build two piers along y, 2 m apart, and a lintel of four blocks between them."""
+    piers = [[x, 0.0, 0.25 + 0.5 * i] for x in (-1.0, 1.0) for i in range(4)]
+    roof = [[-1.0 + 0.5 * i, 0.0, 2.125] for i in range(5)]
+    sizes = np.concatenate([np.tile([0.5, 0.6, 0.5], (8, 1)), np.tile([0.5, 0.6, 0.25], (5, 1))])
+    return bonded(piers + roof, sizes)
+
+
+def log(length: float = 4.0, radius: float = 0.1, density: float = 700.0) -> Blueprint:
+    """Stand a straight stem of ten segments that does not break."""
+    nodes = np.zeros((11, 3))
+    nodes[:, 2] = np.linspace(0.0, length, 11)
+    return skeleton.from_nodes(nodes, np.arange(11) - 1, np.full(11, radius), density=density,
+                               strength=1e12, damping_ratio=0.2)
+
+
+def lay(simulation: Simulation, thing: str, place: tuple, attitude: np.ndarray) -> None:
+    """Take a stem off its root, all but the lowest segment, and put it somewhere else."""
+    forest = simulation._grove.forest
+    row = int(simulation._grove.row_of_part[simulation.names.index(f'{thing}/1')])
+    forest.release(row)
+    forest.poses[row] = np.concatenate([place, attitude])
+
+
+def is_still(simulation: Simulation) -> bool:
+    """Say whether everything rests: no body awake, no bough flexible, and not a bit changes."""
+    before = simulation.poses.copy()
+    simulation.step(60)
+    return (simulation.awake_bodies == 0 and not len(simulation._grove.forest.free_roots)
+            and np.array_equal(before, simulation.poses))
+
+
+_LYING = rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(-0.5 * np.pi))  # along y
+_ACROSS = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(0.5 * np.pi))  # along x
+
+
+def test_a_stem_lies_on_a_roof_with_its_weight():
+    """Load the lintel with it, first as a flexible tree, then as debris, and break nothing."""
+    simulation = scene_of((portal(), (0.0, 0.0, 0.0)), (log(), (8.0, 0.0, 0.0)))
+    lay(simulation, 'thing_1', (0.0, -1.8, 2.4), _LYING)
+    weight = 9.81 * simulation.blueprint.mass[14:].sum()
+    layers, loads = simulation._arsenal.loads._layers, {}
+    for _ in range(240):
+        stage = 'branches' if len(simulation._grove.forest.free_roots) else 'debris'
+        simulation.step()
+        if stage in layers:
+            parts, wrenches = layers[stage]
+            assert (parts >= 8).all()  # the lintel's
+            loads[stage] = wrenches[:, 2].sum()
+    assert loads == pytest.approx({'branches': -weight, 'debris': -weight}, rel=0.03)
+    assert simulation.bonds_broken == 0 and is_still(simulation)
+    assert simulation.poses[14:, 2].min() > 2.3
+
+
+def test_a_stem_that_falls_on_a_roof_breaks_it():
+    """Drop it from 1.7 m: the lintel breaks, and everything ends at rest below."""
+    simulation = scene_of((portal(), (0.0, 0.0, 0.0)), (log(), (8.0, 0.0, 0.0)))
+    lay(simulation, 'thing_1', (0.0, -1.8, 4.0), _LYING)
+    simulation.step(400)
+    assert simulation.bonds_broken > 0 and (simulation.log.rows['part_a'] < 13).all()
+    assert is_still(simulation)
+    assert -0.01 < simulation.poses[14:, 2].min() < 1.0
+
+
+def test_stems_come_to_rest_on_each_other():
+    """Stack them crosswise on the ground: each lies on those below, for good."""
+    stems = [(log(), (0.0, 8.0 * i, 0.0)) for i in range(4)]
+    simulation = scene_of(*stems)
+    for i, x in enumerate((4.5, 5.5)):
+        lay(simulation, f'thing_{i}', (x, 2.2, 0.12), _LYING)
+        lay(simulation, f'thing_{i + 2}', (3.2, 3.5 + i, 0.4), _ACROSS)
+    simulation.step(600)
+    assert is_still(simulation)
+    heights = [simulation.poses[10 * i + 1:10 * i + 10, 2] for i in range(4)]
+    for low in heights[:2]:
+        np.testing.assert_allclose(low, 0.1, atol=0.01)
+    for high in heights[2:]:
+        assert 0.26 < high.min() and high.max() < 0.31  # caps leave shallow notches at joints
+
+
+def test_a_heap_of_fallen_trees_comes_to_rest():
+    """Drop five bushy crowns upon each other and on a wall between them."""
+    tree = bush(24, seed=3, damping_ratio=0.2, strength=1e12)
+    wall = bonded([[0.0, 0.5 * j - 1.0, 0.25 + 0.5 * i] for i in range(2) for j in range(5)],
+                  (0.4, 0.5, 0.5))
+    simulation = scene_of((wall, (0.0, 0.0, 0.0)),
+                          *((tree, (9.0 + 6.0 * i, 0.0, 0.0)) for i in range(5)))
+    for i in range(5):
+        lay(simulation, f'thing_{i + 1}', (-0.6 + 0.3 * i, 0.2 * i - 0.5, 1.8 + 0.7 * i), _LYING)
+    simulation.step(1500)
+    assert is_still(simulation)
+    assert np.isfinite(simulation.poses).all() and simulation.poses[:, 2].min() > -0.02
