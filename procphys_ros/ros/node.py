@@ -20,6 +20,7 @@ from rclpy.node import Node
 
 from procphys_ros.errors import SceneError
 from procphys_ros.resources import shared_folder
+from procphys_ros.ros import simulation_interfaces
 from procphys_ros.ros.commands import Command, CommandQueue
 from procphys_ros.ros.diagnostics import Diagnostics
 from procphys_ros.ros.loop import Loop
@@ -69,6 +70,7 @@ class SimNode(Node):
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
         ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/clear_wrenches,
         ~/step_simulation, ~/reset_simulation, ~/reload_scene (std_srvs/Trigger)
+        ~/simulation_interfaces/…, if that package is there: see `simulation_interfaces.py`
 
     :raises ProcPhysError: when the scene cannot be built.
     """
@@ -91,7 +93,9 @@ class SimNode(Node):
         self._output = Publishers(self, frame, self.parameters)
         self.diagnostics = Diagnostics(self, self.commands)
         TopicCommands(self, self.commands, self.session, frame)
-        create_services(self, Answers(self, self.commands, self.steady_clock), self.session)
+        answers = Answers(self, self.commands, self.steady_clock)
+        create_services(self, answers, self.session)
+        simulation_interfaces.offer(self, answers, self.session)
         self.session.on_scene = self._start_scene
         self.session.on_reset = self._output.restart
         self.session.on_steps = lambda: self._output.publish(self.session.simulation, True)

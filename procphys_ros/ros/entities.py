@@ -1,0 +1,87 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Objects of a running simulation as entities: where they are, what they are made of."""
+
+from collections import Counter
+
+import numpy as np
+
+from procphys_ros.errors import CommandError, nearest_names
+from procphys_ros.simulation import Simulation
+
+
+class Entities:
+    """
+    Reads objects and parts of a simulation; in the thread that simulates.
+
+    :param simulation: as it is now.
+    :ivar names: of its objects, what was launched included.
+    """
+
+    def __init__(self, simulation: Simulation):
+        self._simulation = simulation
+        self._objects = {o.name: range(o.first, o.first + o.count) for o in simulation.objects}
+        self.names = list(self._objects)
+
+    def state(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Give pose (7,) and twist (6,) of the first part that an object still has, or of a part.
+
+        :raises CommandError: when there is no such object or part, or nothing is left of it.
+        """
+        for part in self._parts(name):
+            if np.isfinite(self._simulation.poses[part, 0]):
+                return self._simulation.poses[part], self._simulation.velocities[part]
+        raise CommandError(f'nothing is left of {name}')
+
+    def kinds(self, name: str) -> list[str]:
+        """Name the kinds of parts of an object, such as brick and pane."""
+        source = self._simulation.blueprint
+        return [source.kinds[k] for k in np.unique(source.kind[self._parts(name)])]
+
+    def describe(self, name: str) -> str:
+        """Say how many parts of which kinds it has, and their mass."""
+        source = self._simulation.blueprint
+        parts = self._parts(name)
+        counts = Counter(source.kinds[k] for k in source.kind[parts])
+        content = ', '.join(f'{count} {kind}' for kind, count in counts.most_common())
+        return f'{content}; {source.mass[parts].sum():.1f} kg'
+
+    def near(self, name: str, centre: np.ndarray, radius: float) -> bool:
+        """Say whether the box around an object comes within a radius [m] of a point (3,)."""
+        low, high = self._box(name)
+        return bool(np.linalg.norm(np.clip(centre, low, high) - centre) <= radius)
+
+    def overlaps(self, name: str, low: np.ndarray, high: np.ndarray) -> bool:
+        """Say whether the box around an object overlaps a box between two corners [m], (3,)."""
+        lower, upper = self._box(name)
+        return bool(np.all(lower <= high) and np.all(upper >= low))
+
+    def _box(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Give the corners of the box around the balls around what is left of an object."""
+        parts = np.asarray(self._parts(name))
+        centre = self._simulation.poses[parts, :3]
+        there = np.isfinite(centre[:, 0])
+        reach = 0.5 * np.linalg.norm(self._simulation.blueprint.size[parts[there]], axis=1)
+        low, high = centre[there] - reach[:, None], centre[there] + reach[:, None]
+        return low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf)
+
+    def _parts(self, name: str) -> list[int]:
+        if name in self._objects:
+            return list(self._objects[name])
+        if '/' in name:
+            return [self._simulation.names.index(name)]
+        raise CommandError(f'there is no entity "{name}"{nearest_names(name, self.names)}')

@@ -1,0 +1,247 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+The services of the package `simulation_interfaces`, for tools that drive any simulator.
+
+Entities are the objects of the scene and what is launched later. What the package calls with names
+of its own is read from it, so that nothing here depends on the numbers that it gives its codes.
+"""
+
+from collections.abc import Awaitable, Callable
+from importlib import import_module
+import re
+from typing import Any, Protocol
+
+import numpy as np
+from rclpy.node import Node
+
+from procphys_ros import messages
+from procphys_ros.errors import CommandError
+from procphys_ros.ros.entities import Entities
+from procphys_ros.ros.services import Answers
+from procphys_ros.ros.session import Session
+
+PACKAGE = 'simulation_interfaces'
+# What works here; names that an older or newer package does not have are left out.
+FEATURES = ('ENTITY_TAGS', 'ENTITY_BOUNDS_BOX', 'ENTITY_CATEGORIES', 'ENTITY_STATE_GETTING',
+            'ENTITY_INFO_GETTING', 'SIMULATION_RESET', 'SIMULATION_STATE_GETTING',
+            'SIMULATION_STATE_SETTING', 'SIMULATION_STATE_PAUSE', 'STEP_SIMULATION_SINGLE',
+            'STEP_SIMULATION_MULTIPLE')
+_SERVICES = {'get_simulator_features': 'GetSimulatorFeatures',
+             'get_simulation_state': 'GetSimulationState',
+             'set_simulation_state': 'SetSimulationState', 'step_simulation': 'StepSimulation',
+             'reset_simulation': 'ResetSimulation', 'get_entities': 'GetEntities',
+             'get_entity_state': 'GetEntityState', 'get_entities_states': 'GetEntitiesStates',
+             'get_entity_info': 'GetEntityInfo'}
+
+
+class _Ask(Protocol):
+    """Has a command carried out in the thread of the simulation, see `Answers.ask`."""
+
+    def __call__(self, name: str, act: Callable[[], str], is_long: bool
+                 ) -> Awaitable[tuple[bool, str]]: ...
+
+
+def offer(node: Node, answers: Answers, session: Session) -> list[str]:
+    """
+    Offer the services as `~/simulation_interfaces/…`, if their package is there.
+
+    :param node: the node that offers them.
+    :param answers: waits for what becomes of a command.
+    :param session: carries commands out.
+    :returns: their names; none when the package cannot be imported.
+    """
+    try:
+        types, kinds = import_module(f'{PACKAGE}.msg'), import_module(f'{PACKAGE}.srv')
+    except ImportError:
+        return []
+    desk = Desk(types, answers.ask, session, node.get_parameter('world_frame').value)
+    offered = [name for name, kind in _SERVICES.items() if hasattr(kinds, kind)]
+    for name in offered:
+        node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}',
+                            getattr(desk, name), callback_group=answers.group)
+    return offered
+
+
+class Desk:
+    """
+    Answers the requests.
+
+    :param types: the package's module `msg`.
+    :param ask: has a command carried out in the thread of the simulation.
+    :param session: carries commands out.
+    :param frame: of poses.
+    """
+
+    def __init__(self, types: Any, ask: _Ask, session: Session, frame: str):
+        self._types = types
+        self._result, self._state = types.Result, types.SimulationState
+        self._ask = ask
+        self._session = session
+        self._frame = frame
+
+    async def get_simulator_features(self, request: Any, response: Any) -> Any:
+        """List what is offered here."""
+        known = self._types.SimulatorFeatures
+        response.features.features = [getattr(known, f) for f in FEATURES if hasattr(known, f)]
+        response.features.custom_info = 'procphys_ros; entities are objects, such as oak_0, and ' \
+            'their parts, such as oak_0/17'
+        return response
+
+    async def get_simulation_state(self, request: Any, response: Any) -> Any:
+        """Say whether time passes; paused at time 0 counts as stopped."""
+        response.state.state = self._present_state()
+        return self._done(response)
+
+    async def set_simulation_state(self, request: Any, response: Any) -> Any:
+        """Play, pause, or stop, which is to reset and pause."""
+        wanted, state = request.state.state, self._state
+        if wanted not in (state.STATE_STOPPED, state.STATE_PLAYING, state.STATE_PAUSED):
+            return self._failed(response, self._result.RESULT_FEATURE_UNSUPPORTED,
+                                'end the node by a signal' if wanted == state.STATE_QUITTING
+                                else f'there is no state {wanted}')
+        if wanted == self._present_state():
+            return self._failed(response, response.ALREADY_IN_TARGET_STATE, 'it is so already')
+
+        def change() -> str:
+            if wanted == state.STATE_STOPPED:
+                self._session.reset_simulation()
+            return self._session.set_pause(wanted != state.STATE_PLAYING)
+        return await self._carry_out(response, 'set_simulation_state', change)
+
+    async def step_simulation(self, request: Any, response: Any) -> Any:
+        """Run some steps while paused; other commands are heard between them."""
+        if not self._session.paused:
+            return self._failed(response, self._result.RESULT_INCORRECT_STATE,
+                                'the simulation is running; pause it first')
+        for _ in range(request.steps):
+            await self._carry_out(response, 'step_simulation', self._session.step_simulation)
+            if response.result.result != self._result.RESULT_OK:
+                return response
+        return self._done(response)
+
+    async def reset_simulation(self, request: Any, response: Any) -> Any:
+        """Put everything back to the start; parts of that alone cannot be had."""
+        if request.scope not in (request.SCOPE_DEFAULT, request.SCOPE_ALL):
+            return self._failed(response, self._result.RESULT_FEATURE_UNSUPPORTED,
+                                'only all can be reset, SCOPE_DEFAULT or SCOPE_ALL')
+        return await self._carry_out(response, 'reset_simulation', self._session.reset_simulation)
+
+    async def get_entities(self, request: Any, response: Any) -> Any:
+        """Name the objects that fit the filters."""
+        def look() -> str:
+            response.entities = self._fitting(request.filters)
+            return ''
+        return await self._carry_out(response, 'get_entities', look)
+
+    async def get_entities_states(self, request: Any, response: Any) -> Any:
+        """Give the objects that fit the filters, and where they are."""
+        def look() -> str:
+            entities = self._entities()
+            response.entities = self._fitting(request.filters)
+            response.states = [self._state_of(entities, name) for name in response.entities]
+            return ''
+        return await self._carry_out(response, 'get_entities_states', look)
+
+    async def get_entity_state(self, request: Any, response: Any) -> Any:
+        """Give pose and twist of an object or a part."""
+        def look() -> str:
+            response.state = self._state_of(self._entities(), request.entity)
+            return ''
+        return await self._carry_out(response, 'get_entity_state', look,
+                                     self._result.RESULT_NOT_FOUND)
+
+    async def get_entity_info(self, request: Any, response: Any) -> Any:
+        """Say what an object is made of; its tags are the kinds of its parts."""
+        def look() -> str:
+            entities = self._entities()
+            response.info.category.category = self._types.EntityCategory.CATEGORY_OBJECT
+            response.info.description = entities.describe(request.entity)
+            response.info.tags = entities.kinds(request.entity)
+            return ''
+        return await self._carry_out(response, 'get_entity_info', look,
+                                     self._result.RESULT_NOT_FOUND)
+
+    def _entities(self) -> Entities:
+        return Entities(self._session.simulation)
+
+    def _present_state(self) -> int:
+        if not self._session.paused:
+            return self._state.STATE_PLAYING
+        began = self._session.simulation.time > 0.0
+        return self._state.STATE_PAUSED if began else self._state.STATE_STOPPED
+
+    def _fitting(self, filters: Any) -> list[str]:
+        """
+        Name the objects that fit all filters.
+
+        :raises CommandError: when a filter makes no sense.
+        """
+        entities = self._entities()
+        try:
+            pattern = re.compile(filters.filter)
+        except re.error as error:
+            raise CommandError(f'"{filters.filter}" is no regular expression: {error}') from error
+        category = self._types.EntityCategory.CATEGORY_OBJECT
+        if len(filters.categories) and category not in [c.category for c in filters.categories]:
+            return []
+        found = [name for name in entities.names
+                 if not filters.filter or pattern.search(name)]
+        if filters.tags.tags:
+            fits = (all if filters.tags.filter_mode == filters.tags.FILTER_MODE_ALL else any)
+            found = [name for name in found
+                     if fits(tag in entities.kinds(name) for tag in filters.tags.tags)]
+        return self._within(entities, found, filters.bounds) if filters.bounds.points else found
+
+    def _within(self, entities: Entities, names: list[str], bounds: Any) -> list[str]:
+        """Keep those whose boxes overlap a box or a sphere."""
+        points = np.array([[p.x, p.y, p.z] for p in bounds.points])
+        if bounds.type == bounds.TYPE_SPHERE and len(points) == 2:
+            return [n for n in names if entities.near(n, points[0], points[1, 0])]
+        if bounds.type == bounds.TYPE_BOX and len(points) == 2:
+            return [n for n in names if entities.overlaps(n, points.min(axis=0),
+                                                          points.max(axis=0))]
+        raise CommandError('bounds must be a box or a sphere of two points')
+
+    def _state_of(self, entities: Entities, name: str) -> Any:
+        pose, twist = entities.state(name)
+        state = self._types.EntityState()
+        at = messages.stamp(self._session.simulation.time)
+        state.header.stamp.sec, state.header.stamp.nanosec = at
+        state.header.frame_id = self._frame
+        for target, values in ((state.pose.position, pose[:3]), (state.pose.orientation, pose[3:]),
+                               (state.twist.linear, twist[:3]), (state.twist.angular, twist[3:])):
+            for axis, value in zip('xyzw', values):
+                setattr(target, axis, float(value))
+        return state
+
+    async def _carry_out(self, response: Any, name: str, act: Callable[[], str],
+                         otherwise: int | None = None) -> Any:
+        success, message = await self._ask(name, act, True)
+        if success:
+            return self._done(response)
+        code = self._result.RESULT_OPERATION_FAILED if otherwise is None else otherwise
+        return self._failed(response, code, message)
+
+    def _done(self, response: Any) -> Any:
+        response.result.result = self._result.RESULT_OK
+        return response
+
+    @staticmethod
+    def _failed(response: Any, code: int, message: str) -> Any:
+        response.result.result = code
+        response.result.error_message = message
+        return response
