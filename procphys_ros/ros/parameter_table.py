@@ -120,6 +120,10 @@ def _short(value: Any) -> str:
 GLOBAL = (
     Parameter('scene.objects', [], 'names of the objects that the scene holds',
               takes_effect='reload'),
+    Parameter('scene.cues', [], 'what happens by itself: "<seconds> <verb> name=value …" with the '
+              'verbs gust, impulse, launch, explode, demolish; names as in gust.*, impulse.*, '
+              'projectile.*, explosion.*, demolition.*, which hold for all that is not said',
+              takes_effect='reload'),
     Parameter('seed', 0, 'seed of everything random', low=0, high=2**62, takes_effect='reload'),
     Parameter('time_step', 1.0 / 60.0, 'length of one simulation step', 's', 1e-4, 0.1,
               takes_effect='reload'),

@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.physics.wind.settings import check_number
+from procphys_ros.scene.cues import Cue, read_cues
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
@@ -39,6 +40,7 @@ class Settings:
     :ivar gravity: downward acceleration [m/s²].
     :ivar wind: mean wind and turbulence.
     :ivar gust: what `gust` starts when nothing else is said.
+    :ivar cues: what happens by itself, and when.
     :ivar leaves: flutter and shedding.
     :ivar dust: of bursting mortar and impacts.
     :ivar culling: what is simulated less, because nobody looks closely.
@@ -51,6 +53,7 @@ class Settings:
     gravity: float = 9.81
     wind: WindSettings = field(default_factory=WindSettings)
     gust: Gust = field(default_factory=Gust)
+    cues: tuple[Cue, ...] = ()
     leaves: LeafSettings = field(default_factory=LeafSettings)
     dust: DustSettings = field(default_factory=DustSettings)
     culling: CullingSettings = field(default_factory=CullingSettings)
@@ -73,7 +76,7 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
     """
     own = {key: parameters[key] for key in ('seed', 'time_step', 'gravity') if key in parameters}
     return Settings(**own, wind=_group(parameters, 'wind', WindSettings),
-                    gust=_group(parameters, 'gust', Gust),
+                    gust=_group(parameters, 'gust', Gust), cues=read_cues(parameters),
                     leaves=_group(parameters, 'leaves', LeafSettings),
                     dust=_group(parameters, 'dust', DustSettings),
                     culling=_group(parameters, 'culling', CullingSettings),

@@ -35,18 +35,18 @@ from procphys_ros.simulation.bounds import checked_vector
 from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.collapse import Release
 from procphys_ros.simulation.contact import Contact
+from procphys_ros.simulation.cues import Cues
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.dust import Dust
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.foliage import Foliage
-from procphys_ros.simulation.grove import Grove
 from procphys_ros.simulation.impacts import Impacts
 from procphys_ros.simulation.intruder import Intruder
 from procphys_ros.simulation.leaning import Leaning
 from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.observer import Observer
 from procphys_ros.simulation.striking import Impact
-from procphys_ros.simulation.watched_grove import WatchedGrove
+from procphys_ros.simulation.watched_grove import make_grove
 from procphys_ros.simulation.wrenches import Wrenches
 
 
@@ -77,17 +77,15 @@ class Simulation:
         :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
         :param seed: of the wind and all else that is random; None = the scene's own.
         """
-        settings = scene.settings
-        self.scene = scene
+        self.scene, settings = scene, scene.settings
         self.blueprint = scene.blueprint
         self.time_step = settings.time_step if time_step is None else float(time_step)
         self.log = EventLog()
         self.timings: dict[str, float] = {}
         seed = settings.seed if seed is None else seed
         self.wind = Wind(settings.wind, seed)
-        self._grove = (WatchedGrove(self.blueprint, settings.gravity, settings.culling)
-                       if settings.culling.spares_trees
-                       else Grove(self.blueprint, settings.gravity))
+        self._cues = Cues(settings.cues)
+        self._grove = make_grove(self.blueprint, settings.gravity, settings.culling)
         self._foliage = Foliage(self.blueprint, self._grove, settings.leaves, settings.gravity,
                                 seed)
         self._dust = (Dust(self.blueprint, settings.dust.capacity, settings.gravity, seed)
@@ -144,6 +142,7 @@ class Simulation:
         """Put everything back to rest and whole, the time to zero and the wind to its settings."""
         self.close()
         self._steps = 0
+        self._cues.reset()
         self._wrenches = Wrenches()
         self.blueprint = self.scene.blueprint
         self.objects = list(self.scene.objects)
@@ -183,6 +182,7 @@ class Simulation:
         self.timings = {}
         for _ in range(n):
             with self._stage('strikes'):
+                self._cues.play(self)
                 self._push()
                 self.intruder.advance(self.time, self.time_step)
                 self._arsenal.advance(self.wind, self.poses, self.time, self.time_step)

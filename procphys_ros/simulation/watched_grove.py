@@ -30,6 +30,12 @@ from procphys_ros.simulation.observer import Observer
 _BLEND = 2.0  # [s] over which a tree that comes back into the view goes over to the present wind
 
 
+def make_grove(blueprint: Blueprint, gravity: float, settings: CullingSettings) -> Grove:
+    """Make a grove that spares trees, if any scheme for that is in use; as `WatchedGrove`."""
+    return (WatchedGrove(blueprint, gravity, settings) if settings.spares_trees
+            else Grove(blueprint, gravity))
+
+
 class WatchedGrove(Grove):
     """
     Steps only the trees that somebody sees or that have to move, the far ones less often.

@@ -1,0 +1,126 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Cues: what a scene does by itself, and when."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields
+import math
+from typing import Any
+
+from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
+from procphys_ros.physics.wind import Gust
+from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+
+_LATEST = 1e6  # [s]
+_FORM = '"<seconds> <verb> name=value …", such as "2.5 launch mass=300 velocity=0,20,0"'
+
+
+@dataclass(frozen=True)
+class Blow:
+    """
+    An impulse on a part.
+
+    :ivar target: name or index of the part.
+    :ivar linear: [N·s], (3,), world axes.
+    :ivar angular: [N·m·s], (3,).
+    """
+
+    target: str = ''
+    linear: Sequence[float] = (0.0, 0.0, 0.0)
+    angular: Sequence[float] = (0.0, 0.0, 0.0)
+
+
+_VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
+    'gust': ('gust', Gust), 'impulse': ('impulse', Blow), 'launch': ('projectile', Projectile),
+    'explode': ('explosion', Explosion), 'demolish': ('demolition', Demolition)}
+
+
+@dataclass(frozen=True)
+class Cue:
+    """
+    Something that happens at its time.
+
+    :ivar time: simulated [s].
+    :ivar text: as the scene has it.
+    :ivar what: a `Gust`, `Blow`, `Projectile`, `Explosion` or `Demolition`.
+    """
+
+    time: float
+    text: str
+    what: Any
+
+
+def read_cues(parameters: Mapping[str, Any]) -> tuple[Cue, ...]:
+    """
+    Read `scene.cues`; what a cue does not say is as in the scene's `gust.*`, `projectile.*` etc.
+
+    :param parameters: nested mapping as a ROS parameter file holds it.
+    :returns: the cues in the order of their times.
+    :raises SceneError: naming the cue, what is wrong with it and what is allowed.
+    """
+    scene = parameters.get('scene', {})
+    texts = scene.get('cues', []) if isinstance(scene, Mapping) else []
+    if isinstance(texts, str) or not isinstance(texts, Sequence) \
+            or not all(isinstance(text, str) for text in texts):
+        raise SceneError(f'scene.cues is {texts!r}, it must be a list of texts, each {_FORM}')
+    cues = [_read(text, number, parameters) for number, text in enumerate(texts) if text.strip()]
+    return tuple(sorted(cues, key=lambda cue: cue.time))
+
+
+def _read(text: str, number: int, parameters: Mapping[str, Any]) -> Cue:
+    try:
+        time, verb, *words = text.split() if len(text.split()) > 1 else (text, '')
+        if verb not in _VERBS:
+            raise SceneError(f'there is no verb "{verb}"{nearest_names(verb, _VERBS)} '
+                             f'({", ".join(_VERBS)}); the form is {_FORM}')
+        group, kind = _VERBS[verb]
+        base = parameters.get(group, {})
+        base = dict(base) if isinstance(base, Mapping) else {}
+        return Cue(_seconds(time), text, kind(**{**base, **_values(words, kind)}))
+    except ProcPhysError as error:
+        raise SceneError(f'scene.cues[{number}] "{text}": {error}') from error
+
+
+def _seconds(word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= _LATEST:
+        raise SceneError(f'"{word}" is not a time from 0 to {_LATEST:g} s; the form is {_FORM}')
+    return value
+
+
+def _values(words: Sequence[str], kind: Any) -> dict[str, Any]:
+    """Read name=value words in the types of the fields that they set."""
+    known = {f.name: f.default for f in fields(kind)}
+    values: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.partition('=')
+        if not equals or name not in known:
+            raise SceneError(f'"{word}" sets nothing{nearest_names(name, known)} '
+                             f'(known: {", ".join(f"{k}=" for k in known)})')
+        values[name] = value if isinstance(known[name], str) else _numbers(word, value)
+    return values
+
+
+def _numbers(word: str, value: str) -> float | list[float]:
+    try:
+        numbers = [float(v) for v in value.split(',')]
+    except ValueError:
+        raise SceneError(f'"{word}": numbers are expected, several with commas between '
+                         'them and no spaces') from None
+    return numbers[0] if len(numbers) == 1 else numbers
