@@ -100,7 +100,7 @@ class Arsenal:
         self._blasts.advance(poses, time, time_step)
         self.striking.advance(time, time_step)
         self._wall_wind.advance(wind, time)
-        self.loads.apply(time)
+        self.loads.apply(time, time_step)
 
     def launch(self, projectile: Projectile) -> int:
         """

@@ -29,7 +29,7 @@ _SMOOTHING = 0.1  # [s] over which impulses of moving bodies count as a steady l
 #                   periods of a storey-high wall, which feels shorter ones as their mean
 _INTERVAL = 0.1   # [s] between looks at what lies on what
 _CHANGE = 0.05    # of the largest load: smaller changes are not worth new stresses, ...
-_LEAST = 30.0     # ... nor are those below the weight of a brick [N]
+_LEAST = 100.0    # [N] ... nor are those far below the strength of a brick's joints, some kN
 _KNOCKS = 20      # bricks knocked out in one step at most, the hardest hit first
 _GRAIN = 1e-9     # [N·s] keeps directions finite
 _DEEPEST = 30     # bodies on top of each other through which weight is followed
@@ -93,19 +93,19 @@ class Bearing:
 
     def press(self, time_step: float) -> None:
         """
-        Renew the loads of debris from time to time.
+        Note in every step what moving debris presses on, and renew its loads from time to time.
 
         :param time_step: [s].
         """
-        self._since += time_step
-        if self._since < _INTERVAL - 1e-9 or not self._blows.buildings.standing.any():
+        if not (self._debris.body_count or self._given.any()) or not self.any_stands:
             return
-        if not (self._debris.body_count or self._given.any()):
-            return
-        self._moving *= np.exp(-self._since / _SMOOTHING)
+        self._moving *= np.exp(-time_step / _SMOOTHING)
         if len(self._world.awake):
-            share = -np.expm1(-self._since / _SMOOTHING) / time_step
+            share = -np.expm1(-time_step / _SMOOTHING) / time_step
             self._add_contacts(self._world.contacts(), share)
+        self._since += time_step
+        if self._since < _INTERVAL - 1e-9:
+            return
         self._since = 0.0
         total = self._moving + self._resting()
         largest = np.abs(total[:, :3]).max(initial=0.0)

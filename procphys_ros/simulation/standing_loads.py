@@ -15,12 +15,16 @@
 
 """Loads on standing walls besides their weight: one layer for each thing that presses."""
 
+import math
+
 import numpy as np
 
 from procphys_ros.physics.masonry import StressSolver
 
 _TOGETHER = 0.1  # [s] loads that change within this act together: about two periods of a
 #                  storey-high wall, which has not answered to the first of them before
+_FADING = 0.5    # [s] time constant of blows that wait: walls have swung out by then, and blows
+#                  of many seconds must not act as one
 
 
 class StandingLoads:
@@ -32,7 +36,7 @@ class StandingLoads:
     stay the same, such as of moving rubble, would keep it from ever finding a stress.
 
     Blows act until they have been judged once. Of blows that follow each other on one part only
-    the strongest counts, since a part feels them one after the other.
+    the strongest counts, since a part feels them one after the other. Those that wait fade.
 
     :param solver: of the stresses in all buildings.
     """
@@ -85,12 +89,15 @@ class StandingLoads:
         self._struck.clear()
         self._waiting = self._blows = None
 
-    def apply(self, time: float) -> None:
+    def apply(self, time: float, time_step: float) -> None:
         """
         Tell the solver when anything has changed; once per step, before it works.
 
         :param time: [s].
+        :param time_step: [s].
         """
+        if self._waiting is not None:
+            self._waiting = self._waiting * math.exp(-time_step / _FADING)
         if self._struck:
             self._waiting = _strongest(self._waiting, self._total(self._struck))
             self._struck.clear()
