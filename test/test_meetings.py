@@ -235,3 +235,33 @@ def test_a_heap_of_fallen_trees_comes_to_rest():
     simulation.step(1500)
     assert is_still(simulation)
     assert np.isfinite(simulation.poses).all() and simulation.poses[:, 2].min() > -0.02
+
+
+def test_trees_that_collide_share_their_momentum():
+    """Throw a flexible stem across another that floats: what one loses the other gets, to 1 %."""
+    simulation = scene_of((log(), (0.0, 0.0, 0.0)), (log(), (9.0, 0.0, 0.0)), gravity=0.0)
+    lay(simulation, 'thing_0', (4.0, 0.0, 3.0), _LYING)
+    lay(simulation, 'thing_1', (2.5, 2.3, 3.4), _ACROSS)
+    simulation.step()
+    forest, objects = simulation._grove.forest, simulation.objects
+    own = [simulation._grove.row_of_part[np.arange(o.first + 1, o.first + o.count)]
+           for o in objects]
+    mass = simulation.blueprint.mass[forest.parts]
+    for row in own[1]:
+        forest.push(np.array([row]), forest.poses[[row], :3],
+                    mass[row] * np.array([[-0.5, 0.0, -3.0]]))
+
+    def momenta() -> np.ndarray:
+        return np.array([(mass[rows, None] * forest.velocities[rows, :3]).sum(axis=0)
+                         for rows in own])
+    simulation.step()
+    start, pushed = momenta(), np.zeros(3)
+    for _ in range(20):
+        simulation.step()
+        touches = simulation._contact.touches
+        sign = np.where(np.isin(touches.row, own[0]), 1.0, -1.0)
+        pushed += (sign[:, None] * touches.impulse).sum(axis=0)
+    end, scale = momenta(), np.linalg.norm(start)
+    assert np.linalg.norm(pushed) > 0.3 * scale
+    np.testing.assert_allclose(end.sum(axis=0), start.sum(axis=0), atol=0.01 * scale)
+    np.testing.assert_allclose(end[0] - start[0], pushed, atol=0.01 * scale)

@@ -66,6 +66,7 @@ class Intruder:
         self._contact = contact
         self._course = Course()
         self._body = -1
+        self._start = np.zeros(3)
         self.wrench, self.smooth_wrench = np.zeros(6), np.zeros(6)
         self._from_wall = np.zeros(6)
 
@@ -99,6 +100,7 @@ class Intruder:
             return
         velocity = self._course.advance(time, time_step)
         pose = self._course.pose
+        self._start = self._world.bodies.poses[self._body, :3].copy()
         self._world.set_velocities(np.array([self._body]), velocity[None])
         self._world.drive(self._body, pose)
         if np.abs(velocity).max() > _STILL:
@@ -121,7 +123,7 @@ class Intruder:
         mine = touches.body == self._body
         force = -touches.impulse[mine] / time_step
         self.wrench[:3] += force.sum(axis=0)
-        self.wrench[3:] += np.cross(touches.point[mine] - pose[:3], force).sum(axis=0)
+        self.wrench[3:] += np.cross(touches.point[mine] - self._start, force).sum(axis=0)
         self.smooth_wrench += -np.expm1(-time_step / SMOOTHING) * (self.wrench
                                                                    - self.smooth_wrench)
 

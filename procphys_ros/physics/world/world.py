@@ -42,6 +42,8 @@ class World(Population):
         super().__init__(gravity, friction)
         self._time_step = 1.0 / 60.0
         self._contacts: Contacts | None = None
+        self._lifts = np.zeros((0, 13))
+        self._places = np.zeros((0, 3))
         self._since_check = 0.0
 
     def contacts(self) -> Contacts:
@@ -49,7 +51,7 @@ class World(Population):
         if self._contacts is None:
             moving = self._bodies.state >= State.LOOSE
             table = self._engine.contacts() if moving.any() else np.zeros((0, 13))
-            self._contacts = Contacts.of(table, self._time_step)
+            self._contacts = Contacts.of(np.concatenate([table, self._lifts]), self._time_step)
         return self._contacts
 
     def step(self, time_step: float) -> None:
@@ -62,6 +64,7 @@ class World(Population):
         self._contacts = None
         self._free_what_is_hit(time_step)
         self._sweep_what_is_fast(time_step)
+        self._places = self._bodies.poses[:, :3].copy()
         self._courses.start(time_step)
         self._engine.step(time_step)
         self._courses.finish()
@@ -73,10 +76,14 @@ class World(Population):
         """
         Give the mean force and moment that contacts had on a body in the last step.
 
+        The engine finds contacts before it moves bodies, so their arms reach from there.
+
         :returns: force [N], moment about its centre of mass [N·m], world axes, (6,).
         """
+        if body >= len(self._places):  # it has joined since
+            return np.zeros(6)
         _, point, impulse = self.contacts().on(body)
-        arm = point - self._bodies.poses[body, :3]
+        arm = point - self._places[body]
         return np.concatenate([impulse.sum(axis=0),
                                np.cross(arm, impulse).sum(axis=0)]) / self._time_step
 
@@ -122,7 +129,9 @@ class World(Population):
 
         They get the speed they had there, from the energy of the fall between; the next step's
         contact does the rest. Without this a fast body is thrown out by the penetration recovery.
+        What it loses of its speed by that counts as a contact with the ground.
         """
+        self._lifts = np.zeros((0, 13))
         bodies, awake = self._bodies, self.awake
         height, speed = bodies.poses[awake, 2], bodies.velocities[awake, 2]
         deep = (height < 0.0) | ((height < bodies.radius[awake]) & (-speed * time_step > _DEPTH))
@@ -135,6 +144,7 @@ class World(Population):
         if not len(chosen):
             return
         poses, velocities = bodies.poses[chosen], bodies.velocities[chosen]
+        before = velocities[:, 2].copy()
         poses[:, 2] += depth - _OVERLAP
         fall = np.minimum(velocities[:, 2], 0.0)
         energy = fall ** 2 - 2.0 * np.abs(self._gravity[2]) * depth
@@ -142,6 +152,11 @@ class World(Population):
                                     -np.sqrt(np.maximum(energy, 0.0)))
         self.set_poses(chosen, poses)
         self.set_velocities(chosen, velocities)
+        force = bodies.mass[chosen] * (velocities[:, 2] - before) / time_step
+        self._lifts = np.zeros((len(chosen), 13))
+        self._lifts[:, 0], self._lifts[:, 1] = chosen, self.ground
+        self._lifts[:, 2:4], self._lifts[:, 7] = poses[:, :2], 1.0
+        self._lifts[:, 11], self._lifts[:, 12] = force, force
 
     def _settle(self, time_step: float) -> None:
         bodies = self._bodies
