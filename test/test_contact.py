@@ -249,6 +249,28 @@ def test_contacts_repeat_and_reset_to_the_bit():
     assert np.array_equal(first, run())
 
 
+def test_a_body_meets_a_tree_that_stands_still_unseen():
+    """Hit a tree out of view, whose bounds are not renewed, as hard as one in view."""
+    def push(culling: dict) -> np.ndarray:
+        scene = Scene.from_parameters({'scene': {'objects': []}, 'culling': culling})
+        for i in range(4):
+            scene.add(gallows(), (6.0 * i, 0.0, 0.0), 0.0, f't{i}')
+        simulation = Simulation(scene)
+        simulation.set_observer((-20.0, 0.0, 2.0), (0.0, 0.0, 1.0, 0.0))
+        simulation.set_wind((4.0, 2.0, 0.0))
+        simulation.step(60)
+        assert len(simulation._grove.movers()) == (0 if culling else 4)
+        drop(simulation, (13.5, 0.0, 2.25), mass=4.0)
+        pushed = np.zeros(3)
+        for _ in range(20):
+            simulation.step()
+            pushed += simulation._contact.touches.impulse.sum(axis=0)
+        return pushed
+    seen, unseen = push({}), push({'frustum': True})
+    assert seen[2] < -4.0
+    np.testing.assert_allclose(unseen, seen, atol=0.1 * np.linalg.norm(seen))
+
+
 def test_the_sweep_lists_every_pair_of_overlapping_boxes():
     """Agree with testing all pairs."""
     rng = np.random.default_rng(0)

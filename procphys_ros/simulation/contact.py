@@ -124,6 +124,7 @@ class Contact:
         self.touches = _nothing()
         self._beside = np.zeros(len(self._forest), bool)
         self._slack = np.zeros(len(self._forest))
+        self._bounded: object = None
         if len(self._forest):
             self._survey()
 
@@ -184,12 +185,12 @@ class Contact:
         roots = plan.row[plan.start[:-1]]
         free, beside = forest.is_free(roots), self._beside[roots]
         loose = meets_trees(self._world)
-        found = [self._on_ground(forest.poses, forest.velocities, time_step)]
+        movers = self._grove.movers()
+        entries = (slice(None) if len(movers) == len(roots)
+                   else _entries(plan.start, movers))
+        found = [self._on_ground(plan.row[entries], forest.velocities, time_step)]
         if len(loose) or free.any() or beside.any():
-            bounds = capsule_bounds(plan.row, forest.poses, self._sizes, forest.velocities,
-                                    reach, _ROOM)
-            trees = np.hstack([np.minimum.reduceat(bounds[:, :3], plan.start[:-1]),
-                               np.maximum.reduceat(bounds[:, 3:], plan.start[:-1])])
+            bounds, trees = self._bound(movers, entries, reach)
             tables = [self._loose_near(bounds, trees, loose, reach),
                       self._branches_near(trees, free)]
             if len(self.bricks):
@@ -200,6 +201,30 @@ class Contact:
                       if len(entries) and len(table.row)]
         return self._nearest(_Close(*(np.concatenate(columns) for columns in
                                       zip(*(vars(f).values() for f in found)))))
+
+    def _bound(self, movers: np.ndarray, entries: np.ndarray | slice, reach: float
+               ) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Give the bounds of all segments and of all trees; of trees that stand still, the last.
+
+        :param movers: trees that do not, places in the plan.
+        :param entries: of these.
+        :param reach: time that bounds are swept over [s].
+        """
+        forest, plan = self._forest, self._forest.plan
+        if self._bounded is not plan:
+            self._bounded, movers, entries = plan, np.arange(len(plan.start) - 1), slice(None)
+            self._bounds = np.empty((len(plan.row), 6))
+            self._trees = np.empty((len(movers), 6))
+        now = capsule_bounds(plan.row[entries], forest.poses, self._sizes, forest.velocities,
+                             reach, _ROOM)
+        self._bounds[entries] = now
+        if len(movers):
+            count = np.diff(plan.start)[movers]
+            first = np.cumsum(count) - count
+            self._trees[movers, :3] = np.minimum.reduceat(now[:, :3], first)
+            self._trees[movers, 3:] = np.maximum.reduceat(now[:, 3:], first)
+        return self._bounds, self._trees
 
     def _loose_near(self, bounds: np.ndarray, trees: np.ndarray, ids: np.ndarray, reach: float
                     ) -> tuple[np.ndarray, Obstacles]:
@@ -246,11 +271,11 @@ class Contact:
         return _Close(row, table.row[piece], table.body[piece], table.part[piece], found.point,
                       found.normal, found.gap - np.where(self._rooted(row), slack, 0.0))
 
-    def _on_ground(self, poses: np.ndarray, velocities: np.ndarray, time_step: float) -> _Close:
-        plan, forest = self._forest.plan, self._forest
-        both = forest.is_free(plan.row)
-        found = meet_ground(plan.row, both, poses, self._sizes, velocities, time_step)
-        row = plan.row[found.pair]
+    def _on_ground(self, rows: np.ndarray, velocities: np.ndarray, time_step: float) -> _Close:
+        forest = self._forest
+        found = meet_ground(rows, forest.is_free(rows), forest.poses, self._sizes, velocities,
+                            time_step)
+        row = rows[found.pair]
         nothing = np.full(len(row), -1, np.intp)
         return _Close(row, nothing, nothing, nothing, found.point, found.normal,
                       found.gap - np.where(self._rooted(row), self._slack[row], 0.0))
@@ -311,7 +336,7 @@ class Contact:
         """Find the trees that can reach a wall, and how deep branches were authored into it."""
         forest, plan = self._forest, self._forest.plan
         still = np.zeros_like(forest.velocities)
-        touching = [self._on_ground(forest.poses, still, 0.0)]
+        touching = [self._on_ground(plan.row, still, 0.0)]
         if len(self.bricks):
             length = 0.5 * self._sizes[:, 2].max(initial=0.0)
             for first, last in zip(plan.start[:-1], plan.start[1:]):

@@ -86,6 +86,10 @@ class Grove:
     def observe(self, observer: Observer) -> None:
         """Look from another place from now on; here all trees are simulated alike."""
 
+    def movers(self) -> np.ndarray:
+        """List the trees, places in the forest's plan, that may move in the step to come."""
+        return np.arange(len(self.forest.plan.start) - 1)
+
     def heed(self, touches: 'Touches', world: World) -> None:
         """Take note of what touches trees in the step to come; here all of them move anyway."""
 

@@ -70,6 +70,10 @@ class WatchedGrove(Grove):
         """Look from another place from now on."""
         self._attention.observer = observer
 
+    def movers(self) -> np.ndarray:
+        """List the trees that do not stand still."""
+        return np.flatnonzero(~self._attention.held)
+
     def feel(self, wind: Wind, time: float) -> None:
         """Choose the trees that go on, and ask for the air at these."""
         self._still = False
