@@ -39,6 +39,7 @@ _NODES = 60         # cells that a piece breaks into at most in one step
 _PER_CELL = 5       # what a cell costs to judge, in units of ...
 _WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows
 _BODIES = 300       # awake bodies that there should be: the more, the coarser pieces break
+_LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
 
 
 class _Blow(NamedTuple):
@@ -103,9 +104,10 @@ class Impacts:
         struck = self._struck(time_step)
         if not self._waiting and not struck.any():
             return False
-        room = _BODIES - len(self._world.awake)
-        grain = self._grain()
-        size = self._debris.size
+        size, grain = self._debris.size, self._grain()
+        awake = self._world.awake[self._world.awake < len(size)]
+        room = max(_BODIES - len(self._world.awake),
+                   _LARGE - int(np.count_nonzero(size[awake] >= grain)))
         if (room < 2 or np.max(size, initial=0) < 2.0 * grain) and not self._bearing.any_stands:
             return False
         contacts = self._world.contacts()
