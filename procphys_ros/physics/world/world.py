@@ -51,8 +51,12 @@ class World(Population):
         if self._contacts is None:
             moving = self._bodies.state >= State.LOOSE
             table = self._engine.contacts() if moving.any() else np.zeros((0, 13))
-            self._contacts = Contacts.of(np.concatenate([table, self._lifts]), self._time_step)
+            self._contacts = Contacts.of(table, self._time_step)
         return self._contacts
+
+    def lifts(self) -> Contacts:
+        """Give what the ground did in the last step to bodies that were put back onto it."""
+        return Contacts.of(self._lifts, self._time_step)
 
     def step(self, time_step: float) -> None:
         """
@@ -82,7 +86,8 @@ class World(Population):
         """
         if body >= len(self._places):  # it has joined since
             return np.zeros(6)
-        _, point, impulse = self.contacts().on(body)
+        point, impulse = (np.concatenate(columns) for columns in
+                          zip(self.contacts().on(body)[1:], self.lifts().on(body)[1:]))
         arm = point - self._places[body]
         return np.concatenate([impulse.sum(axis=0),
                                np.cross(arm, impulse).sum(axis=0)]) / self._time_step
@@ -129,7 +134,7 @@ class World(Population):
 
         They get the speed they had there, from the energy of the fall between; the next step's
         contact does the rest. Without this a fast body is thrown out by the penetration recovery.
-        What it loses of its speed by that counts as a contact with the ground.
+        What it loses of its speed by that is told by `lifts`.
         """
         self._lifts = np.zeros((0, 13))
         bodies, awake = self._bodies, self.awake
