@@ -102,8 +102,18 @@ def test_gust_in_still_air_needs_a_direction():
     wind = Wind(WindSettings())
     with pytest.raises(CommandError, match='gust.direction'):
         wind.start_gust(Gust(), 0.0)
-    wind.start_gust(Gust(5.0, 4.0, direction=(0.0, 0.0, 2.0), upwind=0.0), 0.0)
-    np.testing.assert_allclose(wind.velocity(np.zeros((1, 3)), 2.0), [[0.0, 0.0, 5.0]])
+    wind.start_gust(Gust(5.0, 4.0, direction=(2.0, 0.0, 0.0), upwind=0.0), 0.0)
+    np.testing.assert_allclose(wind.velocity([[0.0, 0.0, 10.0]], 2.0), [[5.0, 0.0, 0.0]])
+
+
+def test_the_ground_slows_a_gust():
+    """Keep the strength of a gust at trees, and let it die away with the mean wind below."""
+    wind = Wind(WindSettings((4.0, 0.0, 0.0), turbulence_intensity=0.0, roughness_length=0.02))
+    points = np.array([[0.0, 0.0, z] for z in (10.0, 2.0, 0.2, 0.02, 0.0)])
+    calm = wind.velocity(points, 2.0)[:, 0]
+    wind.start_gust(Gust(20.0, 4.0, upwind=0.0), 0.0)
+    added = wind.velocity(points, 2.0)[:, 0] - calm
+    np.testing.assert_allclose(added, [20.0, 20.0, 10.0, 0.0, 0.0], atol=1e-9)
 
 
 def test_extreme_operating_amplitude_takes_the_smaller_bound():

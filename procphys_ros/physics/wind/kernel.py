@@ -20,6 +20,7 @@ import numpy as np
 
 LOG, POWER, UNIFORM = 0, 1, 2  # profile codes
 GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, duration, rise, kind
+_SLOWED = 2.0  # [m] height below which the ground slows a gust
 _BLOCK = 128   # points that are worked on together, so that the arithmetic vectorises
 _U = np.uint64  # unsigned indices spare the test for negative ones
 
@@ -174,10 +175,23 @@ def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tupl
 
 
 @njit(cache=True, error_model='numpy', fastmath=True)
-def add_gusts(points: np.ndarray, out: np.ndarray, gusts: np.ndarray, time: float) -> None:
-    """Add the velocity of gusts, rows of GUST_COLUMNS numbers, at every point."""
+def add_gusts(points: np.ndarray, out: np.ndarray, gusts: np.ndarray, time: float,
+              profile: tuple) -> None:
+    """
+    Add the velocity of gusts, rows of GUST_COLUMNS numbers, at every point.
+
+    They have the same strength at all heights but near the ground, which slows them as it does
+    the mean wind: what lies on it must not be blown away by air that cannot be there.
+
+    :param profile: from `profile_terms`.
+    """
+    full = profile_factor(_SLOWED, profile[0], profile[1], profile[2])
     for i in range(len(points)):
+        slowed = 1.0
+        if points[i, 2] < _SLOWED and full > 0.0:
+            slowed = profile_factor(points[i, 2], profile[0], profile[1], profile[2]) / full
         for g in range(len(gusts)):
-            share = gust_strength(gusts[g], points[i, 0], points[i, 1], points[i, 2], time)
+            share = slowed * gust_strength(gusts[g], points[i, 0], points[i, 1], points[i, 2],
+                                           time)
             for k in range(3):
                 out[i, k] += share * gusts[g, k]

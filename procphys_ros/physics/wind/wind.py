@@ -194,7 +194,7 @@ class Wind:
             for box in self._boxes:
                 kernel.add_eddies(points, out, axes, travelled, sigma, box)
         if len(gusts):
-            kernel.add_gusts(points, out, gusts, float(time))
+            kernel.add_gusts(points, out, gusts, float(time), profile)
         return out
 
 
