@@ -15,6 +15,7 @@
 """Buildings: masonry that stands frozen until its stresses say otherwise."""
 
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
@@ -26,6 +27,8 @@ from procphys_ros.physics.world import World
 from procphys_ros.simulation.events import Cause
 
 _ITERATIONS = 8  # of the stress solver per time step while something changed; 1 to 2 ms at 16k
+_PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
+#                  periods of walls and floors long
 _SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
 _CAUSES = np.array([Cause.TENSION, Cause.TENSION, Cause.SHEAR, Cause.COMPRESSION,
                     Cause.TENSION], np.uint8)
@@ -75,6 +78,7 @@ class Buildings:
         self._fracture = Fracture(self.solver)
         self.standing = self._members.copy()
         self.body = np.full(len(self._blueprint), -1, np.intp)
+        self._since = 0.0
 
     def __len__(self) -> int:
         return int(self._members.sum())
@@ -91,9 +95,20 @@ class Buildings:
         """Find the stresses under weight alone, as they are when the mortar has set."""
         return self._advance(_SETTLING)
 
-    def stand(self) -> Collapse:
-        """Spend one step's share of work on the stresses; nothing when nothing changed."""
-        return self._advance(_ITERATIONS)
+    def stand(self, time_step: float) -> Collapse:
+        """
+        Spend one step's share of work on the stresses; nothing when nothing changed.
+
+        :param time_step: [s]; the dynamic part of forces that breaks released dies away while
+            they are worked out, or a building that crumbles on would feel them for ever.
+        """
+        self._since += time_step
+        collapse = self._advance(_ITERATIONS)
+        if len(collapse.bond):
+            self.solver.forget_sudden(-math.expm1(-self._since / _PEAK))
+        if len(collapse.bond) or self.stable:
+            self._since = 0.0
+        return collapse
 
     def holds(self, part: int) -> bool:
         """Say whether a part still stands where it was built."""

@@ -196,7 +196,7 @@ class Simulation:
             with self._stage('fracture'):
                 self._boughs.shed(self._debris, self.time, self.time_step)
             with self._stage('stress'):
-                collapse = self._buildings.stand()
+                collapse = self._buildings.stand(self.time_step)
                 self._arsenal.kick(collapse.pieces, self.velocities)
                 self._crumble(collapse)
                 self._arsenal.blows.judged(collapse)
