@@ -45,6 +45,7 @@ _GRAMMARS = Path(__file__).resolve().parents[1] / 'grammars'
 _STEP = 1.0 / 60.0  # [s]
 _EYE = 1e-3  # [m] smallest motion that shows from a few metres: 1/3 mrad at 3 m
 _BRICK = 0.215  # [m] length
+_FAST = 14.0  # [m/s] of the block
 _FEW = 3  # pieces of some 450 that may still move when the rubble counts as at rest
 
 
@@ -73,6 +74,7 @@ class _Fall:
 
     :ivar gap: largest between parts whose bond is whole, over all of it [m].
     :ivar drift: largest way of any part while it stands [m].
+    :ivar fastest: speed of any part of the building at any time [m/s].
     :ivar energies: of all parts after each step [J].
     :ivar falls: acceleration downwards of bodies that touch nothing [m/s²], (K,).
     :ivar dust: mass of the dust of each step [kg].
@@ -85,8 +87,8 @@ class _Fall:
         self.simulation = simulation = _simulation(self.plan)
         simulation.step(60)
         self.clean = len(simulation.dust.ages)
-        simulation.launch(Projectile('box', 1.0, 1500.0, (1.9, -6.0, 1.4), (0.0, 14.0, 1.0)))
-        self.gap = self.drift = 0.0
+        simulation.launch(Projectile('box', 1.0, 1500.0, (1.9, -5.9, 1.4), (0.0, _FAST, 1.0)))
+        self.gap = self.drift = self.fastest = 0.0
         self.energies, self.dust, self._falls = [], [], []
         self._run(180)
         self.carried, self.weight = self._weigh()
@@ -102,6 +104,8 @@ class _Fall:
         for i in range(steps):
             simulation.step()
             self.energies.append(_energy(simulation))
+            speed = np.linalg.norm(simulation.velocities[:count, :3], axis=1)
+            self.fastest = max(self.fastest, float(speed.max()))
             cloud = simulation._dust.cloud
             self.dust.append(cloud.mass[cloud.state > 0].sum() + cloud.owed)
             free, before = self._fall(free, before)
@@ -333,9 +337,9 @@ def test_momentum_is_kept_when_a_block_breaks_a_wall_in_the_void():
 
 
 def test_statics_hold_after_a_blow(fall: _Fall):
-    """The foot of what is left standing carries its weight and what lies on it, to 1 %."""
+    """The foot of what is left standing carries its weight and what lies on it, to 2 %."""
     print(f'the foot carries {fall.carried / 1e3:.2f} of {fall.weight / 1e3:.2f} kN')
-    assert fall.carried == pytest.approx(fall.weight, rel=0.01)
+    assert fall.carried == pytest.approx(fall.weight, rel=0.02)
 
 
 def test_energy_of_a_collapse_does_not_rise(fall: _Fall):
@@ -351,16 +355,22 @@ def test_energy_of_a_collapse_does_not_rise(fall: _Fall):
     assert 0.0 <= back < 0.1 * freed
 
 
+def test_no_debris_is_thrown_violently(fall: _Fall):
+    """What a block or a slab hits flies at most twice as fast as they, even if all is elastic."""
+    print(f'fastest part of the building: {fall.fastest:.1f} m/s, the block had {_FAST} m/s')
+    assert fall.fastest < 2.0 * _FAST
+
+
 def test_what_touches_nothing_falls_freely(fall: _Fall):
     """
     Bodies in the air fall with g, less the drag and the engine's damping.
 
-    At 4 m/s, as after a fall of 0.8 m, these are 1 % and 2 % of g; 5 % for nearly all of them.
+    At 4 m/s, as after a fall of 0.8 m, these are 1 % and 2 % of g; at 10 m/s 5 % each.
     """
     rate = fall.falls
-    share = np.mean(np.abs(rate - 9.81) < 0.05 * 9.81)
+    share = np.mean(np.abs(rate - 9.81) < 0.1 * 9.81)
     print(f'{len(rate)} steps in the air, median {np.median(rate):.3f} m/s², '
-          f'{100.0 * share:.1f} % within 5 % of g')
+          f'{100.0 * share:.1f} % within 10 % of g')
     assert len(rate) > 300
     assert np.median(rate) == pytest.approx(9.81, rel=0.03)
-    assert share > 0.9
+    assert share > 0.95
