@@ -22,6 +22,7 @@ import pytest
 
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.simulation.buildings import Collapse
 from procphys_ros.wallgrammar import WallGrammar
 
 WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))
@@ -103,3 +104,20 @@ def test_all_broken_bonds_are_told_and_reset_makes_whole():
         assert np.array_equal(simulation.poses, blueprint.poses)
     np.testing.assert_array_equal(outcome[0][0], outcome[1][0])
     np.testing.assert_array_equal(outcome[0][1], outcome[1][1])
+
+
+def test_the_shock_of_a_loss_does_not_last():
+    """Let the dynamic part of released forces die away over rounds of breaks, however slow."""
+    simulation = standing(wall(12, 16))
+    buildings = simulation._buildings
+    buildings.solver.remove_parts(np.array([40]), 2.0)
+    shock = np.abs(buildings.solver._sudden).max()
+    assert shock > 1.0
+    broke = Collapse(np.zeros(1, np.intp), np.zeros(1, np.uint8), np.ones(1), [])
+    nothing = Collapse(np.zeros(0, np.intp), np.zeros(0, np.uint8), np.zeros(0), [])
+    steps = iter(range(1, 61))
+    buildings._advance = lambda iterations: nothing if next(steps) % 20 else broke
+    for _ in range(60):
+        buildings.stand(1.0 / 60.0)
+    left = np.abs(buildings.solver._sudden).max()
+    assert left == pytest.approx(shock * np.exp(-1.0 / 0.5), rel=1e-6)
