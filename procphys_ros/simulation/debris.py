@@ -23,6 +23,7 @@ from procphys_ros.physics.world.registry import FRICTION
 
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
 _NONE = np.zeros(0, np.intp)
+_UNFELT = 0.05  # [m/s²] drag not worth the call that sets a velocity, half a per cent of gravity
 _SAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
 _SIDE_MEAN = np.pi / 4.0  # mean projected width of a slender body over all attitudes
 
@@ -178,7 +179,8 @@ class Debris:
         share = -np.expm1(-rate * time_step)[:, None]
         velocities[:, :3] += share * slip
         velocities[:, 3:] *= 1.0 - share
-        self._world.set_velocities(awake, velocities)
+        felt = rate * np.linalg.norm(slip, axis=1) > _UNFELT
+        self._world.set_velocities(awake[felt], velocities[felt])
 
     def _states_of(self, body: int) -> tuple[np.ndarray, np.ndarray]:
         bodies, parts = self._world.bodies, self._members[body]
