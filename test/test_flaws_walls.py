@@ -91,10 +91,13 @@ class _Fall:
         self.gap = self.drift = self.fastest = 0.0
         self.energies, self.dust, self._falls = [], [], []
         self._run(180)
+        while simulation.awake_bodies > _FEW and simulation.time < 20.0:
+            self._run(60)
+        self._run(60)  # for the stresses to follow the last loads
         self.carried, self.weight = self._weigh()
         simulation.demolish()
         self._run(180)
-        while simulation.awake_bodies > _FEW and simulation.time < 60.0:
+        while simulation.awake_bodies > _FEW and simulation.time < 90.0:
             self._run(60)
         self.falls = np.concatenate(self._falls)
 
@@ -337,9 +340,9 @@ def test_momentum_is_kept_when_a_block_breaks_a_wall_in_the_void():
 
 
 def test_statics_hold_after_a_blow(fall: _Fall):
-    """The foot of what is left standing carries its weight and what lies on it, to 2 %."""
+    """The foot of what is left standing carries its weight and what lies on it, to 1 %."""
     print(f'the foot carries {fall.carried / 1e3:.2f} of {fall.weight / 1e3:.2f} kN')
-    assert fall.carried == pytest.approx(fall.weight, rel=0.02)
+    assert fall.carried == pytest.approx(fall.weight, rel=0.01)
 
 
 def test_energy_of_a_collapse_does_not_rise(fall: _Fall):
