@@ -25,6 +25,7 @@ from procphys_ros.errors import CommandError
 
 CAPACITY = 10_000  # commands that may wait for the next step
 _LONGEST = 0.05  # [s] of commands between two steps, so that a flood leaves time for steps
+_LONGEST_REASON = 600  # [characters]
 
 
 def _nobody(success: bool, message: str) -> None:
@@ -112,8 +113,11 @@ class CommandQueue:
         try:
             message = command.carry_out()
         except CommandError as error:
-            self.reject(command.name, str(error))
-            command.answer(False, str(error))
+            reason = str(error)
+            if len(reason) > _LONGEST_REASON:  # whoever sent a long list need not get it back
+                reason = f'{reason[:_LONGEST_REASON // 2]} … {reason[-_LONGEST_REASON // 2:]}'
+            self.reject(command.name, reason)
+            command.answer(False, reason)
         else:
             with self._counting:
                 self.taken[command.name] += 1

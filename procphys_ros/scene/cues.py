@@ -75,7 +75,8 @@ def read_cues(parameters: Mapping[str, Any]) -> tuple[Cue, ...]:
     texts = scene.get('cues', []) if isinstance(scene, Mapping) else []
     if isinstance(texts, str) or not isinstance(texts, Sequence) \
             or not all(isinstance(text, str) for text in texts):
-        raise SceneError(f'scene.cues is {texts!r}, it must be a list of texts, each {_FORM}')
+        raise SceneError(f'scene.cues is {_short(repr(texts))}, it must be a list of texts, each '
+                         f'{_FORM}')
     cues = [_read(text, number, parameters) for number, text in enumerate(texts) if text.strip()]
     return tuple(sorted(cues, key=lambda cue: cue.time))
 
@@ -84,14 +85,15 @@ def _read(text: str, number: int, parameters: Mapping[str, Any]) -> Cue:
     try:
         time, verb, *words = text.split() if len(text.split()) > 1 else (text, '')
         if verb not in _VERBS:
-            raise SceneError(f'there is no verb "{verb}"{nearest_names(verb, _VERBS)} '
-                             f'({", ".join(_VERBS)}); the form is {_FORM}')
+            near = nearest_names(verb[:99], _VERBS)
+            raise SceneError(f'there is no verb "{_short(verb)}"{near} ({", ".join(_VERBS)}); the '
+                             f'form is {_FORM}')
         group, kind = _VERBS[verb]
         base = parameters.get(group, {})
         base = dict(base) if isinstance(base, Mapping) else {}
         return Cue(_seconds(time), text, kind(**{**base, **_values(words, kind)}))
     except ProcPhysError as error:
-        raise SceneError(f'scene.cues[{number}] "{text}": {error}') from error
+        raise SceneError(f'scene.cues[{number}] "{_short(text)}": {error}') from error
 
 
 def _seconds(word: str) -> float:
@@ -100,7 +102,8 @@ def _seconds(word: str) -> float:
     except ValueError:
         value = math.nan
     if not 0.0 <= value <= _LATEST:
-        raise SceneError(f'"{word}" is not a time from 0 to {_LATEST:g} s; the form is {_FORM}')
+        raise SceneError(f'"{_short(word)}" is not a time from 0 to {_LATEST:g} s; the form is '
+                         f'{_FORM}')
     return value
 
 
@@ -111,7 +114,7 @@ def _values(words: Sequence[str], kind: Any) -> dict[str, Any]:
     for word in words:
         name, equals, value = word.partition('=')
         if not equals or name not in known:
-            raise SceneError(f'"{word}" sets nothing{nearest_names(name, known)} '
+            raise SceneError(f'"{_short(word)}" sets nothing{nearest_names(name[:99], known)} '
                              f'(known: {", ".join(f"{k}=" for k in known)})')
         values[name] = value if isinstance(known[name], str) else _numbers(word, value)
     return values
@@ -121,6 +124,10 @@ def _numbers(word: str, value: str) -> float | list[float]:
     try:
         numbers = [float(v) for v in value.split(',')]
     except ValueError:
-        raise SceneError(f'"{word}": numbers are expected, several with commas between '
+        raise SceneError(f'"{_short(word)}": numbers are expected, several with commas between '
                          'them and no spaces') from None
     return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 80 else f'{text[:77]}...'

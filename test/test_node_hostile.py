@@ -1,0 +1,122 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Huge texts, long lists, reloads with other settings; and what stands costs nothing."""
+
+from time import monotonic
+
+from geometry_msgs.msg import PoseArray
+from node_process import Client, NodeProcess, PARTS, SAPLING, SCENE
+import pytest
+import rclpy
+from visualization_msgs.msg import MarkerArray
+
+MEGABYTE = 1_200_000
+
+
+@pytest.fixture(scope='module')
+def client(tmp_path_factory):
+    """Give a client of a node that runs for all tests of this file."""
+    rclpy.init()
+    made = Client()
+    node = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
+    node.wait_for_banner()
+    yield made
+    made.close()
+    rclpy.shutdown()
+    node.kill()
+
+
+@pytest.fixture(autouse=True)
+def good_scene(client):
+    """Leave the node with the scene that it began with."""
+    yield
+    for name, value in (('scene.objects', ['sapling', 'post']), ('scene.cues', ['']),
+                        ('post.grammar_text', SAPLING), ('time_step', 1.0 / 60.0),
+                        ('culling.sleeping', False), ('dust.enabled', True)):
+        assert client.set_parameter(name, value).successful, name
+    client.switch('set_pause', False)
+    assert client.trigger('reload_scene').success
+
+
+def parts(client):
+    """Count the parts that are published."""
+    return len(client.next_message(PoseArray, '/sim/poses').poses)
+
+
+def test_a_grammar_of_more_than_a_megabyte_is_read(client):
+    """Take a text that is long because much is explained in it."""
+    text = SAPLING + '\n'.join(['# ' + 'why ' * 20] * (MEGABYTE // 82))
+    assert len(text) > 1_000_000
+    assert client.set_parameter('post.grammar_text', text).successful
+    answer = client.trigger('reload_scene')
+    assert answer.success, answer.message
+    assert parts(client) == PARTS
+
+
+@pytest.mark.parametrize('text', ['F(' * (MEGABYTE // 2), '🌳' * (MEGABYTE // 4), 'x' * MEGABYTE])
+def test_a_megabyte_of_nonsense_is_refused_in_few_words(client, text):
+    """Name the place of the first mistake, keep the old scene, and answer on."""
+    assert client.set_parameter('post.grammar_text', text).successful
+    answer = client.trigger('reload_scene')
+    assert not answer.success and len(answer.message) < 1000
+    assert 'post' in answer.message and 'the scene stays' in answer.message
+    assert parts(client) == PARTS
+
+
+@pytest.mark.parametrize('name, value, words', [
+    ('scene.objects', [f'o{i}/' for i in range(100_000)], 'cannot name an object'),
+    ('scene.cues', ['1 gust'] * 5 + ['2 gale'], 'scene.cues[5]'),
+    ('scene.cues', ['x' * MEGABYTE], 'scene.cues[0]'),
+    ('demolition.delays', [1.0] * 99 + [float('nan')], 'demolition.delays'),
+    ('projectile.size', [1.0] * 100_000, 'projectile.size'),
+    ('world_frame', '', 'world_frame'),
+])
+def test_long_and_strange_values_are_refused(client, name, value, words):
+    """Say the name of the parameter and what is wrong, in few words."""
+    result = client.set_parameter(name, value)
+    if result.successful:  # what only its use can judge
+        result = client.trigger('launch_projectile')
+        assert not result.success and words in result.message and len(result.message) < 1000
+    else:
+        assert words in result.reason or 'read' in result.reason
+        assert len(result.reason) < 1000
+
+
+def test_reload_takes_other_settings(client):
+    """Go over to another time step, seed, and schemes without a restart."""
+    for name, value in (('time_step', 0.01), ('seed', 99), ('culling.sleeping', True),
+                        ('dust.enabled', False)):
+        assert client.set_parameter(name, value).successful
+    assert client.trigger('reload_scene').success
+    client.switch('set_pause', True)
+    before = float(client.trigger('step_simulation').message.split()[-2])
+    after = float(client.trigger('step_simulation').message.split()[-2])
+    assert after - before == pytest.approx(0.01, abs=1e-6)
+
+
+def test_a_standing_wall_costs_no_markers(client):
+    """Send all markers to a new subscriber, and then nothing while nothing moves."""
+    assert client.set_parameter('scene.objects', ['wall']).successful
+    assert client.set_parameter('wall.grammar', 'garden_wall.wall').successful
+    assert client.trigger('reload_scene').success
+    received = client.listen(MarkerArray, '/sim/markers')
+    client.spin_until(lambda: sum(len(a.markers) for a in received) >= 2 * 492, 'both whole sets')
+    end = monotonic() + 1.5
+    client.spin_until(lambda: monotonic() > end, 'time to pass')
+    received.clear()
+    end = monotonic() + 1.0
+    client.spin_until(lambda: monotonic() > end, 'time to pass')
+    assert not received
