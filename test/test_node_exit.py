@@ -15,10 +15,13 @@
 
 """How the node starts and ends: exit codes, one readable line, no traceback."""
 
+from pathlib import Path
 import signal
 
-from node_process import NodeProcess, SCENE
+from node_process import Client, NodeProcess, SCENE
 import pytest
+import rclpy
+from std_srvs.srv import Trigger
 
 
 @pytest.fixture
@@ -58,6 +61,42 @@ def test_node_ends_while_it_runs_as_fast_as_possible(start, how):
     for _ in range(2):
         process.process.stdout.readline()
     assert process.finish(how)[0] == 0
+
+
+@pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('library', ['_multiarray_umath', '_rclpy_pybind11', 'libllvmlite'])
+def test_node_ends_while_it_is_still_starting(start, library, how):
+    """Hear a signal as soon as a library is there: between imports, or as kernels load."""
+    process = start(SCENE)
+    maps = Path(f'/proc/{process.process.pid}/maps')
+    while library not in maps.read_text('utf-8'):
+        assert process.process.poll() is None, f'the node ended before it loaded {library}'
+    assert process.finish(how) == (0, '')
+
+
+@pytest.fixture
+def client():
+    """Give a client."""
+    rclpy.init()
+    made = Client()
+    yield made
+    made.close()
+    rclpy.try_shutdown()
+
+
+@pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGTERM])
+def test_node_ends_during_a_reload_and_while_paused(start, client, how):
+    """End with the scene half built, time standing still, and somebody waiting for an answer."""
+    process = start(SCENE)
+    process.wait_for_banner()
+    assert client.switch('set_pause', True).success
+    assert client.set_parameter('sapling.count', 1500).successful
+    service = client.node.create_client(Trigger, '/sim/reload_scene')
+    client.spin_until(service.service_is_ready, 'the service')
+    service.call_async(Trigger.Request())
+    queued = client.switch('set_wind_enabled', True)
+    assert queued.success and 'next' in queued.message, 'the reload was over already'
+    assert process.finish(how) == (0, '')
 
 
 def test_use_sim_time_does_not_stop_the_node(start):
