@@ -18,8 +18,9 @@ Split one forest over 1 to 4 nodes, and see how much simulated time each makes i
 
 Every node runs as fast as it can with its share of the trees, all at the same time, each on one
 core. Prints simulated seconds times trees per second of real time, all shares together, and its
-ratio to one node with the whole forest; as many as there are nodes would be linear. Nodes beyond
-the cores of the machine share them. Run: python bench/shards.py [trees]
+ratio to one node with the whole forest; as many as there are nodes would be linear. Nodes that
+find no free core share one; so it prints also the work per second of processor time, relative to
+one node, which is 1 when only cores are missing. Run: python bench/shards.py [trees]
 """
 
 import json
@@ -60,8 +61,22 @@ def start(count: int, index: int, trees: int, folder: str) -> subprocess.Popen:
     raise SystemExit('a node did not start')
 
 
-def measure(count: int, trees: int) -> float:
-    """Give simulated seconds per second times the trees they were simulated for, all shares."""
+def processor_seconds(processes: list[subprocess.Popen]) -> float:
+    """Read the processor time that processes have used [s]."""
+    used = 0
+    for process in processes:
+        text = Path(f'/proc/{process.pid}/stat').read_text('utf-8')
+        used += sum(int(ticks) for ticks in text.rpartition(')')[2].split()[11:13])
+    return used / os.sysconf('SC_CLK_TCK')
+
+
+def measure(count: int, trees: int) -> tuple[float, float]:
+    """
+    Run so many nodes.
+
+    :returns: simulated seconds times the trees they were simulated for, all shares, per second of
+        real time, and per second of processor time.
+    """
     node = rclpy.create_node(f'bench_shards_{count}')
     executor = SingleThreadedExecutor()
     executor.add_node(node)
@@ -77,9 +92,10 @@ def measure(count: int, trees: int) -> float:
         try:
             for span in (_WARM_UP, _SPAN):
                 seen.clear()
-                end = monotonic() + span
-                while monotonic() < end:
+                used, begin = processor_seconds(processes), monotonic()
+                while monotonic() - begin < span:
                     executor.spin_once(timeout_sec=0.1)
+            cores = (processor_seconds(processes) - used) / (monotonic() - begin)
         finally:
             for process in processes:
                 process.send_signal(signal.SIGINT)
@@ -87,8 +103,9 @@ def measure(count: int, trees: int) -> float:
                 process.wait()
     executor.shutdown()
     node.destroy_node()
-    return sum((looks[-1][1] - looks[0][1]) / (looks[-1][0] - looks[0][0]) * trees / count
+    done = sum((looks[-1][1] - looks[0][1]) / (looks[-1][0] - looks[0][0]) * trees / count
                for looks in seen.values())
+    return done, done / cores
 
 
 def main() -> None:
@@ -97,13 +114,13 @@ def main() -> None:
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     trees = int(sys.argv[1]) if len(sys.argv) > 1 else 400
     rclpy.init()
-    alone = 0.0
+    alone: tuple[float, float] | None = None
     for count in (1, 2, 3, 4):
-        done = measure(count, trees)
-        alone = alone or done
-        print(f'{count} nodes, {trees} trees: {done:.0f} tree-seconds per second, real-time '
-              f'factor {done / trees:.2f}, {done / alone:.2f} times one node '
-              f'({os.cpu_count()} cores)', flush=True)
+        done, per_core = measure(count, trees)
+        alone = alone or (done, per_core)
+        print(f'{count} nodes, {trees} trees: {done:.0f} tree-seconds per second, '
+              f'{done / alone[0]:.2f} times one node; per second of processor time '
+              f'{per_core / alone[1]:.2f} times ({os.cpu_count()} cores)', flush=True)
     rclpy.shutdown()
 
 

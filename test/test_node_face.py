@@ -1,0 +1,133 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What the node offers to the graph: topics, their quality of service, services, parameters."""
+
+from pathlib import Path
+
+from node_process import Client, NodeProcess, SCENE
+import pytest
+from rcl_interfaces.srv import DescribeParameters
+import rclpy
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+
+from procphys_ros.ros.node import SimNode
+from procphys_ros.ros.parameter_table import GLOBAL, OBJECT
+
+PUBLISHED = {
+    '/sim/poses': 'geometry_msgs/msg/PoseArray',
+    '/sim/markers': 'visualization_msgs/msg/MarkerArray',
+    '/sim/scene_description': 'std_msgs/msg/String',
+    '/sim/breaks': 'sensor_msgs/msg/PointCloud2',
+    '/sim/dust': 'sensor_msgs/msg/PointCloud2',
+    '/sim/wind_info': 'geometry_msgs/msg/Vector3Stamped',
+    '/sim/intruder_wrench': 'geometry_msgs/msg/WrenchStamped',
+    '/clock': 'rosgraph_msgs/msg/Clock',
+    '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
+}
+TAKEN = {
+    '/sim/wind': 'geometry_msgs/msg/Vector3Stamped',
+    '/sim/impulse': 'geometry_msgs/msg/WrenchStamped',
+    '/sim/wrench': 'geometry_msgs/msg/WrenchStamped',
+    '/sim/explosion': 'geometry_msgs/msg/PointStamped',
+    '/sim/observer': 'geometry_msgs/msg/PoseStamped',
+    '/sim/intruder': 'geometry_msgs/msg/PoseStamped',
+}
+SERVICES = {
+    **dict.fromkeys(('/sim/set_wind_enabled', '/sim/set_pause'), 'std_srvs/srv/SetBool'),
+    **dict.fromkeys(
+        (f'/sim/{name}' for name in (
+            'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'clear_wrenches',
+            'step_simulation', 'reset_simulation', 'reload_scene')), 'std_srvs/srv/Trigger'),
+}
+OF_EVERY_NODE = ('/rosout', '/parameter_events')
+
+
+@pytest.fixture(scope='module')
+def client(tmp_path_factory):
+    """Give a client of a node that runs for all tests of this file."""
+    rclpy.init()
+    made = Client()
+    node = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
+    node.wait_for_banner()
+    yield made
+    made.close()
+    node.kill()
+    rclpy.try_shutdown()
+
+
+def names(pairs) -> dict[str, str]:
+    """Read names and types as the graph tells them, without what every node has."""
+    return {name: types[0] for name, types in pairs
+            if name not in OF_EVERY_NODE and 'rcl_interfaces' not in types[0]}
+
+
+def test_the_graph_shows_every_topic_and_service(client):
+    """Find the names and types of the interface, and no others."""
+    graph = client.node
+
+    def published():
+        return names(graph.get_publisher_names_and_types_by_node('sim', '/'))
+
+    def taken():
+        return names(graph.get_subscriber_names_and_types_by_node('sim', '/'))
+
+    def services():
+        return {name: kind for name, kind in names(
+            graph.get_service_names_and_types_by_node('sim', '/')).items()
+            if '/simulation_interfaces/' not in name and 'type_description' not in kind}
+    client.spin_until(lambda: '/sim/reload_scene' in services() and len(published()) >= 9,
+                      'the node in the graph')
+    assert published() == PUBLISHED
+    assert taken() == TAKEN
+    assert services() == SERVICES
+
+
+def test_all_topics_are_reliable_and_the_description_is_latched(client):
+    """Offer what both reliable and best-effort subscribers can hear."""
+    for topic in PUBLISHED:
+        client.spin_until(lambda topic=topic: client.node.get_publishers_info_by_topic(topic),
+                          topic)
+        offered = client.node.get_publishers_info_by_topic(topic)[0].qos_profile
+        assert offered.reliability == ReliabilityPolicy.RELIABLE, topic
+        assert offered.durability == (
+            DurabilityPolicy.TRANSIENT_LOCAL if topic == '/sim/scene_description'
+            else DurabilityPolicy.VOLATILE), topic
+
+
+@pytest.mark.parametrize('text', [
+    SimNode.__doc__, (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')],
+    ids=['docstring', 'README'])
+def test_everything_offered_is_listed(text):
+    """Name every topic and service where people look for them."""
+    for name in (*PUBLISHED, *TAKEN, *SERVICES):
+        assert name.replace('/sim/', '~/') in text, name
+
+
+def test_parameters_describe_themselves_to_clients(client):
+    """Give descriptions, ranges and read-only marks of the table over the parameter services."""
+    rows = {**{row.name: row for row in GLOBAL},
+            **{f'sapling.{row.name}': row for row in OBJECT}}
+    answer = client.call(DescribeParameters, '/sim/describe_parameters',
+                         DescribeParameters.Request(names=list(rows)))
+    assert [d.name for d in answer.descriptors] == list(rows)
+    for descriptor, row in zip(answer.descriptors, rows.values()):
+        assert descriptor.description.startswith(row.description), row.name
+        assert not row.unit or f'[{row.unit}]' in descriptor.description
+        assert descriptor.read_only == row.read_only
+        for bounds in (*descriptor.floating_point_range, *descriptor.integer_range):
+            assert (bounds.from_value, bounds.to_value) == (row.low, row.high), row.name
+        is_number = type(row.default) in (int, float)
+        assert is_number == bool(descriptor.floating_point_range or descriptor.integer_range)
