@@ -14,11 +14,14 @@
 
 """Level of detail: what nobody looks at costs less, and nothing pops, drifts or gets lost."""
 
+from masonry_walls import wall
 import numpy as np
 import pytest
+from test_collapse import tilted
 
 from procphys_ros.errors import CommandError, SceneError
-from procphys_ros.scene import Scene
+from procphys_ros.scene import Scene, Settings
+from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.simulation import Simulation
 
 POLE = ('axiom: Width(0.05) Density(800) Modulus(8e9) DampingRatio(0.05) F(1) F(1) '
@@ -164,3 +167,22 @@ def test_a_bad_observer_is_refused():
     """Refuse a camera that is nowhere."""
     with pytest.raises(CommandError):
         stand(frustum=True).set_observer((float('nan'), 0.0, 0.0))
+
+
+def test_far_debris_is_coarser_and_near_debris_exact():
+    """Drop a wall: near the observer as ever, far from it in fewer pieces, and all of it down."""
+    def dropped(eye, **culling):
+        scene = Scene(Settings(culling=CullingSettings(**culling)))
+        made = tilted(wall(20, 24, ground=False, tension=2e4, cohesion=3e4))
+        scene.add(made, (0.0, 0.0, 6.0), name='wall')
+        simulation = Simulation(scene)
+        simulation.set_observer(eye)
+        simulation.step(180)
+        return simulation
+    full = dropped((0.0, -10.0, 2.0))
+    near = dropped((0.0, -10.0, 2.0), debris_distance=50.0)
+    far = dropped((0.0, -100.0, 2.0), debris_distance=50.0)
+    np.testing.assert_array_equal(near.poses, full.poses)
+    assert far._debris.body_count < 0.7 * full._debris.body_count
+    assert far._debris.body_count > 2
+    assert np.median(far.poses[:, 2]) < 1.0 and far.poses[:, 2].min() > 0.0

@@ -196,6 +196,8 @@ GLOBAL = (
               takes_effect='reload'),
     Parameter('culling.far_interval', 1, 'far trees go on once in so many steps; 1 = in every one',
               '', 1, 4, takes_effect='reload'),
+    Parameter('culling.debris_distance', 0.0, 'what falls further from ~/observer breaks '
+              'into few large pieces; 0 = nowhere', 'm', 0.0, 1e6, takes_effect='reload'),
     Parameter('intruder.shape', 'box', 'of the body that ~/intruder moves', choices=SHAPES,
               takes_effect='reload'),
     Parameter('intruder.size', [1.0, 1.0, 1.0], 'its diameter, or three edges', 'm', 1e-3, 50.0,

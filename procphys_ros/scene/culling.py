@@ -42,6 +42,8 @@ class CullingSettings:
     :ivar far_distance: where trees count as far [m].
     :ivar far_interval: far trees go on once in so many steps at most, one step more for every
         `far_distance` that they are away; 1 = always at every step.
+    :ivar debris_distance: what falls further from the observer [m] breaks into few large pieces,
+        which stand for many small ones; 0 = nowhere.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -53,6 +55,7 @@ class CullingSettings:
     sleeping: bool = False
     far_distance: float = 40.0
     far_interval: int = 1
+    debris_distance: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ('frustum', 'sleeping'):
@@ -61,7 +64,7 @@ class CullingSettings:
                 raise SceneError(f'culling.{name} is {value!r}, it must be true or false')
         for name, low, high in (('distance', 0.0, 1e6), ('field_of_view', 0.01, math.pi - 0.01),
                                 ('aspect', 0.1, 10.0), ('widening', 0.0, _WIDEST),
-                                ('far_distance', 1.0, 1e6)):
+                                ('far_distance', 1.0, 1e6), ('debris_distance', 0.0, 1e6)):
             check_number(f'culling.{name}', getattr(self, name), low, high)
         steps = self.far_interval
         if isinstance(steps, bool) or not isinstance(steps, numbers.Integral) \

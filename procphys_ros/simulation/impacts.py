@@ -24,10 +24,12 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.dust import motion_energy
 from procphys_ros.physics.masonry import Breakage, FreeBodies
 from procphys_ros.physics.world import axes_of, Contacts, State, World
+from procphys_ros.scene import Settings
 from procphys_ros.simulation.bearing import Bearing
 from procphys_ros.simulation.contact_loads import spread, Touches
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause, EventLog
+from procphys_ros.simulation.observer import Observer
 
 CONTACT = 15e-3     # [s] that a blow lasts: edges crush and rubble gives way by v·T/2, 6 cm after
 #                     a fall of 3 m; the elastic contact of two whole bricks would be shorter
@@ -39,6 +41,8 @@ _SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot bre
 _NODES = 60         # cells that a piece breaks into at most in one step
 _PER_CELL = 5       # what a cell costs to judge, in units of ...
 _WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows
+_COARSE = 8         # cells that a far piece breaks into at most in one step
+_COARSER = 8        # how many times larger than near ones the smallest far pieces are
 _BODIES = 300       # awake bodies that there should be: the more, the coarser pieces break
 _LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
 
@@ -70,14 +74,16 @@ class Impacts:
 
     :param blueprint: parts and bonds of the scene.
     :param free: bonds of what flies about.
-    :param gravity: downward acceleration [m/s²].
+    :param settings: gravity, and from where on pieces stay whole.
     :param log: where broken bonds are recorded.
     """
 
-    def __init__(self, blueprint: Blueprint, free: FreeBodies, gravity: float, log: EventLog):
+    def __init__(self, blueprint: Blueprint, free: FreeBodies, settings: Settings, log: EventLog):
         self._blueprint = blueprint
         self._free = free
-        self._gravity = gravity
+        self._gravity = settings.gravity
+        self._sharp = settings.culling.debris_distance
+        self._observer: Observer | None = None
         self._log = log
 
     def begin(self, world: World, debris: Debris, bearing: Bearing) -> None:
@@ -88,6 +94,18 @@ class Impacts:
         self._before = np.zeros((0, 6))
         self._start = np.zeros((0, 7))
         self._waiting: list[_Blow] = []
+
+    def observe(self, observer: Observer) -> None:
+        """Take note of who looks: what is far from there breaks coarsely, if so asked for."""
+        self._observer = observer
+
+    def _far(self, bodies: np.ndarray) -> np.ndarray:
+        """Say which bodies break coarsely, because they are far from who looks, (K,) bool."""
+        if self._observer is None or self._sharp == 0.0:
+            return np.zeros(len(bodies), bool)
+        world = self._world.bodies
+        return self._observer.distance(world.poses[bodies, :3]) > (self._sharp
+                                                                   + world.radius[bodies])
 
     def watch(self) -> None:
         """Note where everything is and how it moves just before a step of the world."""
@@ -120,7 +138,9 @@ class Impacts:
         share = np.ones(len(self._world.bodies.state))
         broken = []
         work = 0
+        far = self._far(np.array([b.body for b in blows], np.intp))
         for turn, (blow, cells) in enumerate(zip(blows, _cells(blows, room, grain))):
+            cells = min(cells, _COARSE) if far[turn] else cells
             if cells < 2:
                 continue
             touches = blow.touches or self._touches(blow.body, blow.rows, contacts)
@@ -186,6 +206,8 @@ class Impacts:
         size[:len(debris.size)] = debris.size[:count]
         chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > _LEAST_JUMP * bodies.mass)
                                 & (bodies.state == State.LOOSE))
+        far = self._far(chosen)
+        chosen = chosen[~far | (size[chosen] >= 2.0 * _COARSER * grain)]
         order = np.argsort(side, kind='stable')
         start = np.searchsorted(side[order], np.arange(count + 1))
         for body in chosen[np.argsort(-felt[chosen], kind='stable')].tolist():

@@ -100,7 +100,7 @@ class Simulation:
         self._release = Release(self._buildings, self._free)
         self._bearing = Bearing(self.blueprint, self._arsenal.blows, self._arsenal.loads,
                                 settings.gravity)
-        self._impacts = Impacts(self.blueprint, self._free, settings.gravity, self.log)
+        self._impacts = Impacts(self.blueprint, self._free, settings, self.log)
         self._world = World()
         self.reset()
 
@@ -141,9 +141,8 @@ class Simulation:
     def reset(self) -> None:
         """Put everything back to rest and whole, the time to zero and the wind to its settings."""
         self.close()
-        self._steps = 0
+        self._steps, self._wrenches = 0, Wrenches()
         self._cues.reset()
-        self._wrenches = Wrenches()
         self.blueprint = self.scene.blueprint
         self.objects = list(self.scene.objects)
         self.names = PartNames(self.objects, self.blueprint)
@@ -249,7 +248,9 @@ class Simulation:
         :param orientation: quaternion xyzw; the camera looks along x, z is up.
         :raises CommandError: when a value is not finite, or the quaternion has no length.
         """
-        self._grove.observe(Observer(self.scene.settings.culling, position, orientation))
+        observer = Observer(self.scene.settings.culling, position, orientation)
+        self._grove.observe(observer)
+        self._impacts.observe(observer)
 
     def apply_impulse(self, part: int | str, linear: Sequence[float] = (0.0, 0.0, 0.0),
                       angular: Sequence[float] = (0.0, 0.0, 0.0),
@@ -390,8 +391,7 @@ class Simulation:
         return first
 
     def _vanish(self, parts: np.ndarray) -> None:
-        self.poses[parts] = np.nan
-        self.velocities[parts] = 0.0
+        self.poses[parts], self.velocities[parts] = np.nan, 0.0
 
     @contextmanager
     def _stage(self, name: str) -> Iterator[None]:
