@@ -16,7 +16,9 @@
 Time buildings: standing, and torn down with secondary fracture.
 
 Demolition takes all walls of the ground floor away up to half its height, at once; all that stood
-on them falls. Run with `python bench/buildings.py [seconds [first size [last size]]]`.
+on them falls: every wall and floor of the building comes down. The baseline is the way of Baxter
+et al. (2010) in PyBullet, a joint per mortar bond, side by side at sizes it can bear, where it
+only stands. Run with `python bench/buildings.py [seconds [first size [last size]]]`.
 """
 
 from pathlib import Path
@@ -24,6 +26,7 @@ import sys
 import time
 
 import numpy as np
+from world import jointed
 
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, Simulation
@@ -34,6 +37,7 @@ SIZES = ({'bays': 1, 'deep': 1, 'storeys': 1, 'module': 2.8},
          {'bays': 3, 'deep': 2, 'storeys': 1}, {})
 BLOWN = 1.5  # [m] walls below vanish
 HEAVY = 200.0  # [kg] slabs, which stay
+BASELINES = ((20, 25), (20, 50), (40, 50))  # columns and courses of walls with a joint per bond
 
 
 def office(size):
@@ -95,6 +99,21 @@ def demolition(size, seconds):
             f'{k} {1e3 * v / len(rows):.2f}' for k, v in sorted(
                 total.items(), key=lambda item: -item[1]) if v > 1e-4 * len(rows)))
     simulation.close()
+    return bricks, float(np.median(standing)), times.sum() / count
+
+
+def compare(ours):
+    """Print what a brick costs in a step with a joint per bond, and here."""
+    for columns, courses in BASELINES:
+        count = columns * courses
+        step, sag = jointed(columns, courses, 50)
+        each = 1e3 * step / count
+        print(f'{count} bricks with a joint per bond, only standing: {step:.1f} ms per step, '
+              f'{each:.1f} µs per brick, sagging {1e3 * sag:.0f} mm')
+        for bricks, standing, falling in ours:
+            print(f'  of it {bricks} bricks here take, each: standing 1/'
+                  f'{each * bricks / (1e6 * standing):.0f}, coming down 1/'
+                  f'{each * bricks / (1e6 * falling):.1f}')
 
 
 def warm_up():
@@ -111,8 +130,7 @@ def main():
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     last = int(sys.argv[3]) if len(sys.argv) > 3 else len(SIZES) - 1
-    for size in SIZES[first:last + 1]:
-        demolition(size, seconds)
+    compare([demolition(size, seconds) for size in SIZES[first:last + 1]])
 
 
 if __name__ == '__main__':
