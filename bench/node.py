@@ -13,7 +13,13 @@
 # limitations under the License.
 
 
-"""The node under load: does simulated time keep up while a forest is published to a subscriber."""
+"""
+The node under load: does simulated time keep up, and are services answered in time.
+
+Prints the real-time factor while a forest is published to a subscriber; then, for a node that is
+asked for ten times more than it can compute and gets 1,000 commands a second as well, how long
+answers to services take and what became of the commands. Run: python bench/node.py
+"""
 
 import json
 import os
@@ -24,10 +30,13 @@ import sys
 import tempfile
 from time import monotonic
 
-from geometry_msgs.msg import PoseArray
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray, WrenchStamped
+import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -104,13 +113,71 @@ def measure(trees: int, topics: dict[str, type]) -> None:
     node.destroy_node()
 
 
+def overload(trees: int) -> None:
+    """Ask far too much of a node, and print how it answers."""
+    node = rclpy.create_node('bench_caller')
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    looks: list[dict[str, str]] = []
+    node.create_subscription(
+        DiagnosticArray, '/diagnostics',
+        lambda m: looks.append({v.key: v.value for v in m.status[0].values}), 10)
+    switch = node.create_client(SetBool, '/sim/set_wind_enabled')
+    impulses = node.create_publisher(WrenchStamped, '/sim/impulse', 1000)
+    with tempfile.TemporaryDirectory() as folder:
+        process, summary = start({**forest(trees), 'real_time_factor': 1000.0}, folder)
+        try:
+            switch.wait_for_service()
+            _spin(executor, _WARM_UP)
+            waits, sent = _call_and_send(executor, switch, impulses)
+            _spin(executor, 4.0)
+            waiting = [int(look['commands waiting']) for look in looks]
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait()
+    answered = sum(int(looks[-1][f'commands {what}']) for what in ('taken', 'rejected'))
+    print(f'{trees} trees ({summary}), overloaded: real-time factor '
+          f'{looks[-1]["real-time factor"]} of 1000, {len(waits)} services answered in '
+          f'{1000 * np.median(waits):.0f} ms (median), {1000 * max(waits):.0f} ms (slowest); '
+          f'{sent + len(waits)} commands sent, {answered} answered for, '
+          f'{waiting[-1]} wait 4 s later, {max(waiting)} at most')
+    executor.shutdown()
+    node.destroy_node()
+
+
+def _spin(executor: SingleThreadedExecutor, seconds: float) -> None:
+    end = monotonic() + seconds
+    while monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+
+
+def _call_and_send(executor: SingleThreadedExecutor, switch, impulses) -> tuple[list[float], int]:
+    """Call a service over and over amid 1,000 impulses a second, half of them on no part."""
+    message = WrenchStamped()
+    message.wrench.force.x = 1e-3
+    waits: list[float] = []
+    sent, begin = 0, monotonic()
+    while monotonic() - begin < _SPAN:
+        asked = monotonic()
+        future = switch.call_async(SetBool.Request(data=True))
+        while not future.done():
+            while sent < 1000 * (monotonic() - begin):
+                message.header.frame_id = ('oak_0/1', 'nobody/1')[sent % 2]
+                impulses.publish(message)
+                sent += 1
+            executor.spin_once(timeout_sec=0.001)
+        waits.append(monotonic() - asked)
+    return waits, sent
+
+
 def main() -> None:
-    """Print the figures for poses and markers, and for many trees with poses only."""
+    """Print the figures for poses and markers, for many trees with poses only, for overload."""
     os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     rclpy.init()
     measure(250, {'/sim/poses': PoseArray, '/sim/markers': MarkerArray})
     measure(1000, {'/sim/poses': PoseArray})
+    overload(1000)
     rclpy.shutdown()
 
 

@@ -16,6 +16,7 @@
 
 from collections.abc import Iterable
 import difflib
+from functools import lru_cache
 
 
 class ProcPhysError(Exception):
@@ -61,5 +62,10 @@ def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     :param known: the names that exist.
     :param limit: how many to offer.
     """
-    close = difflib.get_close_matches(name, list(known), n=limit, cutoff=0.5)
+    close = _close(name, tuple(known), limit)
     return f'; did you mean {", ".join(close)}?' if close else ''
+
+
+@lru_cache(maxsize=16)  # whoever sends a thousand commands a second repeats the same mistake
+def _close(name: str, known: tuple[str, ...], limit: int) -> list[str]:
+    return difflib.get_close_matches(name, known, n=limit, cutoff=0.5)

@@ -84,7 +84,7 @@ def test_every_verb_has_help(verb, capsys):
 def test_listing_names_objects_and_parts():
     """Say what an object is made of; find parts by kind, name, index and wildcards."""
     oak, house = SCENE.overview()
-    assert oak.split() == 'oak_0 2 parts 1.8 t 2 segment'.split()
+    assert oak.split() == ['oak_0', '2', 'parts', '1.8', 't', '2', 'segment']
     assert '2 brick, 1 pane' in house
     for pattern, found in (('oak_0', 2), ('house/brick', 2), ('house/2', 1), ('house/pane_2', 1),
                            ('h*/b*', 2), ('*', 5), ('*/1', 2)):

@@ -80,7 +80,7 @@ def fallen(drop, seconds=3.0):
 
 def test_dust_is_proportional_to_energy():
     """Give 5 % of a mill's 1/53.6 g/J, in puffs and what is kept for the next."""
-    assert DUST_PER_ENERGY == pytest.approx(0.05 / 53.57e3, rel=1e-3)
+    assert pytest.approx(0.05 / 53.57e3, rel=1e-3) == DUST_PER_ENERGY
     for energy in (1.0, 30.0, 1000.0, 1e6):
         cloud = cloud_of(energy)
         assert total_mass(cloud) == pytest.approx(energy * DUST_PER_ENERGY, rel=1e-9)
