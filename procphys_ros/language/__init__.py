@@ -20,7 +20,7 @@ from procphys_ros.language.defines import read_overrides, resolve_defines
 from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
 from procphys_ros.language.place import Place
-from procphys_ros.language.syntax import syntax_error
+from procphys_ros.language.syntax import check_length, syntax_error
 
 __all__ = [
     'EXPRESSION_GRAMMAR',
@@ -28,6 +28,7 @@ __all__ = [
     'Expression',
     'Place',
     'Value',
+    'check_length',
     'compile_expression',
     'read_overrides',
     'resolve_defines',

@@ -24,6 +24,23 @@ from lark.parsers.lalr_interactive_parser import InteractiveParser
 from procphys_ros.errors import GrammarError
 from procphys_ros.language.grammar import EXPRESSION_WORDS
 
+# [characters] Ten times what the largest of grammars needs; one of nothing but symbols takes 10 s
+# to read, and reading cannot be interrupted.
+LONGEST_TEXT = 200_000
+
+
+def check_length(text: str, source: str) -> None:
+    """
+    Refuse a text that nobody has written as a grammar.
+
+    :param text: of the grammar.
+    :param source: name of the file or parameter.
+    :raises GrammarError: when it is longer than `LONGEST_TEXT`.
+    """
+    if len(text) > LONGEST_TEXT:
+        raise GrammarError(f'the grammar has {len(text)} characters, at most {LONGEST_TEXT} are '
+                           'read', source)
+
 
 class _NoLexer:
     """Stand in for the lexer where only the parser is asked; lark 1.3 takes the token class."""

@@ -23,7 +23,7 @@ import numpy as np
 from procphys_ros import skeleton
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import GrammarError
-from procphys_ros.language import Expression, resolve_defines
+from procphys_ros.language import check_length, Expression, resolve_defines
 from procphys_ros.lsystem.compiler import compile_grammar, Grammar
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
@@ -51,8 +51,9 @@ class LSystem:
         :param text: in the language of `grammars/*.lsys`.
         :param source: what to call it in errors.
         :param max_modules: longest string that it may derive.
-        :raises GrammarError: when the text is not an L-system.
+        :raises GrammarError: when the text is not an L-system, or very long.
         """
+        check_length(text, source)
         return cls(compile_grammar(text, source, max_modules))
 
     @classmethod

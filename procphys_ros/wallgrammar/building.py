@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import GrammarError
-from procphys_ros.language import resolve_defines
+from procphys_ros.language import check_length, resolve_defines
 from procphys_ros.wallgrammar import contacts, corners, footprint, references, walls
 from procphys_ros.wallgrammar.assembly import assemble, from_contacts, on_ground
 from procphys_ros.wallgrammar.bonds import Layout
@@ -67,6 +67,7 @@ class WallGrammar:
         :param most_parts: bound on the parts of the building.
         :raises GrammarError: where the text does not fit the language.
         """
+        check_length(text, source)
         spec = parse(text, source)
         references.check(spec)
         materials = read_materials(spec)
