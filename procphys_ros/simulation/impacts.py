@@ -43,7 +43,7 @@ _PER_CELL = 5       # what a cell costs to judge, in units of ...
 _WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows
 _COARSE = 8         # cells that a far piece breaks into at most in one step
 _COARSER = 8        # how many times larger than near ones the smallest far pieces are
-_BODIES = 300       # awake bodies that there should be: the more, the coarser pieces break
+_BODIES = 240       # awake bodies that there should be: the more, the coarser pieces break
 _LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
 
 
