@@ -128,9 +128,14 @@ def test_watch_tells_time_and_breaks_until_it_is_stopped(node, say):
 
 def test_no_node_ends_with_three(node, say):
     """Say where was looked and what is there."""
-    code, out, err = say('--node /elsewhere --timeout 0.5 reset')
-    assert code == 3 and not out
-    assert '/elsewhere' in err and os.environ['ROS_DOMAIN_ID'] in err and '/sim' in err
+    for timeout in (0.5, 5.0, 30.0):    # a busy machine may find the other node late
+        code, out, err = say(f'--node /elsewhere --timeout {timeout} reset')
+        assert code == 3 and not out
+        assert '/elsewhere' in err and os.environ['ROS_DOMAIN_ID'] in err
+        if '/sim' in err:
+            break
+    else:
+        pytest.fail(err)
 
 
 def test_completion_and_help_need_no_node(say):
