@@ -23,7 +23,7 @@ from typing import Any
 
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.foliage import SHEDDING_SPEED
-from procphys_ros.scene.strikes import SHAPES
+from procphys_ros.scene.solids import SHAPES
 
 _FASTEST = 150.0  # [m/s] above every wind measured on the ground
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')

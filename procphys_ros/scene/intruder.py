@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.errors import SceneError
+from procphys_ros.scene.solids import edges_of
 
-SHAPES = ('sphere', 'box')
 _LARGEST = 50.0  # [m]
 
 
@@ -40,25 +40,9 @@ class IntruderSettings:
     size: float | Sequence[float] = (1.0, 1.0, 1.0)
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
-            raise SceneError(f'intruder.shape is {self.shape!r}, it must be one of '
-                             f'{", ".join(SHAPES)}')
-        edges = self.edges
-        if not (edges > 0.0).all() or edges.max() > _LARGEST:
-            raise SceneError(f'intruder.size is {edges.tolist()} m, it must lie above 0 and not '
-                             f'exceed {_LARGEST:g}')
-        if self.shape == 'sphere' and np.ptp(edges) > 0.0:
-            raise SceneError(f'intruder.size is {edges.tolist()}; a sphere has one diameter')
-        object.__setattr__(self, 'size', tuple(edges.tolist()))  # however it was written
+        object.__setattr__(self, 'size', tuple(self.edges.tolist()))  # however it was written
 
     @property
     def edges(self) -> np.ndarray:
         """Give full extents along its axes [m], (3,)."""
-        try:
-            given = np.array(self.size, float).ravel()
-        except (TypeError, ValueError):
-            given = np.empty(0)
-        if given.size not in (1, 3) or not np.isfinite(given).all():
-            raise SceneError(f'intruder.size is {self.size!r}, it must be one finite number or '
-                             'three')
-        return np.broadcast_to(given, 3).copy()
+        return edges_of('intruder', self.shape, self.size, _LARGEST, SceneError)

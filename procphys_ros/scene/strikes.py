@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.errors import CommandError
+from procphys_ros.scene.solids import edges_of
 
-SHAPES = ('sphere', 'box')
 _FASTEST = 400.0     # [m/s], beyond it air and wall answer with shock waves
 _LARGEST = 20.0      # [m] edge of a projectile
 _HEAVIEST = 1e6      # [kg] of a projectile
@@ -55,15 +55,7 @@ class Projectile:
     velocity: Sequence[float] = (0.0, 20.0, 0.0)
 
     def __post_init__(self) -> None:
-        if self.shape not in SHAPES:
-            raise CommandError(f'projectile.shape is {self.shape!r}, it must be one of '
-                               f'{", ".join(SHAPES)}')
         edges = self.edges
-        if not (edges > 0.0).all() or edges.max() > _LARGEST:
-            raise CommandError(f'projectile.size is {edges.tolist()} m, it must lie above 0 and '
-                               f'not exceed {_LARGEST:g}')
-        if self.shape == 'sphere' and np.ptp(edges) > 0.0:
-            raise CommandError(f'projectile.size is {edges.tolist()}; a sphere has one diameter')
         _number('projectile.mass', self.mass, 'kg', _HEAVIEST)
         place = _triple('projectile.position', self.position, _FARTHEST)
         if place[2] < 0.5 * edges[2]:
@@ -77,14 +69,7 @@ class Projectile:
     @property
     def edges(self) -> np.ndarray:
         """Give full extents along its axes [m], (3,)."""
-        try:
-            given = np.array(self.size, float).ravel()
-        except (TypeError, ValueError):
-            given = np.empty(0)
-        if given.size not in (1, 3) or not np.isfinite(given).all():
-            raise CommandError(f'projectile.size is {self.size!r}, it must be one finite number '
-                               'or three')
-        return np.broadcast_to(given, 3).copy()
+        return edges_of('projectile', self.shape, self.size, _LARGEST, CommandError)
 
 
 @dataclass(frozen=True)
