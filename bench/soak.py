@@ -40,7 +40,7 @@ from procphys_ros.scene.strikes import Demolition, Projectile
 from procphys_ros.simulation import Simulation
 
 _LANDING = 0.2    # [m] that a moving body may sink into the ground in a hard landing
-_RESTING = 0.06   # [m] that a brick may that sticks out of a piece: teeth have no contact shape
+_RESTING = 0.02   # [m] that a body at rest may
 _SUNK = -0.03     # [m] centre of mass of a thin twig that carries nothing, pressed into the earth
 _BENT = -0.3      # [m] centre of mass of a branch that bends down to the ground on its tree
 _GROWTH = 0.3     # [MB per reset] of memory that counts as a leak
@@ -238,7 +238,7 @@ def soak(minutes: float, seed: int) -> int:
     operator, count, refused = Operator(simulation, rng), Counter(), Counter()
     history: deque[str] = deque(maxlen=400)
     held, problems, broken = [], [], 0
-    start, simulated, slowest, next_reset = perf_counter(), 0.0, 0.0, 45.0
+    start, simulated, slowest, next_reset = perf_counter(), 0.0, (0.0, ''), 45.0
     while simulated < 60.0 * minutes and len(problems) < 5:
         simulated += 1.0
         try:
@@ -253,7 +253,7 @@ def soak(minutes: float, seed: int) -> int:
             begun = perf_counter()
             for _ in range(0 if operator.paused and simulated % 5 else 60):
                 simulation.step()
-            slowest = max(slowest, perf_counter() - begun)
+            slowest = max(slowest, (perf_counter() - begun, ' / '.join(list(history)[-6:])))
             wrong = faults(simulation)
         except Exception:  # noqa: B902 - whatever it is, it is what the soak looks for
             wrong = [traceback.format_exc(), f'generator {state}']
@@ -274,7 +274,8 @@ def soak(minutes: float, seed: int) -> int:
     warm = held[int(_WARM_UP * len(held)):]
     slope = np.polyfit(np.arange(len(warm)), warm, 1)[0] if len(warm) > 3 else 0.0
     print(f'{simulated / 60.0:.1f} simulated minutes in {perf_counter() - start:.0f} s '
-          f'(slowest second {slowest:.2f} s), {len(held)} resets, {broken} bonds broken')
+          f'(slowest second {slowest[0]:.2f} s), {len(held)} resets, {broken} bonds broken')
+    print(f'before the slowest second: {slowest[1]}')
     print(f'commands {dict(count)}; refused {dict(refused)}')
     print(f'memory {held[0] if held else 0:.0f} MB after the first reset, '
           f'{held[-1] if held else 0:.0f} MB after the last, {slope:+.3f} MB per reset')

@@ -302,3 +302,48 @@ def test_thick_and_thin_walls_do_not_merge_and_joints_are_closed():
     assert len(merged) == 2
     tops, bottoms = merged[:, 2] + 0.5 * extents[:, 2], merged[:, 2] - 0.5 * extents[:, 2]
     assert np.sort(tops)[0] == pytest.approx(np.sort(bottoms)[1])
+
+
+def toothed_wall(courses):
+    """Lay courses in running bond whose ends stick out by half a brick in turn, (P, 7)."""
+    column, row = np.meshgrid(np.arange(4), np.arange(courses))
+    poses = np.tile(at(0, 0, 0), (column.size, 1))
+    poses[:, 0] = 0.225 * (column + 0.5 * (row % 2)).ravel()
+    poses[:, 2] = 0.075 * row.ravel()
+    return poses
+
+
+def lowest_corner(frame, local):
+    """Give the height of the lowest corner of the bricks of a body."""
+    axes = rotation.to_matrix(frame[3:])
+    down = np.abs(axes[2] @ rotation.to_matrix(local[:, 3:]))
+    return (frame[2] + local[:, :3] @ axes[2] - 0.5 * down @ BRICK).min()
+
+
+@pytest.mark.parametrize('courses', [2, 6, 20])
+@pytest.mark.parametrize('tilt', [0.0, 0.4, 1.2, 0.5 * np.pi, 2.0, -0.5 * np.pi])
+def test_the_ground_meets_every_brick_of_a_toothed_piece(tilt, courses):
+    """Drop a broken wall on its teeth: none presses into the ground, and none is thrown up."""
+    poses = toothed_wall(courses)
+    sizes, mass = np.tile(BRICK, (len(poses), 1)), np.full(len(poses), BRICK_MASS)
+    whole = rigid_sum(mass, box_inertia(mass, sizes), poses)
+    turn = rotation.from_axis_angle(np.array([0, 1.0, 0]), np.array([tilt]))[0]
+    start = at(0, 0, 3.0, rotation.multiply(turn, whole.pose[3:]))
+    with World() as world:
+        body = world.add_fragment(np.full(len(poses), int(Shape.BOX)), sizes, whole.local_poses,
+                                  whole.mass, whole.inertia, start)
+        assert len(world.pieces(body).teeth)
+        least = whole.mass * G * start[2]
+        for _ in range(round(8.0 / DT)):
+            world.step(DT)
+            frame, speed = world.poses([body])[0], world.velocities([body])[0]
+            spin = rotation.rotate(rotation.conjugate(frame[3:]), speed[3:])
+            energy = (whole.mass * (G * frame[2] + 0.5 * speed[:3] @ speed[:3])
+                      + 0.5 * spin @ (whole.inertia * spin))
+            assert energy < least + whole.mass * G * 0.02
+            least = min(least, energy)
+            assert lowest_corner(frame, whole.local_poses) > -0.05
+            if not len(world.awake):
+                break
+        assert not len(world.awake)
+        assert lowest_corner(world.poses([body])[0], whole.local_poses) > -0.01

@@ -40,6 +40,7 @@ class Bodies:
     :ivar radius: of the bounding sphere about the centre of mass [m], (B,).
     :ivar least: least extent of a plain body [m], 0 for compounds, (B,).
     :ivar swept: whether its moves are swept against what stands in between, (B,) bool.
+    :ivar toothed: whether it has corners that only the ground meets, (B,) bool.
     :ivar poses: centre of mass and attitude, world axes, (B, 7).
     :ivar velocities: linear and angular, world axes, (B, 6).
     :ivar quiet: how long the body has been slow [s], (B,).
@@ -65,6 +66,7 @@ class Bodies:
     def __init__(self) -> None:
         self.state = np.zeros(0, np.uint8)
         self.swept = np.zeros(0, bool)
+        self.toothed = np.zeros(0, bool)
         for name, width in self._WIDTHS.items():
             setattr(self, name, np.zeros((0, width) if width else 0))
 
@@ -79,6 +81,7 @@ class Bodies:
         self.radius[ids] = radius
         self.least[ids] = least
         self.swept[ids] = False
+        self.toothed[ids] = False
         self.poses[ids] = poses
         self.velocities[ids] = 0.0
         self.restart(ids, 0.0)
@@ -96,6 +99,7 @@ class Bodies:
         more = max(count, 2 * size) - size
         self.state = np.concatenate([self.state, np.zeros(more, np.uint8)])
         self.swept = np.concatenate([self.swept, np.zeros(more, bool)])
+        self.toothed = np.concatenate([self.toothed, np.zeros(more, bool)])
         for name in self._WIDTHS:
             column = getattr(self, name)
             setattr(self, name, np.concatenate(

@@ -14,7 +14,7 @@
 
 """Pieces: the boxes and capsules that a body collides with, and how far down they reach."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from numba import njit
 import numpy as np
@@ -33,17 +33,21 @@ class Pieces:
     :ivar shapes: `Shape`, (P,).
     :ivar sizes: as in `Blueprint.size` [m], (P, 3).
     :ivar local_poses: in the body's frame, (P, 7).
+    :ivar teeth: corners of the body's parts that stick out of these shapes and that only the
+        ground meets, in the body's frame [m], (T, 3).
     """
 
     shapes: np.ndarray
     sizes: np.ndarray
     local_poses: np.ndarray
+    teeth: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def radius(self) -> float:
-        """Give the radius of the sphere about the body's frame that holds all pieces [m]."""
+        """Give the radius of the sphere about the body's frame that holds all of it [m]."""
         own = np.where(self.shapes == Shape.BOX, 0.5 * np.linalg.norm(self.sizes, axis=1),
                        0.5 * self.sizes[:, [0, 2]].max(axis=1))
-        return float((np.linalg.norm(self.local_poses[:, :3], axis=1) + own).max())
+        bulk = float((np.linalg.norm(self.local_poses[:, :3], axis=1) + own).max())
+        return max(bulk, np.linalg.norm(self.teeth, axis=1).max(initial=0.0))
 
     def lowest(self, pose: np.ndarray) -> float:
         """
@@ -53,11 +57,11 @@ class Pieces:
 
         :param pose: of the body in the world, (7,).
         """
-        return _lowest(pose, self.shapes, self.sizes, self.local_poses)
+        return _lowest(pose, self.shapes, self.sizes, self.local_poses, self.teeth)
 
 
 @njit(cache=True)
-def _lowest(pose, shapes, sizes, local):
+def _lowest(pose, shapes, sizes, local, teeth):
     up = axes_of(pose[3:])[2].copy()  # the vertical in the body's axes
     height = np.inf
     for p in range(len(shapes)):
@@ -69,6 +73,8 @@ def _lowest(pose, shapes, sizes, local):
             reach = down[2] * max(size[2] - size[0], 0.0) + size[0]
         centre = pose[2] + up[0] * local[p, 0] + up[1] * local[p, 1] + up[2] * local[p, 2]
         height = min(height, centre - 0.5 * reach)
+    for t in range(len(teeth)):
+        height = min(height, pose[2] + (up * teeth[t]).sum())
     return height
 
 

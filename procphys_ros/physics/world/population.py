@@ -23,6 +23,7 @@ from procphys_ros.physics.world.driven import MASS
 from procphys_ros.physics.world.merging import merge_boxes, TOOTHING
 from procphys_ros.physics.world.pieces import Pieces, single
 from procphys_ros.physics.world.registry import FILTERS, FRICTION, Registry
+from procphys_ros.physics.world.teeth import corners_out
 
 
 class Population(Registry):
@@ -154,4 +155,5 @@ def _merged(pieces: Pieces, tolerance: float) -> Pieces:
     poses, sizes = merge_boxes(pieces.local_poses[box], pieces.sizes[box], tolerance)
     return Pieces(np.concatenate([np.full(len(poses), Shape.BOX, np.int64), pieces.shapes[~box]]),
                   np.concatenate([sizes, pieces.sizes[~box]]),
-                  np.concatenate([poses, pieces.local_poses[~box]]))
+                  np.concatenate([poses, pieces.local_poses[~box]]),
+                  corners_out(pieces.local_poses[box], pieces.sizes[box], poses, sizes))

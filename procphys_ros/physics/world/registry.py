@@ -204,6 +204,7 @@ class Registry:
         self._pieces[body] = pieces
         self._bodies.enter(np.array([body]), State.LOOSE, mass, inertia, pieces.radius(), 0.0,
                            pose)
+        self._bodies.toothed[body] = len(pieces.teeth) > 0
         self._engine.set_mass(body, float(mass), np.asarray(inertia, float))
         self._engine.set_filter(body, *FILTERS[State.LOOSE])
 

@@ -23,6 +23,7 @@ from procphys_ros.physics.world.bodies import State
 from procphys_ros.physics.world.contacts import Contacts
 from procphys_ros.physics.world.population import Population
 from procphys_ros.physics.world.registry import FRICTION, GRAVITY
+from procphys_ros.physics.world.teeth import press
 
 _DEPTH = 0.02  # [m] under the ground from which a body is put back to where it touched it
 _OVERLAP = 1e-3  # [m] left when a body is put back: boxes that only touch have no contact
@@ -43,6 +44,7 @@ class World(Population):
         self._time_step = 1.0 / 60.0
         self._contacts: Contacts | None = None
         self._lifts = np.zeros((0, 13))
+        self._bites = np.zeros((0, 13))
         self._places = np.zeros((0, 3))
         self._since_check = 0.0
 
@@ -51,6 +53,7 @@ class World(Population):
         if self._contacts is None:
             moving = self._bodies.state >= State.LOOSE
             table = self._engine.contacts() if moving.any() else np.zeros((0, 13))
+            table = np.concatenate([table, self._bites])
             self._contacts = Contacts.of(table, self._time_step)
         return self._contacts
 
@@ -74,6 +77,7 @@ class World(Population):
         self._courses.finish()
         self._read()
         self._lift_to_ground(time_step)
+        self._press_teeth(time_step)
         self._settle(time_step)
 
     def wrench(self, body: int) -> np.ndarray:
@@ -162,6 +166,26 @@ class World(Population):
         self._lifts[:, 0], self._lifts[:, 1] = chosen, self.ground
         self._lifts[:, 2:4], self._lifts[:, 7] = poses[:, :2], 1.0
         self._lifts[:, 11], self._lifts[:, 12] = force, force
+
+    def _press_teeth(self, time_step: float) -> None:
+        """Let the ground meet the corners that stick out of the shapes of bodies."""
+        bodies, awake = self._bodies, self.awake
+        chosen = awake[bodies.toothed[awake] & (bodies.poses[awake, 2] < bodies.radius[awake])]
+        self._bites = np.zeros((0, 13))
+        if not len(chosen):
+            return
+        teeth = [self._pieces[body].teeth for body in chosen.tolist()]
+        start = np.cumsum([0, *(len(points) for points in teeth)])
+        poses, velocities = bodies.poses[chosen], bodies.velocities[chosen]
+        self._bites = press(start, np.concatenate(teeth), poses, velocities, bodies.mass[chosen],
+                            bodies.inertia[chosen], FRICTION, time_step)
+        if not len(self._bites):
+            return
+        moved = np.unique(self._bites[:, 0].astype(np.intp))
+        self._bites[:, 0] = chosen[self._bites[:, 0].astype(np.intp)]
+        self._bites[:, 1] = self.ground
+        self.set_poses(chosen[moved], poses[moved])
+        self.set_velocities(chosen[moved], velocities[moved])
 
     def _settle(self, time_step: float) -> None:
         bodies = self._bodies

@@ -1,0 +1,160 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Teeth: bricks that stick out of the boxes which a body collides with, on the ground.
+
+Boxes of a toothed edge end half way (`merging`), or broken walls would wedge into each other. The
+ground has no teeth, so there the true corners count.
+"""
+
+from numba import njit
+import numpy as np
+
+from procphys_ros.physics.world.assembly import axes_of
+
+_OUT = 0.01  # [m] by which a corner must stick out to be kept
+_SLOP = 0.002  # [m] that a tooth at rest may sink, so that it stays in touch
+_RECOVERY = 0.5  # share of the depth that is taken back per step
+_SWEEPS = 12  # over the teeth of a body that touch
+_COLUMNS = 13  # of the engine's contact table
+
+
+def corners_out(poses: np.ndarray, sizes: np.ndarray, merged_poses: np.ndarray,
+                merged_sizes: np.ndarray) -> np.ndarray:
+    """
+    List the corners of boxes that lie outside of the boxes that stand for them.
+
+    :param poses: (P, 7), in the body's frame.
+    :param sizes: full extents [m], (P, 3).
+    :param merged_poses: (K, 7).
+    :param merged_sizes: (K, 3).
+    :returns: points in the body's frame [m], (T, 3).
+    """
+    found = np.empty((8 * len(poses), 3))
+    return found[:_corners_out(poses, sizes, merged_poses, merged_sizes, found)].copy()
+
+
+@njit(cache=True)
+def _corners_out(poses, sizes, merged_poses, merged_sizes, found):
+    axes = np.empty((len(merged_poses), 3, 3))
+    for k in range(len(merged_poses)):
+        axes[k] = axes_of(merged_poses[k, 3:])
+    count = 0
+    for p in range(len(poses)):
+        own = axes_of(poses[p, 3:])
+        for corner in range(8):
+            point = poses[p, :3].copy()
+            for axis in range(3):
+                point += own[:, axis] * sizes[p, axis] * (0.5 - ((corner >> axis) & 1))
+            outside = True
+            for k in range(len(merged_poses)):
+                arm = np.abs((point - merged_poses[k, :3]) @ axes[k])
+                if (arm < 0.5 * merged_sizes[k] + _OUT).all():
+                    outside = False
+                    break
+            if outside:
+                found[count] = point
+                count += 1
+    return count
+
+
+@njit(cache=True)
+def press(start, teeth, poses, velocities, mass, inertia, friction, time_step):
+    """
+    Stop the teeth that have come into the ground, and take them out of it.
+
+    Perfectly plastic impulses with Coulomb friction at all teeth below z = 0 together, by
+    projected Gauss-Seidel; then the same in displacements for the depth that is left.
+
+    :param start: first tooth of each body, one more at the end, (B + 1,) int.
+    :param teeth: in the bodies' frames [m], (T, 3).
+    :param poses: (B, 7), changed in place.
+    :param velocities: world axes, (B, 6), changed in place.
+    :param mass: [kg], (B,).
+    :param inertia: principal moments [kg·m²], (B, 3).
+    :param friction: of the bodies on the ground.
+    :param time_step: [s].
+    :returns: row of the body and rows of the engine's contact table without their ids, (C, 13).
+    """
+    table = np.zeros((len(teeth), _COLUMNS))
+    count = 0
+    for b in range(len(poses)):
+        axes = axes_of(poses[b, 3:])
+        first = count
+        for t in range(start[b], start[b + 1]):
+            arm = axes @ teeth[t]
+            height = poses[b, 2] + arm[2]
+            if height < 0.0:
+                table[count, 0] = b
+                table[count, 2:5] = arm
+                table[count, 7] = 1.0
+                table[count, 8] = height
+                count += 1
+        if count > first:
+            compliance = (axes / inertia[b]) @ axes.T
+            rows, where = table[first:count], poses[b, :3].copy()
+            _stop(rows, velocities[b], mass[b], compliance, friction)
+            _raise(rows, poses[b], mass[b], compliance)
+            rows[:, 2:5] += where
+            rows[:, 9:] /= time_step
+    return table[:count]
+
+
+@njit(cache=True)
+def _stop(rows, velocity, mass, compliance, friction):
+    """Bring the teeth to rest, impulses in columns 9 to 12."""
+    for _ in range(_SWEEPS):
+        for row in rows:
+            arm = row[2:5]
+            for axis in (2, 0, 1):
+                push = np.zeros(3)
+                push[axis] = 1.0
+                turn = compliance @ np.cross(arm, push)
+                softness = 1.0 / mass + np.cross(turn, arm)[axis]
+                slip = velocity[axis] + np.cross(velocity[3:], arm)[axis]
+                before = row[9 + axis]
+                most = friction * row[11]
+                after = before - slip / softness
+                after = max(after, 0.0) if axis == 2 else min(max(after, -most), most)
+                row[9 + axis] = after
+                velocity[axis] += (after - before) / mass
+                velocity[3:] += turn * (after - before)
+    rows[:, 12] = rows[:, 11]
+
+
+@njit(cache=True)
+def _raise(rows, pose, mass, compliance):
+    """Shift and turn the body until the teeth have taken back their share of the depth."""
+    shift, turned = np.zeros(3), np.zeros(3)
+    given = np.zeros(len(rows))
+    for _ in range(_SWEEPS):
+        for i in range(len(rows)):
+            arm = rows[i, 2:5]
+            wanted = _RECOVERY * (-rows[i, 8] - _SLOP)
+            turn = compliance @ np.array([arm[1], -arm[0], 0.0])
+            softness = 1.0 / mass + turn[0] * arm[1] - turn[1] * arm[0]
+            got = shift[2] + turned[0] * arm[1] - turned[1] * arm[0]
+            more = max(given[i] + (wanted - got) / softness, 0.0) - given[i]
+            given[i] += more
+            shift[2] += more / mass
+            turned += turn * more
+    pose[:3] += shift
+    half = 0.5 * turned
+    x, y, z, w = pose[3:]
+    pose[3] += half[0] * w + half[1] * z - half[2] * y
+    pose[4] += half[1] * w + half[2] * x - half[0] * z
+    pose[5] += half[2] * w + half[0] * y - half[1] * x
+    pose[6] -= half[0] * x + half[1] * y + half[2] * z
+    pose[3:] /= np.sqrt((pose[3:] ** 2).sum())
