@@ -40,7 +40,7 @@ from procphys_ros.scene.strikes import Demolition, Projectile
 from procphys_ros.simulation import Simulation
 
 _LANDING = 0.2    # [m] that a moving body may sink into the ground in a hard landing
-_RESTING = 0.02   # [m] that a body at rest may
+_RESTING = 0.05   # [m] that a light body at rest under heavy ones may be pressed into the earth
 _SUNK = -0.03     # [m] centre of mass of a thin twig that carries nothing, pressed into the earth
 _BENT = -0.3      # [m] centre of mass of a branch that bends down to the ground on its tree
 _GROWTH = 0.3     # [MB per reset] of memory that counts as a leak

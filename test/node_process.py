@@ -32,6 +32,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
+from procphys_ros.ros.services import LATER
+
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)  # own domain: sessions do not meet
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
@@ -145,9 +147,27 @@ class Client:
         """Call one of the Trigger services of `sim`."""
         return self.call(Trigger, f'/sim/{name}', Trigger.Request())
 
+    def verdict(self, name: str) -> Any:
+        """Call a Trigger service that changes nothing until it is more than "accepted"."""
+        answers: list = []
+
+        def told() -> bool:
+            answers.append(self.trigger(name))
+            return answers[-1].message != LATER
+
+        self.spin_until(told, f'the verdict of {name}')
+        return answers[-1]
+
     def switch(self, name: str, on: bool) -> Any:
-        """Call one of the SetBool services of `sim`."""
-        return self.call(SetBool, f'/sim/{name}', SetBool.Request(data=on))
+        """Call one of the SetBool services of `sim` until it is more than "accepted"."""
+        answers: list = []
+
+        def told() -> bool:
+            answers.append(self.call(SetBool, f'/sim/{name}', SetBool.Request(data=on)))
+            return answers[-1].message != LATER
+
+        self.spin_until(told, f'the verdict of {name}')
+        return answers[-1]
 
     def set_parameter(self, name: str, value: Any) -> Any:
         """Set a parameter of `sim`; give the result with `successful` and `reason`."""

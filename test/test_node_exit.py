@@ -21,7 +21,7 @@ import signal
 from node_process import Client, NodeProcess, SCENE
 import pytest
 import rclpy
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 
 @pytest.fixture
@@ -94,7 +94,8 @@ def test_node_ends_during_a_reload_and_while_paused(start, client, how):
     service = client.node.create_client(Trigger, '/sim/reload_scene')
     client.spin_until(service.service_is_ready, 'the service')
     service.call_async(Trigger.Request())
-    answers = (client.switch('set_wind_enabled', True).message for _ in range(100))
+    answers = (client.call(SetBool, '/sim/set_wind_enabled', SetBool.Request(data=True)).message
+               for _ in range(100))
     assert any('busy' in message for message in answers), 'no command had to wait for the reload'
     assert process.finish(how) == (0, '')
 
