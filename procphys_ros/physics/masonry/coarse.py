@@ -25,11 +25,10 @@ Vaněk, Mandel, Brezina 1996, Computing 56.
 from numba import njit
 import numpy as np
 from scipy.sparse import bsr_matrix, csc_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
 
 from procphys_ros.physics.masonry import links
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
+from procphys_ros.physics.masonry.triangular import Factor
 
 _STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
 
@@ -137,31 +136,6 @@ def _assemble(bonds, all_links, first, second, owner, centroid, middle, slot, bl
             links.add_block(blocks[slot[k, 3]], all_links[m], arm_b, arm_a, -1.0, left, right)
 
 
-@njit(cache=True, fastmath=True)
-def solve(start, row, value, pivot, source, columns, b, work):
-    """
-    Solve L·D·Lᵀ x = b in place; L is unit lower triangular in columns without its diagonal.
-
-    :param source: row of b that each row of the factor stands for, (n,).
-    :param columns: columns of the factor to work on, ascending: whole islands.
-    :param b: right-hand side, overwritten by the solution, (n,).
-    :param work: scratch, (n,).
-    """
-    for c in columns:
-        work[c] = b[source[c]]
-    for c in columns:
-        x = work[c]
-        for k in range(start[c], start[c + 1]):
-            work[np.uint64(row[k])] -= value[k] * x
-    for n in range(len(columns) - 1, -1, -1):
-        c = columns[n]
-        x = work[c] / pivot[c]
-        for k in range(start[c], start[c + 1]):
-            x -= value[k] * work[np.uint64(row[k])]
-        work[c] = x
-        b[source[c]] = x
-
-
 def _strong(graph: BondGraph) -> np.ndarray:
     """
     Mark the living bonds across which aggregates may grow, (M,) bool.
@@ -190,7 +164,7 @@ class CoarseSpace:
         ground, (N + 1,) int32.
     :ivar arm: part centre relative to its aggregate's reference [m], (N, 3).
     :ivar count: number of aggregates.
-    :ivar factor: arguments of `solve`: start, row, value, pivot, source.
+    :ivar factor: of the coarse matrix, six unknowns per aggregate.
     """
 
     def __init__(self, graph: BondGraph, parts: np.ndarray, size: int):
@@ -205,19 +179,15 @@ class CoarseSpace:
             np.bincount(member, graph.centre[parts, c], self.count) for c in range(3)])
         self.middle = total / np.maximum(population, 1)[:, None]
         self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
-        matrix = self.assembled(graph)
-        self._component = connected_components(matrix, directed=False)[1][::6]
-        self.factor = _factor(matrix)
+        self.factor = Factor.of(self.assembled(graph))
 
-    def columns(self, parts: np.ndarray) -> np.ndarray:
+    def supernodes(self, parts: np.ndarray) -> np.ndarray:
         """
-        List the columns of the factor that a right-hand side on some parts can reach.
+        List the supernodes of the factor that a right-hand side on some parts can reach.
 
         These are whole components of the factored matrix: an aggregate may lie in two islands.
         """
-        wanted = np.zeros(self.count, bool)
-        wanted[self._component[self.owner[parts]]] = True
-        return np.flatnonzero(wanted[self._component[self.factor[4] // 6]])
+        return self.factor.supernodes(6 * self.owner[parts])
 
     def assembled(self, graph: BondGraph) -> csc_matrix:
         """Assemble the coarse matrix from the living bonds of the set."""
@@ -238,18 +208,3 @@ class CoarseSpace:
                   self.middle, np.ascontiguousarray(slot), blocks)
         start = np.searchsorted(unique, np.arange(n + 1) * n)
         return bsr_matrix((blocks, unique % n, start), shape=(6 * n, 6 * n)).tocsc()
-
-
-def _factor(matrix: csc_matrix) -> tuple:
-    """Factor a symmetric positive definite matrix for `solve`."""
-    lu = splu(matrix, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
-              options={'SymmetricMode': True})
-    if np.any(lu.perm_r != lu.perm_c):
-        raise FloatingPointError('coarse matrix is not positive definite')
-    lower = lu.L
-    lower.sort_indices()
-    start = lower.indptr.astype(np.int64)
-    off = np.ones(lower.nnz, bool)
-    off[start[:-1]] = False  # the unit diagonal leads every column
-    return (start - np.arange(len(start)), lower.indices[off].astype(np.int32), lower.data[off],
-            lu.U.diagonal(), np.argsort(lu.perm_r))
