@@ -30,15 +30,16 @@ from procphys_ros.physics.masonry import links
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
 from procphys_ros.physics.masonry.triangular import Factor
 
+_LONG = 2.5    # of the length of the median part
 _STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
 
 
 @njit(cache=True)
-def _aggregate(parts, start, incident, alive, first, second, size):
+def _aggregate(parts, alone, start, incident, alive, first, second, size):
     """
     Grow breadth-first balls of about `size` parts; -1 marks parts that are not listed.
 
-    A hub is an aggregate by itself, otherwise it would fuse what it ties together.
+    A part that is to stay alone is an aggregate by itself.
     """
     count = len(start) - 1
     owner = np.full(count + 1, -1, np.int32)  # the last entry is the ground
@@ -63,8 +64,6 @@ def _aggregate(parts, start, incident, alive, first, second, size):
             while taken < filled:
                 i = queue[taken]
                 taken += 1
-                if start[i + 1] - start[i] > HUB and filled > 1:
-                    continue
                 for n in range(start[i], start[i + 1]):
                     m = incident[n]
                     if not alive[m]:
@@ -72,8 +71,7 @@ def _aggregate(parts, start, incident, alive, first, second, size):
                     j = second[m] if first[m] == i else first[m]
                     if j == count or not open_[j]:
                         continue
-                    hub = start[j + 1] - start[j] > HUB or start[i + 1] - start[i] > HUB
-                    if filled < size and not hub:
+                    if filled < size and not (alone[i] or alone[j]):
                         open_[j] = False
                         owner[j] = made
                         queue[filled] = j
@@ -86,21 +84,21 @@ def _aggregate(parts, start, incident, alive, first, second, size):
 
 
 @njit(cache=True)
-def _merge_small(parts, owner, made, start, incident, alive, first, second, least):
+def _merge_small(parts, owner, made, alone, start, incident, alive, first, second, least):
     """Give the parts of tiny aggregates to an aggregate beside them; renumber."""
     population = np.zeros(made, np.int64)
-    hub = np.zeros(made, np.bool_)
+    closed = np.zeros(made, np.bool_)
     for i in parts:
         population[owner[i]] += 1
-        hub[owner[i]] |= start[i + 1] - start[i] > HUB
+        closed[owner[i]] |= alone[i]
     for i in parts:
         old = owner[i]
-        if population[old] >= least or hub[old]:
+        if population[old] >= least or closed[old]:
             continue
         for n in range(start[i], start[i + 1]):
             m = incident[n]
             j = second[m] if first[m] == i else first[m]
-            if alive[m] and j < len(owner) - 1 and owner[j] != old and not hub[owner[j]]:
+            if alive[m] and j < len(owner) - 1 and owner[j] != old and not closed[owner[j]]:
                 population[old] -= 1
                 population[owner[j]] += 1
                 owner[i] = owner[j]
@@ -136,6 +134,18 @@ def _assemble(bonds, all_links, first, second, owner, centroid, middle, slot, bl
             links.add_block(blocks[slot[k, 3]], all_links[m], arm_b, arm_a, -1.0, left, right)
 
 
+def _alone(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
+    """
+    Mark the parts that are aggregates by themselves, (N,) bool.
+
+    These are hubs, which would fuse what they tie together, and long parts: a timber is as long as
+    an aggregate of bricks is wide, and frames of timbers bend and sway in ways that no rigid body
+    does.
+    """
+    typical = np.median(graph.reach[parts]) if len(parts) else np.inf
+    return (np.diff(graph.start) > HUB) | (graph.reach > _LONG * typical)
+
+
 def _strong(graph: BondGraph) -> np.ndarray:
     """
     Mark the living bonds across which aggregates may grow, (M,) bool.
@@ -168,9 +178,10 @@ class CoarseSpace:
     """
 
     def __init__(self, graph: BondGraph, parts: np.ndarray, size: int):
-        self.owner, made = _aggregate(parts, graph.start, graph.incident, _strong(graph),
+        alone = _alone(graph, parts)
+        self.owner, made = _aggregate(parts, alone, graph.start, graph.incident, _strong(graph),
                                       graph.first, graph.second, size)
-        merged = _merge_small(parts, self.owner, made, graph.start, graph.incident,
+        merged = _merge_small(parts, self.owner, made, alone, graph.start, graph.incident,
                               graph.alive, graph.first, graph.second, max(size // 3, 1))
         self.count = max(merged, 1)  # without any part one empty aggregate stays
         member = self.owner[parts]
