@@ -61,13 +61,49 @@ def test_gust_without_rise_is_one_minus_cosine(steady):
     np.testing.assert_allclose(found, 3.0 * (1.0 - np.cos(0.5 * np.pi * t)), atol=1e-9)
 
 
-def test_front_travels_with_the_mean_wind(steady):
-    """Find the peak at each place when the front has come there."""
-    steady.start_gust(Gust(6.0, 4.0, upwind=UPWIND), 1.0)
+def _arrivals(wind, direction, distances, times):
+    """Find when the wind along a direction peaks at distances from the origin along it."""
+    direction = np.array(direction)
+    return np.array([times[np.argmax(_history(wind, d * direction + [0.0, 0.0, 3.0], times)
+                                     @ direction)] for d in distances])
+
+
+@pytest.mark.parametrize(('kind', 'direction', 'speed'), [
+    ('cosine', (0.0, 1.0, 0.0), SPEED + 30.0),          # into air that flees before it
+    ('cosine', (1.0, 0.0, 0.0), 30.0),                  # across the mean wind
+    ('cosine', (0.0, -1.0, 0.0), 30.0),                 # against it
+    ('eog', (0.0, 1.0, 0.0), SPEED),
+])
+def test_front_travels_at_its_own_speed(steady, kind, direction, speed):
+    """Start upwind; a front runs into the air ahead, an EOG is carried by the mean wind."""
+    steady.start_gust(Gust(30.0, 4.0, direction=direction, kind=kind, upwind=UPWIND), 1.0)
+    distances, times = np.array([-30.0, 0.0, 50.0, 120.0]), np.arange(0.0, 30.0, 0.01)
+    found = _arrivals(steady, direction, distances, times)
+    np.testing.assert_allclose(found, 1.0 + (distances + UPWIND) / speed + 2.0, atol=0.011)
+
+
+def test_lull_travels_with_the_mean_wind(steady):
+    """Find the calmest moment downwind when the mean wind has come there."""
+    steady.start_gust(Gust(-6.0, 4.0, upwind=UPWIND), 1.0)
     times = np.arange(0.0, 30.0, 0.01)
-    for y in (-30.0, 0.0, 50.0, 120.0):
-        peak = times[np.argmax(_history(steady, (17.0, y, 3.0), times)[:, 1])]
-        assert peak == pytest.approx(1.0 + (y + UPWIND) / SPEED + 2.0, abs=0.011)
+    calmest = times[np.argmin(_history(steady, (0.0, 50.0, 3.0), times)[:, 1])]
+    assert calmest == pytest.approx(1.0 + 90.0 / SPEED + 2.0, abs=0.011)
+
+
+def test_leaves_keep_apart_in_a_strong_gust():
+    """Carry what comes off along 20 m of trees with the air: it must not gather at the front."""
+    wind = Wind(WindSettings((6.0, 0.0, 0.0), turbulence_intensity=0.0, profile='uniform'))
+    wind.start_gust(Gust(64.0, 12.0, rise=2.0, upwind=25.0), 0.0)
+    place = np.column_stack([np.linspace(0.0, 20.0, 81), np.zeros(81), np.full(81, 5.0)])
+    loose = np.zeros(81, bool)
+    for time in np.arange(0.0, 4.0, 0.01):
+        air = wind.velocity(place, time)
+        loose |= air[:, 0] > 17.0
+        place[loose] += 0.01 * air[loose]
+        if place[0, 0] > 40.0:
+            break
+    assert np.all(loose) and place[0, 0] > 40.0
+    assert np.ptp(place[:, 0]) > 6.0
 
 
 def test_gust_starts_smoothly_everywhere(steady):

@@ -74,7 +74,8 @@ class Gust:
     :ivar duration: from first change to last [s]; an EOG of IEC 61400-1 has 10.5.
     :ivar rise: time that a cosine gust takes to rise, and to fall [s]; None = half the duration.
     :ivar direction: the gust blows and travels this way, (3,), world; None = the mean wind's.
-    :ivar kind: 'cosine' (rise, hold, fall) or 'eog' (extreme operating gust: dip, peak, dip).
+    :ivar kind: 'cosine' (rise, hold, fall; a front that is faster than the mean wind) or 'eog'
+        (extreme operating gust: dip, peak, dip; the mean wind carries it).
     :ivar upwind: distance of the front from the scene origin when the gust starts [m]; what
         stands still further upwind feels the gust at once.
     :raises SceneError: when a value is out of its range; the message names key and range.

@@ -29,6 +29,7 @@ from procphys_ros.physics.wind.settings import Gust, GUST_KINDS, WindSettings
 
 _DRIFT = 0.0125  # sideways over forward way of the eddies, lest the same wind come back
 _GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is forgotten
+_SLOWEST = 0.1  # [m/s] of a gust, so that it comes some day
 
 
 class Reference(NamedTuple):
@@ -109,9 +110,13 @@ class Wind:
 
     def start_gust(self, gust: Gust, time: float) -> None:
         """
-        Let a gust go: its front starts upwind of the scene and travels with the mean wind.
+        Let a gust go: its front starts upwind of the scene and travels through it.
 
-        In still air it travels at its own amplitude.
+        A cosine gust is faster air that runs into slower. Its front moves with the wind behind
+        it: thunderstorms' fronts keep to 0.67 of that (Goff 1976, Monthly Weather Review
+        104:1429), for the rest of their air rises at the front, but here the wind blows level, and
+        what it carries would gather. An EOG is an eddy that the mean wind carries (IEC 61400-1),
+        and so is a lull; in still air they travel at their amplitude.
 
         :param gust: its shape.
         :param time: now [s].
@@ -123,8 +128,7 @@ class Wind:
             raise CommandError('a gust in still air needs gust.direction, for there is no mean '
                                'wind to take it from')
         direction = mean / speed if gust.direction is None else np.asarray(gust.direction)
-        # A gust across a mean wind is still carried by it; the front moves at that speed.
-        travel = speed if speed > 0.0 else max(abs(gust.amplitude), 0.1)
+        travel = _front_speed(gust, mean, direction)
         row = [*(gust.amplitude * direction), *direction, travel, time, gust.upwind,
                gust.duration, gust.rise, float(GUST_KINDS.index(gust.kind))]
         gone = time - self._gusts[:, 7] > (
@@ -204,6 +208,17 @@ def _start(stretch: _Stretch) -> float:
 
 def _travelled(stretch: _Stretch, time: float) -> float:
     return stretch.travelled + float(np.linalg.norm(stretch.velocity)) * (time - stretch.start)
+
+
+def _front_speed(gust: Gust, mean: np.ndarray, direction: np.ndarray) -> float:
+    """
+    Choose how fast a gust travels along its direction [m/s].
+
+    The mean wind does not hold up a gust that blows against it, lest it never come.
+    """
+    if gust.kind == 'cosine' and gust.amplitude > 0.0:
+        return max(max(float(mean @ direction), 0.0) + gust.amplitude, _SLOWEST)
+    return float(np.linalg.norm(mean)) or max(abs(gust.amplitude), _SLOWEST)
 
 
 def _wind_axes(mean: np.ndarray, speed: float) -> tuple:
