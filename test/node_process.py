@@ -19,9 +19,11 @@ from collections.abc import Callable
 import json
 import os
 from pathlib import Path
+from queue import Queue
 import signal
 import subprocess
 import sys
+from threading import Thread
 from time import monotonic
 from typing import Any
 
@@ -38,7 +40,9 @@ os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)  # own domain: sessions
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
 ROOT = Path(__file__).resolve().parents[1]
-PATIENCE = 60.0  # [s] a cold start compiles kernels first
+PATIENCE = 180.0  # [s] far more than is ever needed, also where a second's work takes a minute
+_COLD_START = 1200.0  # [s] a node that starts for the first time compiles kernels first
+_AGAIN = 10.0  # [s] after which a message or a subscription that had no effect is repeated
 SAPLING = """
 axiom: Width(0.08) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) F(1) [ +(40) F(0.8) ] F(1)
 """
@@ -65,33 +69,49 @@ class NodeProcess:
             path = folder / 'scene.yaml'  # JSON is YAML
             path.write_text(json.dumps({'/**': {'ros__parameters': parameters}}), 'utf-8')
             command += ['--params-file', str(path)]
-        self.process = subprocess.Popen(
-            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-            env={**os.environ, 'PYTHONUNBUFFERED': '1'})
+        self._errors = folder / f'errors_{len(list(folder.iterdir()))}.txt'
+        with self._errors.open('w', encoding='utf-8') as errors:
+            self.process = subprocess.Popen(
+                command, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True,
+                env={**os.environ, 'PYTHONUNBUFFERED': '1'})
+        self._lines: Queue = Queue()
+        # Always read what it says: a pipe that is full would stop it.
+        Thread(target=self._read, daemon=True).start()
+
+    def next_line(self, patience: float = PATIENCE) -> str:
+        """Give the next line that the node prints."""
+        line = self._lines.get(timeout=patience)
+        assert line is not None, f'the node ended: {self._complaints()}'
+        return line
 
     def wait_for_banner(self) -> str:
         """Read what the node prints until it runs."""
-        lines = []
-        for line in self.process.stdout:
-            lines.append(line)
-            if 'Ctrl-C' in line:
-                return ''.join(lines)
-        raise AssertionError(f'the node ended: {self.process.stderr.read()}')
+        lines = [self.next_line(_COLD_START)]
+        while 'Ctrl-C' not in lines[-1]:
+            lines.append(self.next_line(_COLD_START))
+        return ''.join(lines)
 
     def finish(self, how: signal.Signals | None = None) -> tuple[int, str]:
         """Send a signal, wait for the end, and give the exit code and what the node complained."""
         if how is not None:
             self.process.send_signal(how)
-        _, errors = self.process.communicate(timeout=PATIENCE)
-        lines = errors.splitlines(keepends=True)  # PyBullet greets whoever imports it
-        return self.process.returncode, ''.join(
-            line for line in lines if not line.startswith('pybullet build time'))
+        return self.process.wait(timeout=_COLD_START), self._complaints()
 
     def kill(self) -> None:
         """End the process whatever it does."""
         if self.process.poll() is None:
             self.process.kill()
-            self.process.communicate()
+        self.process.wait()
+
+    def _read(self) -> None:
+        for line in self.process.stdout:
+            self._lines.put(line)
+        self._lines.put(None)
+
+    def _complaints(self) -> str:
+        lines = self._errors.read_text('utf-8').splitlines(keepends=True)
+        return ''.join(line for line in lines  # PyBullet greets whoever imports it
+                       if not line.startswith('pybullet build time'))
 
 
 class Client:
@@ -109,10 +129,16 @@ class Client:
 
     def spin_until(self, done: Callable[[], Any], what: str) -> None:
         """Handle what arrives until a condition holds."""
-        end = monotonic() + PATIENCE
+        assert self._spin(PATIENCE, done), f'waited in vain for {what}'
+
+    def _spin(self, longest: float, done: Callable[[], Any]) -> bool:
+        """Handle what arrives until a condition holds or time is up; say whether it holds."""
+        end = monotonic() + longest
         while not done():
-            assert monotonic() < end, f'waited in vain for {what}'
+            if monotonic() > end:
+                return False
             self._executor.spin_once(timeout_sec=0.05)
+        return True
 
     def listen(self, kind: type, topic: str, profile: Any = 5, **options: Any) -> list:
         """Subscribe, and give the list that messages will be appended to."""
@@ -120,12 +146,21 @@ class Client:
         self.node.create_subscription(kind, topic, received.append, profile, **options)
         return received
 
-    def next_message(self, kind: type, topic: str, profile: Any = 5) -> Any:
-        """Subscribe, give the first message that arrives, and unsubscribe."""
+    def next_message(self, kind: type, topic: str, profile: Any = 5,
+                     fits: Callable[[Any], Any] = lambda message: True) -> Any:
+        """Subscribe, give the first message that arrives and fits, and unsubscribe."""
         received: list = []
-        subscription = self.node.create_subscription(kind, topic, received.append, profile)
-        self.spin_until(lambda: received, f'a message on {topic}')
-        self.node.destroy_subscription(subscription)
+
+        def take(message: Any) -> None:
+            if fits(message):
+                received.append(message)
+
+        end = monotonic() + PATIENCE
+        while not received:  # who joins late, and is told once, may be told too early
+            assert monotonic() < end, f'waited in vain for a message on {topic}'
+            subscription = self.node.create_subscription(kind, topic, take, profile)
+            self._spin(_AGAIN, lambda: received)
+            self.node.destroy_subscription(subscription)
         return received[0]
 
     def publisher(self, kind: type, topic: str) -> Any:
@@ -133,6 +168,23 @@ class Client:
         publisher = self.node.create_publisher(kind, topic, 1000)
         self.spin_until(publisher.get_subscription_count, f'a subscriber of {topic}')
         return publisher
+
+    def send_until(self, done: Callable[[], Any], what: str, *sent: tuple[Any, Any]) -> None:
+        """
+        Publish until that shows.
+
+        A publisher knows its subscribers before they know it, so that what it says first may be
+        heard by nobody.
+
+        :param sent: publishers, each with its message.
+        """
+        end = monotonic() + PATIENCE
+        while True:
+            assert monotonic() < end, f'waited in vain for {what}'
+            for publisher, message in sent:
+                publisher.publish(message)
+            if self._spin(_AGAIN, done):
+                return
 
     def call(self, kind: type, service: str, request: Any) -> Any:
         """Call a service and give its answer."""
@@ -184,16 +236,17 @@ class Client:
 
     def diagnostics_where(self, fits: Callable[[dict[str, str]], bool]) -> dict[str, str]:
         """Wait for a status whose values fit, and give them; 'message' is among them."""
-        received: list[DiagnosticArray] = []
-        subscription = self.node.create_subscription(DiagnosticArray, '/diagnostics',
-                                                     received.append, 10)
+        return values_of(self.next_message(DiagnosticArray, '/diagnostics', 10,
+                                           lambda array: fits(values_of(array))))
 
-        def values() -> dict[str, str]:
-            if not received:
-                return {}
-            status = received[-1].status[0]
-            return {'message': status.message, **{v.key: v.value for v in status.values}}
+    def watch_status(self) -> Callable[[], dict[str, str]]:
+        """Give a function that tells the newest status; 'message' is among its values."""
+        received = self.listen(DiagnosticArray, '/diagnostics', 10)
+        self.spin_until(lambda: received, 'a status')
+        return lambda: values_of(received[-1])
 
-        self.spin_until(lambda: received and fits(values()), 'diagnostics that fit')
-        self.node.destroy_subscription(subscription)
-        return values()
+
+def values_of(array: DiagnosticArray) -> dict[str, str]:
+    """Read the values of a status, and its message."""
+    status = array.status[0]
+    return {'message': status.message, **{v.key: v.value for v in status.values}}

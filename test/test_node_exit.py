@@ -23,6 +23,8 @@ import pytest
 import rclpy
 from std_srvs.srv import SetBool, Trigger
 
+from procphys_ros.ros.services import LATER
+
 
 @pytest.fixture
 def start(tmp_path):
@@ -59,7 +61,7 @@ def test_node_ends_while_it_runs_as_fast_as_possible(start, how):
     process = start(with_(real_time_factor=0.0))
     process.wait_for_banner()
     for _ in range(2):
-        process.process.stdout.readline()
+        process.next_line()
     assert process.finish(how)[0] == 0
 
 
@@ -91,12 +93,20 @@ def test_node_ends_during_a_reload_and_while_paused(start, client, how):
     process.wait_for_banner()
     assert client.switch('set_pause', True).success
     assert client.set_parameter('sapling.count', 1500).successful
-    service = client.node.create_client(Trigger, '/sim/reload_scene')
-    client.spin_until(service.service_is_ready, 'the service')
-    service.call_async(Trigger.Request())
-    answers = (client.call(SetBool, '/sim/set_wind_enabled', SetBool.Request(data=True)).message
-               for _ in range(100))
-    assert any('busy' in message for message in answers), 'no command had to wait for the reload'
+    reload = client.node.create_client(Trigger, '/sim/reload_scene')
+    switch = client.node.create_client(SetBool, '/sim/set_wind_enabled')
+    client.spin_until(lambda: reload.service_is_ready() and switch.service_is_ready(), 'services')
+    waiting = reload.call_async(Trigger.Request())
+
+    def waits():  # a command has to wait for the reload
+        nonlocal waiting
+        if waiting.done():  # it was over before the command came
+            waiting = reload.call_async(Trigger.Request())
+        answer = switch.call_async(SetBool.Request(data=True))
+        client.spin_until(answer.done, 'an answer')
+        return answer.result().message == LATER
+
+    client.spin_until(waits, 'a command that comes during a reload')
     assert process.finish(how) == (0, '')
 
 
@@ -104,8 +114,8 @@ def test_use_sim_time_does_not_stop_the_node(start):
     """Run on the steady clock although told to wait for the clock that it publishes itself."""
     process = start(with_(use_sim_time=True))
     process.wait_for_banner()
-    lines = [process.process.stdout.readline() for _ in range(3)]
-    assert 'real-time factor' in lines[-1]
+    while 'real-time factor' not in process.next_line():
+        pass
     code, errors = process.finish(signal.SIGTERM)
     assert code == 0 and 'use_sim_time' in errors
 

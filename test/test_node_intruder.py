@@ -39,18 +39,19 @@ def test_a_robot_leans_on_a_tree_and_feels_it():
     """Move a ball against a stem, and hear of the force that holds it off."""
     client = Client()
     publisher = client.publisher(PoseStamped, '/sim/intruder')
+    felt = client.listen(WrenchStamped, '/sim/intruder_wrench')
     message = PoseStamped()
     message.pose.orientation.w = 1.0
     message.pose.position.z = 1.5
-    forces = []
+    message.pose.position.x = -0.4
+    client.send_until(lambda: felt, 'a force', (publisher, message))
     for i in range(12):
         message.pose.position.x = -0.4 + 0.02 * i
         publisher.publish(message)
-        forces.append(client.next_message(WrenchStamped, '/sim/intruder_wrench').wrench.force.x)
-    for _ in range(60):
-        forces.append(client.next_message(WrenchStamped, '/sim/intruder_wrench').wrench.force.x)
-    assert forces[0] == 0.0
-    assert forces[-1] < -1.0
+        seen = len(felt)
+        client.spin_until(lambda: len(felt) > seen, 'the next force')  # noqa: B023
+    client.spin_until(lambda: felt[-1].wrench.force.x < -1.0, 'the stem that pushes back')
+    assert felt[0].wrench.force.x == 0.0
     client.close()
 
 
@@ -59,7 +60,8 @@ def test_a_pose_that_is_none_is_rejected():
     client = Client()
     message = PoseStamped()
     message.pose.orientation.w = 0.0
-    client.publisher(PoseStamped, '/sim/intruder').publish(message)
-    values = client.diagnostics_where(lambda v: int(v['commands rejected']) > 0)
-    assert values['last rejection'].startswith('intruder: intruder orientation')
+    status = client.watch_status()
+    client.send_until(lambda: int(status()['commands rejected']) > 0, 'a rejection',
+                      (client.publisher(PoseStamped, '/sim/intruder'), message))
+    assert status()['last rejection'].startswith('intruder: intruder orientation')
     client.close()

@@ -69,9 +69,8 @@ def test_a_projectile_becomes_a_part_and_breaks_the_wall(client):
     answer = client.trigger('launch_projectile')
     assert answer.success and (f'part {before}' in answer.message or answer.message == LATER)
     client.spin_until(lambda: parts(client) == before + 1, 'the ball among the poses')
-    heard = client.listen(String, '/sim/scene_description', LATCHED)
-    client.spin_until(lambda: any(json.loads(m.data)['objects'][-1]['name'] == 'projectile_0'
-                                  for m in heard), 'the projectile in the description')
+    client.next_message(String, '/sim/scene_description', LATCHED, lambda message: json.loads(
+        message.data)['objects'][-1]['name'] == 'projectile_0')
     broken(client, 5)
     assert client.trigger('reset_simulation').success
     assert parts(client) == before
@@ -85,8 +84,9 @@ def test_explosions_break_the_wall(client):
     client.diagnostics_where(lambda v: int(v['bonds broken']) == 0)
     message = PointStamped()
     message.point.x, message.point.y, message.point.z = 2.0, -1.5, 0.8
-    client.publisher(PointStamped, '/sim/explosion').publish(message)
-    broken(client, 5)
+    status = client.watch_status()
+    client.send_until(lambda: int(status()['bonds broken']) >= 5, 'broken bonds',
+                      (client.publisher(PointStamped, '/sim/explosion'), message))
 
 
 def test_demolition_breaks_the_wall(client):
@@ -105,8 +105,9 @@ def test_a_gentle_impulse_on_a_brick_is_held(client):
     message = WrenchStamped()
     message.header.frame_id = 'wall/20'
     message.wrench.force.y = 400.0
-    client.publisher(WrenchStamped, '/sim/impulse').publish(message)
-    broken(client, 1)
+    status = client.watch_status()
+    client.send_until(lambda: int(status()['bonds broken']) >= 1, 'a broken bond',
+                      (client.publisher(WrenchStamped, '/sim/impulse'), message))
 
 
 @pytest.mark.parametrize(('name', 'value', 'service', 'said'), [

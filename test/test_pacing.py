@@ -16,11 +16,13 @@
 """Pacing of steps against a clock, and the queue of commands: what the node is without ROS."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from procphys_ros.errors import CommandError
 from procphys_ros.ros.commands import CAPACITY, Command, CommandQueue
+from procphys_ros.ros.newcomers import Newcomers
 from procphys_ros.ros.pacing import Beat, Pacer
 
 STEP = 1 / 60
@@ -105,6 +107,22 @@ def test_beat_keeps_its_rate_and_makes_up_for_nothing():
     assert beat.wait == pytest.approx(0.1)
     beat.rate = 1000.0
     assert beat.wait == pytest.approx(0.001)
+
+
+def test_newcomers_are_told_at_once_and_twice_more():
+    """Tell all to who comes, also when another goes then, and nothing to who only goes."""
+    clock = FakeClock()
+    newcomers = Newcomers(clock)
+    assert not newcomers.are_waiting()
+    newcomers.note(SimpleNamespace(total_count_change=0, current_count_change=-1))
+    assert not newcomers.are_waiting()
+    newcomers.note(SimpleNamespace(total_count_change=1, current_count_change=0))
+    assert [newcomers.are_waiting() for _ in range(2)] == [True, False]
+    told = []
+    for _ in range(600):
+        clock.now += TICK
+        told += [clock.now] if newcomers.are_waiting() else []
+    assert told == pytest.approx([101.0, 105.0], abs=TICK)
 
 
 class Record:

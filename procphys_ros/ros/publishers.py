@@ -16,12 +16,10 @@
 """Publishers of the node: what goes out, how often, and what is not built for nobody."""
 
 from collections.abc import Callable
-from time import monotonic
 
 from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped, WrenchStamped
 import numpy as np
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -30,13 +28,10 @@ from visualization_msgs.msg import MarkerArray
 from procphys_ros import messages
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.ros import qos
+from procphys_ros.ros.newcomers import Newcomers
 from procphys_ros.ros.pacing import Beat
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.simulation import Simulation
-
-# A new subscriber may be known here before it knows this publisher, and then misses the first
-# message; so it gets the whole set once more [s].
-_SECOND_WHOLE_SET = 1.0
 
 _EARLY = 0.2  # share of their period that markers may come early, for turns that jitter
 _DESCRIPTIONS = 2.0  # [Hz] highest rate of descriptions while parts come to the scene
@@ -54,8 +49,11 @@ class Publishers:
     def __init__(self, node: Node, frame: str, parameters: Parameters):
         self._parameters = parameters
         self._frame = frame
-        self._poses = node.create_publisher(PoseArray, '~/poses', qos.ARRAYS)
-        self._markers = node.create_publisher(MarkerArray, '~/markers', qos.ARRAYS)
+        self._new_to_poses, self._new_to_markers = Newcomers(), Newcomers()
+        self._poses = node.create_publisher(PoseArray, '~/poses', qos.ARRAYS,
+                                            event_callbacks=self._new_to_poses.events)
+        self._markers = node.create_publisher(MarkerArray, '~/markers', qos.ARRAYS,
+                                              event_callbacks=self._new_to_markers.events)
         self._breaks = node.create_publisher(PointCloud2, '~/breaks', qos.ARRAYS)
         self._dust = node.create_publisher(PointCloud2, '~/dust', qos.NEWEST)
         self._description = node.create_publisher(String, '~/scene_description', qos.LATCHED)
@@ -66,11 +64,8 @@ class Publishers:
         self._clock = (node.create_publisher(Clock, '/clock', qos.NEWEST)
                        if parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
-        self._pose_watch = _Watch(self._poses)
-        self._marker_watch = _Watch(self._markers)
         self._marker_beat = Beat(parameters['marker_rate'], _EARLY)
         self._description_beat = Beat(_DESCRIPTIONS)
-        self._whole_again = 0.0
         self._had_dust = False
 
     def start_scene(self, simulation: Simulation) -> None:
@@ -100,7 +95,8 @@ class Publishers:
         :param has_moved: whether steps were run since the last call.
         """
         at = messages.stamp(simulation.time)
-        if self._pose_watch.has_risen() or (has_moved and self._pose_watch.count):
+        is_news = self._new_to_poses.are_waiting() or has_moved
+        if is_news and self._poses.get_subscription_count():
             self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
         if len(simulation.blueprint) != self._described and self._description_beat.is_due():
             self._describe(simulation)
@@ -126,15 +122,10 @@ class Publishers:
         self._described = len(simulation.blueprint)
 
     def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:
-        now = monotonic()
-        if self._marker_watch.has_risen():
+        if self._new_to_markers.are_waiting():
             self._scene_markers = None
-            self._whole_again = now + _SECOND_WHOLE_SET
-        if not self._marker_watch.count or not self._marker_beat.is_due():
+        if not self._markers.get_subscription_count() or not self._marker_beat.is_due():
             return
-        if self._whole_again and now > self._whole_again:
-            self._scene_markers = None
-            self._whole_again = 0.0
         markers = self._scene_markers
         if markers is None:
             markers = self._scene_markers = SceneMarkers(
@@ -184,16 +175,3 @@ class Publishers:
         message.wrench.force = Vector3(**dict(zip('xyz', wrench[:3])))
         message.wrench.torque = Vector3(**dict(zip('xyz', wrench[3:])))
         self._intruder_wrench.publish(message)
-
-
-class _Watch:
-    """Counts the subscribers of a topic and notices new ones."""
-
-    def __init__(self, publisher: Publisher):
-        self._publisher = publisher
-        self.count = 0
-
-    def has_risen(self) -> bool:
-        """Count anew, and say whether there are more than last time."""
-        before, self.count = self.count, self._publisher.get_subscription_count()
-        return self.count > before

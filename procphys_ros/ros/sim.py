@@ -15,6 +15,7 @@
 
 """Executable `sim`: runs the node."""
 
+import os
 import signal
 import sys
 
@@ -27,10 +28,12 @@ def main(args: list[str] | None = None) -> int:
     :returns: exit code: 0 when told to stop, 1 when the scene cannot be read.
     """
     # rclpy handles signals once it is started. Importing takes a second or more, and a signal
-    # must end the process as cleanly in that time; so the imports come after this.
+    # must end the process as cleanly in that time; so the imports come after this. Nothing is
+    # open yet, and an exception might be swallowed by whatever it comes across.
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: sys.exit(0))
+        signal.signal(number, lambda *_: os._exit(0))
     from procphys_ros.ros.running import run
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     signal.signal(signal.SIGINT, signal.default_int_handler)
     return run(args)
 
