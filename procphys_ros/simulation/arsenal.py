@@ -58,6 +58,7 @@ class Arsenal:
 
     :ivar loads: on standing parts, one layer per source.
     :ivar blows: on masonry.
+    :ivar panes: of glass.
     :ivar striking: projectiles, and the ledger of their blows.
     """
 
@@ -68,9 +69,9 @@ class Arsenal:
         self._join = join
         self.loads = StandingLoads(buildings.solver)
         self.blows = Blows(blueprint, buildings, self.loads, log)
-        self._panes = Panes(blueprint, self.blows, seed, join, vanish)
-        self.striking = Striking(blueprint, grove, self.blows, self._panes)
-        self._blasts = Blasts(blueprint, grove, self.blows, self._panes)
+        self.panes = Panes(blueprint, self.blows, seed, join, vanish)
+        self.striking = Striking(blueprint, grove, self.blows, self.panes)
+        self._blasts = Blasts(blueprint, grove, self.blows, self.panes)
         self._charges = Charges(blueprint, self.blows, vanish)
         self._wall_wind = WallWind(blueprint, buildings, self.loads)
         self.kick = self._blasts.kick
@@ -81,7 +82,7 @@ class Arsenal:
         self._debris = debris
         self.loads.clear()
         self.blows.begin(world, debris)
-        self._panes.begin(world, debris)
+        self.panes.begin(world, debris)
         self.striking.begin(world, gravity)
         self._blasts.begin(world, debris)
         self._charges.begin()

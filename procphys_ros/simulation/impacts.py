@@ -28,8 +28,10 @@ from procphys_ros.scene import Settings
 from procphys_ros.simulation.bearing import Bearing
 from procphys_ros.simulation.contact_loads import spread, Touches
 from procphys_ros.simulation.debris import Debris
-from procphys_ros.simulation.events import Cause, EventLog
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.falling_panes import FallingPanes
 from procphys_ros.simulation.observer import Observer
+from procphys_ros.simulation.panes import Panes
 
 CONTACT = 15e-3     # [s] that a blow lasts: edges crush and rubble gives way by v·T/2, 6 cm after
 #                     a fall of 3 m; the elastic contact of two whole bricks would be shorter
@@ -75,22 +77,24 @@ class Impacts:
     :param blueprint: parts and bonds of the scene.
     :param free: bonds of what flies about.
     :param settings: gravity, and from where on pieces stay whole.
-    :param log: where broken bonds are recorded.
+    :param panes: of glass, which break in pieces that hit something.
     """
 
-    def __init__(self, blueprint: Blueprint, free: FreeBodies, settings: Settings, log: EventLog):
+    def __init__(self, blueprint: Blueprint, free: FreeBodies, settings: Settings, panes: Panes):
         self._blueprint = blueprint
         self._free = free
         self._gravity = settings.gravity
         self._sharp = settings.culling.debris_distance
         self._observer: Observer | None = None
-        self._log = log
+        self._log = panes.log
+        self._panes = FallingPanes(blueprint, free, panes, CONTACT)
 
     def begin(self, world: World, debris: Debris, bearing: Bearing) -> None:
         """Start anew in a world that has just been built, with what still stands in it."""
         self._world = world
         self._bearing = bearing
         self._debris = debris
+        self._panes.begin(world, debris)
         self._before = np.zeros((0, 6))
         self._start = np.zeros((0, 7))
         self._waiting: list[_Blow] = []
@@ -120,22 +124,48 @@ class Impacts:
         :param time_step: [s].
         :returns: whether anything broke.
         """
-        struck = self._struck(time_step)
-        if not self._waiting and not struck.any():
+        jump = self._jump(time_step)
+        struck = self._struck(jump)
+        if not (self._waiting or self._panes.waiting or struck.any()):
             return False
+        share = np.ones(len(self._world.bodies.state))
+        broken = self._break(struck, share)
+        self._panes.judge(struck, jump, self._start, [result.bonds for _, result in broken])
+        knocks = []
+        if self._bearing.any_stands:
+            knocks = self._bearing.knocks(self._world.contacts(), struck)
+        for knock in knocks:
+            share[self._bearing.body(knock.part)] = knock.share
+        if broken or knocks:
+            self._give_back(self._world.contacts(), share, time_step)
+            self._bearing.knock_out(knocks, time)
+            for blow, result in broken:
+                self._record(blow, result, time)
+                if len(result.pieces) > 1:
+                    self._debris.split(blow.body, result.pieces)
+        return self._panes.shatter(time) or bool(broken or knocks)
+
+    def _break(self, struck: np.ndarray, share: np.ndarray) -> list[tuple[_Blow, Breakage]]:
+        """
+        Judge the blows on pieces.
+
+        :param struck: see `_struck`.
+        :param share: of the impulses on each body that its bonds transmitted, by id, (B,),
+            written in place.
+        :returns: those that broke something, and what.
+        """
         size, grain = self._debris.size, self._grain()
         awake = self._world.awake[self._world.awake < len(size)]
         room = max(_BODIES - len(self._world.awake),
                    _LARGE - int(np.count_nonzero(size[awake] >= grain)))
         if (room < 2 or np.max(size, initial=0) < 2.0 * grain) and not self._bearing.any_stands:
-            return False
+            return []
         contacts = self._world.contacts()
         blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
         late = len(blows)
         known = {b.body for b in blows}
         blows += [b for b in self._blows(contacts, struck, grain) if b.body not in known]
         self._waiting = []
-        share = np.ones(len(self._world.bodies.state))
         broken = []
         work = 0
         far = self._far(np.array([b.body for b in blows], np.intp))
@@ -153,17 +183,7 @@ class Impacts:
                 broken.append((blow, result))
                 if turn >= late:  # the impulse of a late blow is history
                     share[blow.body] = result.share
-        knocks = self._bearing.knocks(contacts, struck)
-        for knock in knocks:
-            share[self._bearing.body(knock.part)] = knock.share
-        if broken or knocks:
-            self._give_back(contacts, share, time_step)
-            self._bearing.knock_out(knocks, time)
-            for blow, result in broken:
-                self._record(blow, result, time)
-                if len(result.pieces) > 1:
-                    self._debris.split(blow.body, result.pieces)
-        return bool(broken or knocks)
+        return broken
 
     def _grain(self) -> float:
         """Give the mean size of the pieces if all that moves now broke into as many as may."""
@@ -175,14 +195,18 @@ class Impacts:
         return spread(touches, self._debris.local_poses(blow.parts),
                       self._blueprint.size[blow.parts], self._blueprint.poses[blow.parts])
 
-    def _struck(self, time_step: float) -> np.ndarray:
-        """Mark the bodies whose motion contacts changed at once, by id, (B,) bool."""
-        bodies, awake = self._world.bodies, self._world.awake
+    def _jump(self, time_step: float) -> np.ndarray:
+        """Give the change of velocity by contacts of all awake bodies, (K, 6)."""
+        awake = self._world.awake
         before = np.zeros((len(awake), 6))
         known = awake < len(self._before)
         before[known] = self._before[awake[known]]
         before[:, 2] -= self._gravity * time_step
-        jump = bodies.velocities[awake] - before
+        return self._world.bodies.velocities[awake] - before
+
+    def _struck(self, jump: np.ndarray) -> np.ndarray:
+        """Mark the bodies whose motion contacts changed at once, by id, (B,) bool."""
+        bodies, awake = self._world.bodies, self._world.awake
         felt = (np.sqrt((jump[:, :3] ** 2).sum(axis=1))
                 + np.sqrt((jump[:, 3:] ** 2).sum(axis=1)) * bodies.radius[awake])
         struck = np.zeros(len(bodies.state), bool)

@@ -38,7 +38,7 @@ _PLATE_STRESS = 0.2874  # stress·thickness²/(pressure·edge²), square plate (
 _REACH = 0.1         # [m] wider than what strikes it is the glass that feels a blow in time
 _SPRING = 0.4        # [m/s] standard deviation of the speed that bent glass lends to its shards
 _SPIN = 3.0          # [rad/s] the same of their spin
-_PIECES = 4          # along each side
+PIECES = 4           # along each side
 _FEWER = 40          # panes at once, above which each breaks into fewer pieces
 
 
@@ -70,6 +70,9 @@ class Panes:
     :param seed: of the shapes of shards.
     :param join: adds late parts under an object's name and gives the index of the first.
     :param vanish: takes parts out of the scene for good.
+
+    :ivar parts: indices of all panes, (P,).
+    :ivar log: where broken bonds are recorded.
     """
 
     def __init__(self, blueprint: Blueprint, blows: Blows, seed: int,
@@ -80,9 +83,11 @@ class Panes:
         self._seed = seed
         self._join = join
         self._vanish = vanish
+        self.log = blows.log
         glass = np.array([name == 'glass' for name in blueprint.materials] or [False])
         self._is_pane = (glass[blueprint.material] & (blueprint.shape == Shape.BOX)
                          & (blueprint.size.min(axis=1, initial=np.inf) < _THICKEST))
+        self.parts = np.flatnonzero(self._is_pane)
         self._thickness, self._edge, _ = np.sort(blueprint.size, axis=1).T
 
     def begin(self, world: World, debris: Debris) -> None:
@@ -99,6 +104,14 @@ class Panes:
         slenderness = self._edge[parts] / self._thickness[parts]
         return _STRENGTH / (_PLATE_STRESS * slenderness ** 2)
 
+    def deceleration(self, parts: np.ndarray) -> np.ndarray:
+        """Give how hard the edges of panes may be stopped across the glass [m/s²], (K,)."""
+        return self.pressure(parts) / (self._blueprint.density[parts] * self._thickness[parts])
+
+    def point_force(self, parts: np.ndarray) -> np.ndarray:
+        """Give the force in one point that panes withstand [N], (K,)."""
+        return _STRENGTH * self._thickness[parts] ** 2 / _POINT_STRESS
+
     def crack(self, part: int, point: np.ndarray | None = None, size: float = 0.0,
               count: int = 1) -> CrackedPane:
         """
@@ -109,11 +122,8 @@ class Panes:
         :param size: of what strikes it there [m].
         :param count: of panes that break together.
         """
-        source, rng = self._blueprint, np.random.default_rng([self._seed, part])
-        pieces = _PIECES if count < _FEWER else _PIECES // 2
-        parts = shards(source.size[part], float(source.density[part]), source.poses[part],
-                       source.textures[source.texture[part]],
-                       source.materials[source.material[part]], pieces, pieces, rng)
+        source = self._blueprint
+        parts = self._cut(part, source.poses[part], PIECES if count < _FEWER else PIECES // 2)
         share, mass = np.ones(len(parts)), float(parts.mass.sum())
         thin, edge = float(self._thickness[part]), float(self._edge[part])
         if point is not None:
@@ -122,7 +132,7 @@ class Panes:
             distance = np.linalg.norm(parts.poses[:, :3] - point, axis=1)
             share = np.exp(-(distance / (0.5 * size + _REACH)) ** 2)
             share *= mass / float(parts.mass @ share)
-        force = _STRENGTH * thin ** 2 / _POINT_STRESS
+        force = float(self.point_force(np.array([part]))[0])
         stiffness = _MODULUS * thin ** 3 / (12.0 * (1.0 - _POISSON ** 2))
         energy = 0.5 * force ** 2 * _POINT_SAG * edge ** 2 / stiffness
         return CrackedPane(part, parts, share, mass,
@@ -142,19 +152,41 @@ class Panes:
         gone = np.array([pane.part])
         self._blows.cut_out(gone, cause, load, time)
         self._blows.remove(gone)
-        self._vanish(gone)
-        pieces = pane.pieces
-        first = self._join(pieces, f'pane_{pane.part}')
-        bodies = self._world.add_bricks(pieces.poses, pieces.size, pieces.mass)
-        velocities = np.zeros((len(pieces), 6))
+        velocities = np.zeros((len(pane.pieces), 6))
         velocities[:, :3] = pane.share[:, None] * velocity
-        velocities += self._spring(pane)
-        self._world.thaw(bodies, velocities)
+        self._scatter(pane.part, pane.pieces, velocities)
+
+    def burst(self, part: int, pose: np.ndarray, velocity: np.ndarray, pieces: int) -> None:
+        """
+        Put shards in the place of a pane that no body carries any more.
+
+        :param part: index.
+        :param pose: where it was, world, (7,).
+        :param velocity: of it, world axes, (6,); its shards go on as it did: v + ω × r, ω.
+        :param pieces: along each side.
+        """
+        parts = self._cut(part, pose, pieces)
+        velocities = np.tile(velocity, (len(parts), 1))
+        velocities[:, :3] += np.cross(velocity[3:], parts.poses[:, :3] - pose[:3])
+        self._scatter(part, parts, velocities)
+
+    def _cut(self, part: int, pose: np.ndarray, pieces: int) -> Blueprint:
+        source, rng = self._blueprint, np.random.default_rng([self._seed, part])
+        return shards(source.size[part], float(source.density[part]), pose,
+                      source.textures[source.texture[part]],
+                      source.materials[source.material[part]], pieces, pieces, rng)
+
+    def _scatter(self, part: int, pieces: Blueprint, velocities: np.ndarray) -> None:
+        """Let shards fly, (S, 6) velocities, instead of their pane."""
+        self._vanish(np.array([part]))
+        first = self._join(pieces, f'pane_{part}')
+        bodies = self._world.add_bricks(pieces.poses, pieces.size, pieces.mass)
+        self._world.thaw(bodies, velocities + self._spring(part, pieces))
         self._debris.adopt(np.arange(first, first + len(pieces)), bodies)
 
-    def _spring(self, pane: CrackedPane) -> np.ndarray:
+    def _spring(self, part: int, pieces: Blueprint) -> np.ndarray:
         """Give what shards gain as the bent pane springs back, without momentum, (S, 6)."""
-        rng = np.random.default_rng([self._seed, pane.part, 1])
-        gained = rng.normal(0.0, [_SPRING] * 3 + [_SPIN] * 3, (len(pane.pieces), 6))
-        gained[:, :3] -= pane.pieces.mass @ gained[:, :3] / pane.pieces.mass.sum()
+        rng = np.random.default_rng([self._seed, part, 1])
+        gained = rng.normal(0.0, [_SPRING] * 3 + [_SPIN] * 3, (len(pieces), 6))
+        gained[:, :3] -= pieces.mass @ gained[:, :3] / pieces.mass.sum()
         return gained

@@ -100,7 +100,7 @@ class Simulation:
         self._release = Release(self._buildings, self._free)
         self._bearing = Bearing(self.blueprint, self._arsenal.blows, self._arsenal.loads,
                                 settings.gravity)
-        self._impacts = Impacts(self.blueprint, self._free, settings, self.log)
+        self._impacts = Impacts(self.blueprint, self._free, settings, self._arsenal.panes)
         self._world = World()
         self.reset()
 
