@@ -52,13 +52,14 @@ class Scene:
 
     :ivar objects: instances in part order.
     :ivar settings: gravity, time step, seed, wind and gust.
+    :ivar shard: which share of a larger scene this is.
     """
 
     def __init__(self, settings: Settings | None = None):
         self.settings = settings or Settings()
         self.objects: list[SceneObject] = []
         self._blueprints: list[Blueprint] = []
-        self._shard = Shard()
+        self.shard = Shard()
         self._instances = 0
         self._chained: Blueprint | None = None
 
@@ -87,7 +88,7 @@ class Scene:
         :raises GrammarError: when a grammar cannot be read or derived.
         """
         scene = cls(read_settings(parameters))
-        scene._shard = read_shard(parameters)
+        scene.shard = read_shard(parameters)
         for number, spec in enumerate(read_objects(parameters)):
             scene._add_object(spec, number)
         return scene
@@ -132,7 +133,7 @@ class Scene:
         points, headings = places(spec.layout, len(names), spec.spacing,
                                   np.random.default_rng([seed, number]))
         variants = min(spec.variants or len(names), len(names))
-        mine = self._shard.members(self._instances, len(names))
+        mine = self.shard.members(self._instances, len(names))
         self._instances += len(names)
         built = {i: grammar.build(seed=seed + i, **spec.numbers)
                  for i in sorted({i % variants for i in mine})}

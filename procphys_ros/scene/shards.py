@@ -57,6 +57,10 @@ class Shard:
         """
         return range((self.index - first) % self.count, count, self.count)
 
+    def own(self, name: str) -> str:
+        """Give what comes to this share alone, while it runs, a name that no other share has."""
+        return name if self.count == 1 else f'{name}_shard_{self.index}'
+
 
 def read_shard(parameters: Mapping[str, Any]) -> Shard:
     """
