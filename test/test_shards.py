@@ -19,6 +19,7 @@ import pytest
 
 from procphys_ros.errors import SceneError
 from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
 
 POLE = 'axiom: Width(0.04) Density(800) Modulus(8e9) F(rand(1,2)) F(1) Leaf(0.4, 1)'
@@ -59,3 +60,16 @@ def test_shares_that_cannot_be_are_named(shard, word):
     """Name the key and what is allowed."""
     with pytest.raises(SceneError, match=word):
         Scene.from_parameters({**WHOLE, 'shard': shard})
+
+
+def test_what_comes_to_a_share_has_a_name_of_its_own():
+    """Throw a ball in each share, and find no name twice; alone, a node calls it projectile_0."""
+    def names(**shard):
+        share = Simulation(Scene.from_parameters({**WHOLE, **shard}))
+        share.launch(Projectile(position=(0.0, -30.0, 5.0), velocity=(0.0, 1.0, 0.0)))
+        return [o.name for o in share.objects]
+    shares = [name for index in range(2) for name in names(shard={'index': index, 'count': 2})]
+    assert len(set(shares)) == len(shares)
+    assert {n for n in shares if 'projectile' in n} == {'projectile_0_shard_0',
+                                                        'projectile_0_shard_1'}
+    assert names()[-1] == 'projectile_0'

@@ -377,7 +377,7 @@ class Simulation:
     def _join(self, parts: Blueprint, name: str) -> int:
         """Append parts that come into being now as an object, and give the index of the first."""
         taken = {known.name for known in self.objects}
-        number = name
+        number = self.scene.shard.own(name)
         while number in taken:
             number += '_'
         first = len(self.blueprint)
