@@ -24,7 +24,7 @@ import rclpy
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
 from procphys_ros.ros.node import SimNode
-from procphys_ros.ros.parameter_table import GLOBAL, OBJECT
+from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 
 PUBLISHED = {
     '/sim/poses': 'geometry_msgs/msg/PoseArray',
@@ -114,6 +114,18 @@ def test_everything_offered_is_listed(text):
     """Name every topic and service where people look for them."""
     for name in (*PUBLISHED, *TAKEN, *SERVICES):
         assert name.replace('/sim/', '~/') in text, name
+
+
+def test_every_parameter_is_listed_in_the_docstring():
+    """Name each row of the table with its default, unit, range and description."""
+    text = ' '.join(SimNode.__doc__.split())
+    for prefix, rows in (('', GLOBAL), ('<object>.', OBJECT)):
+        assert listing(rows, prefix).lstrip() in SimNode.__doc__
+        for row in rows:
+            entry = text[text.index(f' {prefix}{row.name} (') + 1:]
+            assert ' '.join(row.description.split()) in entry[:entry.find('): ') + 400], row.name
+            assert row.unit in entry.partition(': ')[0]
+    assert '{' not in text
 
 
 def test_parameters_describe_themselves_to_clients(client):

@@ -25,6 +25,7 @@ from procphys_ros.ros.commands import Command, CommandQueue
 from procphys_ros.ros.diagnostics import Diagnostics
 from procphys_ros.ros.loop import Loop
 from procphys_ros.ros.pacing import Beat, Pacer
+from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.publishers import Publishers
 from procphys_ros.ros.services import Answers, create_services
@@ -36,6 +37,15 @@ _LONGEST_TURN = 0.05  # [s] of steps before commands are looked at again
 _WARNING_PERIOD = 1.0  # [s] least time between warnings about rejected commands
 
 
+def _with_parameters(node: type[Node]) -> type[Node]:
+    """Write the table of parameters into the docstring of a class."""
+    rows = f'{listing(GLOBAL)}\n{listing(OBJECT, "<object>.")}'
+    if node.__doc__:  # not under python -OO
+        node.__doc__ = node.__doc__.replace('{parameters}', rows.lstrip())
+    return node
+
+
+@_with_parameters
 class SimNode(Node):
     """
     Simulates a scene of trees and buildings and shows it on topics.
@@ -44,8 +54,6 @@ class SimNode(Node):
     services. The other owns the simulation and takes turns: carry out what waits in the one queue
     of commands, run the steps that are due, publish. So the node answers also while a step takes
     long. The node publishes /clock, so it never uses ROS time itself.
-
-    Parameters: see `parameter_table.GLOBAL`, and `parameter_table.OBJECT` for each object.
 
     Publishers:
         ~/poses (geometry_msgs/PoseArray): every part, in part order
@@ -71,6 +79,9 @@ class SimNode(Node):
         ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/clear_wrenches,
         ~/step_simulation, ~/reset_simulation, ~/reload_scene (std_srvs/Trigger)
         ~/simulation_interfaces/…, if that package is there: see `simulation_interfaces.py`
+
+    Parameters (default; unit; range; when a change takes effect):
+        {parameters}
 
     :raises ProcPhysError: when the scene cannot be built.
     """

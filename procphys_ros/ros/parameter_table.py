@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 import re
+from textwrap import wrap
 from typing import Any
 
 from procphys_ros.errors import SceneError
@@ -309,10 +310,25 @@ def markdown(parameters: Sequence[Parameter], prefix: str = '') -> str:
     lines = ['| parameter | default | unit | range | effect | meaning |',
              '|---|---|---|---|---|---|']
     for p in parameters:
-        effect = 'fixed' if p.read_only else {'use': 'at use'}.get(p.takes_effect, p.takes_effect)
         lines.append(f'| `{prefix}{p.name}` | {_shown(p.default)} | {p.unit} | {_range(p)} | '
-                     f'{effect} | {p.description} |')
+                     f'{_effect(p)} | {p.description} |')
     return '\n'.join(lines)
+
+
+def listing(parameters: Sequence[Parameter], prefix: str = '') -> str:
+    """Write rows of the table for the docstring of the node's class; else as `markdown`."""
+    lines = []
+    for p in parameters:
+        about = [_shown(p.default), p.unit, _range(p), _effect(p)]
+        lines += wrap(f'{prefix}{p.name} ({"; ".join(filter(None, about))}): {p.description}',
+                      width=99, initial_indent=8 * ' ', subsequent_indent=12 * ' ')
+    return '\n'.join(lines)
+
+
+def _effect(parameter: Parameter) -> str:
+    if parameter.read_only:
+        return 'fixed'
+    return {'use': 'at use'}.get(parameter.takes_effect, parameter.takes_effect)
 
 
 def _shown(value: Any) -> str:
