@@ -21,8 +21,16 @@ from node_process import Client, NodeProcess, SCENE
 import pytest
 from rcl_interfaces.srv import DescribeParameters
 import rclpy
-from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    qos_check_compatible,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+import yaml
 
+from procphys_ros.messages.points import BREAK, DUST
 from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 
@@ -52,6 +60,11 @@ SERVICES = {
             'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'clear_wrenches',
             'step_simulation', 'reset_simulation', 'reload_scene')), 'std_srvs/srv/Trigger'),
 }
+# What the displays of RViz draw.
+DRAWN = {'rviz_default_plugins/MarkerArray': 'visualization_msgs/msg/MarkerArray',
+         'rviz_default_plugins/PointCloud2': 'sensor_msgs/msg/PointCloud2',
+         'rviz_default_plugins/PoseArray': 'geometry_msgs/msg/PoseArray'}
+ROOT = Path(__file__).resolve().parents[1]
 OF_EVERY_NODE = ('/rosout', '/parameter_events')
 
 
@@ -107,9 +120,49 @@ def test_all_topics_are_reliable_and_the_description_is_latched(client):
             else DurabilityPolicy.VOLATILE), topic
 
 
+def profile(topic: dict) -> QoSProfile:
+    """Read the quality of service that a display asks for."""
+    assert topic['History Policy'] == 'Keep Last'
+    return QoSProfile(
+        depth=topic['Depth'],
+        reliability=ReliabilityPolicy[topic['Reliability Policy'].upper().replace(' ', '_')],
+        durability=DurabilityPolicy[topic['Durability Policy'].upper().replace(' ', '_')])
+
+
+def test_rviz_is_set_up_for_what_the_node_publishes(client):
+    """Ask for topics of the right type, with a quality of service that the node offers."""
+    manager = yaml.safe_load((ROOT / 'config/procphys.rviz').read_text('utf-8'))[
+        'Visualization Manager']
+    frame = next(row.default for row in GLOBAL if row.name == 'world_frame')
+    assert manager['Global Options']['Fixed Frame'] == frame
+    displays = [d for d in manager['Displays'] if 'Topic' in d]
+    shown = {d['Topic']['Value'] for d in displays}
+    assert shown == {name for name, kind in PUBLISHED.items() if kind in DRAWN.values()}
+    for display in displays:
+        topic = display['Topic']['Value']
+        client.spin_until(lambda: client.node.get_publishers_info_by_topic(topic),  # noqa: B023
+                          topic)
+        offered = client.node.get_publishers_info_by_topic(topic)[0]
+        assert offered.topic_type == DRAWN[display['Class']], topic
+        asked = profile(display['Topic'])
+        compatible, reason = qos_check_compatible(offered.qos_profile, asked)
+        assert compatible != QoSCompatibility.ERROR, f'{topic}: {reason}'
+    assert next(d for d in displays if d['Topic']['Value'] == '/sim/markers')['Enabled']
+
+
+def test_rviz_colours_clouds_by_what_they_hold():
+    """Colour points by a field that the rows of the topic have."""
+    displays = yaml.safe_load((ROOT / 'config/procphys.rviz').read_text('utf-8'))[
+        'Visualization Manager']['Displays']
+    fields = {'/sim/breaks': BREAK.names, '/sim/dust': DUST.names}
+    clouds = [d for d in displays if d['Class'] == 'rviz_default_plugins/PointCloud2']
+    assert len(clouds) == len(fields)
+    for display in clouds:
+        assert display['Channel Name'] in fields[display['Topic']['Value']]
+
+
 @pytest.mark.parametrize('text', [
-    SimNode.__doc__, (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')],
-    ids=['docstring', 'README'])
+    SimNode.__doc__, (ROOT / 'README.md').read_text('utf-8')], ids=['docstring', 'README'])
 def test_everything_offered_is_listed(text):
     """Name every topic and service where people look for them."""
     for name in (*PUBLISHED, *TAKEN, *SERVICES):
