@@ -26,6 +26,7 @@ import sys
 import time
 
 import numpy as np
+from scipy.sparse import bsr_matrix
 from scipy.sparse.linalg import splu
 
 sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 'test')]
@@ -33,7 +34,7 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 
 from masonry_walls import building  # noqa: E402, I100
 
 from procphys_ros.physics.masonry import BondGraph, Fracture, pcg, StressSolver  # noqa: E402
-from procphys_ros.physics.masonry.coarse import CoarseSpace  # noqa: E402
+from procphys_ros.physics.masonry.coarse_matrix import CoarseMatrix  # noqa: E402
 
 _REPEATS = 3
 
@@ -52,22 +53,26 @@ def jacobi(solver, displacement, load, limit=20000):
     bonds = np.flatnonzero(graph.alive)
     state = (displacement, load, *np.zeros((3, graph.count + 1, 6)))
     one = np.zeros(graph.count + 1, np.int32)  # a single aggregate of infinite stiffness: no-op
-    stiff = (np.zeros(7, np.int64), np.zeros(0, np.int32), np.zeros(0), np.full(6, np.inf),
-             np.arange(6))
-    none = (solver._blocks, one, np.zeros((graph.count, 3)), stiff, np.arange(6),
-            np.zeros((1, 6)), np.zeros(6))
+    stiff = (np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(0, np.int64),
+             np.zeros((0, 6, 6), np.float32), np.zeros((1, 6, 6)))
+    none = (solver._blocks, one, np.zeros((graph.count, 3)), stiff, np.zeros(1, np.int64),
+            np.zeros((1, 6)), np.zeros((1, 6)))
     return pcg.iterate(parts, bonds, (graph.links, graph.first, graph.second), none, state,
                        graph.reach, 0.0, solver.tolerance, limit)[0]
+
+
+def assembled(graph, owner, middle):
+    """Give K itself, each part its own aggregate."""
+    matrix = CoarseMatrix(graph, owner, middle)
+    return bsr_matrix((matrix.blocks, matrix.column, matrix.start)).tocsc()
 
 
 def direct(solver):
     """Assemble and factor the whole K with scipy, solve once; give seconds of each."""
     parts = np.flatnonzero(solver.supported)
-    single = CoarseSpace.__new__(CoarseSpace)
-    single.owner = np.full(solver.graph.count + 1, -1, np.int32)
-    single.owner[parts] = np.arange(len(parts))
-    single.count, single.middle = len(parts), solver.graph.centre[parts]
-    assembly, matrix = timed(lambda: single.assembled(solver.graph))
+    owner = np.full(solver.graph.count + 1, -1)
+    owner[parts] = np.arange(len(parts))
+    assembly, matrix = timed(lambda: assembled(solver.graph, owner, solver.graph.centre[parts]))
     factoring, lu = timed(lambda: splu(matrix, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
                                        options={'SymmetricMode': True}))
     solving, _ = timed(lambda: lu.solve(solver._weight[parts].ravel()))

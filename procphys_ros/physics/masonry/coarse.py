@@ -16,19 +16,16 @@
 """
 The coarse space of the stress solver: aggregates of parts that move as rigid bodies.
 
-Aggregates tied by the bonds that cross between them are a bond graph again, only smaller, so the
-coarse matrix PᵀKP (P = 6 rigid modes per aggregate) is assembled from links as K itself would be.
 Two-level preconditioning by rigid body modes: Nicolaides 1987, SIAM J. Numer. Anal. 24(2);
 Vaněk, Mandel, Brezina 1996, Computing 56.
 """
 
 from numba import njit
 import numpy as np
-from scipy.sparse import bsr_matrix, csc_matrix
 
-from procphys_ros.physics.masonry import links
+from procphys_ros.physics.masonry.coarse_matrix import CoarseMatrix
+from procphys_ros.physics.masonry.factor import Factor
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
-from procphys_ros.physics.masonry.triangular import Factor
 
 _LONG = 2.5    # of the length of the median part
 _STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
@@ -113,27 +110,6 @@ def _merge_small(parts, owner, made, alone, start, incident, alive, first, secon
     return kept
 
 
-@njit(cache=True)
-def _assemble(bonds, all_links, first, second, owner, centroid, middle, slot, blocks):
-    """Add the links that cross between aggregates to the 6x6 blocks; slot: four per bond."""
-    left = np.empty((3, 6))
-    right = np.empty((3, 6))
-    for k in range(len(bonds)):
-        m = bonds[k]
-        a, b = owner[first[m]], owner[second[m]]
-        if a == b:
-            continue
-        if a >= 0:
-            arm_a = centroid[m] - middle[a]
-            links.add_block(blocks[slot[k, 0]], all_links[m], arm_a, arm_a, 1.0, left, right)
-        if b >= 0:
-            arm_b = centroid[m] - middle[b]
-            links.add_block(blocks[slot[k, 1]], all_links[m], arm_b, arm_b, 1.0, left, right)
-        if a >= 0 and b >= 0:
-            links.add_block(blocks[slot[k, 2]], all_links[m], arm_a, arm_b, -1.0, left, right)
-            links.add_block(blocks[slot[k, 3]], all_links[m], arm_b, arm_a, -1.0, left, right)
-
-
 def _alone(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
     """
     Mark the parts that are aggregates by themselves, (N,) bool.
@@ -174,7 +150,7 @@ class CoarseSpace:
         ground, (N + 1,) int32.
     :ivar arm: part centre relative to its aggregate's reference [m], (N, 3).
     :ivar count: number of aggregates.
-    :ivar factor: of the coarse matrix, six unknowns per aggregate.
+    :ivar factor: of the coarse matrix.
     """
 
     def __init__(self, graph: BondGraph, parts: np.ndarray, size: int):
@@ -190,32 +166,17 @@ class CoarseSpace:
             np.bincount(member, graph.centre[parts, c], self.count) for c in range(3)])
         self.middle = total / np.maximum(population, 1)[:, None]
         self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
-        self.factor = Factor.of(self.assembled(graph))
+        self._matrix = CoarseMatrix(graph, self.owner, self.middle)
+        self.factor = Factor(self._matrix.start, self._matrix.column, self._matrix.blocks)
 
-    def supernodes(self, parts: np.ndarray) -> np.ndarray:
+    def columns(self, parts: np.ndarray) -> np.ndarray:
         """
-        List the supernodes of the factor that a right-hand side on some parts can reach.
+        List the columns of the factor that a right-hand side on some parts can reach.
 
         These are whole components of the factored matrix: an aggregate may lie in two islands.
         """
-        return self.factor.supernodes(6 * self.owner[parts])
+        return self.factor.columns(self.owner[parts])
 
-    def assembled(self, graph: BondGraph) -> csc_matrix:
-        """Assemble the coarse matrix from the living bonds of the set."""
-        mine = self.owner >= 0
-        if not mine.any():
-            return csc_matrix(np.eye(6 * self.count))
-        bonds = np.flatnonzero(graph.alive & (mine[graph.first] | mine[graph.second]))
-        a, b = self.owner[graph.first[bonds]], self.owner[graph.second[bonds]]
-        crossing = a != b
-        bonds, a, b = bonds[crossing], a[crossing], b[crossing]
-        n = self.count
-        key = np.concatenate([a * n + a, b * n + b, a * n + b, b * n + a]).astype(np.int64)
-        real = np.concatenate([a >= 0, b >= 0, (a >= 0) & (b >= 0), (a >= 0) & (b >= 0)])
-        unique = np.unique(key[real])
-        slot = np.searchsorted(unique, key).reshape(4, -1).T
-        blocks = np.zeros((len(unique), 6, 6))
-        _assemble(bonds, graph.links, graph.first, graph.second, self.owner, graph.centroid,
-                  self.middle, np.ascontiguousarray(slot), blocks)
-        start = np.searchsorted(unique, np.arange(n + 1) * n)
-        return bsr_matrix((blocks, unique % n, start), shape=(6 * n, 6 * n)).tocsc()
+    def renew(self, bonds: np.ndarray) -> None:
+        """Take note of bonds that were cut or opened, (K,); the aggregates stay as they are."""
+        self.factor.renew(self._matrix.renew(bonds))

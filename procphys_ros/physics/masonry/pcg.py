@@ -18,7 +18,7 @@
 from numba import njit
 import numpy as np
 
-from procphys_ros.physics.masonry import links, triangular
+from procphys_ros.physics.masonry import factor, links
 
 
 @njit(cache=True, fastmath=True)
@@ -40,10 +40,9 @@ def residual_sizes(residual: np.ndarray, reach: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, fastmath=True)
-def _precondition(parts, residual, blocks, owner, arm, panels, supernodes, rigid, work, z):
+def _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, work, z):
     """Write z = block-Jacobi + coarse correction of the residual; return residual·z."""
-    flat = rigid.ravel()
-    triangular.clear(panels, supernodes, flat)
+    factor.clear(panels, columns, rigid)
     for i in parts:
         a = owner[i]
         r = residual[i]
@@ -53,7 +52,7 @@ def _precondition(parts, residual, blocks, owner, arm, panels, supernodes, rigid
         rigid[a, 3] += r[3] + arm[i, 1] * r[2] - arm[i, 2] * r[1]
         rigid[a, 4] += r[4] + arm[i, 2] * r[0] - arm[i, 0] * r[2]
         rigid[a, 5] += r[5] + arm[i, 0] * r[1] - arm[i, 1] * r[0]
-    triangular.solve(panels, supernodes, flat, work)
+    factor.solve(panels, columns, rigid, work)
     product = 0.0
     for i in parts:
         a = owner[i]
@@ -105,7 +104,7 @@ def iterate(parts, bonds, graph, preconditioner, state, reach, old, tolerance, l
 
     :param parts, bonds: what is solved, indices.
     :param graph: links, first, second.
-    :param preconditioner: blocks, owner, arm, panels, supernodes, rigid, work.
+    :param preconditioner: blocks, owner, arm, panels, columns, rigid, work.
     :param state: x, residual, z, p, q, each (N + 1, 6); all but z and q are kept between
         calls.
     :param old: residual·z of the last iteration, 0 starts anew.
@@ -114,13 +113,13 @@ def iterate(parts, bonds, graph, preconditioner, state, reach, old, tolerance, l
     :returns: iterations done, residual·z, largest nodal residual [N].
     """
     all_links, first, second = graph
-    blocks, owner, arm, panels, supernodes, rigid, work = preconditioner
+    blocks, owner, arm, panels, columns, rigid, work = preconditioner
     x, residual, z, p, q = state
     worst = residual_size(parts, residual, reach)
     done = 0
     while done < limit and worst > tolerance:
-        product = _precondition(parts, residual, blocks, owner, arm, panels, supernodes, rigid,
-                                work, z)
+        product = _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, work,
+                                z)
         beta = product / old if old > 0.0 else 0.0
         old = product
         _turn(parts, z, beta, p, q)

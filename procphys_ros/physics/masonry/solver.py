@@ -206,7 +206,7 @@ class StressSolver:
             active[:-1] = restless[self.labels] & self.supported
         self._parts = np.flatnonzero(active)
         self._bonds = np.flatnonzero(graph.alive & (active[graph.first] | active[graph.second]))
-        self._supernodes = self._coarse.supernodes(self._parts)
+        self._columns = self._coarse.columns(self._parts)
         self._stale_view = False
         self._product = 0.0
 
@@ -237,8 +237,7 @@ class StressSolver:
     def _run(self, limit: int) -> int:
         graph, coarse = self.graph, self._coarse
         preconditioner = (self._blocks, coarse.owner, coarse.arm, coarse.factor.panels,
-                          self._supernodes, np.empty((coarse.count, 6)),
-                          np.empty(6 * coarse.count))
+                          self._columns, *np.empty((2, coarse.count, 6)))
         state = (self.displacement, self._residual, *self._search)
         done, self._product, self.residual = pcg.iterate(
             self._parts, self._bonds, (graph.links, graph.first, graph.second), preconditioner,

@@ -1,0 +1,132 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The factor of the coarse matrix: it solves what scipy solves, also after changes."""
+
+from masonry_walls import wall
+import numpy as np
+import pytest
+from scipy.sparse import block_diag, bsr_matrix
+from scipy.sparse import random as random_sparse
+from scipy.sparse.linalg import spsolve
+
+from procphys_ros.physics.masonry import BondGraph
+from procphys_ros.physics.masonry.coarse_matrix import CoarseMatrix
+from procphys_ros.physics.masonry.factor import clear, Factor, solve
+
+
+def matrix(count, density, seed):
+    """Make a symmetric positive definite matrix of 6 x 6 blocks, the diagonal ones included."""
+    rng = np.random.default_rng(seed)
+    pattern = random_sparse(count, count, density, rng=rng).toarray() > 0
+    full = np.kron(pattern, np.ones((6, 6))) * rng.normal(size=(6 * count, 6 * count))
+    made = bsr_matrix(full @ full.T + np.diag(np.full(6 * count, 10.0)), blocksize=(6, 6))
+    made.sort_indices()
+    return made
+
+
+def factored(system):
+    """Factor a matrix of blocks."""
+    return Factor(system.indptr, system.indices, system.data.copy())
+
+
+def solved(factor, unknowns, load):
+    """Solve for the islands that some unknowns lie in."""
+    found = load.copy()
+    solve(factor.panels, factor.columns(unknowns), found, np.empty_like(found))
+    return found
+
+
+@pytest.mark.parametrize('count, density', [(1, 1.0), (5, 0.3), (40, 0.05), (60, 0.5)])
+def test_it_solves_as_scipy_does(count, density):
+    """Agree to single precision, for matrices from diagonal to full."""
+    system = matrix(count, density, count)
+    load = np.random.default_rng(1).normal(size=(count, 6))
+    found = solved(factored(system), np.arange(count), load)
+    wanted = spsolve(system.tocsc(), load.ravel()).reshape(-1, 6)
+    np.testing.assert_allclose(found, wanted, atol=1e-4 * np.abs(wanted).max())
+
+
+def test_the_solution_is_symmetric_in_double_precision():
+    """Keep a·S·b = b·S·a, which conjugate gradients rest on."""
+    factor = factored(matrix(40, 0.05, 2))
+    a, b = np.random.default_rng(3).normal(size=(2, 40, 6))
+    left = (a * solved(factor, np.arange(40), b)).sum()
+    assert left == pytest.approx((b * solved(factor, np.arange(40), a)).sum(), rel=1e-11)
+
+
+def test_an_island_is_solved_by_itself():
+    """Touch the unknowns of one island, and nothing of the other."""
+    both = bsr_matrix(block_diag([matrix(12, 0.3, 2), matrix(20, 0.2, 3)]), blocksize=(6, 6))
+    both.sort_indices()
+    factor = factored(both)
+    load = np.arange(1.0, 1.0 + 6 * 32).reshape(-1, 6)
+    found = solved(factor, np.array([0]), load)
+    changed = np.flatnonzero(np.any(found != load, axis=1))
+    assert 0 in changed and np.all(changed < 12)
+    np.testing.assert_allclose(found[changed], solved(factor, np.arange(32), load)[changed])
+    clear(factor.panels, factor.columns(np.array([0])), found)
+    assert not found[changed].any() and found[12:].all()
+
+
+def test_a_renewed_factor_is_the_one_of_the_changed_matrix():
+    """Come to the same numbers when only what changed is factored again."""
+    system = matrix(40, 0.05, 4)
+    factor = factored(system)
+    blocks = factor._matrix[2]
+    row = 17
+    place = system.indptr[row] + np.searchsorted(
+        system.indices[system.indptr[row]:system.indptr[row + 1]], row)
+    blocks[place] += 5.0 * np.eye(6)
+    factor.renew(np.array([row]))
+    anew = Factor(system.indptr, system.indices, blocks)
+    for ours, theirs in zip(factor.panels, anew.panels):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_what_nothing_holds_is_left_out():
+    """Give a finite answer where a piece has come loose, and the right one elsewhere."""
+    spring = np.eye(6) * 1e9
+    free = np.block([[spring, -spring], [-spring, spring]])
+    system = bsr_matrix(block_diag([free, 2.0 * np.eye(6)]), blocksize=(6, 6))
+    found = solved(factored(system), np.arange(3), np.ones((3, 6)))
+    assert np.all(np.isfinite(found)) and np.abs(found[:2]).max() < 1e-8
+    np.testing.assert_allclose(found[2], 0.5)
+
+
+def test_the_coarse_matrix_follows_what_is_cut_and_opened():
+    """Renew the blocks that a change touches, and none wrongly."""
+    graph = BondGraph(wall(15, 20))
+    owner = np.append(np.arange(graph.count) // 12, -1)
+    middle = np.add.reduceat(graph.centre, np.arange(0, graph.count, 12)) / 12.0
+    matrix = CoarseMatrix(graph, owner, middle)
+    before = dense(matrix)
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        bonds = rng.choice(np.flatnonzero(graph.alive), 9, replace=False)
+        graph.cut(bonds[:6])
+        edge = 0.5 * graph.extent[bonds[6:]]
+        graph.narrow(bonds[6:], -edge, 0.2 * edge)
+        touched = matrix.renew(bonds)
+        anew = dense(CoarseMatrix(graph, owner, middle))
+        np.testing.assert_allclose(dense(matrix), anew, atol=1e-12 * before.max())
+        rows = np.flatnonzero(np.any(np.abs(anew - before) > 1e-6 * before.max(), axis=1)) // 6
+        assert len(rows) and np.isin(rows, touched).all()
+        before = anew
+
+
+def dense(matrix):
+    """Write a coarse matrix out."""
+    return bsr_matrix((matrix.blocks, matrix.column, matrix.start)).toarray()
