@@ -14,11 +14,15 @@
 
 """Bad wall grammars: one readable line with place, finding and remedy, never a traceback."""
 
+import tracemalloc
+
+import numpy as np
 import pytest
 
 from procphys_ros.errors import GrammarError
 from procphys_ros.wallgrammar import WallGrammar
 
+_SQUARE = '(0, 0) (width, 0) (width, 4) (0, 4)'
 _GOOD = """building b(width = 4)
   footprint: (0, 0) (width, 0) (width, 4) (0, 4)
   facades: front
@@ -70,7 +74,7 @@ def test_the_unspoilt_grammar_builds():
     ('unit: 0.215 0.1025 0.065', 'unit: 0.215 0.1025 0', 6, 'each from'),
     ('storey_height: 3', 'storey_height: 0', 4, '0.1 to 100'),
     ('storey_height: 3', 'storey_height: 1/0', 4, 'zero'),
-    ('storey_height: 3', 'storey_height: 3 storeys: 1.5', 1, 'whole number'),
+    ('storey_height: 3', 'storey_height: 3 storeys: 1.5', 4, 'whole number'),
     ('storey_height: 3', 'storey_height: 3 floors: lava', 4, 'timber'),
     ('storey_height: 3', 'storey_height: 3 floors: slab(9)', 4, '0.05 to 1'),
     ('storey_height: 3', 'storey_height: 3 roof: hip(5)', 4, '10 to 70'),
@@ -83,7 +87,26 @@ def test_the_unspoilt_grammar_builds():
     ('-> wall', '-> insert(5, 1) { window | wall }', 5, 'does not fit'),
     ('-> wall', '-> border(-1) { window | wall }', 5, 'negative'),
     ('-> wall', '-> wall : 0', 3, 'no rule'),
+    ('-> wall', '-> split(x) { -1: wall | ~1: wall }', 5, 'must not be negative, found -1'),
+    ('-> wall', '-> split(x) { 1e300: wall | 1e300: wall }', 5, 'does not fit'),
+    ('-> wall', '-> split(x) { { ~0.00005: wall }* }', 3, '100000 divisions'),
+    # numbers that are none
+    ('(width, 0)', '(sqrt(-width), 0)', 2, 'sqrt(-4) is not real'),
+    ('(width, 0)', '(1e308 * 10, 0)', 2, 'overflows'),
+    ('(width, 0)', '(1e999, 0)', 2, 'beyond the range'),
+    ('(width, 0)', '(0 / 0, 0)', 2, 'division of 0 by zero'),
+    ('-> wall', '-> split(x) { ~log(width - 4): wall }', 5, 'log(0) does not exist'),
+    ('front -> wall', 'front : width % 0 -> wall', 5, 'remainder of 4 by zero'),
+    ('joint: 0.01', 'joint: 0.01 offset: 7', 6, 'from -1 to 1'),
     # geometry
+    (_SQUARE, '', 2, 'nothing stands behind "footprint:"'),
+    ('facades: front', 'facades:', 3, 'nothing stands behind "facades:"'),
+    (_SQUARE, '(0, 0)', 2, 'at least 2 corners'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 0) (4, 4) (0, 4)', 2, 'shorter than 0.1 m'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 4) (0, 4) (0, 0)', 2, 'shorter than 0.1 m'),
+    (_SQUARE, '(0, 0) (1e300, 0) (0, 4)', 2, 'longer than 10000 m'),
+    (_SQUARE, '(0, 0) (2, 0) (4, 0)', 2, 'on one line'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 4) (2, 0) (0, 4)', 2, 'crosses itself'),
     ('-> wall', '-> window', 1, 'no facade has a panel with a layout'),
     ('-> wall', '-> split(x) { 1: window | ~1: wall }', 5, 'corner'),
     ('-> wall', '-> extrude(0.09) { wall }', 5, 'keeps it bonded'),
@@ -91,12 +114,12 @@ def test_the_unspoilt_grammar_builds():
     ('-> wall', '-> split(y) { ~1: column }\nrule column -> split(x) { 0.18: wall | ~1: band | '
      '0.18: wall }\nrule band -> split(y) { 1: window | 0.3: lintel | ~1: wall }', 7,
      'bears only'),
-    ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (0, 4) (width, 4) (width, 0)', 2,
+    (_SQUARE, '(0, 0) (0, 4) (width, 4) (width, 0)', 2,
      'counter-clockwise'),
-    ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (width, 4) (width, 0) (0, 4)', 2,
+    (_SQUARE, '(0, 0) (width, 4) (width, 0) (0, 4)', 2,
      'crosses itself'),
-    ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (4, 0) (0, 0.5)', 2, 'degrees'),
-    ('(0, 0) (width, 0) (width, 4) (0, 4)', '(0, 0) (4, 0) (4, 0.15) (0, 0.15)', 2, 'too short'),
+    (_SQUARE, '(0, 0) (4, 0) (0, 0.5)', 2, 'degrees'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 0.15) (0, 0.15)', 2, 'too short'),
     ('unit: 0.215 0.1025 0.065', 'unit: 5 0.1025 0.065', 5, 'larger than the panel'),
     ('unit: 0.215 0.1025 0.065', 'unit: 0.215 0.1025 3.5', 5, 'larger than the panel'),
 ])
@@ -112,7 +135,16 @@ def test_refusal_names_the_place(old, new, line, words):
 def test_zero_strength_is_refused(entry):
     """Refuse materials that hold nothing."""
     error = refusal('panel wall', f'material brick {{ {entry} }}\npanel wall')
-    assert error.line == 7 and 'greater than 0' in error.message
+    assert error.line == 7 and 'must be from 1' in error.message
+
+
+@pytest.mark.parametrize('entry, allowed', [
+    ('density: 1e300', '1 to 25000'), ('tension: 1e100', '1 to 1e+12'),
+    ('friction: -1', '0 to 10'), ('modulus: 1', '1000 to 2e+12')])
+def test_materials_that_do_not_exist_are_refused(entry, allowed):
+    """Refuse what would make masses and stiffnesses without finite values."""
+    error = refusal('panel wall', f'material brick {{ {entry} }}\npanel wall')
+    assert error.line == 7 and allowed in error.message
 
 
 def test_new_material_needs_its_strengths():
@@ -159,7 +191,7 @@ def test_what_hangs_in_the_air_is_refused():
 def test_roof_needs_a_rectangle():
     """Refuse a gable over an L and timber floors over a hexagon."""
     shape = '(0, 0) (width, 0) (width, 2) (2, 2) (2, 4) (0, 4)'
-    old = '(0, 0) (width, 0) (width, 4) (0, 4)'
+    old = _SQUARE
     assert 'rectangular' in refusal(old, shape + '\n  roof: gable(40)').message
     shape = '(0, 0) (2, 0) (3, 1.7) (2, 3.4) (0, 3.4) (-1, 1.7)'
     assert 'right angles only' in refusal(old, shape + '\n  floors: timber').message
@@ -178,7 +210,66 @@ def test_unknown_define_is_refused():
         WallGrammar.parse(_GOOD).build(widht=3.0)
 
 
+@pytest.mark.parametrize('text, words', [
+    ('', 'found the end, expected "building"'), ('# nothing\n\n', 'found the end'),
+    ('\0\1\2ELF\x7f', r'found "\x00", expected "building"'), ('@@ ]] }}', 'found "@"'),
+    ('rule a -> b\n', 'exactly one building, found 0'),
+    (_GOOD + _GOOD, 'exactly one building, found 2'), ('#' * 300_000, 'at most 200000')])
+def test_what_is_no_grammar_is_refused(text, words):
+    """Say what was found, for nothing, noise, half a grammar and far too much."""
+    with pytest.raises(GrammarError) as caught:
+        WallGrammar.parse(text, 'bad.wall')
+    assert words in caught.value.message and caught.value.source == 'bad.wall'
+
+
+@pytest.mark.parametrize('content, words', [
+    (b'', 'found the end'), (b'\x7fELF\x02\x01\x01\x00\xff\xfe\x80' * 99, 'cannot read'),
+    (b'#' * 300_000, 'more than 200000')])
+def test_files_that_are_no_text_are_refused(tmp_path, content, words):
+    """Read nothing, a program and a very long file; name the file."""
+    path = tmp_path / 'odd.wall'
+    path.write_bytes(content)
+    with pytest.raises(GrammarError, match=words) as caught:
+        WallGrammar.load(path)
+    assert caught.value.source == str(path)
+
+
+def test_the_mark_in_front_of_a_text_is_no_part_of_it(tmp_path):
+    """Read files as editors of Windows write them."""
+    path = tmp_path / 'marked.wall'
+    path.write_text(_GOOD.replace('\n', '\r\n'), encoding='utf-8-sig')
+    assert len(WallGrammar.load(path).build()) > 1000
+
+
+def test_endless_files_are_read_no_further_than_a_grammar_is_long():
+    """Stop reading a device that never ends."""
+    with pytest.raises(GrammarError, match='more than 200000 characters'):
+        WallGrammar.load('/dev/zero')
+
+
+@pytest.mark.parametrize('extra', ['partitions: halves(1)', 'floors: slab(0.2)', 'floors: timber',
+                                   'roof: gable(40)', 'roof: hip(40)', 'roof: flat'])
+def test_endless_interiors_are_refused_before_they_are_built(extra):
+    """Count rooms, slabs, joists and tiles of a hall of 6 x 3 km before making any."""
+    text = _GOOD.replace(_SQUARE, '(0, 0) (6000, 0) (6000, 3000) (0, 3000)')
+    text = text.replace('storey_height: 3', f'storey_height: 0.15\n  {extra}')
+    tracemalloc.start()
+    with pytest.raises(GrammarError, match='more than 200000 parts'):
+        WallGrammar.parse(text).build()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6
+
+
+def test_a_footprint_of_thousands_of_corners_is_refused():
+    """Refuse it before its edges are compared with each other."""
+    points = ' '.join(f'({200 * np.cos(a):.4f}, {200 * np.sin(a):.4f})'
+                      for a in np.linspace(0.0, 6.28, 5000))
+    assert 'at most 500 corners, found 5000' in refusal(_SQUARE, points).message
+
+
 def test_missing_file_is_refused(tmp_path):
-    """Report a file that is not there as a grammar error."""
-    with pytest.raises(GrammarError, match='cannot read'):
-        WallGrammar.load(tmp_path / 'nowhere.wall')
+    """Report a file that is not there, and a folder, as grammar errors."""
+    for path in (tmp_path / 'nowhere.wall', tmp_path):
+        with pytest.raises(GrammarError, match='cannot read'):
+            WallGrammar.load(path)

@@ -16,6 +16,7 @@
 """Turn what lark could not read into an error in the user's words."""
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 from lark import Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
@@ -40,6 +41,28 @@ def check_length(text: str, source: str) -> None:
     if len(text) > LONGEST_TEXT:
         raise GrammarError(f'the grammar has {len(text)} characters, at most {LONGEST_TEXT} are '
                            'read', source)
+
+
+def read_text(path: str | Path) -> str:
+    """
+    Read a grammar file, no further than a grammar is long.
+
+    :param path: of the file, UTF-8.
+    :raises GrammarError: when there is no such text.
+    """
+    try:
+        with open(path, encoding='utf-8-sig') as file:  # editors of Windows put a mark in front
+            text = file.read(LONGEST_TEXT + 1)
+    except (OSError, ValueError) as problem:
+        raise GrammarError(f'cannot read the grammar: {problem}', str(path)) from None
+    if len(text) > LONGEST_TEXT:
+        raise GrammarError(f'the grammar has more than {LONGEST_TEXT} characters', str(path))
+    return text
+
+
+def _shown(text: str) -> str:
+    """Write signs that no screen shows by their code."""
+    return text if text.isprintable() else ascii(text)[1:-1]
 
 
 class _NoLexer:
@@ -79,7 +102,7 @@ def syntax_error(problem: UnexpectedInput, source: str, first_line: int = 1,
     expected: Iterable[str] = ()
     found, line, column = 'the end', 0, 0
     if isinstance(problem, UnexpectedCharacters):
-        found = f'"{problem.char}"'
+        found = f'"{_shown(problem.char)}"'
         expected, line, column = _accepted(problem), problem.line, problem.column
     elif isinstance(problem, UnexpectedToken):
         if problem.token.type != '$END':

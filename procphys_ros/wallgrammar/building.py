@@ -21,8 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.errors import GrammarError
-from procphys_ros.language import check_length, resolve_defines
+from procphys_ros.language import check_length, read_text, resolve_defines
 from procphys_ros.wallgrammar import contacts, corners, footprint, references, walls
 from procphys_ros.wallgrammar.assembly import assemble, from_contacts, on_ground
 from procphys_ros.wallgrammar.bonds import Layout
@@ -85,11 +84,7 @@ class WallGrammar:
         :param most_parts: bound on the parts of the building.
         :raises GrammarError: when the file cannot be read or does not fit the language.
         """
-        try:
-            text = Path(path).read_text(encoding='utf-8')
-        except (OSError, UnicodeDecodeError) as problem:
-            raise GrammarError(f'cannot read the file: {problem}', str(path)) from None
-        return cls.parse(text, str(path), most_parts)
+        return cls.parse(read_text(path), str(path), most_parts)
 
     def build(self, seed: int = 0, **defines: float) -> Blueprint:
         """
@@ -117,8 +112,8 @@ class WallGrammar:
         building = self.spec.building
         storeys, storey_height = values['storeys'], values['storey_height']
         if storeys < 1 or storeys != int(storeys) or storeys > 1000:
-            raise building.place.error(f'storeys must be a whole number from 1 to 1000, '
-                                       f'found {storeys:g}')
+            place = building.storeys.place if building.storeys else building.place
+            raise place.error(f'storeys must be a whole number from 1 to 1000, found {storeys:g}')
         if not 0.1 <= storey_height <= 100.0:
             raise building.storey_height.place.error(f'storey_height must be from 0.1 to 100 m, '
                                                      f'found {storey_height:g}')
@@ -140,10 +135,11 @@ class _Construction:
         self.height = micro(storeys * storey_height)
         building = grammar.spec.building
         self.site = Site(grammar.materials, grammar.most_parts, building.place)
+        footprint.check(points, building.corners)
         self.pieces = self._derive(points)
         self.layout = self._wall_layout()
         self.plan = footprint.read(points, self.layout.thickness, self.layout.joint,
-                                   list(building.corners))
+                                   building.corners)
 
     def _derive(self, points: np.ndarray) -> list[list[Piece]]:
         starts = self.grammar.spec.building.facades

@@ -38,7 +38,7 @@ from procphys_ros.wallgrammar.spec import (
 )
 
 _DEEPEST = 64          # rules inside rules
-_MOST_STEPS = 100_000  # rules and divisions on one facade
+_MOST_STEPS = 100_000  # rules, divisions and panels of one building
 
 
 class Scope(NamedTuple):
@@ -71,7 +71,7 @@ class _Task(NamedTuple):
     level: int
 
 
-@dataclass(frozen=True)
+@dataclass
 class Deriver:
     """
     Applies the rules of a spec.
@@ -79,11 +79,13 @@ class Deriver:
     :ivar spec: rules and panels.
     :ivar values: values of the building's parameters.
     :ivar generator: draws weighted rules and random numbers.
+    :ivar applied: rules, divisions and panels so far, on all facades.
     """
 
     spec: Spec
     values: Mapping[str, float]
     generator: np.random.Generator
+    applied: int = 0
 
     def facade(self, start: Call, length: int, height: int) -> list[Piece]:
         """
@@ -97,17 +99,16 @@ class Deriver:
         """
         pieces: list[Piece] = []
         tasks = [_Task(start, Scope(0, 0, length, height), self.values, 0)]
-        applied = 0
         while tasks:
             task = tasks.pop()
             call = task.successor
+            self.applied += 1
+            if self.applied + len(tasks) > _MOST_STEPS:
+                raise start.place.error(f'the facades take more than {_MOST_STEPS} divisions; '
+                                        f'make their parts larger')
             if isinstance(call, Call) and call.name in self.spec.panels:
                 pieces.append(Piece(task.scope, call.name, call.place))
                 continue
-            applied += 1
-            if applied + len(tasks) + len(pieces) > _MOST_STEPS:
-                raise start.place.error(f'the facade takes more than {_MOST_STEPS} divisions; '
-                                        f'make its parts larger')
             tasks.extend(reversed(self._expand(task)))
         return pieces
 
@@ -214,8 +215,8 @@ class Deriver:
             drawn.append((rule, weight))
         total = sum(weight for _, weight in drawn)
         if total <= 0.0:
-            shown = ', '.join(f'{a:g}' for a in arguments)
-            raise call.place.error(f'no rule "{call.name}({shown})" applies: every condition is '
+            shown = f'({", ".join(f"{a:g}" for a in arguments)})' if arguments else ''
+            raise call.place.error(f'no rule "{call.name}{shown}" applies: every condition is '
                                    f'false or every weight zero')
         point = self.generator.random() * total
         for rule, weight in drawn:

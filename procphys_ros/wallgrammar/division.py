@@ -22,6 +22,7 @@ import numpy as np
 from procphys_ros.language import Place
 
 _MOST_REPEATS = 100_000
+_LARGEST = 1e9  # [m] or weight; larger numbers say no more, and their sums may not be finite
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,16 @@ def nominal(shares: 'tuple[Share | Repeated, ...]', length: float) -> float:
         if isinstance(share, Repeated):
             total += nominal(share.shares, length)
         else:
-            size = share.size * length if share.kind == 'relative' else share.size
-            total += max(size, 0.0)
+            total += _size(share, length)
     return total
+
+
+def _size(share: Share, length: float) -> float:
+    """Give what a part would like to have: a weight, or metres of a scope of some length."""
+    if share.size < 0.0:
+        raise share.place.error(f'a size must not be negative, found {share.size:g}')
+    size = min(share.size, _LARGEST)
+    return size * length if share.kind == 'relative' else size
 
 
 def unroll(shares: 'tuple[Share | Repeated, ...]', length: float) -> list[Share]:
@@ -105,18 +113,18 @@ def divide(shares: 'tuple[Share | Repeated, ...]', length: int) -> list[tuple[in
     :param shares: parts, in order.
     :param length: of the scope [µm].
     :returns: start, end [µm] and content of each part that has a size.
-    :raises GrammarError: when an absolute or relative part lies beyond the end altogether.
+    :raises GrammarError: when an absolute or relative part lies beyond the end altogether, and
+        for sizes below 0.
     """
     metres = length * 1e-6
     parts = unroll(shares, metres)
-    sizes = np.array([max(p.size * metres if p.kind == 'relative' else p.size, 0.0)
-                      for p in parts], float)
+    sizes = np.array([_size(p, metres) for p in parts], float)
     floating = np.array([p.kind == 'floating' for p in parts], bool)
     left = max(metres - sizes[~floating].sum(), 0.0)
     weight = sizes[floating].sum()
     if weight > 0.0:
         sizes[floating] *= left / weight
-    ends = np.rint(np.cumsum(sizes) * 1e6).astype(np.int64)
+    ends = np.rint(np.minimum(np.cumsum(sizes), 2.0 * metres) * 1e6).astype(np.int64)
     starts = np.concatenate([[0], ends[:-1]]).astype(np.int64)
     out = []
     for part, size, start, end in zip(parts, sizes, starts.tolist(), ends.tolist()):

@@ -56,7 +56,9 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
     for bay in bays(plan, axis, layout.thickness):
         wanted = max(_JOIST[1], bay.inner.size[axis] // _SLENDER)
         height = -(-wanted // layout.gauge) * layout.gauge
-        for low, high in _joist_lines(bay, axis, partitions):
+        lines = _joist_lines(bay, axis, partitions)
+        site.expect(len(lines) * bay.outer.size[axis] / _JOIST_PIECE)
+        for low, high in lines:
             cuts = [(walls[end], low, high) for end in bay.ends]
             cuts += [(p, low, high) for p in partitions
                      if _crosses(p.facade, bay, axis, low, high)]
@@ -166,6 +168,7 @@ def slab_floor(site: Site, plan: Footprint, level: int, depth: int,
     low, high = [], []
     for bay in bays(plan, span_axis(plan), layout.thickness):
         counts = [-(-s // _SLAB_PIECE) for s in bay.outer.size]
+        site.expect(counts[0] * counts[1])
         lines = [np.rint(np.linspace(a, b, n + 1)).astype(int) for a, b, n in
                  zip(bay.outer.low, bay.outer.high, counts)]
         row, column = spread(np.full(counts[0], counts[1]))

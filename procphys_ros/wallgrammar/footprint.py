@@ -14,6 +14,7 @@
 
 """Footprint: the polygon a building stands on, its edges as facades and how they meet."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +26,7 @@ _ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-a
 _MERGED = 3       # [µm] corners of one frame this close lie on one line
 _SHORTEST = 0.1   # [m] shortest edge
 _LONGEST = 10_000.0  # [m] longest edge
+_MOST_CORNERS = 500
 _SHARPEST = 25.0  # [degrees] smallest angle between two facades, inside or outside
 
 
@@ -110,19 +112,17 @@ class Footprint:
         return np.array([f.origin for f in self.facades])
 
 
-def read(points: np.ndarray, thickness: int, joint: int, places: list[Place]) -> Footprint:
+def read(points: np.ndarray, thickness: int, joint: int, places: Sequence[Place]) -> Footprint:
     """
-    Check a footprint and say where its walls end at the corners.
+    Say where the walls of a footprint end at its corners.
 
-    :param points: corners [m], (n, 2).
+    :param points: corners that have passed `check` [m], (n, 2).
     :param thickness: of the walls [µm].
     :param joint: between walls that meet [µm].
     :param places: of the corners, for errors.
-    :raises GrammarError: for a polygon that is not simple and counter-clockwise, and walls that
-        have no room.
+    :raises GrammarError: for walls that have no room.
     """
     closed = len(points) > 2
-    _check(points, places, closed)
     edges = np.roll(points, -1, axis=0) - points if closed else points[1:] - points[:1]
     angles = np.arctan2(edges[:, 1], edges[:, 0])
     yaws, frame, quarter = _frames(angles)
@@ -149,38 +149,58 @@ def read(points: np.ndarray, thickness: int, joint: int, places: list[Place]) ->
     return Footprint(points, yaws, tuple(facades))
 
 
-def _check(points: np.ndarray, places: list[Place], closed: bool) -> None:
+def check(points: np.ndarray, places: Sequence[Place]) -> None:
+    """
+    Refuse what is no footprint.
+
+    :param points: corners [m], (n, 2).
+    :param places: of the corners, for errors.
+    :raises GrammarError: for a polygon that is not simple and counter-clockwise.
+    """
     if len(points) < 2:
         raise places[0].error('a footprint needs at least 2 corners (2 make a free wall), found 1')
-    count = len(points) if closed else 1
+    if len(points) > _MOST_CORNERS:
+        raise places[_MOST_CORNERS].error(f'a footprint has at most {_MOST_CORNERS} corners, '
+                                          f'found {len(points)}')
+    closed = len(points) > 2
     ends = np.roll(points, -1, axis=0)
-    for i in range(count):
-        if np.hypot(*(ends[i] - points[i])) < _SHORTEST:
-            raise places[i].error(f'the edge from here is shorter than {_SHORTEST:g} m')
-        if np.hypot(*(ends[i] - points[i])) > _LONGEST:
-            raise places[i].error(f'the edge from here is longer than {_LONGEST:g} m')
+    lengths = np.hypot(*(ends - points).T)
+    for place, length in zip(places if closed else places[:1], lengths):
+        if not _SHORTEST <= length <= _LONGEST:
+            side = f'shorter than {_SHORTEST:g}' if length < _SHORTEST else (
+                f'longer than {_LONGEST:g}')
+            raise place.error(f'the edge from here is {side} m: it has {length:.4g} m')
     if not closed:
         return
-    for i in range(count):
-        for j in range(i + 2, count):
-            if (j + 1) % count != i and _cross(points[i], ends[i], points[j], ends[j]):
-                raise places[j].error(f'the footprint crosses itself: the edge from here meets '
-                                      f'edge {i + 1}; give the corners in order around it')
+    crossing = _crossing(points, ends)
+    if len(crossing):
+        i, j = crossing[0]
+        raise places[j].error(f'the footprint crosses itself: the edge from here meets '
+                              f'edge {i + 1}; give the corners in order around it')
     area = 0.5 * np.sum(points[:, 0] * ends[:, 1] - ends[:, 0] * points[:, 1])
-    if area <= 0.0:
+    if abs(area) < 1e-6 * lengths.max() ** 2:
+        raise places[0].error('the corners of the footprint lie on one line; two corners make a '
+                              'free wall')
+    if area < 0.0:
         raise places[0].error('the footprint runs clockwise; give its corners counter-clockwise')
 
 
-def _cross(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> bool:
-    """Say whether two segments touch."""
-    def side(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> float:
-        value = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-        return 0.0 if abs(value) < 1e-9 else float(np.sign(value))
+def _crossing(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Find pairs of edges that touch though they are no neighbours, (k, 2), in order."""
+    first, second = np.triu_indices(len(points), 2)
+    apart = (second + 1) % len(points) != first
+    first, second = first[apart], second[apart]
+    a, b, c, d = points[first], ends[first], points[second], ends[second]
 
-    if (np.maximum(a, b) < np.minimum(c, d) - 1e-9).any() or (
-            np.maximum(c, d) < np.minimum(a, b) - 1e-9).any():
-        return False
-    return side(a, b, c) * side(a, b, d) <= 0.0 and side(c, d, a) * side(c, d, b) <= 0.0
+    def side(p: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray:
+        value = (q[:, 0] - p[:, 0]) * (r[:, 1] - p[:, 1]) - (
+            q[:, 1] - p[:, 1]) * (r[:, 0] - p[:, 0])
+        return np.where(np.abs(value) < 1e-9, 0.0, np.sign(value))
+
+    near = ((np.maximum(a, b) >= np.minimum(c, d) - 1e-9)
+            & (np.maximum(c, d) >= np.minimum(a, b) - 1e-9)).all(axis=1)
+    touch = near & (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0)
+    return np.column_stack([first, second])[touch]
 
 
 def _frames(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -21,7 +21,7 @@ WALL_GRAMMAR = r"""
 start: (building | rule | panel | material | layout)+
 building: "building" NAME [_OPEN [parameter (_COMMA parameter)*] _CLOSE] entry*
 parameter: NAME _EQUALS expression
-entry: KEY _COLON value+
+entry: KEY _COLON value*
 ?value: expression | _OPEN expression _COMMA expression _CLOSE -> point
 material: "material" NAME "{" entry* "}"
 layout: "layout" NAME "{" entry* "}"

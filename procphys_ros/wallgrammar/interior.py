@@ -76,8 +76,6 @@ class Interior:
         levels = [int(snap_level(micro(s * self.storey_height), layout.gauge))
                   for s in range(self.storeys + 1)]
         rooms, inner = self._rooms(partitions, least, levels)
-        for wall in inner:
-            self.site.expect(wall.facade.length / layout.pitch * levels[-1] / layout.gauge)
         for level in levels[-1:] if only_top else levels[1:]:
             if floors == 'slab':
                 slab_floor(self.site, self.plan, level, micro(depth), [*self.walls, *inner])
@@ -121,7 +119,14 @@ class Interior:
         rooms = rooms_of(self.plan, self.walls[0].layout.thickness)
         if partitions == 'none':
             return rooms, []
+        # No room with its walls stays larger than this, and each but the first comes with a wall,
+        # of which doors take less than half.
+        widest = 2 * (micro(least) + layout.thickness)
+        bricks = 0.5 * levels[-1] / layout.gauge / layout.pitch  # per length of wall
+        area = sum(float(r.size[0]) * r.size[1] for r in rooms)
+        self.site.expect((area / widest ** 2 - 1.0) * micro(least) * bricks)
         rooms, between = halve(rooms, micro(least), layout.thickness)
+        self.site.expect(sum(r.size[axis] for r, axis in between) * bricks)
         return rooms, elevations(between, layout, levels, self.building.place)
 
     def _roof(self, call: Call, pitch: float, level: int) -> None:

@@ -151,6 +151,9 @@ class _Reader:
         for key in ('footprint', 'facades', 'storey_height'):
             if key not in entries:
                 raise place.error(f'the building needs "{key}:"')
+        for key in ('footprint', 'facades'):
+            if len(entries[key].children) == 1:
+                raise self.place(entries[key]).error(f'nothing stands behind "{key}:"')
         calls = {key: self.call(self.single(entries[key])) if key in entries else None
                  for key in ('floors', 'roof', 'partitions')}
         storeys = entries.get('storeys')

@@ -14,6 +14,7 @@
 
 """Partitions: half-brick walls that divide every storey into rooms."""
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -49,9 +50,9 @@ def halve(rooms: Sequence[Rectangle], least: int,
     """
     done: list[Rectangle] = []
     walls: list[tuple[Rectangle, int]] = []
-    todo = list(rooms)
+    todo = deque(rooms)
     while todo:
-        room = todo.pop(0)
+        room = todo.popleft()
         axis = 0 if room.size[0] >= room.size[1] else 1
         half = (room.size[axis] - thickness) // 2
         if half < least:

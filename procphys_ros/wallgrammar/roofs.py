@@ -22,7 +22,7 @@ from procphys_ros import rotation
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.slopes import Ends, RAFTER, rafter_depth, Slope
+from procphys_ros.wallgrammar.slopes import Ends, RAFTER, rafter_depth, Slope, TILE_AREA
 from procphys_ros.wallgrammar.walls import Elevation
 
 RIDGE = 0.075         # [m] thickness of the ridge board
@@ -58,6 +58,7 @@ class Roof:
         self.size = (self.high - self.low) / MICRO
         self.span = 0.5 * float(self.size[1 - axis])
         self.depth = rafter_depth(self.span, self.pitch)
+        site.expect(float(self.size.prod()) / np.cos(self.pitch) / TILE_AREA)
 
     @property
     def eaves(self) -> float:

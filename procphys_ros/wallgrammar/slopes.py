@@ -32,6 +32,7 @@ _BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
 COVER = 0.045            # [m] depth of battens and tiles together
 _TILE = (0.40, 0.02)     # [m] width and thickness of what stands for a few tiles
 _GAUGE = 0.32            # [m] largest distance of battens
+TILE_AREA = _TILE[0] * _GAUGE  # [m²] of roof that a tile covers
 _APART = 0.001           # [m] tiles do not touch each other
 _CLEAR = 0.005           # [m] between pieces that meet at a hip
 _HIP_ROOM = 0.05         # [m] along the eaves, for the strip that carries the caps of a hip

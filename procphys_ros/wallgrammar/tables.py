@@ -27,6 +27,13 @@ from procphys_ros.wallgrammar.spec import Entry, Panel, Spec
 
 _LAYOUT_KEYS = ('bond', 'unit', 'joint', 'offset', 'pieces', 'material')
 _REQUIRED = ('density', 'tension', 'cohesion', 'compression')
+_RANGES = {
+    # Beyond these no solid lies, and sums of products of them may not be finite.
+    'density': (1.0, 25e3),     # [kg/m³] aerogel to osmium
+    'tension': (1.0, 1e12), 'cohesion': (1.0, 1e12), 'compression': (1.0, 1e12),  # [Pa]
+    'friction': (0.0, 10.0),
+    'modulus': (1e3, 2e12),     # [Pa] gel to diamond
+}
 _SMALLEST = 0.01  # [m] smallest extent of a unit
 _LARGEST = 20.0   # [m] largest
 _JOINT = 0.01     # [m] when a layout names none
@@ -51,9 +58,10 @@ def read_materials(spec: Spec) -> dict[str, Material]:
             base = replace(DEFAULTS['brick'], texture='')
         values = {key: _number(entries[key]) for key in NUMBERS if key in entries}
         for key, value in values.items():
-            if value < 0.0 or (value == 0.0 and key != 'friction'):
-                raise entries[key].place.error(f'the {key} of "{name}" must be greater than 0, '
-                                               f'found {value:g}')
+            low, high = _RANGES[key]
+            if not low <= value <= high:
+                raise entries[key].place.error(f'the {key} of "{name}" must be from {low:g} to '
+                                               f'{high:g}, found {value:g}')
         texture = _name(entries['texture']) if 'texture' in entries else base.texture
         materials[name] = replace(base, **values, texture=texture)
     return materials
@@ -93,9 +101,12 @@ def _layout(name: str, entries: dict[str, Entry], place: Place,
         raise place_of('unit').error(f'a unit is its length, width and height, each from '
                                      f'{_SMALLEST:g} to {_LARGEST:g} m; found {unit}')
     joint = _number(entries['joint']) if 'joint' in entries else _JOINT
-    if not 0.0 <= joint < min(unit):
-        raise place_of('joint').error(f'a joint is from 0 to below the unit, found {joint:g} m')
+    if not 0.0 <= joint <= 0.5 * min(unit):
+        raise place_of('joint').error(f'a joint is from 0 to half the smallest extent of the '
+                                      f'unit, {0.5 * min(unit):g} m, found {joint:g} m')
     offset = _number(entries['offset']) if 'offset' in entries else 0.5
+    if not -1.0 <= offset <= 1.0:
+        raise place_of('offset').error(f'an offset is from -1 to 1 unit, found {offset:g}')
     pieces = _number(entries['pieces']) if 'pieces' in entries else 1.0
     if not 1 <= pieces <= 100 or pieces != int(pieces):
         raise place_of('pieces').error(f'pieces is a whole number from 1 to 100, found {pieces:g}')
