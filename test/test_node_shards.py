@@ -23,6 +23,7 @@ from node_process import Client, NodeProcess, SAPLING
 import pytest
 import rclpy
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from procphys_ros.ros import qos
@@ -60,7 +61,7 @@ def test_merged_markers_are_those_of_the_whole_scene(client):
     """Get every part of the scene once, though one topic carries the markers of both nodes."""
     whole = Scene.from_parameters(SCENE)
     expected = {(o.name, i) for o in whole.objects for i in range(o.count)}
-    received = client.listen(MarkerArray, '/world/markers', qos.ARRAYS)
+    received = client.listen(MarkerArray, '/world/markers', qos.CHANGES)
     firsts: dict[str, int] = {}
     owner: dict[str, str] = {}
     for name in NODES:
@@ -107,6 +108,16 @@ def test_one_blast_is_carried_out_by_both_nodes(client):
     blast.point.y, blast.point.z = 3.0, 1.0
     client.send_until(lambda: all(taken(name) > before[name] for name in NODES),
                       'the blast in both', (publisher, blast))
+
+
+def test_what_is_thrown_in_both_nodes_is_told_apart(client):
+    """Throw a ball in each node, and see two in the merged view."""
+    received = client.listen(MarkerArray, '/world/markers', qos.CHANGES)
+    for name in NODES:
+        assert client.call(Trigger, f'/{name}/launch_projectile', Trigger.Request()).success
+    wanted = {f'projectile_0_shard_{index}' for index in range(len(NODES))}
+    client.spin_until(lambda: {m.ns for array in received for m in array.markers} >= wanted,
+                      'both balls')
 
 
 def test_only_the_first_share_tells_the_time(client):

@@ -52,9 +52,9 @@ class Publishers:
         self._new_to_poses, self._new_to_markers = Newcomers(), Newcomers()
         self._poses = node.create_publisher(PoseArray, '~/poses', qos.ARRAYS,
                                             event_callbacks=self._new_to_poses.events)
-        self._markers = node.create_publisher(MarkerArray, '~/markers', qos.ARRAYS,
+        self._markers = node.create_publisher(MarkerArray, '~/markers', qos.CHANGES,
                                               event_callbacks=self._new_to_markers.events)
-        self._breaks = node.create_publisher(PointCloud2, '~/breaks', qos.ARRAYS)
+        self._breaks = node.create_publisher(PointCloud2, '~/breaks', qos.CHANGES)
         self._dust = node.create_publisher(PointCloud2, '~/dust', qos.NEWEST)
         self._description = node.create_publisher(String, '~/scene_description', qos.LATCHED)
         self._wind_info = node.create_publisher(Vector3Stamped, '~/wind_info', qos.ARRAYS)

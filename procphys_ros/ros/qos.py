@@ -21,6 +21,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 # machine, because a single lost fragment loses the whole message.
 ARRAYS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
 
+# What is said once and not again: also a subscriber that stalls for seconds must get all of it.
+CHANGES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+
 # What a late joiner must still get.
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                      durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -147,7 +147,7 @@ class Remote:
         """Append what arrives on /diagnostics and `~/breaks` while `spin` is called."""
         self._node.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 5)
         self._node.create_subscription(PointCloud2, f'{self.name}/breaks', breaks.append,
-                                       qos.ARRAYS)
+                                       qos.CHANGES)
 
     def spin(self) -> None:
         """Handle what arrives for a moment."""
