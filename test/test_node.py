@@ -23,7 +23,11 @@ from node_process import Client, NodeProcess, PARTS, SAPLING, SCENE
 import numpy as np
 import pytest
 import rclpy
+from rclpy.clock import ClockType, JumpThreshold
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -102,6 +106,33 @@ def test_clock_grows_and_jumps_back_at_a_reset(client):
     client.spin_until(lambda: received[-1].clock.sec >= 1, 'one second again')
     times = np.array([m.clock.sec + 1e-9 * m.clock.nanosec for m in received])
     assert np.count_nonzero(np.diff(times) < 0) == 1
+
+
+def test_clocks_that_follow_jump_back_at_a_reset(client):
+    """Tell nodes that use simulation time of a reset, as a jump of their clocks."""
+    assert client.node.set_parameters([Parameter('use_sim_time', value=True)])[0].successful
+    clock = client.node.get_clock()
+    jumps: list = []
+    handle = clock.create_jump_callback(
+        JumpThreshold(min_forward=None, min_backward=Duration(seconds=-0.5),
+                      on_clock_change=False), post_callback=jumps.append)
+    client.spin_until(lambda: clock.now() > Time(seconds=1.0, clock_type=ClockType.ROS_TIME),
+                      'one second')
+    assert client.switch('set_pause', True).success
+    assert client.trigger('reset_simulation').success
+    client.spin_until(lambda: clock.now().nanoseconds == 0, 'time 0')
+    assert len(jumps) == 1 and jumps[0].delta < Duration(seconds=-0.5)
+    handle.unregister()
+
+
+def test_use_sim_time_at_run_time_changes_nothing(client):
+    """Keep stepping, publishing and answering when told to use the clock that it publishes."""
+    for value in (True, False):
+        assert client.set_parameter('use_sim_time', value).successful
+        assert client.trigger('reset_simulation').success
+        received = client.listen(Clock, '/clock')
+        client.spin_until(lambda: received and received[-1].clock.sec >= 1, 'time')  # noqa: B023
+        assert client.diagnostics_where(lambda v: float(v['simulation time [s]']) > 0.0)
 
 
 def test_late_joiner_gets_the_scene_description(client):
