@@ -275,7 +275,7 @@ def test_command_draws_without_a_display(tmp_path):
     done = subprocess.run(
         [sys.executable, '-m', 'procphys_ros.render.command', 'shrub.lsys', '--out', str(path),
          '--size', '200x120', '--seed', '3'],
-        cwd=_ROOT, env=environment, capture_output=True, text=True, timeout=120)
+        cwd=_ROOT, env=environment, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr
     assert 'parts at 0 s' in done.stdout and done.stderr == ''
     assert _pixels(path).shape == (120, 200, 3)
