@@ -157,6 +157,28 @@ def test_slow_touch_does_not_wake():
         assert world.poses([high])[0, 2] == pytest.approx(0.0975, abs=2e-3)
 
 
+def test_what_passes_around_a_resting_body_does_not_wake_it():
+    """Swing an L of two bars about a brick that lies in its corner: bounds meet, bars do not."""
+    with World() as world:
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(1.0, 0, 0.0335))
+        rest(world)
+        sizes = np.array([[0.1, 0.1, 0.95], [2.0, 0.1, 0.1]])
+        poses = np.array([at(-1.0, 0, 0.53), at(0.0, 0, 1.0)])
+        mass = np.array([30.0, 60.0])
+        total = rigid_sum(mass, box_inertia(mass, sizes), poses)
+        bars = world.add_fragment(np.array([Shape.BOX] * 2), sizes, total.local_poses,
+                                  total.mass, total.inertia, total.pose,
+                                  np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.0]))
+        bounds = world.bounds(np.array([brick, bars]))
+        assert (bounds[0, :3] < bounds[1, 3:]).all() and (bounds[1, :3] < bounds[0, 3:]).all()
+        world.step(DT)
+        assert world.bodies.state[brick] == State.RESTING
+        world.set_velocities(np.array([bars]), np.array([[0.0, 0.0, -6.0, 0.0, 0.0, 0.0]]))
+        for _ in range(20):
+            world.step(DT)
+        assert world.bodies.state[brick] == State.LOOSE
+
+
 def test_resting_body_falls_when_its_support_is_removed():
     """Take the lower of two bricks away."""
     with World() as world:

@@ -19,10 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import Contacts, State, World
 from procphys_ros.simulation.blows import Blows, CONTACT
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.obstacles import sorted_into_cells
 from procphys_ros.simulation.standing_loads import StandingLoads
 
 _SMOOTHING = 0.1  # [s] over which impulses of moving bodies count as a steady load: about two
@@ -33,6 +35,7 @@ _LEAST = 100.0    # [N] ... nor are those far below the strength of a brick's jo
 _KNOCKS = 20      # bricks knocked out in one step at most, the hardest hit first
 _GRAIN = 1e-9     # [N·s] keeps directions finite
 _DEEPEST = 30     # bodies on top of each other through which weight is followed
+_ROOM = 0.1       # [m] around bodies, more than they move in a contact
 _LAYER = 'debris'
 
 
@@ -74,6 +77,9 @@ class Bearing:
         standing = np.flatnonzero(self._blows.buildings.body >= 0)
         self._part = np.full(len(world.bodies.state), -1, np.intp)
         self._part[self._blows.buildings.body[standing]] = standing
+        place = self._blueprint.poses[standing, :3]
+        room = 0.5 * np.linalg.norm(self._blueprint.size[standing], axis=1)[:, None]
+        self._cells = sorted_into_cells(np.hstack([place - room, place + room]))[1]
 
     @property
     def any_stands(self) -> bool:
@@ -100,7 +106,7 @@ class Bearing:
         if not (self._debris.body_count or self._given.any()) or not self.any_stands:
             return
         self._moving *= np.exp(-time_step / _SMOOTHING)
-        if len(self._world.awake):
+        if self._any_near():
             share = -np.expm1(-time_step / _SMOOTHING) / time_step
             self._add_contacts(self._world.contacts(), share)
         self._since += time_step
@@ -115,6 +121,12 @@ class Bearing:
             self._given = total
             parts = np.flatnonzero(total.any(axis=1))
             self._loads.put(_LAYER, parts, total[parts])
+
+    def _any_near(self) -> bool:
+        """Say whether anything that moves may touch masonry; reading contacts is dear."""
+        bodies, awake = self._world.bodies, self._world.awake
+        place, room = bodies.poses[awake, :3], bodies.radius[awake, None] + _ROOM
+        return len(overlaps(np.hstack([place - room, place + room]), self._cells)[0]) > 0
 
     def knocks(self, contacts: Contacts, struck: np.ndarray) -> list[Knock]:
         """

@@ -28,6 +28,8 @@ _MOST = 16       # at a time; each costs about as much as a standing tree while 
 #                  and up to a millisecond per step while it lies on many contacts
 _SLOW = 0.25     # [m/s] no segment faster
 _CALM = 0.5      # [s] so long, before a bough counts as lying
+_LOW = 0.3       # [m] height of the lowest segment of a bough that has come down
+_DOWN = 1.0      # [s] so long, before what has come down becomes rigid: it has hit and sprung back
 _LONGEST = 8.0   # [s] from coming off, after which a bough becomes rigid anyway
 
 
@@ -35,8 +37,8 @@ class Boughs:
     """
     Lets overloaded branches come off, and decides how long they go on as trees with free roots.
 
-    Boughs that are small, lie still or have been down for long become rigid fragments, which
-    freeze and thaw as all debris does. Both changes keep poses, momentum and angular momentum.
+    Boughs that are small, lie still, or came down a while ago become rigid fragments, which freeze
+    and thaw as all debris does. Both changes keep poses, momentum and angular momentum.
 
     :param blueprint: all parts and bonds of the scene.
     :param grove: its trees.
@@ -56,6 +58,7 @@ class Boughs:
         """Start anew with whole trees."""
         self._age: dict[int, float] = {}
         self._quiet: dict[int, float] = {}
+        self._down: dict[int, float] = {}
 
     def shed(self, debris: Debris, time: float, time_step: float) -> None:
         """
@@ -98,12 +101,17 @@ class Boughs:
         self._age = {r: self._age.get(r, 0.0) + time_step for r in roots}
         self._quiet = {r: self._quiet.get(r, 0.0) + time_step if self._lies(r) else 0.0
                        for r in roots}
+        self._down = {r: self._down.get(r, 0.0) + (time_step if self._is_low(r) else 0.0)
+                      for r in roots}
         for root in roots:
             if (len(forest.subtree(root)) < SMALLEST or self._age[root] > _LONGEST - 1e-9
-                    or self._quiet[root] > _CALM - 1e-9):
+                    or self._quiet[root] > _CALM - 1e-9 or self._down[root] > _DOWN - 1e-9):
                 rows, poses, velocities = forest.detach(root)
                 debris.gather(forest.parts[rows], poses, velocities)
 
     def _lies(self, root: int) -> bool:
         rows = self._forest.subtree(root)
         return bool((np.abs(self._forest.velocities[rows, :3]).max(axis=1) < _SLOW).all())
+
+    def _is_low(self, root: int) -> bool:
+        return bool(self._forest.poses[self._forest.subtree(root), 2].min() < _LOW)

@@ -38,8 +38,8 @@ from procphys_ros.simulation.obstacles import (
     Bricks,
     meets_trees,
     Obstacles,
-    of_bodies,
     of_branches,
+    Outlines,
 )
 
 _AHEAD = 1.5     # steps that bounds are swept over, as far as the narrow phase looks
@@ -120,6 +120,7 @@ class Contact:
         self._world = world
         self._leaning = leaning
         self._weight = np.array([0.0, 0.0, -gravity])
+        self._outlines = Outlines(world)
         self.bricks = Bricks(self._blueprint, self._buildings)
         self.touches = _nothing()
         self._beside = np.zeros(len(self._forest), bool)
@@ -235,10 +236,10 @@ class Contact:
         place = bodies.poses[ids, :3]
         balls = np.hstack([place - room + np.minimum(way, 0.0),
                            place + room + np.maximum(way, 0.0)])
-        chosen, near = (np.unique(rows) for rows in overlaps(trees, balls))
+        chosen, near = (_distinct(rows) for rows in overlaps(trees, balls))
         entries = _entries(self._forest.plan.start, chosen)
         close, nearer = overlaps(bounds[entries], balls[near])
-        return entries[np.unique(close)], of_bodies(self._world, ids[near[np.unique(nearer)]])
+        return entries[_distinct(close)], self._outlines.of(ids[near[_distinct(nearer)]])
 
     def _branches_near(self, trees: np.ndarray, free: np.ndarray
                        ) -> tuple[np.ndarray, Obstacles]:
@@ -247,8 +248,8 @@ class Contact:
         a, b = overlaps(trees[falling], trees)
         a, b = falling[a][falling[a] != b], b[falling[a] != b]
         plan, forest = self._forest.plan, self._forest
-        rows = plan.row[_entries(plan.start, np.unique(b))]
-        return (_entries(plan.start, np.unique(a)),
+        rows = plan.row[_entries(plan.start, _distinct(b))]
+        return (_entries(plan.start, _distinct(a)),
                 of_branches(rows, forest.poses, self._sizes, forest.velocities))
 
     def _meet(self, entries: np.ndarray, table: Obstacles, bounds: np.ndarray,
@@ -373,8 +374,16 @@ def _least(close: _Close, look: Foresight, end: np.ndarray, other: np.ndarray,
 
 def _entries(start: np.ndarray, trees: np.ndarray) -> np.ndarray:
     """List the entries of some trees of a plan."""
-    parts = [np.arange(start[t], start[t + 1]) for t in trees.tolist()]
-    return np.concatenate(parts) if parts else np.zeros(0, np.intp)
+    count = start[trees + 1] - start[trees]
+    before = np.cumsum(count) - count
+    return np.arange(count.sum()) + np.repeat(start[trees] - before, count)
+
+
+def _distinct(rows: np.ndarray) -> np.ndarray:
+    """Give each row once, ascending."""
+    found = np.zeros(np.max(rows, initial=-1) + 1, bool)
+    found[rows] = True
+    return np.flatnonzero(found)
 
 
 def _nothing() -> Touches:

@@ -37,6 +37,9 @@ from procphys_ros.simulation.grove import Grove
 
 _FLUTTER_SEED, _STRENGTH_SEED, _FALL_SEED = 101, 102, 103  # told apart by the scene's own seed
 
+_TURNS = 4  # steps in which every flying leaf is told of the air anew; it moves a metre meanwhile,
+#             far less than the eddies that carry it measure
+
 
 class Foliage:
     """
@@ -77,6 +80,8 @@ class Foliage:
         self._left = self._leaf_area.copy()
         self._next = self._first.copy()
         self._weakest = self._queue_speed[self._next]
+        self._felt = np.zeros((0, 3))
+        self._turn = 0
 
     def blow(self, wind: Wind, poses: np.ndarray, velocities: np.ndarray, time: float,
              time_step: float) -> None:
@@ -93,8 +98,8 @@ class Foliage:
             self._tear_off(poses, velocities)
         flying = np.flatnonzero(self.fallen.flying)
         if len(flying):
-            air = wind.velocity(self.fallen.poses[flying, :3], time)
-            self.fallen.step(flying, air, time_step)
+            self._feel(wind, flying, time)
+            self.fallen.step(flying, self._felt[flying], time_step)
 
     def poses(self, wind: Wind, poses: np.ndarray, velocities: np.ndarray,
               time: float) -> np.ndarray:
@@ -115,6 +120,15 @@ class Foliage:
         out = carried(self._carrier, frames, local)
         out[self.fallen.leaf] = self.fallen.poses
         return out
+
+    def _feel(self, wind: Wind, flying: np.ndarray, time: float) -> None:
+        """Ask for the air at a share of the leaves, in turn, and at those that came off now."""
+        fresh = len(self.fallen) - len(self._felt)
+        if fresh:
+            self._felt = np.concatenate([self._felt, np.full((fresh, 3), np.nan)])
+        self._turn = (self._turn + 1) % _TURNS
+        due = flying[(flying % _TURNS == self._turn) | np.isnan(self._felt[flying, 0])]
+        self._felt[due] = wind.velocity(self.fallen.poses[due, :3], time)
 
     def _tear_off(self, poses: np.ndarray, velocities: np.ndarray) -> None:
         forest = self._grove.forest

@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.touch import overlaps, piece_bounds
-from procphys_ros.physics.world import State, World
+from procphys_ros.physics.world import expand, State, World
+from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.simulation.buildings import Buildings
 
 _CELL = 2.0  # [m], edge of the cells that bricks are sorted into
@@ -74,17 +74,52 @@ class Obstacles(NamedTuple):
         return piece_bounds(self.shape, self.pose, self.size, self.velocity, reach, margin)
 
 
-def of_bodies(world: World, ids: np.ndarray) -> Obstacles:
-    """Cut bodies of the world into their pieces."""
-    if not len(ids):
-        return Obstacles.none()
-    pieces = [world.pieces(body) for body in ids.tolist()]
-    owner = np.repeat(ids, [len(p.shapes) for p in pieces])
-    pose, velocity = world.bodies.poses[owner], world.bodies.velocities[owner]
-    placed = rotation.compose(pose, np.concatenate([p.local_poses for p in pieces]))
-    velocity[:, :3] += np.cross(velocity[:, 3:], placed[:, :3] - pose[:, :3])
-    return Obstacles._of(np.concatenate([p.shapes for p in pieces]), placed,
-                         np.concatenate([p.sizes for p in pieces]), velocity, owner)
+class Outlines:
+    """
+    Shapes of the bodies of a world, in columns that are kept from step to step.
+
+    :param world: of these bodies.
+    """
+
+    def __init__(self, world: World):
+        self._world = world
+        self._known: dict[int, Pieces] = {}
+        self._first, self._count = np.zeros((2, 0), np.intp)
+        self._shape = np.zeros(0, np.uint8)
+        self._local, self._size = np.zeros((0, 7)), np.zeros((0, 3))
+
+    def of(self, ids: np.ndarray) -> Obstacles:
+        """Cut bodies, (K,) ids, into their pieces, where these are now."""
+        self._learn([b for b in ids.tolist() if self._known.get(b) is not self._world.pieces(b)])
+        if not len(ids):
+            return Obstacles.none()
+        count = self._count[ids]
+        owner = np.repeat(ids, count)
+        piece = np.arange(len(owner)) + np.repeat(self._first[ids] - np.cumsum(count) + count,
+                                                  count)
+        poses, velocities = np.empty((len(owner), 7)), np.empty((len(owner), 6))
+        bodies = self._world.bodies
+        expand(bodies.poses, bodies.velocities, owner, self._local[piece], np.arange(len(owner)),
+               poses, velocities)
+        return Obstacles._of(self._shape[piece], poses, self._size[piece], velocities, owner)
+
+    def _learn(self, ids: list[int]) -> None:
+        """Append the pieces of bodies that are new, or that took the ids of others."""
+        if not ids:
+            return
+        more = max(ids) + 1 - len(self._first)
+        if more > 0:
+            self._first = np.concatenate([self._first, np.zeros(more, np.intp)])
+            self._count = np.concatenate([self._count, np.zeros(more, np.intp)])
+        pieces = [self._world.pieces(body) for body in ids]
+        self._known.update(zip(ids, pieces))
+        count = np.array([len(p.shapes) for p in pieces])
+        self._first[ids] = len(self._shape) + np.cumsum(count) - count
+        self._count[ids] = count
+        self._shape = np.concatenate([self._shape, *(p.shapes for p in pieces)], dtype=np.uint8,
+                                     casting='unsafe')
+        self._local = np.concatenate([self._local, *(p.local_poses for p in pieces)])
+        self._size = np.concatenate([self._size, *(p.sizes for p in pieces)])
 
 
 def of_branches(rows: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
@@ -109,13 +144,7 @@ class Bricks:
             blueprint.shape[self._parts], blueprint.poses[self._parts],
             blueprint.size[self._parts], np.zeros((len(self._parts), 6)), part=self._parts)
         bounds = self._all.bounds(0.0, 0.0)
-        key = np.floor(0.5 * (bounds[:, :3] + bounds[:, 3:]) / _CELL).astype(np.int64)
-        _, self._cell = np.unique(key, axis=0, return_inverse=True)
-        self._bounds = bounds
-        count = int(np.max(self._cell, initial=-1)) + 1
-        self.cells = np.hstack([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)])
-        np.minimum.at(self.cells[:, :3], self._cell, bounds[:, :3])
-        np.maximum.at(self.cells[:, 3:], self._cell, bounds[:, 3:])
+        self._cell, self.cells = sorted_into_cells(bounds)
 
     def __len__(self) -> int:
         return len(self._parts)
@@ -130,6 +159,22 @@ class Bricks:
         rows = np.flatnonzero(wanted[self._cell] & self._buildings.standing[self._parts])
         body = self._buildings.body[self._parts[rows]]
         return Obstacles(*(column[rows] for column in self._all))._replace(body=body)
+
+
+def sorted_into_cells(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Sort boxes by their centres into cells of space.
+
+    :param bounds: three minima, three maxima [m], (K, 6).
+    :returns: cell of each box, (K,), and bounds of what is in each cell, (C, 6).
+    """
+    key = np.floor(0.5 * (bounds[:, :3] + bounds[:, 3:]) / _CELL).astype(np.int64)
+    _, cell = np.unique(key, axis=0, return_inverse=True)
+    count = int(np.max(cell, initial=-1)) + 1
+    cells = np.hstack([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)])
+    np.minimum.at(cells[:, :3], cell, bounds[:, :3])
+    np.maximum.at(cells[:, 3:], cell, bounds[:, 3:])
+    return cell, cells
 
 
 def meets_trees(world: World) -> np.ndarray:

@@ -71,14 +71,59 @@ def resolve(normal, least, friction, partners, velocity, first, place, count, re
     total = np.zeros_like(normal)
     yielding = np.empty(len(normal))
     sliding = np.empty(len(normal))
-    fastest = 0.0
     for c in range(len(normal)):
         _prepare(c, normal[c], partners, first, place, count, response, yielding, sliding)
+    island = _islands(partners, place, len(velocity))
+    order = np.argsort(island, kind='mergesort')
+    begin = 0
+    for n in range(1, len(order) + 1):
+        if n == len(order) or island[order[n]] != island[order[begin]]:
+            _resolve_island(order[begin:n], normal, least, friction, partners, velocity, first,
+                            place, count, response, yielding, sliding, total)
+            begin = n
+    return total
+
+
+@njit(cache=True)
+def _islands(partners, place, ends):
+    """Label contacts, (C,): the same for those that trees or yielding bodies connect."""
+    island = np.arange(len(partners.end))
+    last = np.full(ends + len(partners.inverse_mass), -1, np.int64)
+    for c in range(len(island)):
+        end, other, b = partners.end[c], partners.other[c], partners.body[c]
+        if b >= 0 and partners.inverse_mass[b] == 0.0:
+            b = -1
+        for key in (end - place[end], other - place[other] if other >= 0 else -1,
+                    ends + b if b >= 0 else -1):
+            if key < 0:
+                continue
+            if last[key] >= 0:
+                one, two = _first_of(last[key], island), _first_of(c, island)
+                island[max(one, two)] = min(one, two)
+            last[key] = c
+    for c in range(len(island)):
+        island[c] = _first_of(c, island)
+    return island
+
+
+@njit(cache=True)
+def _first_of(c, island):
+    while island[c] != c:
+        c = island[c]
+    return c
+
+
+@njit(cache=True)
+def _resolve_island(chosen, normal, least, friction, partners, velocity, first, place, count,
+                    response, yielding, sliding, total):
+    """Correct the chosen contacts in turns until none of them changes by much."""
+    fastest = 0.0
+    for c in chosen:
         fastest = max(fastest, least[c] - _along(normal, c, _slip(c, partners, velocity)))
     enough = max(_CONVERGED, _TURN * fastest)
     for _ in range(_ITERATIONS):
         worst = 0.0
-        for c in range(len(normal)):
+        for c in chosen:
             x, y, z = _correct(c, normal, least[c], friction[c], yielding[c], sliding[c], total,
                                _slip(c, partners, velocity))
             if x == 0.0 and y == 0.0 and z == 0.0:
@@ -91,7 +136,6 @@ def resolve(normal, least, friction, partners, velocity, first, place, count, re
             _exert(c, x, y, z, partners, velocity, first, place, count, response)
         if worst < enough:
             break
-    return total
 
 
 @njit(cache=True)

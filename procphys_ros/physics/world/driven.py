@@ -53,7 +53,7 @@ class Courses:
             self._bodies.velocities[body] = velocity
             velocity = velocity.copy()
             velocity[:3] -= self._gravity * time_step
-            self._engine.set_velocity(body, velocity)
+            self._engine.set_velocities([body], velocity[None])
 
     def finish(self) -> None:
         """Put the driven bodies exactly where they were to go."""

@@ -157,9 +157,9 @@ class Registry:
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set the velocities of loose bodies, world axes, (K, 6)."""
+        ids = np.atleast_1d(ids)
         self._bodies.velocities[ids] = velocities
-        for body in np.atleast_1d(ids).tolist():
-            self._engine.set_velocity(body, self._bodies.velocities[body])
+        self._engine.set_velocities(ids.tolist(), self._bodies.velocities[ids])
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
         """Put bodies somewhere else, (K, 7)."""

@@ -184,14 +184,15 @@ def _stands(start, points, normals, centre):
 def about_to_be_hit(bodies: Bodies, resting: np.ndarray, moving: np.ndarray,
                     moving_bounds: np.ndarray, time_step: float) -> np.ndarray:
     """
-    List the resting bodies that a moving one reaches in this step with force enough to move them.
+    List the resting bodies that a moving one may reach in this step and hit hard enough.
 
     Freeing them *before* the step lets the contact solver share the momentum exactly; against an
-    immovable body it would be lost.
+    immovable body it would be lost. Bounds of branches are mostly air: look closer at each pair.
 
     :param moving: ids, (K,).
     :param moving_bounds: their axis-aligned bounds now [m], (K, 6).
     :param time_step: [s].
+    :returns: ids of a resting and of a moving body each, ascending, (P, 2).
     """
     velocity = bodies.velocities[moving]
     shift = velocity[:, :3] * time_step
@@ -199,9 +200,9 @@ def about_to_be_hit(bodies: Bodies, resting: np.ndarray, moving: np.ndarray,
     high = moving_bounds[:, 3:] + np.maximum(shift, 0.0)
     mass = np.where(bodies.state[moving] == State.DRIVEN, np.inf, bodies.mass[moving])
     order = np.argsort(low[:, 0], kind='stable')
-    hit = _reached(low[order], high[order], rim_speed(bodies, moving)[order], mass[order],
-                   bodies.bounds[resting], bodies.mass[resting])
-    return resting[hit]
+    pairs = _reached(low[order], high[order], rim_speed(bodies, moving)[order], mass[order],
+                     bodies.bounds[resting], bodies.mass[resting])
+    return np.column_stack([resting[pairs[:, 0]], moving[order][pairs[:, 1]]])
 
 
 def rim_speed(bodies: Bodies, ids: np.ndarray) -> np.ndarray:
@@ -213,8 +214,9 @@ def rim_speed(bodies: Bodies, ids: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _reached(low, high, speed, mass, bounds, resting_mass):
-    """Test moving boxes, sorted by their least x, against resting ones."""
-    hit = np.zeros(len(bounds), np.bool_)
+    """Pair resting boxes with the moving ones, sorted by their least x, that reach them."""
+    pairs = np.empty((64, 2), np.int64)
+    found = 0
     width = 0.0
     for m in range(len(low)):
         width = max(width, high[m, 0] - low[m, 0])
@@ -227,6 +229,10 @@ def _reached(low, high, speed, mass, bounds, resting_mass):
                     and low[m, 1] <= bounds[r, 4] and high[m, 1] >= bounds[r, 1]
                     and low[m, 2] <= bounds[r, 5] and high[m, 2] >= bounds[r, 2]
                     and speed[m] > WAKE_SPEED * (1.0 + resting_mass[r] / mass[m])):
-                hit[r] = True
-                break
-    return hit
+                if found == len(pairs):
+                    more = np.empty((2 * found, 2), np.int64)
+                    more[:found] = pairs
+                    pairs = more
+                pairs[found, 0], pairs[found, 1] = r, m
+                found += 1
+    return pairs[:found]

@@ -27,6 +27,7 @@ from procphys_ros.physics.world.teeth import press
 
 _DEPTH = 0.02  # [m] under the ground from which a body is put back to where it touched it
 _OVERLAP = 1e-3  # [m] left when a body is put back: boxes that only touch have no contact
+_NEAR = 0.02  # [m] gap at which Bullet makes contacts, beyond the way of one step
 _FAST = 0.5  # way in one step, as a share of a body's least extent, above which it is swept
 _SWEEP = 0.45  # radius of the swept sphere as a share of the least extent
 
@@ -107,7 +108,13 @@ class World(Population):
         if not len(moving):
             return
         bounds = self._engine.bounds(moving.tolist())
-        self.thaw(settling.about_to_be_hit(bodies, resting, moving, bounds, time_step))
+        pairs = settling.about_to_be_hit(bodies, resting, moving, bounds, time_step)
+        reach = settling.rim_speed(bodies, pairs[:, 1]) * time_step + _NEAR
+        hit: set[int] = set()
+        for (body, mover), far in zip(pairs.tolist(), reach.tolist()):
+            if body not in hit and self._engine.near(body, mover, far):
+                hit.add(body)
+        self.thaw(np.array(sorted(hit), np.intp))
 
     def _sweep_what_is_fast(self, time_step: float) -> None:
         """
