@@ -49,25 +49,53 @@ def corners_out(poses: np.ndarray, sizes: np.ndarray, merged_poses: np.ndarray,
 @njit(cache=True)
 def _corners_out(poses, sizes, merged_poses, merged_sizes, found):
     axes = np.empty((len(merged_poses), 3, 3))
+    reach = np.empty(len(merged_poses))
     for k in range(len(merged_poses)):
         axes[k] = axes_of(merged_poses[k, 3:])
+        reach[k] = _diagonal(merged_sizes[k]) + 2.0 * _OUT
+    near = np.empty(len(merged_poses), np.int64)
     count = 0
     for p in range(len(poses)):
         own = axes_of(poses[p, 3:])
+        far = _diagonal(sizes[p])
+        many = 0
+        for k in range(len(merged_poses)):
+            x = poses[p, 0] - merged_poses[k, 0]
+            y = poses[p, 1] - merged_poses[k, 1]
+            z = poses[p, 2] - merged_poses[k, 2]
+            if x * x + y * y + z * z < (reach[k] + far) ** 2:
+                near[many] = k
+                many += 1
         for corner in range(8):
             point = poses[p, :3].copy()
             for axis in range(3):
                 point += own[:, axis] * sizes[p, axis] * (0.5 - ((corner >> axis) & 1))
-            outside = True
-            for k in range(len(merged_poses)):
-                arm = np.abs((point - merged_poses[k, :3]) @ axes[k])
-                if (arm < 0.5 * merged_sizes[k] + _OUT).all():
-                    outside = False
-                    break
-            if outside:
+            if not _is_inside(point, near[:many], merged_poses, merged_sizes, axes):
                 found[count] = point
                 count += 1
     return count
+
+
+@njit(cache=True)
+def _diagonal(size):
+    """Give half of the diagonal of a box [m]."""
+    return 0.5 * (size[0] ** 2 + size[1] ** 2 + size[2] ** 2) ** 0.5
+
+
+@njit(cache=True)
+def _is_inside(point, near, poses, sizes, axes):
+    for k in near:
+        inside = True
+        for c in range(3):
+            arm = 0.0
+            for d in range(3):
+                arm += (point[d] - poses[k, d]) * axes[k, d, c]
+            if abs(arm) >= 0.5 * sizes[k, c] + _OUT:
+                inside = False
+                break
+        if inside:
+            return True
+    return False
 
 
 @njit(cache=True)
