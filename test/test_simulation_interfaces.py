@@ -16,6 +16,7 @@
 """The services of `simulation_interfaces`, with stand-ins for its messages (no wheel has it)."""
 
 import asyncio
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -126,6 +127,13 @@ def test_features_are_those_that_the_package_knows(desk):
     assert len(features) == len(FEATURES) - 1 and len(set(features)) == len(features)
 
 
+def test_features_are_those_of_the_services_that_are_there(desk):
+    """List nothing of services that the package at hand does not define."""
+    desk._offered = ['reset_simulation', 'get_entities']
+    features = call(desk, 'get_simulator_features').features.features
+    assert features == [KNOWN.ENTITY_BOUNDS_BOX, KNOWN.ENTITY_CATEGORIES, KNOWN.SIMULATION_RESET]
+
+
 def test_states_follow_each_other(desk):
     """Play, pause, step, stop; what is so already, and what cannot be, is said."""
     def state():
@@ -190,14 +198,17 @@ def test_entities_are_filtered(desk, fields, expected):
     assert answer.entities == expected and len(answer.states) == len(expected)
 
 
-@pytest.mark.parametrize('fields, reason', [
-    ({'filters__filter': '('}, 'regular expression'),
-    ({'filters__bounds__type': 1, 'filters__bounds__points': [point(0, 0, 0)] * 4}, 'a sphere'),
+@pytest.mark.parametrize('fields, reason, code', [
+    ({'filters__filter': '('}, 'regular expression', RESULT.RESULT_OPERATION_FAILED),
+    ({'filters__bounds__points': [point(0, 0, 0)] * 4}, 'two', RESULT.RESULT_OPERATION_FAILED),
+    ({'filters__bounds__type': 1, 'filters__bounds__points': [point(0, 0, 0)] * 4}, 'a sphere',
+     RESULT.RESULT_FEATURE_UNSUPPORTED),
 ])
-def test_filters_that_make_no_sense_are_refused(desk, fields, reason):
-    """Say what is wrong."""
-    answer = call(desk, 'get_entities', **fields).result
-    assert answer.result == RESULT.RESULT_OPERATION_FAILED and reason in answer.error_message
+@pytest.mark.parametrize('service', ['get_entities', 'get_entities_states'])
+def test_filters_that_make_no_sense_are_refused(desk, service, fields, reason, code):
+    """Say what is wrong, and what is not supported with the code that stands for that."""
+    answer = call(desk, service, **fields).result
+    assert answer.result == code and reason in answer.error_message
 
 
 def test_an_entity_has_a_state_and_a_description(desk):
@@ -224,3 +235,22 @@ def test_nothing_is_offered_without_the_package(monkeypatch):
     """Do without services when their package cannot be imported."""
     monkeypatch.setattr(simulation_interfaces, 'PACKAGE', 'no_such_package')
     assert simulation_interfaces.offer(None, None, None) == []
+
+
+def test_services_are_offered_where_the_package_has_them(monkeypatch):
+    """Offer each service that the package defines under its own name, and no other."""
+    kinds = SimpleNamespace(GetEntities=object(), StepSimulation=object(), LoadWorld=object())
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces', SimpleNamespace())
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces.msg', TYPES)
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces.srv', kinds)
+    made = {}
+
+    def create_service(kind, name, serve, callback_group):
+        made[name] = kind, serve.__name__, callback_group
+    node = SimpleNamespace(create_service=create_service,
+                           get_parameter=lambda name: SimpleNamespace(value='world'))
+    answers = SimpleNamespace(ask=None, group='group')
+    offered = simulation_interfaces.offer(node, answers, Session())
+    assert offered == ['step_simulation', 'get_entities']
+    assert made == {f'~/simulation_interfaces/{name}': (kind, name, 'group') for name, kind in (
+        ('get_entities', kinds.GetEntities), ('step_simulation', kinds.StepSimulation))}

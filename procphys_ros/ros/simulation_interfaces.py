@@ -20,7 +20,7 @@ Entities are the objects of the scene and what is launched later. What the packa
 of its own is read from it, so that nothing here depends on the numbers that it gives its codes.
 """
 
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from importlib import import_module
 import re
 from typing import Any, Protocol
@@ -35,11 +35,15 @@ from procphys_ros.ros.services import Answers
 from procphys_ros.ros.session import Session
 
 PACKAGE = 'simulation_interfaces'
-# What works here; names that an older or newer package does not have are left out.
-FEATURES = ('ENTITY_TAGS', 'ENTITY_BOUNDS_BOX', 'ENTITY_CATEGORIES', 'ENTITY_STATE_GETTING',
-            'ENTITY_INFO_GETTING', 'SIMULATION_RESET', 'SIMULATION_STATE_GETTING',
-            'SIMULATION_STATE_SETTING', 'SIMULATION_STATE_PAUSE', 'STEP_SIMULATION_SINGLE',
-            'STEP_SIMULATION_MULTIPLE')
+# What works here, and by which service; what an older or newer package does not have is left out.
+FEATURES = {'ENTITY_TAGS': 'get_entities', 'ENTITY_BOUNDS_BOX': 'get_entities',
+            'ENTITY_CATEGORIES': 'get_entities', 'ENTITY_STATE_GETTING': 'get_entity_state',
+            'ENTITY_INFO_GETTING': 'get_entity_info', 'SIMULATION_RESET': 'reset_simulation',
+            'SIMULATION_STATE_GETTING': 'get_simulation_state',
+            'SIMULATION_STATE_SETTING': 'set_simulation_state',
+            'SIMULATION_STATE_PAUSE': 'set_simulation_state',
+            'STEP_SIMULATION_SINGLE': 'step_simulation',
+            'STEP_SIMULATION_MULTIPLE': 'step_simulation'}
 _SERVICES = {'get_simulator_features': 'GetSimulatorFeatures',
              'get_simulation_state': 'GetSimulationState',
              'set_simulation_state': 'SetSimulationState', 'step_simulation': 'StepSimulation',
@@ -68,8 +72,8 @@ def offer(node: Node, answers: Answers, session: Session) -> list[str]:
         types, kinds = import_module(f'{PACKAGE}.msg'), import_module(f'{PACKAGE}.srv')
     except ImportError:
         return []
-    desk = Desk(types, answers.ask, session, node.get_parameter('world_frame').value)
     offered = [name for name, kind in _SERVICES.items() if hasattr(kinds, kind)]
+    desk = Desk(types, answers.ask, session, node.get_parameter('world_frame').value, offered)
     for name in offered:
         node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}',
                             getattr(desk, name), callback_group=answers.group)
@@ -84,19 +88,24 @@ class Desk:
     :param ask: has a command carried out in the thread of the simulation.
     :param session: carries commands out.
     :param frame: of poses.
+    :param offered: names of the services that are there.
     """
 
-    def __init__(self, types: Any, ask: _Ask, session: Session, frame: str):
+    def __init__(self, types: Any, ask: _Ask, session: Session, frame: str,
+                 offered: Sequence[str] = tuple(_SERVICES)):
         self._types = types
         self._result, self._state = types.Result, types.SimulationState
         self._ask = ask
         self._session = session
         self._frame = frame
+        self._offered = offered
 
     async def get_simulator_features(self, request: Any, response: Any) -> Any:
         """List what is offered here."""
         known = self._types.SimulatorFeatures
-        response.features.features = [getattr(known, f) for f in FEATURES if hasattr(known, f)]
+        response.features.features = [
+            getattr(known, feature) for feature, service in FEATURES.items()
+            if service in self._offered and hasattr(known, feature)]
         response.features.custom_info = 'procphys_ros; entities are objects, such as oak_0, and ' \
             'their parts, such as oak_0/17'
         return response
@@ -145,7 +154,7 @@ class Desk:
         def look() -> str:
             response.entities = self._fitting(request.filters)
             return ''
-        return await self._carry_out(response, 'get_entities', look)
+        return await self._search(request, response, 'get_entities', look)
 
     async def get_entities_states(self, request: Any, response: Any) -> Any:
         """Give the objects that fit the filters, and where they are."""
@@ -154,7 +163,7 @@ class Desk:
             response.entities = self._fitting(request.filters)
             response.states = [self._state_of(entities, name) for name in response.entities]
             return ''
-        return await self._carry_out(response, 'get_entities_states', look)
+        return await self._search(request, response, 'get_entities_states', look)
 
     async def get_entity_state(self, request: Any, response: Any) -> Any:
         """Give pose and twist of an object or a part."""
@@ -209,12 +218,11 @@ class Desk:
     def _within(self, entities: Entities, names: list[str], bounds: Any) -> list[str]:
         """Keep those whose boxes overlap a box or a sphere."""
         points = np.array([[p.x, p.y, p.z] for p in bounds.points])
-        if bounds.type == bounds.TYPE_SPHERE and len(points) == 2:
+        if len(points) != 2:
+            raise CommandError(f'bounds have {len(points)} points; a box or a sphere has two')
+        if bounds.type == bounds.TYPE_SPHERE:
             return [n for n in names if entities.near(n, points[0], points[1, 0])]
-        if bounds.type == bounds.TYPE_BOX and len(points) == 2:
-            return [n for n in names if entities.overlaps(n, points.min(axis=0),
-                                                          points.max(axis=0))]
-        raise CommandError('bounds must be a box or a sphere of two points')
+        return [n for n in names if entities.overlaps(n, points.min(axis=0), points.max(axis=0))]
 
     def _state_of(self, entities: Entities, name: str) -> Any:
         pose, twist = entities.state(name)
@@ -227,6 +235,14 @@ class Desk:
             for axis, value in zip('xyzw', values):
                 setattr(target, axis, float(value))
         return state
+
+    async def _search(self, request: Any, response: Any, name: str,
+                      look: Callable[[], str]) -> Any:
+        bounds = request.filters.bounds
+        if bounds.points and bounds.type not in (bounds.TYPE_BOX, bounds.TYPE_SPHERE):
+            return self._failed(response, self._result.RESULT_FEATURE_UNSUPPORTED,
+                                'bounds can be a box or a sphere')
+        return await self._carry_out(response, name, look)
 
     async def _carry_out(self, response: Any, name: str, act: Callable[[], str],
                          otherwise: int | None = None) -> Any:
