@@ -18,8 +18,11 @@
 from geometry_msgs.msg import PoseArray
 from node_process import Client, NodeProcess, PARTS, SAPLING, SCENE
 import pytest
+from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
+from rclpy.parameter import Parameter
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 MEGABYTE = 1_200_000
@@ -121,3 +124,29 @@ def test_a_standing_wall_costs_no_markers(client):
     client.spin_until(lambda: len(clock) > 200, 'seven seconds')
     assert len(received) <= WHOLE_SETS
     assert all(len(array.markers) > BRICKS for array in received)
+
+
+def test_a_bad_change_among_good_ones_changes_nothing(client):
+    """Refuse changes that belong together as a whole, and leave what was."""
+    names = ('publish_rate', 'gust.duration', 'wind.velocity')
+    before = [client.get_parameter(name) for name in names]
+    request = SetParametersAtomically.Request(parameters=[
+        Parameter(name, value=value).to_parameter_msg()
+        for name, value in zip(names, (12.0, 3.0, [1.0, 2.0, 999.0]))])
+    result = client.call(SetParametersAtomically, '/sim/set_parameters_atomically', request).result
+    assert not result.successful and 'wind.velocity' in result.reason
+    assert [client.get_parameter(name) for name in names] == before
+
+
+def test_messages_of_another_type_are_not_heard(client):
+    """Go on when somebody publishes another type on a topic that is listened to."""
+    publisher = client.node.create_publisher(String, '/sim/wind', 10)
+    status = client.watch_status()
+    before = int(status()['commands rejected']), int(status()['commands taken'])
+    for _ in range(5):
+        publisher.publish(String(data='a gale from the west'))
+        assert parts(client) == PARTS
+    seen = status()
+    client.spin_until(lambda: status() != seen, 'the next status')
+    assert (int(status()['commands rejected']), int(status()['commands taken'])) == before
+    client.node.destroy_publisher(publisher)
