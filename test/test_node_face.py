@@ -16,6 +16,8 @@
 """What the node offers to the graph: topics, their quality of service, services, parameters."""
 
 from pathlib import Path
+import re
+from types import SimpleNamespace
 
 from node_process import Client, NodeProcess, SCENE
 import pytest
@@ -31,8 +33,10 @@ from rclpy.qos import (
 import yaml
 
 from procphys_ros.messages.points import BREAK, DUST
+from procphys_ros.ros.diagnostics import Diagnostics
 from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
+from procphys_ros.ros.publishers import Publishers
 
 PUBLISHED = {
     '/sim/poses': 'geometry_msgs/msg/PoseArray',
@@ -167,6 +171,28 @@ def test_everything_offered_is_listed(text):
     """Name every topic and service where people look for them."""
     for name in (*PUBLISHED, *TAKEN, *SERVICES):
         assert name.replace('/sim/', '~/') in text, name
+
+
+@pytest.mark.parametrize('topic', PUBLISHED)
+def test_quality_of_service_is_told_as_it_is(topic):
+    """Say in the README and in the docstring with what quality each topic is published."""
+    made = {}
+    node = SimpleNamespace(
+        create_publisher=lambda kind, name, profile, **_: made.update({name: profile}),
+        get_fully_qualified_name=lambda: '/sim')
+    parameters = {row.name: row.default for row in GLOBAL}
+    Publishers(node, 'world', parameters)
+    Diagnostics(node, None)
+    name = topic.replace('/sim/', '~/')
+    offered = made[name]
+    depth = f'depth {offered.depth}'
+    row = next(line for line in (ROOT / 'README.md').read_text('utf-8').splitlines()
+               if line.startswith(f'| `{name}` |'))
+    entry = next(line for line in SimNode.__doc__.splitlines() if line.strip().startswith(name))
+    latched = offered.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    for text in (row.split('|')[2], entry):
+        assert re.search(rf'\b{depth}\b', text) and ('latched' in text) == latched
+    assert offered.reliability == ReliabilityPolicy.RELIABLE and 'reliable' in row
 
 
 def test_every_parameter_is_listed_in_the_docstring():

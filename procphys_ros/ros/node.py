@@ -55,18 +55,20 @@ class SimNode(Node):
     of commands, run the steps that are due, publish. So the node answers also while a step takes
     long. The node publishes /clock, so it never uses ROS time itself.
 
-    Publishers:
-        ~/poses (geometry_msgs/PoseArray): every part, in part order
-        ~/markers (visualization_msgs/MarkerArray): what changed; all of it for a new subscriber
-        ~/scene_description (std_msgs/String): objects, parts and bonds as JSON, latched
-        ~/breaks (sensor_msgs/PointCloud2): a row per broken bond
-        ~/dust (sensor_msgs/PointCloud2): dust of bursting mortar and impacts
-        ~/wind_info (geometry_msgs/Vector3Stamped): wind at reference height, all included
-        ~/intruder_wrench (geometry_msgs/WrenchStamped): on the intruder, smoothed over 0.1 s
-        /clock (rosgraph_msgs/Clock): simulation time
-        /diagnostics (diagnostic_msgs/DiagnosticArray): once a second
+    Publishers (all reliable):
+        ~/poses (geometry_msgs/PoseArray, depth 5): every part, in part order
+        ~/markers (visualization_msgs/MarkerArray, depth 100): what changed; all of it for a new
+            subscriber
+        ~/scene_description (std_msgs/String, depth 1, latched): objects, parts, bonds as JSON
+        ~/breaks (sensor_msgs/PointCloud2, depth 100): a row per broken bond
+        ~/dust (sensor_msgs/PointCloud2, depth 1): dust of bursting mortar and impacts
+        ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): wind at reference height, all included
+        ~/intruder_wrench (geometry_msgs/WrenchStamped, depth 5): on the intruder, smoothed over
+            0.1 s
+        /clock (rosgraph_msgs/Clock, depth 1): simulation time
+        /diagnostics (diagnostic_msgs/DiagnosticArray, depth 5): once a second
 
-    Subscribers:
+    Subscribers (all reliable, depth 1000):
         ~/wind (geometry_msgs/Vector3Stamped): mean air velocity [m/s]
         ~/impulse (geometry_msgs/WrenchStamped): [N·s], [N·m·s] on the part header.frame_id
         ~/wrench (geometry_msgs/WrenchStamped): the same as a lasting force [N], [N·m]
