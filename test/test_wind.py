@@ -194,6 +194,17 @@ def test_mean_profile_is_exact(profile, wanted):
     np.testing.assert_allclose(wind.velocity(points, 7.0), expected, rtol=1e-12, atol=1e-12)
 
 
+def test_the_ground_slows_eddies_as_it_does_gusts():
+    """Compare eddies over rough ground with those of a wind that knows no ground."""
+    points = np.array([[3.0, 5.0, z] for z in (10.0, 2.0, 0.2, 0.02, 0.0)])
+    free = _records(Wind(_settings(), seed=3), points, [1.0])[0]
+    rough = Wind(_settings(profile='log', roughness_length=0.02), seed=3)
+    still = Wind(_settings(profile='log', roughness_length=0.02, turbulence_intensity=0.0), seed=3)
+    eddies_there = rough.velocity(points, 1.0) - still.velocity(points, 1.0)
+    share = np.array([[1.0], [1.0], [0.5], [0.0], [0.0]])
+    np.testing.assert_allclose(eddies_there, share * free, atol=1e-9)
+
+
 def test_wind_from_any_direction_has_the_same_eddies():
     """Turn the wind and the points together: the velocities turn along."""
     points = _scattered(300)

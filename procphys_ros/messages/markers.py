@@ -23,6 +23,7 @@ ornaments (`ns` = `<object>/leaves`, `id` = texture index), a few for dust (`ns`
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
@@ -77,9 +78,9 @@ class _Sent:
         :param poses: present ones, (K, 7).
         :returns: what has changed, (K,) bool.
         """
-        there = np.isfinite(poses).all(axis=1)
+        there = _exist(poses)
         was = np.isfinite(self.poses[:, 0])
-        moved = there & ~(np.abs(poses - self.poses).max(axis=1) <= _VISIBLE)
+        moved = there & _differ(poses, self.poses, _VISIBLE)
         gone = was & ~there
         self.poses[moved] = poses[moved]
         self.poses[gone] = np.nan
@@ -175,7 +176,7 @@ class SceneMarkers:
     def _changed(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None,
                  puffs: Puffs | None) -> tuple[list[bytes], int]:
         changed = self._sent.update(poses)
-        away = ~(np.abs(poses - self._home).max(axis=1) <= _VISIBLE)
+        away = _differ(poses, self._home, _VISIBLE)
         chunks, count = self._parts.write(poses, at, changed, away)
         carriers, marks = poses[:self._first_parts], changed[:self._first_parts]
         if self.shows_leaf_poses:
@@ -194,3 +195,25 @@ class SceneMarkers:
             chunks += clouds
             count += number
         return chunks, count
+
+
+@njit(cache=True)
+def _exist(poses):  # pragma: no cover - compiled
+    """Say which poses are finite."""
+    out = np.ones(len(poses), np.bool_)
+    for i in range(len(poses)):
+        for c in range(7):
+            out[i] &= np.isfinite(poses[i, c])
+    return out
+
+
+@njit(cache=True)
+def _differ(poses, others, limit):  # pragma: no cover - compiled
+    """Say which poses differ from others by more than a limit in any number, or are none."""
+    out = np.zeros(len(poses), np.bool_)
+    for i in range(len(poses)):
+        for c in range(7):
+            if not abs(poses[i, c] - others[i, c]) <= limit:
+                out[i] = True
+                break
+    return out

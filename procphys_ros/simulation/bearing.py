@@ -188,7 +188,9 @@ class Bearing:
         """
         out = np.zeros((len(self._blueprint), 6))
         supports, bodies = self._world.supports, self._world.bodies
-        if not len(supports.resting):
+        part = self.standing_parts(supports.support)
+        rows = np.flatnonzero(part >= 0)
+        if not len(rows):
             return out
         weight = np.where(bodies.state == State.RESTING, bodies.mass * self._gravity, 0.0)
         load = weight.copy()
@@ -199,8 +201,6 @@ class Bearing:
             if np.allclose(passed, load, rtol=1e-3, atol=1.0):
                 break
             load = passed
-        part = self.standing_parts(supports.support)
-        rows = np.flatnonzero(part >= 0)
         down = -supports.share[rows] * load[supports.resting[rows]]
         force = np.zeros((len(rows), 3))
         force[:, 2] = down

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Law
@@ -163,8 +164,8 @@ class Grove:
             poses[self._span] = self.forest.poses
             velocities[self._span] = self.forest.velocities
         else:
-            poses[parts[active]] = self.forest.poses[active]
-            velocities[parts[active]] = self.forest.velocities[active]
+            _scatter(parts, active, self.forest.poses, poses)
+            _scatter(parts, active, self.forest.velocities, velocities)
 
     def _share_path(self, row: int, other: int) -> bool:
         ends = self.forest.ends
@@ -174,6 +175,14 @@ class Grove:
         x, y, z, w = self.forest.poses[row, 3:]
         axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
         return self.forest.poses[row, :3] - self._joint_arm[row] * axis
+
+
+@njit(cache=True)
+def _scatter(parts, active, rows, out):  # pragma: no cover - compiled
+    """Write the active rows to where their parts are."""
+    for i in range(len(parts)):
+        if active[i]:
+            out[parts[i]] = rows[i]
 
 
 def _span(parts: np.ndarray) -> slice | np.ndarray:

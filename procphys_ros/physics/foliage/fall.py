@@ -95,11 +95,8 @@ class FallingLeaves:
         :param air: velocity of the air at these [m/s], world, (F, 3).
         :param time_step: [s].
         """
-        _fly(rows, air, time_step, self._gravity, self._drag, self._spin, self.poses,
-             self.velocities)
-        way = self.poses[rows, :2] - self._start[rows]
-        far = np.einsum('ij,ij->i', way, way) > _REACH ** 2
-        landed = rows[far | (self.poses[rows, 2] <= _LYING)]
+        landed = rows[_fly(rows, air, time_step, self._gravity, self._drag, self._spin,
+                           self._start, self.poses, self.velocities)]
         if len(landed):
             self.flying[landed] = False
             self.velocities[landed] = 0.0
@@ -118,12 +115,15 @@ def _laid_flat(attitude: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _fly(rows, air, dt, gravity, drag, spin, poses, velocities):  # pragma: no cover - compiled
+def _fly(rows, air, dt, gravity, drag, spin, start, poses, velocities):  # pragma: no cover
     """
     Advance by quadratic drag with the slip of the last step, implicit and so never overshooting.
 
     In still air the speed tends to √(gravity/drag) exactly, whatever the step.
+
+    :returns: which of the leaves have landed, or are too far away, (F,).
     """
+    ends = np.zeros(len(rows), np.bool_)
     for k in range(len(rows)):
         i = rows[k]
         slip = math.sqrt((air[k, 0] - velocities[i, 0]) ** 2 + (air[k, 1] - velocities[i, 1]) ** 2
@@ -142,3 +142,6 @@ def _fly(rows, air, dt, gravity, drag, spin, poses, velocities):  # pragma: no c
         scale = 1.0 / math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
         poses[i, 3], poses[i, 4], poses[i, 5] = qx * scale, qy * scale, qz * scale
         poses[i, 6] = qw * scale
+        far = (poses[i, 0] - start[i, 0]) ** 2 + (poses[i, 1] - start[i, 1]) ** 2 > _REACH ** 2
+        ends[k] = far or poses[i, 2] <= _LYING
+    return ends

@@ -20,7 +20,7 @@ import numpy as np
 
 LOG, POWER, UNIFORM = 0, 1, 2  # profile codes
 GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, duration, rise, kind
-_SLOWED = 2.0  # [m] height below which the ground slows a gust
+_SLOWED = 2.0  # [m] height below which the ground slows gusts and eddies
 _BLOCK = 128   # points that are worked on together, so that the arithmetic vectorises
 _U = np.uint64  # unsigned indices spare the test for negative ones
 
@@ -49,6 +49,15 @@ def profile_factor(height: float, code: int, length: float, number: float) -> fl
     if code == POWER:
         return relative ** number if relative > 0.0 else 0.0
     return 1.0
+
+
+@njit(cache=True, error_model='numpy', fastmath=True)
+def _slowed(height: float, profile: tuple) -> float:
+    """Return the share of gusts and eddies that the ground leaves at a height."""
+    full = profile_factor(_SLOWED, profile[0], profile[1], profile[2])
+    if height >= _SLOWED or full <= 0.0:
+        return 1.0
+    return profile_factor(height, profile[0], profile[1], profile[2]) / full
 
 
 @njit(cache=True, error_model='numpy', fastmath=True)
@@ -149,14 +158,17 @@ def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
 
 @njit(cache=True, error_model='numpy', fastmath=True)
 def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tuple,
-               sigma: float, box: tuple) -> None:
+               sigma: float, box: tuple, profile: tuple) -> None:
     """
     Add the velocity of one box of eddies at every point, block by block.
+
+    Their strength does not depend on the height but near the ground, which slows them like gusts.
 
     :param axes: unit vectors along the mean wind, across it and up from it, world.
     :param travelled: how far the eddies have moved along and across [m].
     :param sigma: standard deviation along the wind [m/s].
     :param box: flat field, log2 of its shape, lags (3, 8), nodes per metre (3).
+    :param profile: from `profile_terms`.
     """
     flat, bits, lags, density = box
     cells = np.empty((3, _BLOCK), np.int32)
@@ -166,6 +178,11 @@ def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tupl
         count = min(_BLOCK, len(points) - first)
         _locate(points, first, count, axes, travelled, density, cells, fractions)
         _find_scales(fractions, count, lags, sigma, scales)
+        for i in range(count):
+            if points[first + i, 2] < _SLOWED:
+                slowed = _slowed(points[first + i, 2], profile)
+                for c in range(3):
+                    scales[c, i] *= slowed
         _interpolate(flat, bits, cells, fractions, count, sums)
         for i in range(count):
             u, v, w = (sums[0, i] * scales[0, i], sums[1, i] * scales[1, i],
@@ -185,11 +202,8 @@ def add_gusts(points: np.ndarray, out: np.ndarray, gusts: np.ndarray, time: floa
 
     :param profile: from `profile_terms`.
     """
-    full = profile_factor(_SLOWED, profile[0], profile[1], profile[2])
     for i in range(len(points)):
-        slowed = 1.0
-        if points[i, 2] < _SLOWED and full > 0.0:
-            slowed = profile_factor(points[i, 2], profile[0], profile[1], profile[2]) / full
+        slowed = _slowed(points[i, 2], profile)
         for g in range(len(gusts)):
             share = slowed * gust_strength(gusts[g], points[i, 0], points[i, 1], points[i, 2],
                                            time)

@@ -196,7 +196,7 @@ class Wind:
         if sigma > 0.0:
             travelled = (way % self._period[0], (_DRIFT * way) % self._period[1])
             for box in self._boxes:
-                kernel.add_eddies(points, out, axes, travelled, sigma, box)
+                kernel.add_eddies(points, out, axes, travelled, sigma, box, profile)
         if len(gusts):
             kernel.add_gusts(points, out, gusts, float(time), profile)
         return out
