@@ -61,18 +61,53 @@ def test_sound_wall_breaks_nothing():
     assert fracture.advance(1000) == []
 
 
-def test_nothing_breaks_before_the_stresses_have_converged():
-    """Spend one iteration at a time on an overload: break only in equilibrium."""
+def waiting(ratio):
+    """Push a wall, spend one iteration at a time until something breaks; give the residuals."""
     plan = wall(12, 14)
     fracture = start(plan)
     settle(fracture)
-    push(fracture, plan, 3.0)
-    waited = 0
+    push(fracture, plan, ratio)
+    residuals = []
     while not (rounds := fracture.advance(1)):
         assert not fracture.stable
-        waited += 1
-    assert waited > 5
-    assert rounds[0].utilisation.max() > 1.0
+        residuals.append(fracture.solver.residual / fracture.solver.tolerance)
+    assert len(residuals) > 5
+    return residuals, rounds[0], fracture
+
+
+def test_nothing_breaks_before_the_stresses_have_nearly_converged():
+    """Break what is far overloaded when the residual is ten tolerances, and no sooner."""
+    residuals, first, _ = waiting(3.0)
+    assert first.utilisation.max() > 2.0
+    assert min(residuals) > 10.0
+
+
+def test_bonds_near_their_limit_wait_for_equilibrium():
+    """Break what is overloaded by less than its strength in full equilibrium only."""
+    residuals, first, fracture = waiting(0.5)
+    assert 1.0 < first.utilisation.max() < 2.0
+    assert 1.0 < min(residuals) < 10.0
+
+
+def test_what_breaks_early_is_what_breaks_in_equilibrium():
+    """Break the worst bonds and none that would hold, with stresses right to a tenth of strength."""
+    plan = wall(30, 20, holes=[(1.0, 0.5, 1.6, 1.0)])
+    for seed in range(4):
+        force = np.random.default_rng(seed).normal(scale=400.0, size=(len(plan), 3))
+        fracture = start(plan)
+        settle(fracture)
+        fracture.solver.set_loads(force)
+        early = fracture.advance(1)
+        while not early:
+            early = fracture.advance(1)
+        exact = StressSolver(BondGraph(plan), tolerance=1e-4)
+        exact.set_loads(force)
+        exact.iterate(20_000)
+        share, _ = exact.utilisation()
+        assert fracture.solver.residual > fracture.solver.tolerance and share.max() > 2.0
+        np.testing.assert_allclose(early[0].utilisation, share[early[0].bond], atol=0.1)
+        assert np.argmax(share) in early[0].bond
+        assert share[early[0].bond].min() > 0.6 * min(share.max(), 3.0 / fracture.band)
 
 
 def gap_in_wall(tension):

@@ -24,6 +24,8 @@ from procphys_ros.physics.masonry.solver import StressSolver
 from procphys_ros.physics.masonry.strength import Cause
 
 _BAND = 0.7  # of the worst utilisation
+_ROUGH = 10.0  # tolerances of the solver, at which utilisations are right to 0.1 or so (test), ...
+_CLEARLY = 2.0  # ... and from which utilisation on bonds may break so early
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,11 @@ class Failures:
 
 class Fracture:
     """
-    Judge bonds whenever the stresses have converged, never before.
+    Judge bonds when the stresses have converged, or break what clearly breaks shortly before.
+
+    The last stretch to equilibrium takes nearly half of the iterations, and matters to bonds near
+    their limit alone. So each problem is glanced at once on the way: if its worst bond carries
+    twice its strength, it breaks then. Nothing counts as sound before convergence.
 
     :param solver: loads are set there; bonds break there.
     :param dynamic_factor: of bonds that break by overload, see `StressSolver.cut`.
@@ -58,6 +64,7 @@ class Fracture:
         self.dynamic_factor = dynamic_factor
         self.band = band
         self._judged: int | None = None
+        self._glanced: int | None = None
 
     @property
     def stable(self) -> bool:
@@ -74,14 +81,18 @@ class Fracture:
         solver, graph, rounds = self.solver, self.solver.graph, []
         while iterations > 0 and not self.stable:
             before = solver.spent
-            solver.iterate(iterations)
+            solver.iterate(iterations, 1.0 if self._glanced == solver.problem else _ROUGH)
             iterations -= max(solver.spent - before, 1)
             adrift = solver.mechanisms()
-            if not (solver.converged or len(adrift)):
+            settled = solver.converged or len(adrift) > 0
+            if not settled and not self._may_glance():
                 break
-            failures = self._judge(adrift)
+            self._glanced = solver.problem
+            failures = self._judge(adrift, 1.0 if settled else _CLEARLY)
             if len(failures.bond):
                 rounds.append(failures)
+            elif not settled:
+                continue
             elif solver.sudden:
                 solver.forget_sudden()  # the peak has been survived
             elif solver.converged:
@@ -93,13 +104,20 @@ class Fracture:
     def _is_judged(self) -> bool:
         return self._judged == self.solver.state
 
-    def _judge(self, adrift: np.ndarray) -> Failures:
+    def _may_glance(self) -> bool:
+        """Say whether the problem is nearly solved, not glanced at yet, and no mechanism."""
+        solver = self.solver
+        return (self._glanced != solver.problem
+                and solver.residual <= _ROUGH * solver.tolerance and not len(solver.adrift()))
+
+    def _judge(self, adrift: np.ndarray, least: float) -> Failures:
+        """Break what fails, if anything does; the worst bond must carry `least` its strength."""
         solver = self.solver
         graph = solver.graph
         wrench = solver.wrenches()
         share, cause = strength.utilisation(graph, wrench)
         chosen = np.zeros(len(graph), bool)
-        if solver.converged:
+        if (solver.converged or not len(adrift)) and share.max(initial=0.0) > least:
             chosen[strength.worst_first(graph, share, self.band)] = True
         moving = np.zeros(graph.count + 1, bool)
         moving[adrift] = True

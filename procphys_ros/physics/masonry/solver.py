@@ -26,8 +26,8 @@ from procphys_ros.physics.masonry.superposition import Superposition
 
 _AGGREGATE = 12      # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
-_STALE_AFTER = 40    # iterations since a change after which the coarse space is renewed: it costs
-#                      as much as about 30 iterations
+_STALE_AFTER = 80    # iterations since a change after which the coarse space is renewed: it costs
+#                      as much as about 25 iterations, and most changes are answered sooner
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
 _ADRIFT = 0.25       # [m] displacement at which a part counts as a mechanism: more than a brick,
 #                      so bonds are no longer where linear theory has them; sound masonry moves
@@ -52,6 +52,7 @@ class StressSolver:
     :ivar iterations: spent on each part so far, (N,) int.
     :ivar spent: iterations done since the last reset.
     :ivar state: changes with every change of bonds or displacements, never comes back.
+    :ivar problem: changes with every change of bonds or loads, never comes back.
     :ivar residual: largest nodal residual of the last look [N].
     :ivar labels: component of each part, see `components.label`, (N,).
     :ivar supported: parts that hold on to the ground, (N,) bool.
@@ -69,7 +70,7 @@ class StressSolver:
         self._search = np.zeros((3, count + 1, 6))  # z, p, q of the conjugate gradients
         self._blocks = np.empty((count, 6, 6))
         self._past = Superposition()
-        self.state = 0
+        self.state = self.problem = 0
         self.reset()
 
     def reset(self) -> None:
@@ -83,6 +84,7 @@ class StressSolver:
         self.iterations = np.zeros(graph.count, np.int64)
         self.spent = self._patience = 0
         self.state += 1
+        self.problem += 1
         self._bonds_changed(np.arange(graph.count))
         self._relabel()
         self._past.forget(self.labels)
@@ -107,6 +109,7 @@ class StressSolver:
             self._past.guess(self.displacement, self._residual, change)
             self._stale_view = True
             self.state += 1
+            self.problem += 1
         self._given = new
 
     def cut(self, bonds: np.ndarray, dynamic_factor: float = 1.0) -> None:
@@ -164,6 +167,7 @@ class StressSolver:
             self._residual += change
             self._past.shift(change)
             self._stale_view = True
+            self.problem += 1
             self._sudden *= 1.0 - share
 
     @property
@@ -180,6 +184,7 @@ class StressSolver:
         self._patience = 0
         self._past.forget(self.labels)
         self.state += 1
+        self.problem += 1
 
     def _bonds_changed(self, parts: np.ndarray) -> None:
         graph = self.graph
@@ -217,31 +222,35 @@ class StressSolver:
             self._look()
         return self.residual <= self.tolerance
 
-    def iterate(self, limit: int) -> float:
+    def iterate(self, limit: int, enough: float = 1.0) -> float:
         """
         Work on the islands out of equilibrium.
 
         :param limit: largest number of iterations.
+        :param enough: largest nodal residual to stop at, in tolerances, not less than 1.
         :returns: the largest nodal residual [N].
         """
+        target = enough * self.tolerance
         while limit > 0 and not self.converged and self._patience < _PATIENCE:
+            if self.residual <= target:
+                break
             stale = not self._coarse_fresh
             if stale and self._patience >= _STALE_AFTER:
                 self._refresh()
                 continue
             now = min(limit, _STALE_AFTER - self._patience) if stale else limit
-            done = self._run(now)
+            done = self._run(now, target)
             limit -= max(done, 1)
         return self.residual
 
-    def _run(self, limit: int) -> int:
+    def _run(self, limit: int, target: float) -> int:
         graph, coarse = self.graph, self._coarse
         preconditioner = (self._blocks, coarse.owner, coarse.arm, coarse.factor.panels,
                           self._columns, *np.empty((2, coarse.count, 6)))
         state = (self.displacement, self._residual, *self._search)
         done, self._product, self.residual = pcg.iterate(
             self._parts, self._bonds, (graph.links, graph.first, graph.second), preconditioner,
-            state, graph.reach, self._product, self.tolerance, limit)
+            state, graph.reach, self._product, target, limit)
         self.iterations[self._parts] += done
         self.spent += done
         self.state += 1
@@ -275,6 +284,11 @@ class StressSolver:
         size = pcg.residual_sizes(self._residual, self.graph.reach)
         return np.flatnonzero((size > self.tolerance) & self.supported)
 
+    def adrift(self) -> np.ndarray:
+        """List the parts displaced by more than 25 cm."""
+        far = np.max(np.abs(self.displacement[:-1, :3]), axis=1, initial=0.0) > _ADRIFT
+        return np.flatnonzero(far)
+
     def mechanisms(self) -> np.ndarray:
         """
         List the parts that no static equilibrium worth the name holds.
@@ -283,6 +297,5 @@ class StressSolver:
         unbalanced when the iterations since the last change have run out of patience.
         """
         if self.converged:
-            far = np.max(np.abs(self.displacement[:-1, :3]), axis=1, initial=0.0) > _ADRIFT
-            return np.flatnonzero(far)
+            return self.adrift()
         return self.unbalanced() if self._patience >= _PATIENCE else np.zeros(0, np.intp)
