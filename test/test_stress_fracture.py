@@ -90,7 +90,7 @@ def test_bonds_near_their_limit_wait_for_equilibrium():
 
 
 def test_what_breaks_early_is_what_breaks_in_equilibrium():
-    """Break the worst bonds and none that would hold, with stresses right to a tenth of strength."""
+    """Break the worst bonds and none that would hold, at stresses right to a tenth of limits."""
     plan = wall(30, 20, holes=[(1.0, 0.5, 1.6, 1.0)])
     for seed in range(4):
         force = np.random.default_rng(seed).normal(scale=400.0, size=(len(plan), 3))
