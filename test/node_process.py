@@ -81,7 +81,7 @@ class NodeProcess:
     def next_line(self, patience: float = PATIENCE) -> str:
         """Give the next line that the node prints."""
         line = self._lines.get(timeout=patience)
-        assert line is not None, f'the node ended: {self._complaints()}'
+        assert line is not None, f'the node ended: {self.complaints()}'
         return line
 
     def wait_for_banner(self) -> str:
@@ -95,7 +95,7 @@ class NodeProcess:
         """Send a signal, wait for the end, and give the exit code and what the node complained."""
         if how is not None:
             self.process.send_signal(how)
-        return self.process.wait(timeout=_COLD_START), self._complaints()
+        return self.process.wait(timeout=_COLD_START), self.complaints()
 
     def kill(self) -> None:
         """End the process whatever it does."""
@@ -108,7 +108,8 @@ class NodeProcess:
             self._lines.put(line)
         self._lines.put(None)
 
-    def _complaints(self) -> str:
+    def complaints(self) -> str:
+        """Read what the node has written on its error stream so far."""
         lines = self._errors.read_text('utf-8').splitlines(keepends=True)
         return ''.join(line for line in lines  # PyBullet greets whoever imports it
                        if not line.startswith('pybullet build time'))

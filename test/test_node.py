@@ -369,29 +369,3 @@ def test_reload_takes_new_objects_and_keeps_the_scene_on_an_error(client):
     assert scene['objects'][-1] == {'name': 'elm', 'first': 16, 'count': 4}
     assert client.set_parameter('scene.objects', ['sapling', 'post']).successful
     assert client.trigger('reload_scene').success
-
-
-def test_a_thousand_commands_are_all_answered_for(client):
-    """Count every command of a flood as taken or as rejected."""
-    publisher = client.publisher(WrenchStamped, '/sim/impulse')
-    status = client.watch_status()
-    first = count(status(), 'rejected impulse')
-    client.send_until(lambda: count(status(), 'rejected impulse') > first, 'a rejection',
-                      (publisher, wrench('nobody/1')))
-    before = status()
-    for i in range(1000):
-        publisher.publish(wrench('sapling_0/1' if i % 2 else 'nobody/1', 1e-3))
-    for key in ('commands taken', 'commands rejected'):
-        goal = int(before[key]) + 500
-        client.spin_until(lambda: int(status()[key]) >= goal, f'{goal} {key}')  # noqa: B023
-        assert int(status()[key]) == goal
-
-
-def test_overloaded_node_slows_down_and_still_answers(client):
-    """Ask for far more than can be computed: services answer, the status warns."""
-    assert client.set_parameter('real_time_factor', 1000.0).successful
-    values = client.diagnostics_where(lambda v: v['message'].startswith('overloaded'))
-    assert float(values['real-time factor']) < 950.0
-    assert client.switch('set_wind_enabled', True).success
-    assert client.set_parameter('real_time_factor', 1.0).successful
-    client.diagnostics_where(lambda v: v['real-time factor wanted'] == '1')

@@ -15,7 +15,7 @@
 
 """Huge texts, long lists, reloads with other settings; and what stands costs nothing."""
 
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, WrenchStamped
 from node_process import Client, NodeProcess, PARTS, SAPLING, SCENE
 import pytest
 from rcl_interfaces.srv import SetParametersAtomically
@@ -31,16 +31,22 @@ WHOLE_SETS = 3  # of markers that a new subscriber gets, lest the first come too
 
 
 @pytest.fixture(scope='module')
-def client(tmp_path_factory):
-    """Give a client of a node that runs for all tests of this file."""
+def node(tmp_path_factory):
+    """Run one node for all tests of this file."""
+    process = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
+    process.wait_for_banner()
+    yield process
+    process.kill()
+
+
+@pytest.fixture(scope='module')
+def client(node):
+    """Give a client of it."""
     rclpy.init()
     made = Client()
-    node = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
-    node.wait_for_banner()
     yield made
     made.close()
     rclpy.shutdown()
-    node.kill()
 
 
 @pytest.fixture(autouse=True)
@@ -150,3 +156,44 @@ def test_messages_of_another_type_are_not_heard(client):
     client.spin_until(lambda: status() != seen, 'the next status')
     assert (int(status()['commands rejected']), int(status()['commands taken'])) == before
     client.node.destroy_publisher(publisher)
+
+
+def count(values, key):
+    """Read a number of a status; what has never happened is not listed."""
+    return int(values.get(key, 0))
+
+
+def push(part):
+    """Make a light impulse on a part."""
+    message = WrenchStamped()
+    message.header.frame_id = part
+    message.wrench.force.x = 1e-3
+    return message
+
+
+def test_a_thousand_commands_are_all_answered_for(node, client):
+    """Count every command of a flood as taken or as rejected; warn of few, to fill no disk."""
+    publisher = client.publisher(WrenchStamped, '/sim/impulse')
+    status = client.watch_status()
+    first = count(status(), 'rejected impulse')
+    client.send_until(lambda: count(status(), 'rejected impulse') > first, 'a rejection',
+                      (publisher, push('nobody/1')))
+    before = status()
+    for i in range(1000):
+        publisher.publish(push('sapling_0/1' if i % 2 else 'nobody/1'))
+    for key in ('commands taken', 'commands rejected'):
+        goal = int(before[key]) + 500
+        client.spin_until(lambda: int(status()[key]) >= goal, f'{goal} {key}')  # noqa: B023
+        assert int(status()[key]) == goal
+    warnings = node.complaints().count(' rejected: ')
+    assert 1 <= warnings <= 250
+
+
+def test_overloaded_node_slows_down_and_still_answers(client):
+    """Ask for far more than can be computed: services answer, the status warns."""
+    assert client.set_parameter('real_time_factor', 1000.0).successful
+    values = client.diagnostics_where(lambda v: v['message'].startswith('overloaded'))
+    assert float(values['real-time factor']) < 950.0
+    assert client.switch('set_wind_enabled', True).success
+    assert client.set_parameter('real_time_factor', 1.0).successful
+    client.diagnostics_where(lambda v: v['real-time factor wanted'] == '1')
