@@ -21,6 +21,7 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.errors import CommandError
+from procphys_ros.physics.air import CYLINDER_DRAG
 from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, Sight
 from procphys_ros.physics.loads.blast import incidence_factor
 
@@ -241,7 +242,7 @@ def test_segment_takes_diffraction_and_drag():
     stick = np.array([[5.0, 0.0, HIGH, 0.0, 0.0, 0.0, 1.0]])
     found = blast_capsules((0.0, 0.0, HIGH), CHARGE, stick, np.array([[0.02, 0.02, length]]))
     passing = 0.5 * peak * air_blast.reflection(peak) * 0.02 / air_blast.shock_speed(peak)
-    drag = 1.2 * air_blast.dynamic_pressure(peak) * 2.0 * air_blast.duration(2.5) / 3.0
+    drag = CYLINDER_DRAG * air_blast.dynamic_pressure(peak) * 2.0 * air_blast.duration(2.5) / 3.0
     shadow = 0.02 * 1.0 + 0.25 * np.pi * 0.02 ** 2
     assert found.linear[0, 0] == pytest.approx((passing + drag) * shadow, rel=1e-9)
 

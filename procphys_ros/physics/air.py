@@ -15,9 +15,12 @@
 """Air: its density, and the drag of what has one shape wherever it is met."""
 
 AIR_DENSITY = 1.225  # [kg/m³], standard atmosphere at sea level (ISO 2533)
+AIR_VISCOSITY = 1.81e-5  # [Pa·s] at 15 °C (ISO 2533)
 # Drag of a long cylinder across the wind, subcritical (Hoerner 1965, Fluid-Dynamic Drag, 3-9).
 CYLINDER_DRAG = 1.1  # [-]
 CUBE_DRAG = 1.05  # [-], face on (Hoerner 1965, 3-16)
+PLATE_DRAG = 1.17  # [-], flat, across the flow (Hoerner 1965, 3-16)
+LEAF_DRAG = 0.4  # [-], per one-sided area, of a leaf that no other shelters; see below
 # Drag of foliage per one-sided leaf area, in terms of the wind that reaches the crown. One leaf
 # alone has 0.4 (canopy models use F = 0.2·ρ·a·u² with the speed between the leaves; Shaw and
 # Schumann 1992, Boundary-Layer Meteorology 61:47), but in a crown most leaves stand in the lee of

@@ -18,8 +18,8 @@
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import exposed_faces, wall_forces
-from procphys_ros.physics.loads.drag import AIR_DENSITY
 from procphys_ros.physics.wind import Wind
 from procphys_ros.simulation.buildings import Buildings
 from procphys_ros.simulation.standing_loads import StandingLoads

@@ -22,11 +22,10 @@ from typing import NamedTuple
 from numba import njit
 import numpy as np
 
+from procphys_ros.physics.air import AIR_DENSITY, AIR_VISCOSITY
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 
 GRAIN_DENSITY = 2000.0  # [kg/m³] mortar and brick
-AIR_VISCOSITY = 1.81e-5  # [Pa·s] at 15 °C (ISO 2533)
-_AIR_DENSITY = 1.225  # [kg/m³], ISO 2533
 _MEDIAN, _SPREAD = 20e-6, math.log(2.0)  # [m], [-] of a lognormal of grain diameters by mass
 # Above 60 µm Stokes' law fails (Reynolds number near 1): such grains drop at once, like sand.
 _FINEST, _COARSEST = 1e-6, 60e-6  # [m]
@@ -184,7 +183,7 @@ def stokes_speed(diameter: np.ndarray, gravity: float = 9.81) -> np.ndarray:
     :param diameter: of the grains [m], (K,).
     :param gravity: [m/s²].
     """
-    return (GRAIN_DENSITY - _AIR_DENSITY) * gravity * np.square(diameter) / (18.0 * AIR_VISCOSITY)
+    return (GRAIN_DENSITY - AIR_DENSITY) * gravity * np.square(diameter) / (18.0 * AIR_VISCOSITY)
 
 
 def _young_deviation(mass: np.ndarray | float) -> np.ndarray:

@@ -20,11 +20,10 @@ from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
+from procphys_ros.skeleton import LEAF_AREAL_DENSITY
 
-_AIR_DENSITY = 1.225  # [kg/m³], ISO 2533
-_AREAL_DENSITY = 0.2  # [kg/m²] fresh, one-sided: 75 g/m² dry (Poorter et al. 2009) at 60 % water
-_PLATE_DRAG = 1.17  # flat plate across the flow (Hoerner 1965, Fluid-Dynamic Drag, 3-16)
-DRAG = 0.5 * _AIR_DENSITY * _PLATE_DRAG / _AREAL_DENSITY  # [1/m] deceleration over speed²
+DRAG = 0.5 * AIR_DENSITY * PLATE_DRAG / LEAF_AREAL_DENSITY  # [1/m] deceleration over speed²
 _SPREAD = 0.12  # of the logarithm of the drag: some fall edge-on for longer than others
 _TUMBLING = 0.8  # tip speed over speed through the air (autorotating plates, Smith 1971)
 _REACH = 200.0  # [m] from where it came off, beyond which nobody follows a leaf: it lies down

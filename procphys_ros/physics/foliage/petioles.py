@@ -22,8 +22,8 @@ Drag and strength both go with leaf area (petioles grow in proportion to their b
 from numba import njit
 import numpy as np
 
-_AIR_DENSITY = 1.225  # [kg/m³], ISO 2533 standard atmosphere at sea level
-_LEAF_DRAG = 0.4  # of a leaf that no other shelters (Shaw and Schumann 1992)
+from procphys_ros.physics.air import AIR_DENSITY, LEAF_DRAG
+
 _CALM, _STORM = 10.0, 20.0  # [m/s] between these leaves roll up more and more
 _STREAMLINING = -0.85  # exponent of that (Vogel 1989, J. Exp. Botany 40:941, 10 and 20 m/s)
 
@@ -42,7 +42,7 @@ def drag_pressure(speed: np.ndarray | float) -> np.ndarray:
     """
     speed = np.asarray(speed, float)
     rolled = (np.clip(speed, _CALM, _STORM) / _CALM) ** _STREAMLINING
-    return 0.5 * _AIR_DENSITY * _LEAF_DRAG * rolled * speed ** 2
+    return 0.5 * AIR_DENSITY * LEAF_DRAG * rolled * speed ** 2
 
 
 def speed_of(pressure: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ def speed_of(pressure: np.ndarray) -> np.ndarray:
 
     :param pressure: drag per leaf area [N/m²], (...).
     """
-    root = np.sqrt(np.asarray(pressure, float) / (0.5 * _AIR_DENSITY * _LEAF_DRAG))
+    root = np.sqrt(np.asarray(pressure, float) / (0.5 * AIR_DENSITY * LEAF_DRAG))
     rolling = (root * _CALM ** (0.5 * _STREAMLINING)) ** (1.0 / (1.0 + 0.5 * _STREAMLINING))
     beyond = root * (_CALM / _STORM) ** (0.5 * _STREAMLINING)
     return np.where(root <= _CALM, root, np.where(rolling <= _STORM, rolling, beyond))

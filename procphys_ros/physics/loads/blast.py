@@ -22,10 +22,10 @@ import math
 import numpy as np
 
 from procphys_ros.errors import CommandError
+from procphys_ros.physics.air import CYLINDER_DRAG
 from procphys_ros.physics.loads import air_blast, faces
 from procphys_ros.physics.loads.sight import Sight
 
-_CYLINDER_DRAG = 1.2  # of a circular cylinder across the flow, Hoerner, Fluid-Dynamic Drag, 1965
 _OFF_FACE = 1e-4      # [m] rays start this far off a face
 _LARGEST = 1e6        # [kg] charge beyond any use (a kiloton), where the scene ends
 
@@ -114,7 +114,7 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
     peak = air_blast.overpressure(z)
     reflected = peak * air_blast.reflection(peak)
     passing = 0.5 * reflected * diameter / air_blast.shock_speed(peak)
-    drag = _CYLINDER_DRAG * air_blast.dynamic_pressure(peak) * scale * air_blast.duration(z) / 3
+    drag = CYLINDER_DRAG * air_blast.dynamic_pressure(peak) * scale * air_blast.duration(z) / 3
     ceiling = scale * air_blast.impulse(z) * air_blast.reflection(peak)
     size = np.minimum(passing + drag, ceiling) * shadow
     if sight is not None:
