@@ -160,7 +160,7 @@ def test_office_has_the_number_of_bricks_of_the_paper(shipped):
 def test_buildings_have_their_parts(shipped):
     """Name what each part is."""
     assert {'brick', 'frame', 'pane', 'board', 'lintel', 'joist', 'partition', 'plate', 'ridge',
-            'rafter', 'batten', 'tile', 'tie'} == set(shipped['cottage'].kinds)
+            'rafter', 'batten', 'tile', 'tie', 'verge'} == set(shipped['cottage'].kinds)
     assert 'slab' in shipped['office'].kinds
     assert 'brick' not in shipped['barn'].kinds
 

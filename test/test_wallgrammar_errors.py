@@ -197,6 +197,13 @@ def test_roof_needs_a_rectangle():
     assert 'right angles only' in refusal(old, shape + '\n  floors: timber').message
 
 
+@pytest.mark.parametrize('roof', ['gable(40)', 'hip(40)'])
+def test_roof_needs_room_for_its_timbers(roof):
+    """Refuse roofs over a plan that is hardly more than its walls."""
+    error = refusal(_SQUARE, f'(0, 0) (3, 0) (3, 0.6) (0, 0.6)\n  roof: {roof}')
+    assert 'at least 0.5 m between opposite walls' in error.message
+
+
 def test_window_in_the_way_of_a_slab_is_refused():
     """Ask for a strip of wall where the slab passes."""
     error = refusal('rule front -> wall', 'floors: slab(0.2)\nrule front -> split(x) '

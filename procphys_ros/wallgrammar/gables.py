@@ -56,6 +56,7 @@ class GableRoof(Roof):
             self._seat(slope, rafters, np.concatenate(plates))
             self._head(slope, rafters, ridge, self._square_end(slope, rafters))
             slope.cover(self.site, frame, rafters)
+            slope.verges(self.site, frame)
         self.tie(axis)
 
     def _gable_wall(self, wall: Elevation, seat: int, top: int, half: int) -> None:

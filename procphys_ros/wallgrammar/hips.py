@@ -28,11 +28,12 @@ from procphys_ros.wallgrammar.boxes import (
     stack,
 )
 from procphys_ros.wallgrammar.roofs import PIECE, RIDGE, Roof, TIE
-from procphys_ros.wallgrammar.slopes import COVER, Ends, OVERHANG
+from procphys_ros.wallgrammar.slopes import APEX, COVER, Ends, OVERHANG
 
 _HIP = 0.05           # [m] thickness of hip boards
 _STRUT = 1_200_000    # [µm] largest distance of struts
 _CAP = (0.45, 0.4, 0.02)  # [m] length, width and thickness of hip caps
+_SHORT = 0.175        # [m] in plan, from the apex to the middle of the uppermost caps' ends
 _STRIP = 0.04         # [m] width of the strip below them
 _SHORTEST_RIDGE = 0.5  # [m]
 
@@ -68,7 +69,27 @@ class HipRoof(Roof):
             rows = Ends(*(column[~full] for column in rafters))
             self._head(slope, rows, hips, ends_at[~full])
             slope.cover(self.site, frame, rafters)
+        self._apexes(axis, middle, top, slopes[0].crest)
         self.tie(axis)
+
+    def _apexes(self, axis: int, middle: int, top: int, crest: float) -> None:
+        """Set a post on each end of the ridge, with a block on it that closes the apex."""
+        half, wide = micro(0.5 * RIDGE), micro(APEX)
+        # Over the hip boards, or in flat roofs over the tiles beside the ridge and the hip caps.
+        lowest = self.span * np.tan(self.pitch) + 0.005 + max(
+            self.depth / np.cos(self.pitch), (self.depth + COVER) * np.cos(self.pitch),
+            (self.depth + COVER) / np.cos(self.pitch) + self._lift + _CAP[2] - _SHORT * np.tan(
+                self.pitch))
+        bottom, crown = micro(self.eaves + lowest), micro(self.eaves + crest + _CAP[2])
+        for end, inwards in ((int(self.low[axis]) + micro(self.span), 1),
+                             (int(self.high[axis]) - micro(self.span), -1)):
+            seat = sorted((end, end + inwards * wide))
+            self._timber(axis, (seat[0], seat[1]), (middle - half, middle + half), top, bottom, 0,
+                         'post')
+            block = self._box(axis, (end - wide, end + wide), (middle - wide, middle + wide),
+                              bottom, crown, 0, 'tile')
+            block.material[:] = self.site.material('tile')
+            self.site.add(block)
 
     def _strut(self, axis: int) -> None:
         """Set struts between the ties, that hold the plates below the hipped ends."""
@@ -126,10 +147,16 @@ class HipRoof(Roof):
             self._cap(len(self.site.frames) - 1, end, depth, slope)
         return np.concatenate(parts)
 
+    @property
+    def _lift(self) -> float:
+        """Height of hip caps over the tiles [m]; in flat roofs a tile comes under them."""
+        return float(max(0.01, 0.024 - 0.03 * np.tan(self.pitch)))
+
     def _cap(self, frame: int, end: float, depth: float, slope: float) -> None:
         """Cover a hip with caps on a strip that lifts them over the tiles."""
-        start, stop = -OVERHANG / np.cos(slope), end - 0.6 * _CAP[1] / np.cos(slope)
-        top = depth + COVER / np.cos(self.pitch) * np.cos(slope) + 0.01
+        start = -OVERHANG / np.cos(slope)
+        stop = end - (np.sqrt(2.0) * _SHORT - 0.03) / np.cos(slope)
+        top = depth + COVER / np.cos(self.pitch) * np.cos(slope) + self._lift
         strip = from_cells(
             micros([start, -0.5 * _STRIP, depth]), micros([stop, 0.5 * _STRIP, top]), frame=frame,
             joint=Joint.FIXING, kind=self.site.kind('batten'),

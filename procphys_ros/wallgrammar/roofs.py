@@ -30,6 +30,7 @@ PIECE = 1_500_000     # [µm] plates, ridges and hips splinter into pieces of at
 TIE = (50_000, 600_000)  # [µm] width and spacing of ties between plates
 _PLATE = 100_000      # [µm] width of wall plates, at most the wall
 _RIDGE_SEAT = 0.15    # [m] least depth of the ridge board below the rafters' ends
+_LEAST_ROOM = 0.5     # [m] between opposite walls, for ties and rafters
 _TIE_GAP = 0.001      # [m] mean gap of cut timber joints
 
 
@@ -56,6 +57,10 @@ class Roof:
         self.plate = min(_PLATE, self.layout.thickness)
         self.axis = axis
         self.size = (self.high - self.low) / MICRO
+        room = float(self.size.min()) - 2.0 * self.layout.thickness / MICRO
+        if room < _LEAST_ROOM:
+            raise site.place.error(f'a gable or hip roof needs at least {_LEAST_ROOM:g} m between '
+                                   f'opposite walls, found {room:g} m; use flat or none')
         self.span = 0.5 * float(self.size[1 - axis])
         self.depth = rafter_depth(self.span, self.pitch)
         site.expect(float(self.size.prod()) / np.cos(self.pitch) / TILE_AREA)

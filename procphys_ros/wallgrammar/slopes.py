@@ -35,9 +35,14 @@ _GAUGE = 0.32            # [m] largest distance of battens
 TILE_AREA = _TILE[0] * _GAUGE  # [m²] of roof that a tile covers
 _APART = 0.001           # [m] tiles do not touch each other
 _CLEAR = 0.005           # [m] between pieces that meet at a hip
+_LAP = 0.15              # [m] by which ridge tiles lie on the tiles below
+_RIDGE_TILE = 0.45       # [m] length of ridge tiles
+_TIP = (0.24, 0.09)      # [m] width of the tile below an apex, and its distance from the hips
+_VERGE = (0.025, 0.12)   # [m] thickness of boards at gables, and how far they hang below battens
 _HIP_ROOM = 0.05         # [m] along the eaves, for the strip that carries the caps of a hip
 _PIECE = 1_500_000       # [µm] rafters and battens splinter into pieces of at most this length
 OVERHANG = 0.25          # [m] of the eaves
+APEX = 0.20              # [m] half the side of the blocks that close the apexes of hips
 
 
 class Ends(NamedTuple):
@@ -146,7 +151,7 @@ class Slope:
         bottom = -OVERHANG / np.cos(self.pitch)
         rows = np.linspace(bottom, top - _BATTEN[0],
                            int(np.ceil((top - _BATTEN[0] - bottom) / _GAUGE)) + 1)
-        battens, tiles, last = [], [], None
+        battens, lines = [], []
         for x in rows:
             ends = self._row(x + _BATTEN[0], self.depth)
             held = rafters.place[rafters.reach > x]
@@ -155,15 +160,55 @@ class Slope:
                 break
             battens.append(_box([x, -ends[1], self.depth],
                                 [x + _BATTEN[0], -ends[0], self.depth + _BATTEN[1]], frame, 1))
-            if last is not None:
-                tiles += self._tiles(last + 0.5 * _BATTEN[0], x + 0.5 * _BATTEN[0], frame)
-            last = x
+            lines.append(x + 0.5 * _BATTEN[0])
+        tiles = [tile for low, high in zip(lines, lines[1:])
+                 for tile in self._tiles(low, high, frame)]
+        tiles += self._ridge_tiles(lines[-1], frame)
         for boxes, kind, material, longest in ((battens, 'batten', 'timber', _PIECE),
                                                (tiles, 'tile', 'tile', 0)):
             if boxes:
                 column = stack(boxes)
                 column.kind[:], column.material[:] = site.kind(kind), site.material(material)
                 site.add(column, longest)
+
+    def verges(self, site: Site, frame: int) -> None:
+        """
+        Nail boards to the ends of the battens, which cover the steps of the gables.
+
+        :param site: takes the parts.
+        :param frame: index of the slope's frame.
+        """
+        low, high = self.depth - _VERGE[1], self.depth + COVER
+        bottom = -OVERHANG / np.cos(self.pitch)
+        top = (self.span + low * np.sin(self.pitch)) / np.cos(self.pitch) - _APART
+        boards = stack([_box([bottom, y, low], [top, y + _VERGE[0], high], frame, 0)
+                        for y in (-self.length - _VERGE[0], 0.0)])
+        boards.kind[:], boards.material[:] = site.kind('verge'), site.material('timber')
+        site.add(boards, _PIECE)
+
+    @property
+    def crest(self) -> float:
+        """Height of the ridge tiles over the eaves [m]."""
+        lower, upper = self._ridge_levels()
+        return upper * np.sin(self.pitch) + (lower + _TILE[1]) * np.cos(self.pitch)
+
+    def _ridge_levels(self) -> tuple[float, float]:
+        """Give z of the underside of ridge tiles, and x where they meet the other side."""
+        bottom = self.depth + COVER
+        return bottom, (self.span + bottom * np.sin(self.pitch)) / np.cos(self.pitch) - _APART
+
+    def _ridge_tiles(self, edge: float, frame: int) -> list[Boxes]:
+        """Lay tiles over the upper edge of the slope up to the ridge, or near the apex of hips."""
+        bottom, top = self._ridge_levels()
+        start = self.span + APEX if self.hipped else 0.0
+        end = self.length - start
+        if end - start < _RIDGE_TILE:  # the slope ends in an apex
+            start, end = (0.5 * self.length + side * 0.5 * _TIP[0] for side in (-1, 1))
+            top -= (0.5 * _TIP[0] + _TIP[1]) / np.cos(self.pitch)
+        count = max(round((end - start) / _RIDGE_TILE), 1)
+        lines = np.linspace(start, end, count + 1)
+        return [_box([edge - _LAP, -b + _APART, bottom], [top, -a - _APART, bottom + _TILE[1]],
+                     frame, 1) for a, b in zip(lines, lines[1:])]
 
     def _row(self, x: float, z: float) -> tuple[float, float]:
         """Give where a row across the slope starts and ends along the eaves [m]."""
@@ -177,9 +222,14 @@ class Slope:
         start, end = self._row(high, bottom)
         count = max(int(round((end - start) / _TILE[0])), 1)
         lines = np.linspace(start, end, count + 1)
+        spans = [(a, b, high) for a, b in zip(lines, lines[1:])]
+        if self.hipped:  # half tiles follow the hips more closely
+            middle = 0.5 * (low + high)
+            left, right = self._row(middle, bottom)
+            spans += [(left, start, middle), (end, right, middle)]
         return [_box([low + _APART, -b + _APART, bottom],
-                     [high - _APART, -a - _APART, bottom + _TILE[1]], frame, 1)
-                for a, b in zip(lines, lines[1:])]
+                     [top - _APART, -a - _APART, bottom + _TILE[1]], frame, 1)
+                for a, b, top in spans if b - a > 4 * _APART]
 
 
 def _box(low: list[float], high: list[float], frame: int, axis: int) -> Boxes:
