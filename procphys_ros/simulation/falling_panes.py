@@ -27,7 +27,8 @@ from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.panes import Panes, PIECES
 
 FEWEST = 2         # pieces along each side, where there is little room for more bodies
-_BODIES = 360      # awake bodies up to which there is room for shards; others wait, cracked
+_BODIES = 300      # awake bodies up to which there is room for shards; other panes wait, cracked
+_SHARDS = 64       # awake shards that there should be: the more, the fewer does a pane break into
 _MOST = 4          # panes that fall out in one step: each time their piece is made anew
 _NEAR = 0.02       # [m] from a pane, within which a contact of its piece is one on the glass
 _JUST_OVER = 1.01  # load of a pane whose frame bends
@@ -67,6 +68,7 @@ class FallingPanes:
         self._world = world
         self._debris = debris
         self._load = np.zeros(len(self._parts))
+        self._shards = np.zeros(0, np.intp)
 
     @property
     def waiting(self) -> bool:
@@ -105,10 +107,12 @@ class FallingPanes:
         :returns: whether any did.
         """
         rows = np.flatnonzero(self._load > 1.0)
-        room = _BODIES - len(self._world.awake)
-        chosen = rows[:min(_MOST, max(room // FEWEST ** 2, 0))]
+        awake = self._world.awake
+        chosen = rows[:min(_MOST, max((_BODIES - len(awake)) // FEWEST ** 2, 0))]
         if not len(chosen):
             return False
+        self._shards = self._shards[np.isin(self._shards, awake)]
+        room = max(_SHARDS - len(self._shards), 0)
         pieces = min(max(int((room / len(rows)) ** 0.5), FEWEST), PIECES)
         carrier = self._debris.carrier[self._parts[chosen]]
         for body in np.unique(carrier).tolist():
@@ -175,7 +179,8 @@ class FallingPanes:
         rest = np.setdiff1d(members, parts)
         debris.split(body, self._free.pieces(rest) if len(rest) else [])
         for part, pose, velocity in zip(parts.tolist(), poses, velocities):
-            self._panes.burst(part, pose, velocity, pieces)
+            bodies = self._panes.burst(part, pose, velocity, pieces)
+            self._shards = np.concatenate([self._shards, bodies])
 
     def _part_from_frame(self, part: int, pose: np.ndarray, members: np.ndarray, load: float,
                          time: float) -> None:

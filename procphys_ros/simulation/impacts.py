@@ -38,8 +38,9 @@ CONTACT = 15e-3     # [s] that a blow lasts: edges crush and rubble gives way by
 _CHAIN = 0.3        # [m/s] change of speed down to which taking back follows chains of contacts
 _LEAST_JUMP = 0.5   # [m/s] change of speed by contacts that is no blow: thrice what gravity gives
 #                     in a step, so that what rests or is pushed about is never judged
-_SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot break a piece, except
-#                     for long chains, which break at the next, harder blow
+_SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot break a piece
+_LEVER = 8.0 / 27.0  # of half of the length of a free bar: largest moment over force, where the
+#                     bar is hit at its end; in the middle it is 1/4
 _NODES = 60         # cells that a piece breaks into at most in one step
 _PER_CELL = 5       # what a cell costs to judge, in units of ...
 _WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows
@@ -236,7 +237,9 @@ class Impacts:
         start = np.searchsorted(side[order], np.arange(count + 1))
         for body in chosen[np.argsort(-felt[chosen], kind='stable')].tolist():
             parts = debris.parts_of(body)
-            if felt[body] > CONTACT * _SCREEN * self._free.weakest[parts].min():
+            least = min(self._free.weakest[parts].min(), self._free.weakest_bent[parts].min()
+                        / (_LEVER * bodies.radius[body]))
+            if felt[body] > CONTACT * _SCREEN * least:
                 rows = order[start[body]:start[body + 1]]
                 yield _Blow(body, parts, None, rows)
 

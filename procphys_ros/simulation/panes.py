@@ -156,7 +156,8 @@ class Panes:
         velocities[:, :3] = pane.share[:, None] * velocity
         self._scatter(pane.part, pane.pieces, velocities)
 
-    def burst(self, part: int, pose: np.ndarray, velocity: np.ndarray, pieces: int) -> None:
+    def burst(self, part: int, pose: np.ndarray, velocity: np.ndarray,
+              pieces: int) -> np.ndarray:
         """
         Put shards in the place of a pane that no body carries any more.
 
@@ -164,11 +165,12 @@ class Panes:
         :param pose: where it was, world, (7,).
         :param velocity: of it, world axes, (6,); its shards go on as it did: v + ω × r, ω.
         :param pieces: along each side.
+        :returns: ids of the bodies of the shards.
         """
         parts = self._cut(part, pose, pieces)
         velocities = np.tile(velocity, (len(parts), 1))
         velocities[:, :3] += np.cross(velocity[3:], parts.poses[:, :3] - pose[:3])
-        self._scatter(part, parts, velocities)
+        return self._scatter(part, parts, velocities)
 
     def _cut(self, part: int, pose: np.ndarray, pieces: int) -> Blueprint:
         source, rng = self._blueprint, np.random.default_rng([self._seed, part])
@@ -176,13 +178,14 @@ class Panes:
                       source.textures[source.texture[part]],
                       source.materials[source.material[part]], pieces, pieces, rng)
 
-    def _scatter(self, part: int, pieces: Blueprint, velocities: np.ndarray) -> None:
-        """Let shards fly, (S, 6) velocities, instead of their pane."""
+    def _scatter(self, part: int, pieces: Blueprint, velocities: np.ndarray) -> np.ndarray:
+        """Let shards fly, (S, 6) velocities, instead of their pane; give their bodies."""
         self._vanish(np.array([part]))
         first = self._join(pieces, f'pane_{part}')
         bodies = self._world.add_bricks(pieces.poses, pieces.size, pieces.mass)
         self._world.thaw(bodies, velocities + self._spring(part, pieces))
         self._debris.adopt(np.arange(first, first + len(pieces)), bodies)
+        return bodies
 
     def _spring(self, part: int, pieces: Blueprint) -> np.ndarray:
         """Give what shards gain as the bent pane springs back, without momentum, (S, 6)."""

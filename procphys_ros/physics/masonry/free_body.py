@@ -40,6 +40,8 @@ _BAND = 0.4        # a blow breaks all that is loaded above this share of the wo
 #                    stress arrives everywhere before the first crack has relieved anything
 _ITERATIONS = 150  # of conjugate gradients per round
 _LEAST = 1e4       # [Pa] strength of what has none: dry parts hook into each other
+_SLENDER = 4.0     # length of the parts over the least side of their joints, from which on pieces
+#                    are members that bend: boards and battens; head joints of bricks reach 3.5
 _ROUNDING = 1e-9   # of the loads: what balances up to this is in balance
 _ACCURACY = 1e-4   # drop of the squared preconditioned residual at which stresses are known well
 
@@ -69,6 +71,8 @@ class FreeBodies:
 
     :ivar graph: the bonds; row = row of the blueprint.
     :ivar weakest: least force that can break a bond of each part [N], inf without bonds, (N,).
+    :ivar weakest_bent: least moment that can break a bond of each part of a slender member
+        [N·m], inf elsewhere, (N,).
     """
 
     def __init__(self, blueprint: Blueprint):
@@ -81,11 +85,15 @@ class FreeBodies:
         self._rank = np.random.default_rng(0).permutation(len(blueprint))  # where cells start
         self._place = np.full(len(blueprint) + 1, -1, np.int32)
         graph = self.graph
-        force = np.minimum(graph.mortar.tension, graph.mortar.cohesion) * graph.area
-        self.weakest = np.full(graph.count + 1, np.inf)
-        np.minimum.at(self.weakest, graph.first, force)
-        np.minimum.at(self.weakest, graph.second, force)
-        self.weakest = self.weakest[:-1]
+        mortar = graph.mortar
+        force = np.minimum(mortar.tension, mortar.cohesion) * graph.area
+        self.weakest = _least(graph, force)
+        side = graph.extent.min(axis=1, initial=np.inf)
+        centre = np.concatenate([graph.centre, np.full((1, 3), np.inf)])  # or the ground
+        length = np.linalg.norm(centre[graph.first] - centre[graph.second], axis=1)
+        slender = np.isfinite(length) & (length > _SLENDER * side)
+        moment = mortar.tension * graph.area * side / 6.0
+        self.weakest_bent = _least(graph, np.where(slender, moment, np.inf))
 
     def reset(self) -> None:
         """Make every bond whole again."""
@@ -160,6 +168,14 @@ class FreeBodies:
         graph = self.graph
         return cells.inside(parts, graph.start, graph.incident, graph.alive, graph.first,
                             graph.second, self._place)
+
+
+def _least(graph: BondGraph, value: np.ndarray) -> np.ndarray:
+    """Give the least value of the bonds of each part, (N,)."""
+    out = np.full(graph.count + 1, np.inf)
+    np.minimum.at(out, graph.first, value)
+    np.minimum.at(out, graph.second, value)
+    return out[:-1]
 
 
 class _System:
