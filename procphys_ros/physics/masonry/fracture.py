@@ -81,7 +81,7 @@ class Fracture:
         solver, graph, rounds = self.solver, self.solver.graph, []
         while iterations > 0 and not self.stable:
             before = solver.spent
-            solver.iterate(iterations, 1.0 if self._glanced == solver.problem else _ROUGH)
+            solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
             iterations -= max(solver.spent - before, 1)
             adrift = solver.mechanisms()
             settled = solver.converged or len(adrift) > 0
@@ -107,8 +107,11 @@ class Fracture:
     def _may_glance(self) -> bool:
         """Say whether the problem is nearly solved, not glanced at yet, and no mechanism."""
         solver = self.solver
-        return (self._glanced != solver.problem
-                and solver.residual <= _ROUGH * solver.tolerance and not len(solver.adrift()))
+        return solver.residual <= _ROUGH * solver.tolerance and self._glances()
+
+    def _glances(self) -> bool:
+        """Say whether the problem is to be glanced at; what is adrift is solved to the end."""
+        return self._glanced != self.solver.problem and not len(self.solver.adrift())
 
     def _judge(self, adrift: np.ndarray, least: float) -> Failures:
         """Break what fails, if anything does; the worst bond must carry `least` its strength."""
