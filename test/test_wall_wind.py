@@ -26,8 +26,8 @@ from procphys_ros.simulation import Simulation
 
 SHIPPED = ['barn', 'cottage', 'garden_wall', 'office', 'terrace', 'tower']
 WAYS = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (0.7071, 0.7071)]
-GALE = 25.0  # [m/s] at 10 m; the Enhanced Fujita scale expects the first damage that shows on houses
-#              at 29 m/s, loss of roof at 55 m/s, walls down at 59 m/s (McDonald & Mehta 2006)
+GALE = 25.0  # [m/s] at 10 m; the Enhanced Fujita scale expects damage that just shows on houses at
+#              29 m/s, loss of roof at 55 m/s, walls down at 59 m/s (McDonald & Mehta 2006)
 
 
 def _blow(name):
