@@ -210,6 +210,20 @@ def test_vanished_part_is_deleted_once_and_can_return():
     assert read_markers(scene.changes(poses, AT))['oak', 6].action == Marker.ADD
 
 
+def test_whole_set_deletes_what_has_just_vanished():
+    """Leave no ghosts in a view that several scenes share, and that none of them may clear."""
+    blueprint = mixed_blueprint()
+    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world',
+                                  messages.MarkerStyle(shard='shard_1'))
+    poses = blueprint.poses.copy()
+    scene.whole(poses, AT)
+    poses[6] = np.nan
+    found = read_markers(scene.whole(poses, AT))
+    assert [key for key, marker in found.items() if marker.action == Marker.DELETE] == [('oak', 6)]
+    assert len(found) == 9 + 2
+    assert len(read_markers(scene.whole(poses, AT))) == 8 + 2
+
+
 @pytest.mark.parametrize('frame', FRAMES)
 @pytest.mark.parametrize('count', [0, 1, 5])
 def test_breaks_are_read_back(frame, count):

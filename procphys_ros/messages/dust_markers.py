@@ -55,11 +55,11 @@ class DustMarkers:
         self._colour = np.array(colour)
         self._lists = [ListMarker(Kind.SPHERE_LIST, namespace, number, frame_id, colour)
                        for number in range(len(_EDGES) + 1)]
-        self._sent: list[bytes] = [b''] * len(self._lists)
+        self._sent: list[bytes | None] = [b''] * len(self._lists)
 
     def forget(self) -> None:
-        """Write everything anew next time."""
-        self._sent = [b''] * len(self._lists)
+        """Write everything anew next time, or delete it."""
+        self._sent = [None] * len(self._lists)
 
     @property
     def deletions(self) -> list[bytes]:

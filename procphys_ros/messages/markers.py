@@ -146,7 +146,9 @@ class SceneMarkers:
         :param leaf_poses: petioles of all leaves, (L, 7), if `shows_leaf_poses`; None = still.
         :param puffs: of dust.
         """
-        self._sent.poses[:] = np.nan
+        # What has vanished since the last message is still deleted: nothing is cleared in a view
+        # that others draw into.
+        self._sent.poses[np.isfinite(poses[:, 0])] = np.nan
         self._sent_leaves.poses[:] = np.nan
         self._dust.forget()
         chunks, count = self._changed(poses, at, leaf_poses, puffs)

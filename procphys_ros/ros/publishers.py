@@ -64,6 +64,7 @@ class Publishers:
         self._clock = (node.create_publisher(Clock, '/clock', qos.NEWEST)
                        if parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
+        self._wants_whole = True
         self._marker_beat = Beat(parameters['marker_rate'], _EARLY)
         self._description_beat = Beat(_DESCRIPTIONS)
         self._had_dust = False
@@ -123,18 +124,18 @@ class Publishers:
 
     def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:
         if self._new_to_markers.are_waiting():
-            self._scene_markers = None
+            self._wants_whole = True
         if not self._markers.get_subscription_count() or not self._marker_beat.is_due():
             return
         markers = self._scene_markers
         if markers is None:
             markers = self._scene_markers = SceneMarkers(
                 simulation.blueprint, simulation.objects, self._frame, self._style())
-            write: Callable = markers.whole
-        else:
-            write = markers.changes
-            if len(markers) < len(simulation.blueprint):
-                markers.grow(simulation.blueprint, simulation.objects)
+            self._wants_whole = True
+        elif len(markers) < len(simulation.blueprint):
+            markers.grow(simulation.blueprint, simulation.objects)
+        write: Callable = markers.whole if self._wants_whole else markers.changes
+        self._wants_whole = False
         leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
         data = write(simulation.poses, at, leaves, simulation.dust)
         if data is not None:
