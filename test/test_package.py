@@ -38,7 +38,7 @@ LONGEST = 400  # lines of a file
 LAYERS = {
     'errors': 0, 'rotation': 0, 'resources': 0, 'palette': 0, '': 0,
     'blueprint': 1, 'skeleton': 2,
-    'physics.air': 2, 'language': 2, 'lsystem': 3, 'wallgrammar': 3,
+    'physics.air': 2, 'physics.skyline': 2, 'language': 2, 'lsystem': 3, 'wallgrammar': 3,
     'physics': 3, 'physics.wind': 3, 'physics.trees': 3, 'physics.masonry': 3,
     'physics.loads': 3, 'physics.dust': 3, 'physics.foliage': 3, 'physics.touch': 3,
     'physics.world': 4,

@@ -20,10 +20,13 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Law
 from procphys_ros.physics.dust import DustCloud, fracture_energy, Mode
+from procphys_ros.physics.skyline import OPEN
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
+from procphys_ros.simulation.buildings import Buildings
 from procphys_ros.simulation.events import Cause, EventLog
 from procphys_ros.simulation.hits import Hits
+from procphys_ros.simulation.roofs import Roofs
 from procphys_ros.simulation.striking import Impact
 
 _SEED = 104  # told apart from other random things by the scene's own seed
@@ -39,13 +42,16 @@ class Dust:
     :param blueprint: all parts and bonds of the scene.
     :param capacity: number of puffs that there can be.
     :param gravity: downward acceleration [m/s²].
+    :param buildings: what dust settles on.
     :param seed: of everything random about dust.
 
     :ivar cloud: all puffs.
     """
 
-    def __init__(self, blueprint: Blueprint, capacity: int, gravity: float, seed: int):
+    def __init__(self, blueprint: Blueprint, capacity: int, gravity: float, buildings: Buildings,
+                 seed: int):
         self._blueprint = blueprint
+        self._roofs, self._skyline = Roofs(blueprint, buildings), OPEN
         self._mortar = blueprint.bond_law == Law.MORTAR
         pairs = blueprint.bonds[~self._mortar]
         self._wooden = np.unique(pairs[pairs >= 0])
@@ -59,6 +65,8 @@ class Dust:
     def reset(self, log: EventLog) -> None:
         """Clear the air; what the log holds already makes no dust any more."""
         self.cloud.clear()
+        self._roofs.reset()
+        self._skyline = OPEN
         self._hits.reset()
         self._seen, self._struck = log.total, 0
 
@@ -109,7 +117,11 @@ class Dust:
 
     def drift(self, wind: Wind, time: float, time_step: float) -> None:
         """Move the dust on by one step."""
-        self.cloud.step(time_step, lambda points: wind.velocity(points, time))
+        if self.cloud.dusty:
+            before, self._skyline = self._skyline, self._roofs.skyline()
+            if self._skyline is not before:
+                self.cloud.lift(self._skyline)
+        self.cloud.step(time_step, lambda points: wind.velocity(points, time), self._skyline)
 
     def _from_fractures(self, log: EventLog) -> None:
         new, self._seen = log.total - self._seen, log.total

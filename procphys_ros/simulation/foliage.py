@@ -31,9 +31,12 @@ from procphys_ros.physics.foliage import (
     speed_of,
     strengths,
 )
+from procphys_ros.physics.skyline import OPEN
 from procphys_ros.physics.wind import Wind
 from procphys_ros.scene.particles import LeafSettings
+from procphys_ros.simulation.buildings import Buildings
 from procphys_ros.simulation.grove import Grove
+from procphys_ros.simulation.roofs import Roofs
 
 _FLUTTER_SEED, _STRENGTH_SEED, _FALL_SEED = 101, 102, 103  # told apart by the scene's own seed
 
@@ -51,6 +54,7 @@ class Foliage:
     :param grove: the trees that stand.
     :param settings: what leaves do.
     :param gravity: downward acceleration [m/s²].
+    :param buildings: what leaves come down on.
     :param seed: of all that differs from leaf to leaf.
 
     :ivar fallen: leaves that came off.
@@ -58,10 +62,11 @@ class Foliage:
     """
 
     def __init__(self, blueprint: Blueprint, grove: Grove, settings: LeafSettings, gravity: float,
-                 seed: int):
+                 buildings: Buildings, seed: int):
         self._leaves = blueprint.leaves
         self._grove = grove
         self._settings = settings
+        self._roofs = Roofs(blueprint, buildings)
         self._seed = seed
         self._area = self._leaves.size ** 2  # as `Blueprint.leaf_area` has it
         self._leaf_area = blueprint.leaf_area
@@ -76,6 +81,8 @@ class Foliage:
     def reset(self) -> None:
         """Put all leaves back on their petioles (the forest grows its own back)."""
         self.fallen.clear()
+        self._roofs.reset()
+        self._skyline = OPEN
         self.attached = np.ones(len(self._leaves), bool)
         self._left = self._leaf_area.copy()
         self._next = self._first.copy()
@@ -96,10 +103,8 @@ class Foliage:
         """
         if self._settings.shedding and wind.enabled and len(self._queue):
             self._tear_off(poses, velocities)
-        flying = np.flatnonzero(self.fallen.flying)
-        if len(flying):
-            self._feel(wind, flying, time)
-            self.fallen.step(flying, self._felt[flying], time_step)
+        if len(self.fallen):
+            self._fly(wind, time, time_step)
 
     def poses(self, wind: Wind, poses: np.ndarray, velocities: np.ndarray,
               time: float) -> np.ndarray:
@@ -120,6 +125,15 @@ class Foliage:
         out = carried(self._carrier, frames, local)
         out[self.fallen.leaf] = self.fallen.poses
         return out
+
+    def _fly(self, wind: Wind, time: float, time_step: float) -> None:
+        before, self._skyline = self._skyline, self._roofs.skyline()
+        if self._skyline is not before:
+            self.fallen.lift(self._skyline)
+        flying = np.flatnonzero(self.fallen.flying)
+        if len(flying):
+            self._feel(wind, flying, time)
+            self.fallen.step(flying, self._felt[flying], time_step, self._skyline)
 
     def _feel(self, wind: Wind, flying: np.ndarray, time: float) -> None:
         """Ask for the air at a share of the leaves, in turn, and at those that came off now."""

@@ -86,11 +86,11 @@ class Simulation:
         self.wind = Wind(settings.wind, seed)
         self._cues = Cues(settings.cues)
         self._grove = make_grove(self.blueprint, settings.gravity, settings.culling)
-        self._foliage = Foliage(self.blueprint, self._grove, settings.leaves, settings.gravity,
-                                seed)
-        self._dust = (Dust(self.blueprint, settings.dust.capacity, settings.gravity, seed)
-                      if settings.dust.enabled else None)
         self._buildings = Buildings(self.blueprint, settings.gravity)
+        self._foliage = Foliage(self.blueprint, self._grove, settings.leaves, settings.gravity,
+                                self._buildings, seed)
+        self._dust = (Dust(self.blueprint, settings.dust.capacity, settings.gravity,
+                           self._buildings, seed) if settings.dust.enabled else None)
         self._arsenal = Arsenal(self.blueprint, self._grove, self._buildings, self.log, seed,
                                 self._join, self._vanish)
         self.intruder = Intruder(settings.intruder, self._arsenal.blows, self._arsenal.loads)

@@ -24,6 +24,7 @@ import numpy as np
 
 from procphys_ros.physics.air import AIR_DENSITY, AIR_VISCOSITY
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
+from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
 
 GRAIN_DENSITY = 2000.0  # [kg/m³] mortar and brick
 _MEDIAN, _SPREAD = 20e-6, math.log(2.0)  # [m], [-] of a lognormal of grain diameters by mass
@@ -47,7 +48,7 @@ class State(IntEnum):
 
     GONE = 0      # thinned out, or never born
     AIRBORNE = 1
-    LYING = 2     # on the ground, for good
+    LYING = 2     # on the ground, or on what stands
 
 
 _GONE, _LYING = int(State.GONE), int(State.LYING)
@@ -109,6 +110,11 @@ class DustCloud:
         self.owed = 0.0
 
     @property
+    def dusty(self) -> bool:
+        """Say whether there is dust, in the air or lying."""
+        return bool(self.state.any())
+
+    @property
     def puffs(self) -> Puffs:
         """Give the puffs that there are."""
         rows = np.flatnonzero(self.state)
@@ -142,12 +148,14 @@ class DustCloud:
         self._bear(points[source], wide[source], each)
         return len(source)
 
-    def step(self, time_step: float, wind: Callable[[np.ndarray], np.ndarray]) -> None:
+    def step(self, time_step: float, wind: Callable[[np.ndarray], np.ndarray],
+             skyline: Skyline = OPEN) -> None:
         """
         Let all puffs drift, spread, thin out and settle.
 
         :param time_step: [s].
         :param wind: gives the air velocity [m/s] at points [m], (K, 3) to (K, 3), world.
+        :param skyline: of what stands in their way.
         """
         self._time += time_step
         if not self._airborne:
@@ -156,8 +164,15 @@ class DustCloud:
         self._airborne = len(rows) > 0
         air = wind(self.position[rows])
         noise = self._rng.random(dtype=np.float32, out=self._noise[:len(rows)])
-        _drift(rows, air, noise, time_step, self._fall, self.mass, self.grain, self.position,
-               self.deviation, self.state)
+        _drift(rows, air, noise, time_step, skyline, self._fall, self.mass, self.grain,
+               self.position, self.deviation, self.state)
+
+    def lift(self, skyline: Skyline) -> None:
+        """Let the dust drift on that lay on what stands no more."""
+        lying = np.flatnonzero(self.state == State.LYING)
+        left = lying[skyline.left_in_the_air(self.position[lying])]
+        self.state[left] = State.AIRBORNE
+        self._airborne |= len(left) > 0
 
     def _bear(self, points: np.ndarray, spread: np.ndarray, mass: float) -> None:
         count = len(points)
@@ -198,23 +213,26 @@ def _depth(mass, grain, deviation):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def _drift(rows, air, noise, dt, fall, mass, grain, position, deviation,
+def _drift(rows, air, noise, dt, skyline, fall, mass, grain, position, deviation,
            state):  # pragma: no cover - compiled
     """
     Move airborne puffs.
 
-    Turbulence does not carry dust through the ground: it is thrown back there. Only falling lays
-    it down. Even noise, which is drawn five times faster, adds up to a normal walk in a few steps.
+    Turbulence does not carry dust through the ground, a roof or a wall: it is thrown back there.
+    Only falling lays it down. Even noise, which is drawn five times faster, adds up to a normal
+    walk in a few steps.
     """
     for k in range(len(rows)):
         i = rows[k]
         speed = math.sqrt(air[k, 0] ** 2 + air[k, 1] ** 2 + air[k, 2] ** 2)
         widening = (_STILL_MIXING + _MIXING * speed) * dt
         step = math.sqrt(12.0 * widening)
-        for c in range(3):
-            position[i, c] += air[k, c] * dt + step * (noise[k, c] - 0.5)
-        height = abs(position[i, 2]) - fall[i] * dt
-        position[i, 2] = max(height, 0.0)
+        x, y, z = (position[i, 0] + air[k, 0] * dt + step * (noise[k, 0] - 0.5),
+                   position[i, 1] + air[k, 1] * dt + step * (noise[k, 1] - 0.5),
+                   position[i, 2] + air[k, 2] * dt + step * (noise[k, 2] - 0.5))
+        x, y, floor = keep_out(skyline, position[i], x, y, z)
+        height = abs(z - floor) - fall[i] * dt
+        position[i, 0], position[i, 1], position[i, 2] = x, y, floor + max(height, 0.0)
         deviation[i] = math.sqrt(deviation[i] ** 2 + widening)
         if height <= 0.0:
             state[i] = _LYING

@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
+from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
 from procphys_ros.skeleton import LEAF_AREAL_DENSITY
 
 DRAG = 0.5 * AIR_DENSITY * PLATE_DRAG / LEAF_AREAL_DENSITY  # [1/m] deceleration over speed²
@@ -86,21 +87,26 @@ class FallingLeaves:
         self._spin = np.concatenate(
             [self._spin, _TUMBLING * axis / (0.5 * np.maximum(size, 1e-3))[:, None]])
 
-    def step(self, rows: np.ndarray, air: np.ndarray, time_step: float) -> None:
+    def step(self, rows: np.ndarray, air: np.ndarray, time_step: float,
+             skyline: Skyline = OPEN) -> None:
         """
         Let them fly.
 
         :param rows: those in the air, `flatnonzero(flying)`, (F,).
         :param air: velocity of the air at these [m/s], world, (F, 3).
         :param time_step: [s].
+        :param skyline: of what stands in their way.
         """
-        landed = rows[_fly(rows, air, time_step, self._gravity, self._drag, self._spin,
+        landed = rows[_fly(rows, air, time_step, self._gravity, skyline, self._drag, self._spin,
                            self._start, self.poses, self.velocities)]
         if len(landed):
             self.flying[landed] = False
             self.velocities[landed] = 0.0
-            self.poses[landed, 2] = _LYING
             self.poses[landed, 3:] = _laid_flat(self.poses[landed, 3:])
+
+    def lift(self, skyline: Skyline) -> None:
+        """Let those fly on that lay on what stands no more."""
+        self.flying |= skyline.left_in_the_air(self.poses[:, :3])
 
 
 def _laid_flat(attitude: np.ndarray) -> np.ndarray:
@@ -114,7 +120,8 @@ def _laid_flat(attitude: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _fly(rows, air, dt, gravity, drag, spin, start, poses, velocities):  # pragma: no cover
+def _fly(rows, air, dt, gravity, skyline, drag, spin, start, poses,
+         velocities):  # pragma: no cover - compiled
     """
     Advance by quadratic drag with the slip of the last step, implicit and so never overshooting.
 
@@ -131,7 +138,13 @@ def _fly(rows, air, dt, gravity, drag, spin, start, poses, velocities):  # pragm
         for c in range(3):
             weight = -gravity * dt if c == 2 else 0.0
             velocities[i, c] = (velocities[i, c] + weight + hold * air[k, c]) / (1.0 + hold)
-            poses[i, c] += dt * velocities[i, c]
+        x, y, floor = keep_out(skyline, poses[i], poses[i, 0] + dt * velocities[i, 0],
+                               poses[i, 1] + dt * velocities[i, 1],
+                               poses[i, 2] + dt * velocities[i, 2])
+        if x == poses[i, 0] and y == poses[i, 1]:
+            velocities[i, 0], velocities[i, 1] = 0.0, 0.0
+        poses[i, 0], poses[i, 1] = x, y
+        poses[i, 2] += dt * velocities[i, 2]
         half = 0.5 * slip * dt
         x, y, z = half * spin[i, 0], half * spin[i, 1], half * spin[i, 2]
         a, b, c, d = poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6]
@@ -142,5 +155,7 @@ def _fly(rows, air, dt, gravity, drag, spin, start, poses, velocities):  # pragm
         poses[i, 3], poses[i, 4], poses[i, 5] = qx * scale, qy * scale, qz * scale
         poses[i, 6] = qw * scale
         far = (poses[i, 0] - start[i, 0]) ** 2 + (poses[i, 1] - start[i, 1]) ** 2 > _REACH ** 2
-        ends[k] = far or poses[i, 2] <= _LYING
+        if far or poses[i, 2] <= floor + _LYING:
+            ends[k] = True
+            poses[i, 2] = floor + _LYING
     return ends

@@ -1,0 +1,111 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Skyline: how high what stands reaches, cell by cell, for all that comes down on it."""
+
+from typing import NamedTuple
+
+from numba import njit
+import numpy as np
+
+_EDGE = 0.25   # [m] of a cell: leaves and dust stop so close to a wall
+_MOST = 1000   # cells along an axis; beyond, they are larger
+_LIFTED = 0.1  # [m] above what there is: it lay on something that is gone
+
+
+class Skyline(NamedTuple):
+    """
+    Heights of what stands, over cells of the ground.
+
+    :ivar tops: [m], (X, Y); 0 where nothing stands.
+    :ivar low: corner of the first cell [m], (2,).
+    :ivar edge: of a cell [m].
+    """
+
+    tops: np.ndarray
+    low: np.ndarray
+    edge: float
+
+    @classmethod
+    def over(cls, bounds: np.ndarray) -> 'Skyline':
+        """
+        Draw the skyline of boxes.
+
+        :param bounds: three minima, three maxima [m], (K, 6), world.
+        """
+        if not len(bounds):
+            return OPEN
+        low, high = bounds[:, :2].min(axis=0), bounds[:, 3:5].max(axis=0)
+        edge = max(_EDGE, float((high - low).max()) / _MOST)
+        tops = np.zeros(np.floor((high - low) / edge).astype(int) + 1)
+        _raise_tops(np.ascontiguousarray(bounds, float), low, edge, tops)
+        return cls(tops, low, edge)
+
+    def left_in_the_air(self, points: np.ndarray) -> np.ndarray:
+        """Say which points, (K, 3), of what lay on something lie on nothing any more, (K,)."""
+        return _left(self, np.ascontiguousarray(points, float))
+
+
+OPEN = Skyline(np.zeros((0, 0)), np.zeros(2), _EDGE)  # nothing stands
+
+
+@njit(cache=True)
+def _raise_tops(bounds, low, edge, tops):
+    """Raise all cells that a box covers, be it in part, to its top."""
+    for k in range(len(bounds)):
+        for x in range(int((bounds[k, 0] - low[0]) / edge),
+                       int((bounds[k, 3] - low[0]) / edge) + 1):
+            for y in range(int((bounds[k, 1] - low[1]) / edge),
+                           int((bounds[k, 4] - low[1]) / edge) + 1):
+                tops[x, y] = max(tops[x, y], bounds[k, 5])
+
+
+@njit(cache=True)
+def height_at(skyline, x, y):
+    """Give how high what stands reaches at a place [m]."""
+    column = np.floor((x - skyline.low[0]) / skyline.edge)
+    row = np.floor((y - skyline.low[1]) / skyline.edge)
+    if (column < 0 or row < 0 or column >= skyline.tops.shape[0]
+            or row >= skyline.tops.shape[1]):
+        return 0.0
+    return skyline.tops[int(column), int(row)]
+
+
+@njit(cache=True)
+def _left(skyline, points):
+    out = np.zeros(len(points), np.bool_)
+    for k in range(len(points)):
+        out[k] = points[k, 2] > height_at(skyline, points[k, 0], points[k, 1]) + _LIFTED
+    return out
+
+
+@njit(cache=True)
+def keep_out(skyline, before, x, y, z):
+    """
+    Stop what would go into what stands: at its sides, or on top of it.
+
+    What is below a top already, as in a room or under eaves, is let go where it will.
+
+    :param before: where it was, three coordinates [m].
+    :param x, y, z: where it would go [m].
+    :returns: where it goes instead, and the height of what is below it there [m].
+    """
+    floor = height_at(skyline, before[0], before[1])
+    if before[2] < floor:
+        return x, y, 0.0
+    top = height_at(skyline, x, y)
+    if z >= top or before[2] >= top:
+        return x, y, top
+    return before[0], before[1], floor
