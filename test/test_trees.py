@@ -82,6 +82,20 @@ def test_first_mode_has_the_damping_ratio_asked_for(ratio: float, dt: float, the
     assert measured - (theta - 0.5) * _OMEGA * dt == pytest.approx(ratio, rel=0.05)
 
 
+def test_weight_of_what_hangs_stiffens_and_thins_the_damping():
+    """Expect ζ·ω to stay as the pull of gravity adds to the spring of a single joint."""
+    dt, found = 1.0 / 2400.0, []  # short, lest the time step's own damping shows
+    for pull in (0.0, 600.0):  # [m/s²] upwards, the way the beam points
+        forest = Forest(beam(1, damping_ratio=0.05), gravity=(0.0, 0.0, pull), air_density=0.0)
+        times, heights = _peaks(_swing_freely(forest, dt, 7200), dt)
+        decrement = np.log(heights[:-1] / heights[1:])[:5].mean()
+        found.append((2.0 * np.pi / np.diff(times).mean(),
+                      decrement / np.hypot(2.0 * np.pi, decrement)))
+    (slow, thick), (fast, thin) = found
+    assert fast > 2.0 * slow and thick == pytest.approx(0.05, rel=0.02)
+    assert thin * fast == pytest.approx(thick * slow, rel=0.05)
+
+
 def test_damping_ratio_holds_on_side_branches():
     """Expect each branch's dampers from its own frequency: a thin one is damped less per k."""
     forest = Forest(bush())
