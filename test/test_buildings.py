@@ -16,31 +16,15 @@
 
 from pathlib import Path
 
+from building_checks import standing, take_out
 from masonry_walls import wall
 import numpy as np
 import pytest
 
-from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause, Simulation
 from procphys_ros.simulation.buildings import Collapse
 from procphys_ros.wallgrammar import WallGrammar
 
 WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))
-
-
-def standing(blueprint):
-    """Give a simulation of one building."""
-    scene = Scene()
-    scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'house')
-    return Simulation(scene)
-
-
-def take_out(simulation, parts):
-    """Let parts of walls vanish at once."""
-    blows = simulation._arsenal.blows
-    blows.cut_out(parts, Cause.DEMOLITION, 1.0, simulation.time)
-    blows.remove(parts)
-    simulation._vanish(parts)
 
 
 @pytest.mark.parametrize('path', WALLS, ids=lambda path: path.stem)

@@ -15,9 +15,9 @@
 
 """Roofs: closed against rain, from the eaves to ridge and apex, and free of overlaps."""
 
+from building_checks import count_loose, deepest_overlap, OVERLAP
 import numpy as np
 import pytest
-from test_wallgrammar_buildings import count_loose, deepest_overlap
 
 from procphys_ros import rotation
 from procphys_ros.wallgrammar import WallGrammar
@@ -87,7 +87,7 @@ def test_roofs_of_all_pitches_are_sound(roof, width, depth):
     """Bond every part and let none overlap, from the flattest to the steepest, either way."""
     blueprint = build(roof, width=width, depth=depth)
     assert count_loose(blueprint) == 0
-    assert deepest_overlap(blueprint) < 1e-3
+    assert deepest_overlap(blueprint) < OVERLAP
 
 
 def test_boards_cover_the_steps_of_gables():
