@@ -173,6 +173,29 @@ def test_a_tree_felled_onto_another_comes_to_rest():
     assert simulation.poses[1:len(tree), 2].mean() < tree.poses[1:, 2].mean()
 
 
+def test_crowns_that_hit_the_ground_hardly_sink_in():
+    """Fell two pines side by side: no tip goes deeper than it moves in one step."""
+    simulation = Simulation(Scene.from_parameters({
+        'scene': {'objects': ['pine']}, 'wind': {'velocity': [0.0, 0.0, 0.0]},
+        'pine': {'grammar': 'pine.lsys', 'count': 2, 'layout': 'row', 'spacing': 1.5}}))
+    forest = simulation._grove.forest
+    sizes = simulation.blueprint.solid_size(forest.parts)
+    for root in np.flatnonzero(forest.parents < 0).tolist():
+        forest.release(root)
+        rows = forest.subtree(root)
+        forest.apply_impulse(int(rows[np.argmax(forest.poses[rows, 2])]), linear=(0, 300, 0))
+    deepest, fastest = 0.0, 0.0
+    for _ in range(300):
+        fastest = max(fastest, -forest.velocities[forest.active, 2].min(initial=0.0))
+        simulation.step()
+        up = np.abs(rotation.rotate(forest.poses[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2])
+        half = 0.5 * np.maximum(sizes[:, 2] - sizes[:, 0], 0.0)
+        lowest = forest.poses[:, 2] - half * up - 0.5 * sizes[:, 0]
+        deepest = max(deepest, -lowest[forest.active].min(initial=0.0))
+    assert fastest > 8.0
+    assert deepest < 0.1
+
+
 def test_a_heavy_fall_breaks_what_is_below():
     """Break a weak bough under a heavy block, not under a light one."""
     def broken(mass: float) -> int:

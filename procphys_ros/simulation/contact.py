@@ -45,7 +45,7 @@ from procphys_ros.simulation.obstacles import (
 _AHEAD = 1.5     # steps that bounds are swept over, as far as the narrow phase looks
 _ROOM = 0.004    # [m] around bounds, likewise
 _FRICTION = 0.6  # bark on soil, brick or bark
-_MOST = 24       # contacts per tree, the nearest; a trunk on the ground rests on fewer
+_MOST = 48       # contacts per tree, the nearest; with 24 crowns sink in where they hit hard
 _SLOP = 0.002    # [m] overlap that is left alone, so that what rests keeps touching
 _RECOVERY = 0.2  # share of a deeper overlap that is undone per step
 _PUSH_OUT = 0.5  # [m/s] speed at most that this gives
