@@ -55,10 +55,12 @@ def jacobi(solver, displacement, load, limit=20000):
     one = np.zeros(graph.count + 1, np.int32)  # a single aggregate of infinite stiffness: no-op
     stiff = (np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(0, np.int64),
              np.zeros((0, 6, 6), np.float32), np.zeros((1, 6, 6)))
-    none = (solver._blocks, one, np.zeros((graph.count, 3)), stiff, np.zeros(1, np.int64),
-            np.zeros((1, 6)), np.zeros((1, 6)))
-    return pcg.iterate(parts, bonds, (graph.links, graph.first, graph.second), none, state,
-                       graph.reach, 0.0, solver.tolerance, limit)[0]
+    none = (solver._blocks, one, np.zeros((graph.count, 3)), stiff, np.zeros((1, 6)),
+            np.zeros((1, 6)))
+    whole = (parts, bonds, np.zeros(1, np.int64), np.array([0, len(parts)]),
+             np.array([0, len(bonds)]), np.array([[0, 1]]))
+    return pcg.iterate(whole, (graph.links, graph.first, graph.second), none, state,
+                       graph.reach, np.zeros(1), solver.tolerance, limit)[0][0]
 
 
 def assembled(graph, owner, middle):

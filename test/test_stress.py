@@ -22,7 +22,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint
+from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.physics.masonry import BondGraph, StressSolver
 
 G = 9.81  # [m/s²]
@@ -346,3 +346,22 @@ def test_nothing_to_carry_is_in_balance(plan):
     assert solver.converged and solver.spent == 0
     assert not solver.wrenches().any()
     assert not len(solver.mechanisms())
+
+
+def test_islands_are_solved_each_for_itself():
+    """Spend on a building what it takes alone, whatever stands elsewhere."""
+    plans = [wall(15, 20), wall(10, 8, holes=[(0.7, 0.2, 0.6, 0.5)])]
+    alone = [StressSolver(BondGraph(plan)) for plan in plans]
+    plans[1].poses[:, 1] += 20.0
+    plans[1].bond_frame[:, 1] += 20.0
+    together = StressSolver(BondGraph(chain(plans)))
+    for solver in (*alone, together):
+        solver.iterate(1000)
+        assert solver.converged
+    first, second = (solver.iterations[0] for solver in alone)
+    assert abs(first - second) > 3
+    count = len(plans[0])
+    np.testing.assert_allclose(together.iterations[:count], first, atol=1)
+    np.testing.assert_allclose(together.iterations[count:], second, atol=1)
+    np.testing.assert_allclose(together.displacement[:count], alone[0].displacement[:-1],
+                               atol=1e-3 * np.abs(alone[0].displacement).max())

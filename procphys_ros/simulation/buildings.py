@@ -27,8 +27,8 @@ from procphys_ros.physics.world import World
 from procphys_ros.simulation.events import Cause
 
 _ITERATIONS = 8  # of the stress solver per time step while something changed, ...
-_FEWEST = 4      # ... fewer for large buildings, lest they fall behind real time: ...
-_WORK = 60_000   # ... parts times iterations that take about half of a step of 1/60 s
+_FEWEST = 3      # ... fewer on large buildings, lest they fall behind real time: ...
+_WORK = 45_000   # ... parts times iterations that take about a third of a step of 1/60 s
 _PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
 #                  periods of walls and floors long
 _SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
@@ -105,7 +105,7 @@ class Buildings:
             they are worked out, or a building that crumbles on would feel them for ever.
         """
         self._since += time_step
-        most = _WORK // max(self.graph.count, 1)
+        most = _WORK // max(self.solver.working, 1)
         collapse = self._advance(min(max(most, _FEWEST), _ITERATIONS))
         if len(collapse.bond):
             self.solver.forget_sudden(-math.expm1(-self._since / _PEAK))

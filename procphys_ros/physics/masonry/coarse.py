@@ -169,13 +169,13 @@ class CoarseSpace:
         self._matrix = CoarseMatrix(graph, self.owner, self.middle)
         self.factor = Factor(self._matrix.start, self._matrix.column, self._matrix.blocks)
 
-    def columns(self, parts: np.ndarray) -> np.ndarray:
+    def reached(self, parts: np.ndarray) -> np.ndarray:
         """
-        List the columns of the factor that a right-hand side on some parts can reach.
+        Say which columns of the factor the islands of some parts can reach, see `Factor.reached`.
 
         These are whole components of the factored matrix: an aggregate may lie in two islands.
         """
-        return self.factor.columns(self.owner[parts])
+        return self.factor.reached(self.owner[parts])
 
     def renew(self, bonds: np.ndarray) -> None:
         """Take note of bonds that were cut or opened, (K,); the aggregates stay as they are."""

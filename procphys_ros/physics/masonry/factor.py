@@ -44,13 +44,16 @@ class Factor:
         these rows, the numbers there in single precision (transposed), and inverses of D. Single
         precision makes the solution that of another matrix nearby, just as symmetric and positive;
         half as many bytes are to be moved.
+    :ivar columns: all columns, those of one component of the matrix together and ascending, (n,).
     """
 
     def __init__(self, start: np.ndarray, column: np.ndarray, blocks: np.ndarray):
         count = len(start) - 1
         pattern = csc_matrix((np.ones(len(column)), column, start), shape=(count, count))
-        self._component = connected_components(pattern, directed=False)[1]
+        made, self._component = connected_components(pattern, directed=False)
         order = _ordering(pattern)
+        self.columns = np.argsort(self._component[order], kind='stable')
+        self._start = np.searchsorted(self._component[order[self.columns]], np.arange(made + 1))
         self._rank = np.empty(count, np.int64)
         self._rank[order] = np.arange(count)
         self._matrix = start.astype(np.int64), column.astype(np.int64), blocks
@@ -72,15 +75,15 @@ class Factor:
         _factor(dirty, *self._matrix, self._rank, self._fill, self.panels, self._lower,
                 self._scaled)
 
-    def columns(self, unknowns: np.ndarray) -> np.ndarray:
+    def reached(self, unknowns: np.ndarray) -> np.ndarray:
         """
-        List the columns that right-hand sides on some unknowns can reach, ascending.
+        Say which columns each unknown belongs to: its whole component of the matrix.
 
-        These are whole components of the matrix.
+        :param unknowns: (U,).
+        :returns: first and last but one place in `columns`, (U, 2).
         """
-        wanted = np.zeros(len(self._component), bool)
-        wanted[self._component[unknowns]] = True
-        return np.flatnonzero(wanted[self._component[self.panels[0]]])
+        component = self._component[unknowns]
+        return np.column_stack([self._start[component], self._start[component + 1]])
 
 
 def _ordering(pattern: csc_matrix) -> np.ndarray:

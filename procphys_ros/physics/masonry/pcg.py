@@ -98,22 +98,37 @@ def _go(parts, step, x, residual, p, q):
 
 
 @njit(cache=True)
-def iterate(parts, bonds, graph, preconditioner, state, reach, old, tolerance, limit):
+def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit):
     """
-    Run conjugate gradients (Saad 2003, algorithm 9.1) until the largest nodal residual is small.
+    Run conjugate gradients until the largest nodal residual is small, on each island for itself.
 
-    :param parts, bonds: what is solved, indices.
+    :param islands: parts, bonds, columns of the coarse factor, and where those of each island are:
+        start of its parts (I + 1,), of its bonds (I + 1,), first and last columns (I, 2).
     :param graph: links, first, second.
-    :param preconditioner: blocks, owner, arm, panels, columns, rigid, work.
+    :param preconditioner: blocks, owner, arm, panels, rigid, work.
     :param state: x, residual, z, p, q, each (N + 1, 6); all but z and q are kept between
         calls.
-    :param old: residual·z of the last iteration, 0 starts anew.
+    :param old: residual·z of the last iteration, 0 starts anew, (I,); changed in place.
     :param tolerance: [N].
-    :param limit: largest number of iterations.
-    :returns: iterations done, residual·z, largest nodal residual [N].
+    :param limit: largest number of iterations, of each island.
+    :returns: iterations done on each island, and its largest nodal residual [N], (I,) each.
     """
+    parts, bonds, columns, part, bond, column = islands
+    done, worst = np.empty(len(old), np.int64), np.empty(len(old))
+    for k in range(len(old)):
+        island = (parts[part[k]:part[k + 1]], bonds[bond[k]:bond[k + 1]],
+                  columns[column[k, 0]:column[k, 1]])
+        done[k], old[k], worst[k] = _iterate(island, graph, preconditioner, state, reach, old[k],
+                                             tolerance, limit)
+    return done, worst
+
+
+@njit(cache=True)
+def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit):
+    """Run conjugate gradients (Saad 2003, algorithm 9.1) on one island, see `iterate`."""
+    parts, bonds, columns = island
     all_links, first, second = graph
-    blocks, owner, arm, panels, columns, rigid, work = preconditioner
+    blocks, owner, arm, panels, rigid, work = preconditioner
     x, residual, z, p, q = state
     worst = residual_size(parts, residual, reach)
     done = 0

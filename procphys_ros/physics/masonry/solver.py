@@ -24,7 +24,7 @@ from procphys_ros.physics.masonry.coarse import CoarseSpace
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.superposition import Superposition
 
-_AGGREGATE = 12      # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
+_AGGREGATE = 8       # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
 _STALE_AFTER = 80    # iterations since a change after which the coarse space is renewed: it costs
 #                      as much as about 25 iterations, and most changes are answered sooner
@@ -50,10 +50,11 @@ class StressSolver:
 
     :ivar displacement: of the parts, u and φ [m, rad], world, (N, 6); last row is the ground.
     :ivar iterations: spent on each part so far, (N,) int.
-    :ivar spent: iterations done since the last reset.
+    :ivar spent: iterations done since the last reset, those of the slowest island.
     :ivar state: changes with every change of bonds or displacements, never comes back.
     :ivar problem: changes with every change of bonds or loads, never comes back.
     :ivar residual: largest nodal residual of the last look [N].
+    :ivar working: number of parts in islands that the last call of `iterate` has not finished.
     :ivar labels: component of each part, see `components.label`, (N,).
     :ivar supported: parts that hold on to the ground, (N,) bool.
     """
@@ -209,11 +210,16 @@ class StressSolver:
             restless = np.zeros(graph.count, bool)
             restless[self.labels[size > self.tolerance]] = True
             active[:-1] = restless[self.labels] & self.supported
-        self._parts = np.flatnonzero(active)
-        self._bonds = np.flatnonzero(graph.alive & (active[graph.first] | active[graph.second]))
-        self._columns = self._coarse.columns(self._parts)
+        parts = np.flatnonzero(active)
+        bonds = np.flatnonzero(graph.alive & (active[graph.first] | active[graph.second]))
+        ends = np.minimum(graph.first[bonds], graph.second[bonds])  # never the ground
+        parts, part = _grouped(parts, self.labels[parts])
+        bonds, bond = _grouped(bonds, self.labels[ends])
+        reached = self._coarse.reached(parts[part[:-1]])
+        self._islands = parts, bonds, self._coarse.factor.columns, part, bond, reached
+        self._products = np.zeros(len(reached))
         self._stale_view = False
-        self._product = 0.0
+        self.working = len(parts)
 
     @property
     def converged(self) -> bool:
@@ -246,12 +252,16 @@ class StressSolver:
     def _run(self, limit: int, target: float) -> int:
         graph, coarse = self.graph, self._coarse
         preconditioner = (self._blocks, coarse.owner, coarse.arm, coarse.factor.panels,
-                          self._columns, *np.empty((2, coarse.count, 6)))
+                          *np.empty((2, coarse.count, 6)))
         state = (self.displacement, self._residual, *self._search)
-        done, self._product, self.residual = pcg.iterate(
-            self._parts, self._bonds, (graph.links, graph.first, graph.second), preconditioner,
-            state, graph.reach, self._product, target, limit)
-        self.iterations[self._parts] += done
+        each, left = pcg.iterate(
+            self._islands, (graph.links, graph.first, graph.second), preconditioner, state,
+            graph.reach, self._products, target, limit)
+        parts, size = self._islands[0], np.diff(self._islands[3])
+        self.iterations[parts] += np.repeat(each, size)
+        self.residual = float(left.max(initial=0.0))
+        self.working = int(size[left > target].sum())
+        done = int(each.max(initial=0))
         self.spent += done
         self.state += 1
         self._patience = 0 if self.residual <= self.tolerance else self._patience + done
@@ -286,8 +296,8 @@ class StressSolver:
 
     def adrift(self) -> np.ndarray:
         """List the parts displaced by more than 25 cm."""
-        far = np.max(np.abs(self.displacement[:-1, :3]), axis=1, initial=0.0) > _ADRIFT
-        return np.flatnonzero(far)
+        far = np.abs(self.displacement[:-1, :3]) > _ADRIFT
+        return np.flatnonzero(far.any(axis=1)) if far.any() else np.zeros(0, np.intp)
 
     def mechanisms(self) -> np.ndarray:
         """
@@ -299,3 +309,10 @@ class StressSolver:
         if self.converged:
             return self.adrift()
         return self.unbalanced() if self._patience >= _PATIENCE else np.zeros(0, np.intp)
+
+
+def _grouped(rows: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sort rows by their labels, and give the start of each label's rows, with the end."""
+    order = np.argsort(labels, kind='stable')
+    cuts = np.flatnonzero(np.diff(labels[order])) + 1
+    return rows[order], np.concatenate([[0], cuts, [len(rows)]] if len(rows) else [[0]])
