@@ -238,6 +238,34 @@ def test_corners_interlock(layout, footprint, corners):
             assert len(np.unique(course[crossing])) >= 4
 
 
+@pytest.mark.parametrize('layout', ['running', 'english', 'flemish'])
+@pytest.mark.parametrize('footprint', [
+    '(0, 0) (3, 0) (3, 2) (0, 2)', '(0, 0) (4, 0) (4, 2) (2, 2) (2, 4) (0, 4)',
+    '(0, 0) (1.7, 0) (2.9, 1.2) (2.9, 2.9) (1.7, 4.1) (0, 4.1) (-1.2, 2.9) (-1.2, 1.2)',
+    '(0, 0) (2, 0) (3, 1.7) (2, 3.4) (0, 3.4) (-1, 1.7)'])
+def test_no_straight_joint_cuts_a_corner_off(layout, footprint):
+    """Let no perpend near any corner stand over perpends of both courses below."""
+    blueprint = build(layout, footprint, height=0.6)
+    points = np.array(corners_of(footprint))
+    turned = rotation.to_matrix(blueprint.poses[:, 3:])
+    course = np.round(blueprint.poses[:, 2] / _GAUGE - 0.5).astype(int)
+    for start, end in zip(points, np.roll(points, -1, axis=0)):
+        length = np.hypot(*(end - start))
+        ahead = np.append((end - start) / length, 0.0)
+        inwards = np.array([-ahead[1], ahead[0], 0.0])
+        apart = blueprint.poses[:, :3] - np.append(start, 0.0)
+        reach = [0.5 * (np.abs(np.einsum('nij,i->nj', turned, a)) * blueprint.size).sum(axis=1)
+                 for a in (ahead, inwards)]
+        facing = np.abs(apart @ inwards - reach[1]) < 1e-5
+        ends = (apart @ ahead + reach[0])[facing]
+        near = (ends > 0.02) & (np.minimum(ends, length - ends) < 0.4) & (ends < length - 0.02)
+        found = [np.sort(ends[near & (course[facing] == c)]) for c in range(8)]
+        assert sum(map(len, found)) >= 8
+        for three in zip(found, found[1:], found[2:]):
+            assert not [x for x in three[0] if all(np.abs(o - x).min(initial=1.0) < 0.015
+                                                   for o in three[1:])]
+
+
 def corners_of(text):
     """Read the corners of a footprint."""
     return [[float(v) for v in pair.split(',')] for pair in

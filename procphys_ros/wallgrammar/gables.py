@@ -78,8 +78,8 @@ class GableRoof(Roof):
         keep &= np.tile(bottom < top, 2)
         twice = [np.tile(v, 2)[keep] for v in (course, bottom, upper)]
         zero = np.zeros(int(keep.sum()), int)
-        runs = Runs(twice[0], left[keep], right[keep], twice[1], twice[2], zero, zero, zero > 0,
-                    zero > 0, zero)
+        runs = Runs(twice[0], left[keep], right[keep], twice[1], twice[2], zero, zero, zero, zero,
+                    zero)
         facade = replace(wall.facade, start=Corner(), end=Corner())
         kind, joint = unit_of(self.layout, wall.unit)
         self.site.add(facade.place(lay(runs, self.layout, self.site.kind(kind), joint,

@@ -125,4 +125,4 @@ def _share(end: np.ndarray, joint: np.ndarray, touching: np.ndarray, corner: Cor
     flush = owning & (corner.turn != 0.0)  # walls in one line have a joint in every course
     return (np.where(touching, moved, end),
             np.where(touching, np.where(flush, 0, corner.joint), joint),
-            touching & owning & (corner.owned != corner.yielded))
+            np.where(touching & owning, corner.owned - corner.yielded, 0))

@@ -35,8 +35,8 @@ class Runs:
     :ivar left, right: ends along the wall [µm], (n,).
     :ivar bottom, top: of the run, which may be less than its course [µm], (n,).
     :ivar left_joint, right_joint: joint inside the ends [µm], (n,).
-    :ivar left_filled, right_filled: whether the run fills a corner that it yields in the next
-        course, (n,).
+    :ivar left_filled, right_filled: length of the corner that the run fills and yields in the
+        next course, 0 for none [µm], (n,).
     :ivar depth: outer face, measured inwards from the facade plane [µm], (n,).
     """
 
@@ -107,19 +107,20 @@ def _perpend(number: np.ndarray, run: np.ndarray, runs: Runs, course: Course,
     """
     Locate perpends [µm]; none stands where the wall yields its corner.
 
-    In the courses above and below, the wall begins one thickness from the corner. A perpend of a
-    course that fills the corner moves a quarter unit away from there, so that no straight joint
-    cuts the corner off.
+    There the wall begins in the courses above and below. A perpend of a course that fills the
+    corner moves a quarter unit away from there, so that no straight joint cuts the corner off;
+    where headers cross the wall less far, for a quarter off their own perpends stand.
     """
     x = course.perpend(number)
     quarter = layout.pitch // 4
-    inset = layout.thickness + layout.joint // 2
+    shift = 3 * quarter // 5 if layout.crossed else quarter
     sides = ((runs.left, runs.right, runs.left_filled, 1),
              (runs.right, runs.left, runs.right_filled, -1))
     for end, other, filled, inwards in sides:
-        straight = filled[run] & (np.abs(x - end[run] - inwards * inset) < quarter // 2)
+        inset = inwards * (filled[run] + layout.joint // 2)
+        straight = (filled[run] > 0) & (np.abs(x - end[run] - inset) < quarter // 2)
         straight &= np.abs(other[run] - x) > 2 * quarter  # else there is no wall to move into
-        x = np.where(straight, x + inwards * quarter, x)
+        x = np.where(straight, x + inwards * shift, x)
     return x
 
 
