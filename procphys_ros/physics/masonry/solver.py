@@ -26,8 +26,8 @@ from procphys_ros.physics.masonry.superposition import Superposition
 
 _AGGREGATE = 8       # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
-_STALE_AFTER = 80    # iterations since a change after which the coarse space is renewed: it costs
-#                      as much as about 25 iterations, and most changes are answered sooner
+_STALE_AFTER = 120   # iterations since a change after which the coarse space is renewed: it costs
+#                      as much as about 35 iterations, and most changes are answered sooner
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
 _ADRIFT = 0.25       # [m] displacement at which a part counts as a mechanism: more than a brick,
 #                      so bonds are no longer where linear theory has them; sound masonry moves
