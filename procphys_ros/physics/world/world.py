@@ -18,6 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.physics.world import settling
 from procphys_ros.physics.world.bodies import State
 from procphys_ros.physics.world.contacts import Contacts
@@ -144,14 +145,17 @@ class World(Population):
         """
         Put bodies that ran deep into the ground back to where they touched it.
 
-        They get the speed they had there, from the energy of the fall between; the next step's
-        contact does the rest. Without this a fast body is thrown out by the penetration recovery.
+        They get the speed they had there, from the energy of the fall between, and of the spin
+        when an edge ran in; the next step's contact does the rest. Without this a fast body would
+        stay in the ground for a while, and what is squeezed from above for good.
         What it loses of its speed by that is told by `lifts`.
         """
         self._lifts = np.zeros((0, 13))
         bodies, awake = self._bodies, self.awake
-        height, speed = bodies.poses[awake, 2], bodies.velocities[awake, 2]
-        deep = (height < 0.0) | ((height < bodies.radius[awake]) & (-speed * time_step > _DEPTH))
+        height, radius = bodies.poses[awake, 2], bodies.radius[awake]
+        spin = np.sqrt((bodies.velocities[awake, 3:] ** 2).sum(axis=1))
+        down = self._places[awake, 2] - height + spin * radius * time_step
+        deep = (height < 0.0) | ((height < radius) & (down > _DEPTH))
         if not deep.any():
             return
         chosen = awake[deep]
@@ -163,10 +167,7 @@ class World(Population):
         poses, velocities = bodies.poses[chosen], bodies.velocities[chosen]
         before = velocities[:, 2].copy()
         poses[:, 2] += depth - _OVERLAP
-        fall = np.minimum(velocities[:, 2], 0.0)
-        energy = fall ** 2 - 2.0 * np.abs(self._gravity[2]) * depth
-        velocities[:, 2] = np.where(velocities[:, 2] > 0.0, velocities[:, 2],
-                                    -np.sqrt(np.maximum(energy, 0.0)))
+        self._pay(chosen, velocities, depth)
         self.set_poses(chosen, poses)
         self.set_velocities(chosen, velocities)
         force = bodies.mass[chosen] * (velocities[:, 2] - before) / time_step
@@ -174,6 +175,18 @@ class World(Population):
         self._lifts[:, 0], self._lifts[:, 1] = chosen, self.ground
         self._lifts[:, 2:4], self._lifts[:, 7] = poses[:, :2], 1.0
         self._lifts[:, 11], self._lifts[:, 12] = force, force
+
+    def _pay(self, ids: np.ndarray, velocities: np.ndarray, height: np.ndarray) -> None:
+        """Take what lifts bodies so high [m] from their fall, then from their spin, in place."""
+        bodies = self._bodies
+        owed = 2.0 * np.abs(self._gravity[2]) * height
+        fall = np.minimum(velocities[:, 2], 0.0) ** 2
+        velocities[:, 2] = np.where(velocities[:, 2] > 0.0, velocities[:, 2],
+                                    -np.sqrt(np.maximum(fall - owed, 0.0)))
+        turn = rotation.rotate(rotation.conjugate(bodies.poses[ids, 3:]), velocities[:, 3:])
+        spin = (bodies.inertia[ids] * turn ** 2).sum(axis=1) / bodies.mass[ids]
+        left = np.maximum(spin - np.maximum(owed - fall, 0.0), 0.0)
+        velocities[:, 3:] *= np.sqrt(left / np.maximum(spin, 1e-12))[:, None]
 
     def _press_teeth(self, time_step: float) -> None:
         """Let the ground meet the corners that stick out of the shapes of bodies."""

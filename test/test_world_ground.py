@@ -1,0 +1,135 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What lies on the ground lies on it, not in it."""
+
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.physics.world import rigid_sum, World
+
+DT = 1.0 / 60.0
+G = 9.81
+BRICK = np.array([0.215, 0.1025, 0.065])
+BRICK_MASS = 2.7
+
+
+def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
+    """Give a pose."""
+    return np.array([x, y, z, *attitude])
+
+
+def rest(world):
+    """Step until nothing moves."""
+    for _ in range(round(20.0 / DT)):
+        world.step(DT)
+        if not len(world.awake):
+            return
+    raise AssertionError(f'{len(world.awake)} bodies still move')
+
+
+def toothed_wall(courses):
+    """Lay courses in running bond whose ends stick out by half a brick in turn, (P, 7)."""
+    column, row = np.meshgrid(np.arange(4), np.arange(courses))
+    poses = np.tile(at(0, 0, 0), (column.size, 1))
+    poses[:, 0] = 0.225 * (column + 0.5 * (row % 2)).ravel()
+    poses[:, 2] = 0.075 * row.ravel()
+    return poses
+
+
+def lowest_corner(frame, local):
+    """Give the height of the lowest corner of the bricks of a body."""
+    axes = rotation.to_matrix(frame[3:])
+    down = np.abs(axes[2] @ rotation.to_matrix(local[:, 3:]))
+    return (frame[2] + local[:, :3] @ axes[2] - 0.5 * down @ BRICK).min()
+
+
+@pytest.mark.parametrize('courses', [2, 6, 20])
+@pytest.mark.parametrize('tilt', [0.0, 0.4, 1.2, 0.5 * np.pi, 2.0, -0.5 * np.pi])
+def test_the_ground_meets_every_brick_of_a_toothed_piece(tilt, courses):
+    """Drop a broken wall on its teeth: none presses into the ground, and none is thrown up."""
+    poses = toothed_wall(courses)
+    sizes, mass = np.tile(BRICK, (len(poses), 1)), np.full(len(poses), BRICK_MASS)
+    whole = rigid_sum(mass, box_inertia(mass, sizes), poses)
+    turn = rotation.from_axis_angle(np.array([0, 1.0, 0]), np.array([tilt]))[0]
+    start = at(0, 0, 3.0, rotation.multiply(turn, whole.pose[3:]))
+    with World() as world:
+        body = world.add_fragment(np.full(len(poses), int(Shape.BOX)), sizes, whole.local_poses,
+                                  whole.mass, whole.inertia, start)
+        assert len(world.pieces(body).teeth)
+        least = whole.mass * G * start[2]
+        for _ in range(round(8.0 / DT)):
+            world.step(DT)
+            frame, speed = world.poses([body])[0], world.velocities([body])[0]
+            spin = rotation.rotate(rotation.conjugate(frame[3:]), speed[3:])
+            energy = (whole.mass * (G * frame[2] + 0.5 * speed[:3] @ speed[:3])
+                      + 0.5 * spin @ (whole.inertia * spin))
+            assert energy < least + whole.mass * G * 0.02
+            least = min(least, energy)
+            assert lowest_corner(frame, whole.local_poses) > -0.05
+            if not len(world.awake):
+                break
+        assert not len(world.awake)
+        assert lowest_corner(world.poses([body])[0], whole.local_poses) > -0.01
+
+
+def test_overlapping_bodies_part_without_being_thrown():
+    """Put a brick 3 cm into a slab at rest: it is moved out, and gains no speed by it."""
+    with World() as world:
+        world.add_body(Shape.BOX, [2.0, 2.0, 0.2], 2000.0, at(0, 0, 0.1005))
+        rest(world)
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.2025))
+        fastest = 0.0
+        for _ in range(60):
+            world.step(DT)
+            fastest = max(fastest, float(world.velocities([brick])[0, 2]))
+        assert fastest < 0.1
+        assert world.poses([brick])[0, 2] == pytest.approx(0.2325, abs=5e-3)
+
+
+def test_what_a_slab_falls_on_is_not_pressed_into_the_ground():
+    """Drop a slab of 1.3 t on 40 bricks: all come to rest, and none of them in the ground."""
+    rng = np.random.default_rng(11)
+    with World() as world:
+        ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                              at(*rng.uniform(-0.9, 0.9, 2), 0.05 + 0.02 * i,
+                                 rotation.from_yaw(rng.uniform(0.0, 3.0)))) for i in range(40)]
+        rest(world)
+        world.add_body(Shape.BOX, [2.0, 2.0, 0.15], 1300.0, at(0, 0, 2.0))
+        rest(world)
+        down = np.abs(rotation.to_matrix(world.poses(ids)[:, 3:])[:, 2] @ np.diag(BRICK))
+        assert (world.poses(ids)[:, 2] - 0.5 * down.sum(axis=1)).min() > -0.02
+
+
+def test_the_end_of_a_turning_rod_does_not_dig_into_the_ground():
+    """Let rods turn while they slide or fall: no end stays below the ground, none gains energy."""
+    size, mass, rng = np.array([0.1, 0.1, 4.0]), 20.0, np.random.default_rng(2)
+    inertia = np.array([mass * 16.0 / 12.0, mass * 16.0 / 12.0, mass * 0.1 ** 2 / 8.0])
+    for _ in range(6):
+        turn = rotation.from_axis_angle(np.array([0, 1.0, 0]), np.array(rng.uniform(0.8, 1.5)))
+        with World() as world:
+            rod = world.add_body(Shape.CAPSULE, size, mass, at(0, 0, 1.6, turn),
+                                 [20.0, 0, -1.0, 0, rng.uniform(2.0, 8.0), 0], inertia)
+            most = np.inf
+            for _ in range(120):
+                world.step(DT)
+                pose, speed = world.poses([rod])[0], world.velocities([rod])[0]
+                assert world.pieces(rod).lowest(pose) > -0.04
+                spin = rotation.rotate(rotation.conjugate(pose[3:]), speed[3:])
+                energy = (mass * (G * pose[2] + 0.5 * speed[:3] @ speed[:3])
+                          + 0.5 * spin @ (inertia * spin))
+                assert energy < most + mass * G * 0.02
+                most = min(most, energy)
