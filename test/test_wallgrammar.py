@@ -14,6 +14,8 @@
 
 """Facades: splits, repeats, borders, grids, extrusions, weights and conditions."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -195,3 +197,12 @@ def test_defines_replace_parameters():
         along = np.abs(blueprint.poses[:, 5]) < 1e-9  # bricks that lie along x
         ends = blueprint.poses[along, 0] + 0.5 * blueprint.size[along, 0]
         assert ends.max() == pytest.approx(2.0 * n)
+
+
+def test_the_example_of_the_documentation_builds():
+    """Build what docs/walls.md shows: walls with a door under a roof."""
+    document = (Path(__file__).parents[1] / 'docs' / 'walls.md').read_text(encoding='utf-8')
+    text = document[document.index('building shed'):].split('```')[0]
+    shed = WallGrammar.parse(text).build()
+    assert {'brick', 'board', 'lintel', 'rafter', 'tile', 'verge'} <= set(shed.kinds)
+    assert shed.poses[:, 2].max() > 3.0
