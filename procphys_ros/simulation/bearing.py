@@ -106,7 +106,7 @@ class Bearing:
         if not (self._debris.body_count or self._given.any()) or not self.any_stands:
             return
         self._moving *= np.exp(-time_step / _SMOOTHING)
-        if self._any_near():
+        if self.any_near:
             share = -np.expm1(-time_step / _SMOOTHING) / time_step
             self._add_contacts(self._world.contacts(), share)
         self._since += time_step
@@ -122,7 +122,8 @@ class Bearing:
             parts = np.flatnonzero(total.any(axis=1))
             self._loads.put(_LAYER, parts, total[parts])
 
-    def _any_near(self) -> bool:
+    @property
+    def any_near(self) -> bool:
         """Say whether anything that moves may touch masonry; reading contacts is dear."""
         bodies, awake = self._world.bodies, self._world.awake
         place, room = bodies.poses[awake, :3], bodies.radius[awake, None] + _ROOM

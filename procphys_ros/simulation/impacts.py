@@ -133,7 +133,7 @@ class Impacts:
         broken = self._break(struck, share)
         self._panes.judge(struck, jump, self._start, [result.bonds for _, result in broken])
         knocks = []
-        if self._bearing.any_stands:
+        if self._bearing.any_near:
             knocks = self._bearing.knocks(self._world.contacts(), struck)
         for knock in knocks:
             share[self._bearing.body(knock.part)] = knock.share
@@ -159,7 +159,7 @@ class Impacts:
         awake = self._world.awake[self._world.awake < len(size)]
         room = max(_BODIES - len(self._world.awake),
                    _LARGE - int(np.count_nonzero(size[awake] >= grain)))
-        if (room < 2 or np.max(size, initial=0) < 2.0 * grain) and not self._bearing.any_stands:
+        if (room < 2 or np.max(size, initial=0) < 2.0 * grain) and not self._bearing.any_near:
             return []
         contacts = self._world.contacts()
         blows = [b for b in self._waiting if self._debris.parts_of(b.body) is b.parts]
