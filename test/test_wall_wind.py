@@ -26,8 +26,8 @@ from procphys_ros.simulation import Simulation
 
 SHIPPED = ['barn', 'cottage', 'garden_wall', 'office', 'terrace', 'tower']
 WAYS = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (0.7071, 0.7071)]
-GALE = 25.0  # [m/s] at 10 m; the Enhanced Fujita scale expects damage that just shows on houses at
-#              29 m/s, loss of roof at 55 m/s, walls down at 59 m/s (McDonald & Mehta 2006)
+GALE = 25.0  # [m/s] at 10 m; the Enhanced Fujita scale begins at 29 m/s, where roofs lose their
+#              surface, and has roofs torn off from 50 m/s on (McDonald & Mehta 2004)
 
 
 def _blow(name):
@@ -57,16 +57,17 @@ def test_buildings_stand_a_gale_unbroken(name):
 
 
 def test_a_cottage_cracks_in_a_storm_and_stands():
-    """Crack joints under the eaves at 30 m/s, but lose no brick; half of that does nothing."""
+    """Crack joints of the upper storey at 28 m/s, but lose no brick; half of that does nothing."""
     simulation = _blow('cottage')
     whole = np.count_nonzero(simulation._buildings.standing)
-    _let_answer(simulation, (0.0, 15.0))
+    _let_answer(simulation, (0.0, 14.0))
     assert simulation.bonds_broken == 0
-    _let_answer(simulation, (0.0, 30.0))
+    for along in (28.0, -28.0):
+        _let_answer(simulation, (0.0, along))
     broken = simulation.events['part_a']
-    assert simulation._buildings.stable and 0 < len(broken) < 200
+    assert simulation._buildings.stable and 0 < len(broken) < 400
     assert np.count_nonzero(simulation._buildings.standing) == whole
-    assert np.median(simulation.blueprint.poses[broken, 2]) > 4.5
+    assert np.median(simulation.blueprint.poses[broken, 2]) > 2.7
 
 
 def test_a_hurricane_breaks_the_cottage():
