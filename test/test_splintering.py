@@ -13,20 +13,23 @@
 # limitations under the License.
 
 
-"""Boards of a barn: they break across the grain, and their pieces fly."""
+"""Boards and beams: they break across, and the pieces of a barn's boards fly."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from masonry_walls import bonded
 import numpy as np
 import pytest
 
+from procphys_ros.blueprint import GROUND
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Cause, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 BARN = Path(__file__).parents[1] / 'grammars' / 'barn.wall'
+CONCRETE = {'tension': 3.5e6, 'cohesion': 0.9e6, 'friction': 0.75, 'compression': 40e6}
 WOOD = 18e6  # [Pa] tension along the grain in that grammar; nails hold far less
 
 
@@ -114,4 +117,73 @@ def test_a_board_breaks_over_a_log(height, log, breaks):
     scene.add(board, (0.0, 0.0, height + (0.32 if log else 0.02)), 0.0, 'board')
     simulation = Simulation(scene)
     simulation.step(75)
+    assert (simulation.bonds_broken > 0) == breaks
+
+
+LINTEL = """
+building bay()
+  footprint: (0, 0) (4.6025, 0) (4.6025, 2.0) (0, 2.0)
+  facades: front side
+  storey_height: 2.1
+  floors: none
+  roof: none
+rule front -> split(x) { ~1: wall | 2.0: opening | ~1: wall }
+rule side -> wall
+rule opening -> split(y) { 1.5: gap | 0.225: lintel | ~1: wall }
+layout running { unit: 0.215 0.1025 0.065  joint: 0.010  offset: 1/2  material: brick }
+panel wall: running
+panel gap: none
+panel lintel: beam(concrete)
+"""
+
+
+@pytest.mark.parametrize(('force', 'breaks'), [(2e3, False), (60e3, True)])
+def test_a_lintel_in_a_wall_cracks_in_its_middle_when_overloaded(force, breaks):
+    """Press the halves of a lintel of 2.3 m down: it bears two bricklayers, not twelve tonnes."""
+    built = WallGrammar.parse(LINTEL).build()
+    halves = np.flatnonzero(built.kind == built.kinds.index('lintel'))
+    middle = np.flatnonzero(np.isin(built.bonds, halves).all(axis=1))
+    assert len(halves) == 2 and len(middle) == 1
+    scene = Scene()
+    scene.add(built)
+    simulation = Simulation(scene)
+    simulation.step(30)
+    assert simulation.bonds_broken == 0
+    for half in halves.tolist():
+        simulation.apply_wrench(half, (0.0, 0.0, -force))
+    simulation.step(60)
+    assert (middle[0] in simulation.events['bond']) == breaks
+    assert breaks or simulation.bonds_broken == 0
+
+
+@pytest.mark.parametrize(('share', 'breaks'), [(0.9, False), (1.1, True)])
+def test_a_beam_breaks_where_its_concrete_does(share, breaks):
+    """Load the free half of a built-in beam: (F + m·g)·l/2 meets tension·b·h²/6 at its root."""
+    beam = bonded([[-0.3725, 0.0, 0.07], [0.3725, 0.0, 0.07]], (0.745, 0.1025, 0.14),
+                  density=2400.0, **CONCRETE)
+    held = np.flatnonzero((beam.bonds != [GROUND, 1]).any(axis=1))
+    beam = replace(beam, mortar=beam.mortar.take(held), **{
+        name: getattr(beam, name)[held]
+        for name in ('bonds', 'bond_law', 'bond_frame', 'bond_extent', 'bond_area')})
+    capacity = CONCRETE['tension'] * 0.1025 * 0.14 ** 2 / 6.0
+    force = share * capacity / 0.3725 - 9.81 * beam.mass[1]
+    scene = Scene()
+    scene.add(beam, (0.0, 0.0, 1.0))
+    simulation = Simulation(scene)
+    simulation.apply_wrench(1, (0.0, 0.0, -force))
+    simulation.step(10)
+    assert (simulation.bonds_broken == 1) == breaks
+    assert simulation._buildings.standing[1] != breaks
+
+
+@pytest.mark.parametrize(('height', 'breaks'), [(0.08, False), (0.5, True)])
+def test_a_falling_beam_breaks_over_a_stone(height, breaks):
+    """Drop a lintel of two halves with its middle on a stone: 15 ms bear F = m·v/T = 6.3 kN."""
+    beam = bonded([[-0.3725, 0.0, 0.07], [0.3725, 0.0, 0.07]], (0.745, 0.1025, 0.14),
+                  density=2400.0, ground=False, **CONCRETE)
+    scene = Scene()
+    scene.add(bonded([[0.0, 0.0, 0.2]], (0.1, 0.4, 0.4), tension=1e6))
+    scene.add(beam, (0.0, 0.0, height + 0.4), 0.0, 'beam')
+    simulation = Simulation(scene)
+    simulation.step(60)
     assert (simulation.bonds_broken > 0) == breaks
