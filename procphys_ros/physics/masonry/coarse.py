@@ -166,8 +166,8 @@ class CoarseSpace:
             np.bincount(member, graph.centre[parts, c], self.count) for c in range(3)])
         self.middle = total / np.maximum(population, 1)[:, None]
         self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
-        self._matrix = CoarseMatrix(graph, self.owner, self.middle)
-        self.factor = Factor(self._matrix.start, self._matrix.column, self._matrix.blocks)
+        matrix = CoarseMatrix(graph, self.owner, self.middle)
+        self.factor = Factor(matrix.start, matrix.column, matrix.blocks)
 
     def reached(self, parts: np.ndarray) -> np.ndarray:
         """
@@ -176,7 +176,3 @@ class CoarseSpace:
         These are whole components of the factored matrix: an aggregate may lie in two islands.
         """
         return self.factor.reached(self.owner[parts])
-
-    def renew(self, bonds: np.ndarray) -> None:
-        """Take note of bonds that were cut or opened, (K,); the aggregates stay as they are."""
-        self.factor.renew(self._matrix.renew(bonds))

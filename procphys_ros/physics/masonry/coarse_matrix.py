@@ -39,63 +39,33 @@ class CoarseMatrix:
     """
 
     def __init__(self, graph: BondGraph, owner: np.ndarray, middle: np.ndarray):
-        self._graph, self._owner, self._middle = graph, owner, middle
         n = len(middle)
         ends = owner.astype(np.int64)
         a, b = ends[graph.first], ends[graph.second]
-        self._bonds = np.flatnonzero(graph.alive & (a != b))
-        self._left, self._right = a, b = a[self._bonds], b[self._bonds]
+        bonds = np.flatnonzero(graph.alive & (a != b))
+        a, b = a[bonds], b[bonds]
         both = (a >= 0) & (b >= 0)
         key = np.concatenate([a * n + a, b * n + b, a * n + b, b * n + a])
-        diagonal = np.arange(n) * (n + 1)
         places = np.unique(np.concatenate(
-            [key[np.concatenate([a >= 0, b >= 0, both, both])], diagonal]))
-        self._slot = np.ascontiguousarray(np.searchsorted(places, key).reshape(4, -1).T)
-        self._diagonal = np.searchsorted(places, diagonal)
+            [key[np.concatenate([a >= 0, b >= 0, both, both])], np.arange(n) * (n + 1)]))
+        slot = np.ascontiguousarray(np.searchsorted(places, key).reshape(4, -1).T)
         self.start, self.column = np.searchsorted(places, np.arange(n + 1) * n), places % n
         self.blocks = np.zeros((len(places), 6, 6))
-        self._add(np.arange(len(self._bonds)), np.ones(len(places), bool))
-
-    def renew(self, bonds: np.ndarray) -> np.ndarray:
-        """
-        Take note of bonds that were cut or opened.
-
-        :param bonds: rows of the graph, (K,).
-        :returns: the rows of blocks that have changed.
-        """
-        graph, owner = self._graph, self._owner
-        ends = np.column_stack([owner[graph.first[bonds]], owner[graph.second[bonds]]])
-        touched = np.unique(ends[ends[:, 0] != ends[:, 1]])
-        touched = touched[touched >= 0]
-        near = np.zeros(len(self._middle) + 1, bool)  # the last entry is the ground
-        near[touched] = True
-        left, right = near[self._left], near[self._right]
-        changed = np.zeros(len(self.blocks), bool)
-        changed[self._slot[left & right, 2:]] = True
-        changed[self._diagonal[touched]] = True
-        self.blocks[changed] = 0.0
-        self._add(np.flatnonzero(left | right), changed)
-        return touched
-
-    def _add(self, rows: np.ndarray, wanted: np.ndarray) -> None:
-        """Add crossing bonds to the wanted blocks."""
-        graph = self._graph
-        _assemble(self._bonds, graph.links, graph.centroid, self._left, self._right, self._middle,
-                  rows, self._slot, wanted, self.blocks)
+        _assemble(bonds, graph.links, graph.centroid, a, b, middle, slot, self.blocks)
 
 
 @njit(cache=True)
-def _assemble(bonds, all_links, centroid, left, right, middle, rows, slot, wanted, blocks):
-    """Add some of the links that cross between aggregates; slot: four blocks per bond."""
+def _assemble(bonds, all_links, centroid, left, right, middle, slot, blocks):
+    """Add the links that cross between aggregates; slot: four blocks per bond."""
     here, there = np.empty((2, 3, 6))
-    for k in rows:
+    for k in range(len(bonds)):
         m, a, b = bonds[k], left[k], right[k]
         link = all_links[m]
         at_a, at_b = centroid[m] - middle[a], centroid[m] - middle[b]
-        if a >= 0 and wanted[slot[k, 0]]:
+        if a >= 0:
             links.add_block(blocks[slot[k, 0]], link, at_a, at_a, 1.0, here, there)
-        if b >= 0 and wanted[slot[k, 1]]:
+        if b >= 0:
             links.add_block(blocks[slot[k, 1]], link, at_b, at_b, 1.0, here, there)
-        if a >= 0 and b >= 0 and wanted[slot[k, 2]]:
+        if a >= 0 and b >= 0:
             links.add_block(blocks[slot[k, 2]], link, at_a, at_b, -1.0, here, there)
             links.add_block(blocks[slot[k, 3]], link, at_b, at_a, -1.0, here, there)

@@ -14,12 +14,10 @@
 
 
 """
-Factor of a sparse matrix of 6 x 6 blocks, renewed only where the matrix has changed.
+Factor of a sparse matrix of 6 x 6 blocks.
 
 L·D·Lᵀ by block columns. Elimination tree and rows of L after Liu 1990, SIAM J. Matrix Anal. Appl.
-11(1); the ordering is SuperLU's minimum degree on the graph of the blocks. A column of L depends
-on the columns below it in the elimination tree alone, so a change reaches only the path from what
-changed to the root.
+11(1); the ordering is SuperLU's minimum degree on the graph of the blocks.
 """
 
 from numba import njit
@@ -38,7 +36,7 @@ class Factor:
     Motions that nothing holds, as of what has come loose, are left out: their solution is zero.
 
     :param start, column: places of the blocks by rows, sorted, diagonal included, (n + 1,), (K,).
-    :param blocks: all of the matrix, symmetric, (K, 6, 6); kept, to be changed before `renew`.
+    :param blocks: all of the matrix, symmetric, (K, 6, 6).
 
     :ivar panels: arguments of `solve`: unknown of each column, start of its rows in L (n + 1,),
         these rows, the numbers there in single precision (transposed), and inverses of D. Single
@@ -54,26 +52,14 @@ class Factor:
         order = _ordering(pattern)
         self.columns = np.argsort(self._component[order], kind='stable')
         self._start = np.searchsorted(self._component[order[self.columns]], np.arange(made + 1))
-        self._rank = np.empty(count, np.int64)
-        self._rank[order] = np.arange(count)
-        self._matrix = start.astype(np.int64), column.astype(np.int64), blocks
-        self._parent, self._fill = _symbolic(*self._matrix[:2], order, self._rank)
-        below, rows = self._fill[:2]
-        self._lower, self._scaled = np.zeros((2, len(rows), 6, 6))
+        rank = np.empty(count, np.int64)
+        rank[order] = np.arange(count)
+        places = start.astype(np.int64), column.astype(np.int64)
+        fill = _symbolic(*places, order, rank)
+        below, rows = fill[:2]
         self.panels = (order, below, rows, np.zeros((len(rows), 6, 6), np.float32),
                        np.zeros((count, 6, 6)))
-        _factor(np.arange(count), *self._matrix, self._rank, self._fill, self.panels, self._lower,
-                self._scaled)
-
-    def renew(self, rows: np.ndarray) -> None:
-        """
-        Factor anew what depends on some rows of blocks, which have changed.
-
-        :param rows: block rows of the matrix, (R,).
-        """
-        dirty = _above(self._rank[rows], self._parent)
-        _factor(dirty, *self._matrix, self._rank, self._fill, self.panels, self._lower,
-                self._scaled)
+        _factor(*places, blocks, rank, fill, self.panels)
 
     def reached(self, unknowns: np.ndarray) -> np.ndarray:
         """
@@ -102,9 +88,8 @@ def _symbolic(start, column, order, rank):
     """
     Find where L has blocks.
 
-    :returns: parent of each column in the elimination tree, -1 for roots, (n,), and the places:
-        start of each column (n + 1,), its rows ascending, and by rows: start (n + 1,), the places
-        in the columns, and these columns.
+    :returns: start of each column (n + 1,), its rows ascending, and by rows: start (n + 1,), the
+        places in the columns, and these columns.
     """
     count = len(order)
     parent, ancestor = np.full(count, -1), np.full(count, -1)
@@ -146,28 +131,18 @@ def _symbolic(start, column, order, rank):
                 filled[j] += 1
                 n += 1
                 j = parent[j]
-    return parent, (below, rows, across, place, owner)
-
-
-@njit(cache=True)
-def _above(columns, parent):
-    """List columns and all that depend on them, ascending."""
-    reached = np.zeros(len(parent), np.bool_)
-    for j in columns:
-        while j != -1 and not reached[j]:
-            reached[j] = True
-            j = parent[j]
-    return np.flatnonzero(reached)
+    return below, rows, across, place, owner
 
 
 @njit(cache=True, fastmath=True)
-def _factor(dirty, start, column, blocks, rank, fill, panels, lower, scaled):
-    """Work out some columns, ascending; `scaled` takes L·D, `lower` L."""
+def _factor(start, column, blocks, rank, fill, panels):
+    """Work out the columns one after the other."""
     below, rows, across, place, owner = fill
     order, _, _, single, inverse = panels
+    lower, scaled = np.empty((2, len(rows), 6, 6))  # L and L·D
     total = np.zeros((len(order), 6, 6))
     other, left, at = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
-    for j in dirty:
+    for j in range(len(order)):
         for k in range(start[order[j]], start[order[j] + 1]):
             i = rank[column[k]]
             if i >= j:
