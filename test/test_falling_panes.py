@@ -142,6 +142,7 @@ def test_broken_bonds_are_told_where_they_are():
 def test_shards_wait_for_room(monkeypatch):
     """Keep a broken pane in its piece while too much moves, and let it fall out after that."""
     monkeypatch.setattr(falling_panes, '_BODIES', 0)
+    monkeypatch.setattr(falling_panes, '_SHARDS', 3)
     simulation = dropped(lying(window()), 3.0, 0.9)
     assert is_whole(simulation) and simulation._impacts._panes.waiting
     monkeypatch.undo()

@@ -27,8 +27,8 @@ from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.panes import Panes, PIECES
 
 FEWEST = 2         # pieces along each side, where there is little room for more bodies
-_BODIES = 300      # awake bodies up to which there is room for shards; other panes wait, cracked
 _SHARDS = 64       # awake shards that there should be: the more, the fewer does a pane break into
+_BODIES = 300      # awake bodies up to which there may be more; beyond, other panes wait, cracked
 _MOST = 4          # panes that fall out in one step: each time their piece is made anew
 _NEAR = 0.02       # [m] from a pane, within which a contact of its piece is one on the glass
 _JUST_OVER = 1.01  # load of a pane whose frame bends
@@ -108,11 +108,11 @@ class FallingPanes:
         """
         rows = np.flatnonzero(self._load > 1.0)
         awake = self._world.awake
-        chosen = rows[:min(_MOST, max((_BODIES - len(awake)) // FEWEST ** 2, 0))]
-        if not len(chosen):
-            return False
         self._shards = self._shards[np.isin(self._shards, awake)]
         room = max(_SHARDS - len(self._shards), 0)
+        chosen = rows[:min(_MOST, max(room, _BODIES - len(awake)) // FEWEST ** 2)]
+        if not len(chosen):
+            return False
         pieces = min(max(int((room / len(rows)) ** 0.5), FEWEST), PIECES)
         carrier = self._debris.carrier[self._parts[chosen]]
         for body in np.unique(carrier).tolist():
