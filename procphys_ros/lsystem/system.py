@@ -23,7 +23,7 @@ import numpy as np
 from procphys_ros import skeleton
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import GrammarError
-from procphys_ros.language import check_length, Expression, resolve_defines
+from procphys_ros.language import check_length, Expression, read_text, resolve_defines
 from procphys_ros.lsystem.compiler import compile_grammar, Grammar
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
@@ -65,11 +65,7 @@ class LSystem:
         :param max_modules: longest string that it may derive.
         :raises GrammarError: when the file cannot be read or is not an L-system.
         """
-        try:
-            text = Path(path).read_text(encoding='utf-8')
-        except (OSError, UnicodeDecodeError) as problem:
-            raise GrammarError(f'cannot read the grammar: {problem}', str(path)) from None
-        return cls.parse(text, str(path), max_modules)
+        return cls.parse(read_text(path), str(path), max_modules)
 
     @property
     def name(self) -> str:
