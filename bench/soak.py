@@ -39,10 +39,11 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition, Projectile
 from procphys_ros.simulation import Simulation
 
-_LANDING = 0.2    # [m] that a moving body may sink into the ground in a hard landing
+_LANDING = 0.08   # [m] that a moving body may sink into the ground in a hard landing
 _RESTING = 0.05   # [m] that a light body at rest under heavy ones may be pressed into the earth
 _SUNK = -0.03     # [m] centre of mass of a thin twig that carries nothing, pressed into the earth
 _BENT = -0.3      # [m] centre of mass of a branch that bends down to the ground on its tree
+_SLOW = 5.0       # [s] of wall time for one of simulated time that is worth a line
 _GROWTH = 0.3     # [MB per reset] of memory that counts as a leak
 _WARM_UP = 0.4    # share of the resets after which caches are full
 _SCENE = {
@@ -190,8 +191,13 @@ class Operator:
         raise AssertionError(f'bad command {number} was taken')
 
 
-def faults(simulation: Simulation) -> list[str]:
-    """Say what is wrong with the state of a simulation; nothing when all is well."""
+def faults(simulation: Simulation) -> tuple[list[str], list[float]]:
+    """
+    Say what is wrong with the state of a simulation.
+
+    :returns: what is wrong, nothing when all is well; how deep in the ground the deepest part at
+        rest and the deepest that moves are [m].
+    """
     poses, found = simulation.poses, []
     there = np.isfinite(poses[:, 0])
     if not np.isfinite(poses[there]).all() or not np.isfinite(simulation.velocities[there]).all():
@@ -209,7 +215,7 @@ def faults(simulation: Simulation) -> list[str]:
     puffs = simulation.dust.positions
     if not np.isfinite(puffs).all():
         found.append('dust is not finite')
-    return found
+    return found, [depth[rests].max(initial=0.0), depth[~rests].max(initial=0.0)]
 
 
 def _lowest(simulation: Simulation, parts: np.ndarray) -> np.ndarray:
@@ -237,7 +243,7 @@ def soak(minutes: float, seed: int) -> int:
     simulation = Simulation(Scene.from_parameters(_SCENE))
     operator, count, refused = Operator(simulation, rng), Counter(), Counter()
     history: deque[str] = deque(maxlen=400)
-    held, problems, broken = [], [], 0
+    held, problems, broken, deepest = [], [], 0, np.zeros(2)
     start, simulated, slowest, next_reset = perf_counter(), 0.0, (0.0, ''), 45.0
     while simulated < 60.0 * minutes and len(problems) < 5:
         simulated += 1.0
@@ -251,10 +257,16 @@ def soak(minutes: float, seed: int) -> int:
                     refused[type(error).__name__] += 1
                 count[history[-1][9:].split()[0]] += 1
             begun = perf_counter()
-            for _ in range(0 if operator.paused and simulated % 5 else 60):
-                simulation.step()
-            slowest = max(slowest, (perf_counter() - begun, ' / '.join(list(history)[-6:])))
-            wrong = faults(simulation)
+            if not operator.paused or simulated % 5 == 0:
+                simulation.step(60)
+            took = perf_counter() - begun
+            slowest = max(slowest, (took, ' / '.join(list(history)[-6:])))
+            if took > _SLOW:
+                print(f'{simulated:6.0f} s: took {took:.1f} s, {simulation.awake_bodies} bodies '
+                      'move; ' + ', '.join(f'{name} {share:.1f}' for name, share
+                                           in simulation.timings.items() if share > 0.5))
+            wrong, depths = faults(simulation)
+            deepest = np.maximum(deepest, depths)
         except Exception:  # noqa: B902 - whatever it is, it is what the soak looks for
             wrong = [traceback.format_exc(), f'generator {state}']
         if wrong:
@@ -270,12 +282,14 @@ def soak(minutes: float, seed: int) -> int:
             history.clear()
             next_reset = simulated + float(rng.uniform(20.0, 70.0))
             print(f'{simulated:6.0f} s: {held[-1]:.0f} MB, {broken} bonds broken so far, '
-                  f'{perf_counter() - start:.0f} s of work', flush=True)
+                  f'{perf_counter() - start:.0f} s of work, deepest {deepest[0]:.3f} m at rest, '
+                  f'{deepest[1]:.3f} m in motion', flush=True)
     warm = held[int(_WARM_UP * len(held)):]
     slope = np.polyfit(np.arange(len(warm)), warm, 1)[0] if len(warm) > 3 else 0.0
     print(f'{simulated / 60.0:.1f} simulated minutes in {perf_counter() - start:.0f} s '
           f'(slowest second {slowest[0]:.2f} s), {len(held)} resets, {broken} bonds broken')
     print(f'before the slowest second: {slowest[1]}')
+    print(f'deepest in the ground: {deepest[0]:.3f} m at rest, {deepest[1]:.3f} m in motion')
     print(f'commands {dict(count)}; refused {dict(refused)}')
     print(f'memory {held[0] if held else 0:.0f} MB after the first reset, '
           f'{held[-1] if held else 0:.0f} MB after the last, {slope:+.3f} MB per reset')
