@@ -27,6 +27,7 @@ from procphys_ros.physics.world.registry import FRICTION, GRAVITY
 from procphys_ros.physics.world.teeth import press
 
 _DEPTH = 0.02  # [m] under the ground from which a body is put back to where it touched it
+_SUNK = 0.01  # [m] under the ground from which a body that comes to rest is lifted out of it
 _OVERLAP = 1e-3  # [m] left when a body is put back: boxes that only touch have no contact
 _NEAR = 0.02  # [m] gap at which Bullet makes contacts, beyond the way of one step
 _FAST = 0.5  # way in one step, as a share of a body's least extent, above which it is swept
@@ -217,6 +218,17 @@ class World(Population):
             if len(candidates):
                 contacts = self.contacts().both_ways()
                 rests = settling.at_rest(bodies, candidates, contacts)
+                self._take_out(rests)
                 self._supports.add(bodies, contacts, rests)
                 self._hold(rests, State.RESTING)
         self.thaw(self._supports.lost(bodies))
+
+    def _take_out(self, ids: np.ndarray) -> None:
+        """Lift bodies that come to rest out of the ground; what lies on them settles anew."""
+        low = np.array([self._pieces[body].lowest(self._bodies.poses[body])
+                        for body in ids.tolist()])
+        ids, depth = ids[low < -_SUNK], -low[low < -_SUNK]
+        poses = self._bodies.poses[ids]
+        poses[:, 2] += depth - _OVERLAP
+        self.set_poses(ids, poses)
+        self.thaw(self._supports.carried_by(ids))
