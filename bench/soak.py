@@ -39,7 +39,7 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition, Projectile
 from procphys_ros.simulation import Simulation
 
-_LANDING = 0.08   # [m] that a moving body may sink into the ground in a hard landing
+_LANDING = 0.1    # [m] that a moving body may sink into the ground in a hard landing
 _RESTING = 0.02   # [m] that a body at rest may
 _SUNK = -0.03     # [m] centre of mass of a thin twig that carries nothing, pressed into the earth
 _BENT = -0.3      # [m] centre of mass of a branch that bends down to the ground on its tree
