@@ -22,7 +22,8 @@ from procphys_ros import rotation
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.world import State
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import boughs, Simulation
+from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.trees import boughs
 
 _DT = 1.0 / 60.0
 

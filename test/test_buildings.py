@@ -21,7 +21,7 @@ from masonry_walls import wall
 import numpy as np
 import pytest
 
-from procphys_ros.simulation.buildings import Collapse
+from procphys_ros.simulation.standing.buildings import Collapse
 from procphys_ros.wallgrammar import WallGrammar
 
 WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))

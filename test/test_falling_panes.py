@@ -24,7 +24,8 @@ import pytest
 from procphys_ros import rotation
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Cause, falling_panes, Simulation
+from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.simulation.rubble import falling_panes
 
 PANE = 2
 

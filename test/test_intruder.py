@@ -26,7 +26,7 @@ from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.touch import overlap
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.course import Course
+from procphys_ros.simulation.contact.course import Course
 
 _DT = 1.0 / 60.0
 _TURN = [0.0, 0.0, 0.0, 1.0]

@@ -24,7 +24,7 @@ from procphys_ros.physics.foliage import FallingLeaves
 from procphys_ros.physics.skyline import height_at, Skyline
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.roofs import Roofs
+from procphys_ros.simulation.standing.roofs import Roofs
 
 STEP = 1.0 / 60.0
 HOUSE = np.array([[-3.0, -2.0, 0.0, 3.0, 2.0, 5.0]])

@@ -28,25 +28,25 @@ from procphys_ros.physics.wind import Gust, Wind
 from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation.arsenal import Arsenal
-from procphys_ros.simulation.bearing import Bearing
-from procphys_ros.simulation.boughs import Boughs
 from procphys_ros.simulation.bounds import checked_vector
-from procphys_ros.simulation.buildings import Buildings, Collapse
-from procphys_ros.simulation.collapse import Release
-from procphys_ros.simulation.contact import Contact
+from procphys_ros.simulation.contact.contact import Contact
+from procphys_ros.simulation.contact.intruder import Intruder
+from procphys_ros.simulation.contact.leaning import Leaning
 from procphys_ros.simulation.cues import Cues
 from procphys_ros.simulation.debris import Debris
-from procphys_ros.simulation.dust import Dust
 from procphys_ros.simulation.events import EventLog
-from procphys_ros.simulation.foliage import Foliage
-from procphys_ros.simulation.impacts import Impacts
-from procphys_ros.simulation.intruder import Intruder
-from procphys_ros.simulation.leaning import Leaning
 from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.observer import Observer
-from procphys_ros.simulation.striking import Impact
-from procphys_ros.simulation.watched_grove import make_grove
+from procphys_ros.simulation.particles.dust import Dust
+from procphys_ros.simulation.particles.foliage import Foliage
+from procphys_ros.simulation.rubble.bearing import Bearing
+from procphys_ros.simulation.rubble.impacts import Impacts
+from procphys_ros.simulation.standing.buildings import Buildings, Collapse
+from procphys_ros.simulation.standing.collapse import Release
+from procphys_ros.simulation.strikes.arsenal import Arsenal
+from procphys_ros.simulation.strikes.striking import Impact
+from procphys_ros.simulation.trees.boughs import Boughs
+from procphys_ros.simulation.trees.watched_grove import make_grove
 from procphys_ros.simulation.wrenches import Wrenches
 
 

@@ -28,10 +28,10 @@ from procphys_ros.physics.loads import (
     sweep_capsules,
 )
 from procphys_ros.physics.world import State, World
-from procphys_ros.simulation.blows import Blows, CONTACT
 from procphys_ros.simulation.events import Cause
-from procphys_ros.simulation.grove import Grove
-from procphys_ros.simulation.panes import Panes
+from procphys_ros.simulation.standing.blows import Blows, CONTACT
+from procphys_ros.simulation.strikes.panes import Panes
+from procphys_ros.simulation.trees.grove import Grove
 
 RESTITUTION = 0.25   # of hard bodies on masonry and wood that hold
 _FRICTION = 0.6      # stone on brick, EN 1996-1-1 3.6.2 gives 0.4 for design, means lie higher

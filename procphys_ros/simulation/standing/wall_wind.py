@@ -21,8 +21,8 @@ from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import exposed_faces, wall_forces
 from procphys_ros.physics.wind import Wind
-from procphys_ros.simulation.buildings import Buildings
-from procphys_ros.simulation.standing_loads import StandingLoads
+from procphys_ros.simulation.standing.buildings import Buildings
+from procphys_ros.simulation.standing.standing_loads import StandingLoads
 
 _INTERVAL = 0.25     # [s] between looks at the wind
 _BREEZE = 60.0       # [Pa] dynamic pressure, 10 m/s, which walls stand without being asked

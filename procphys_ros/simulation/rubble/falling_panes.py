@@ -24,7 +24,7 @@ from procphys_ros.physics.masonry import FreeBodies
 from procphys_ros.physics.world import State, World
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause
-from procphys_ros.simulation.panes import Panes, PIECES
+from procphys_ros.simulation.strikes.panes import Panes, PIECES
 
 FEWEST = 2         # pieces along each side, where there is little room for more bodies
 _SHARDS = 64       # awake shards that there should be: the more, the fewer does a pane break into

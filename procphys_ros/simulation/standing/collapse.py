@@ -18,8 +18,8 @@ import numpy as np
 
 from procphys_ros.physics.masonry import FreeBodies
 from procphys_ros.physics.world import World
-from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.debris import Debris
+from procphys_ros.simulation.standing.buildings import Buildings, Collapse
 
 
 class Release:

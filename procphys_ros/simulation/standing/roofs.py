@@ -20,7 +20,7 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.skyline import Skyline
 from procphys_ros.physics.touch import piece_bounds
-from procphys_ros.simulation.buildings import Buildings
+from procphys_ros.simulation.standing.buildings import Buildings
 
 _PATIENCE = 15  # times that the old one is given while a building comes down
 

@@ -26,18 +26,18 @@ from procphys_ros.errors import CommandError
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation.blasts import Blasts
-from procphys_ros.simulation.blows import Blows
-from procphys_ros.simulation.buildings import Buildings
 from procphys_ros.simulation.debris import Debris
-from procphys_ros.simulation.demolition import Charges
 from procphys_ros.simulation.events import EventLog
-from procphys_ros.simulation.grove import Grove
-from procphys_ros.simulation.late_parts import missile
-from procphys_ros.simulation.panes import Panes
-from procphys_ros.simulation.standing_loads import StandingLoads
-from procphys_ros.simulation.striking import RESTITUTION, Striking
-from procphys_ros.simulation.wall_wind import WallWind
+from procphys_ros.simulation.standing.blows import Blows
+from procphys_ros.simulation.standing.buildings import Buildings
+from procphys_ros.simulation.standing.standing_loads import StandingLoads
+from procphys_ros.simulation.standing.wall_wind import WallWind
+from procphys_ros.simulation.strikes.blasts import Blasts
+from procphys_ros.simulation.strikes.demolition import Charges
+from procphys_ros.simulation.strikes.late_parts import missile
+from procphys_ros.simulation.strikes.panes import Panes
+from procphys_ros.simulation.strikes.striking import RESTITUTION, Striking
+from procphys_ros.simulation.trees.grove import Grove
 
 _MOST_FLYING = 200   # projectiles since the last reset
 _MOST_WAVES = 50     # explosions whose waves are under way

@@ -21,11 +21,11 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import Contacts, State, World
-from procphys_ros.simulation.blows import Blows, CONTACT
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause
-from procphys_ros.simulation.obstacles import sorted_into_cells
-from procphys_ros.simulation.standing_loads import StandingLoads
+from procphys_ros.simulation.standing.blows import Blows, CONTACT
+from procphys_ros.simulation.standing.obstacles import sorted_into_cells
+from procphys_ros.simulation.standing.standing_loads import StandingLoads
 
 _SMOOTHING = 0.1  # [s] over which impulses of moving bodies count as a steady load: about two
 #                   periods of a storey-high wall, which feels shorter ones as their mean

@@ -23,11 +23,11 @@ from procphys_ros.physics.dust import DustCloud, fracture_energy, Mode
 from procphys_ros.physics.skyline import OPEN
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
-from procphys_ros.simulation.buildings import Buildings
 from procphys_ros.simulation.events import Cause, EventLog
-from procphys_ros.simulation.hits import Hits
-from procphys_ros.simulation.roofs import Roofs
-from procphys_ros.simulation.striking import Impact
+from procphys_ros.simulation.particles.hits import Hits
+from procphys_ros.simulation.standing.buildings import Buildings
+from procphys_ros.simulation.standing.roofs import Roofs
+from procphys_ros.simulation.strikes.striking import Impact
 
 _SEED = 104  # told apart from other random things by the scene's own seed
 _MODES = np.full(len(Cause), Mode.OPENED)

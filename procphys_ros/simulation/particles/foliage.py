@@ -34,9 +34,9 @@ from procphys_ros.physics.foliage import (
 from procphys_ros.physics.skyline import OPEN
 from procphys_ros.physics.wind import Wind
 from procphys_ros.scene.particles import LeafSettings
-from procphys_ros.simulation.buildings import Buildings
-from procphys_ros.simulation.grove import Grove
-from procphys_ros.simulation.roofs import Roofs
+from procphys_ros.simulation.standing.buildings import Buildings
+from procphys_ros.simulation.standing.roofs import Roofs
+from procphys_ros.simulation.trees.grove import Grove
 
 _FLUTTER_SEED, _STRENGTH_SEED, _FALL_SEED = 101, 102, 103  # told apart by the scene's own seed
 

@@ -31,16 +31,17 @@ from procphys_ros.physics.touch import (
 )
 from procphys_ros.physics.trees import Foresight
 from procphys_ros.physics.world import State, World
-from procphys_ros.simulation.buildings import Buildings
-from procphys_ros.simulation.grove import Grove
-from procphys_ros.simulation.leaning import Leaning
-from procphys_ros.simulation.obstacles import (
+from procphys_ros.simulation.contact.leaning import Leaning
+from procphys_ros.simulation.standing.buildings import Buildings
+from procphys_ros.simulation.standing.obstacles import (
     Bricks,
     meets_trees,
     Obstacles,
     of_branches,
     Outlines,
 )
+from procphys_ros.simulation.trees.grove import Grove
+from procphys_ros.simulation.trees.touches import Touches
 
 _AHEAD = 1.5     # steps that bounds are swept over, as far as the narrow phase looks
 _ROOM = 0.004    # [m] around bounds, likewise
@@ -51,30 +52,6 @@ _RECOVERY = 0.2  # share of a deeper overlap that is undone per step
 _PUSH_OUT = 0.5  # [m/s] speed at most that this gives
 _WAKE = 0.3      # [m/s] change of speed that sets a resting body free, as in the world's settling
 _ROUNDS = 3      # of solving, while what is hit gives way
-
-
-@dataclass(frozen=True)
-class Touches:
-    """
-    Every contact of trees in one step.
-
-    :ivar row: of the forest, (C,).
-    :ivar other: row of the forest that it met, -1 for none, (C,).
-    :ivar body: id of the body that it met, -1 for none, (C,).
-    :ivar part: standing brick that it met, -1 for none, (C,).
-    :ivar point: where, world [m], (C, 3).
-    :ivar impulse: on the row; what it met gets the opposite [N·s], (C, 3).
-    """
-
-    row: np.ndarray
-    other: np.ndarray
-    body: np.ndarray
-    part: np.ndarray
-    point: np.ndarray
-    impulse: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.row)
 
 
 @dataclass(frozen=True)

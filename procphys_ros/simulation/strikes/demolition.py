@@ -22,8 +22,8 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.errors import CommandError
 from procphys_ros.scene.strikes import Demolition
-from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.standing.blows import Blows
 
 _CORE = 0.9        # of a charge's radius: inside masonry turns to dust, outside it is thrown
 _THROW = 6.0       # [m/s] away from the charge

@@ -22,10 +22,10 @@ from procphys_ros.physics.trees.subset import write_between
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import State, World
 from procphys_ros.scene.culling import CullingSettings
-from procphys_ros.simulation.attention import Attention
-from procphys_ros.simulation.contact import Touches
-from procphys_ros.simulation.grove import Grove
 from procphys_ros.simulation.observer import Observer
+from procphys_ros.simulation.trees.attention import Attention
+from procphys_ros.simulation.trees.grove import Grove
+from procphys_ros.simulation.trees.touches import Touches
 
 _BLEND = 2.0  # [s] over which a tree that comes back into the view goes over to the present wind
 

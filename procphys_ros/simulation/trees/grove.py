@@ -16,7 +16,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from numba import njit
 import numpy as np
@@ -26,9 +25,7 @@ from procphys_ros.physics.trees import Foresight, Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
 from procphys_ros.simulation.observer import Observer
-
-if TYPE_CHECKING:
-    from procphys_ros.simulation.contact import Touches
+from procphys_ros.simulation.trees.touches import Touches
 
 
 @dataclass(frozen=True)
@@ -91,7 +88,7 @@ class Grove:
         """List the trees, places in the forest's plan, that may move in the step to come."""
         return np.arange(len(self.forest.plan.start) - 1)
 
-    def heed(self, touches: 'Touches', world: World) -> None:
+    def heed(self, touches: Touches, world: World) -> None:
         """Take note of what touches trees in the step to come; here all of them move anyway."""
 
     def holds(self, part: int) -> bool:

@@ -23,10 +23,10 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.masonry import Resistance
 from procphys_ros.physics.world import World
-from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause
-from procphys_ros.simulation.late_parts import shards
+from procphys_ros.simulation.standing.blows import Blows
+from procphys_ros.simulation.strikes.late_parts import shards
 
 _STRENGTH = 45e6     # [Pa] of annealed float glass, EN 572-1
 _MODULUS = 70e9      # [Pa] the same

@@ -25,11 +25,11 @@ from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, I
 from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
 from procphys_ros.physics.world import World
 from procphys_ros.scene.strikes import Explosion
-from procphys_ros.simulation.blows import Blows, WALL_RATE
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause
-from procphys_ros.simulation.grove import Grove
-from procphys_ros.simulation.panes import Panes
+from procphys_ros.simulation.standing.blows import Blows, WALL_RATE
+from procphys_ros.simulation.strikes.panes import Panes
+from procphys_ros.simulation.trees.grove import Grove
 
 _LEAST = 1e-3        # [m/s] a wave that gives a body less than this has passed it by
 _STOREY = 2.7        # [m] height of the wall whose rate is `blows.WALL_RATE`

@@ -21,7 +21,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.masonry import FreeBodies
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import EventLog
-from procphys_ros.simulation.grove import Grove
+from procphys_ros.simulation.trees.grove import Grove
 
 SMALLEST = 8     # segments; smaller pieces bend too little to be seen
 _MOST = 16       # at a time; each costs about as much as a standing tree while it touches nothing,

@@ -18,9 +18,9 @@
 import numpy as np
 
 from procphys_ros.physics.trees import Forest
-from procphys_ros.simulation.blows import Blows, CONTACT
 from procphys_ros.simulation.events import Cause
-from procphys_ros.simulation.standing_loads import StandingLoads
+from procphys_ros.simulation.standing.blows import Blows, CONTACT
+from procphys_ros.simulation.standing.standing_loads import StandingLoads
 
 _HEAVY = 200.0    # [N] on one brick; lighter pushes, such as of twigs in the wind, load no wall
 _SMOOTHING = 0.1  # [s] over which pushes count as a steady load, as for debris

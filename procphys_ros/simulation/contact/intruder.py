@@ -24,12 +24,12 @@ from procphys_ros.errors import CommandError
 from procphys_ros.physics.touch import overlap, overlaps
 from procphys_ros.physics.world import State, World
 from procphys_ros.scene.intruder import IntruderSettings
-from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.bounds import checked_vector
-from procphys_ros.simulation.contact import Contact
-from procphys_ros.simulation.course import Course
+from procphys_ros.simulation.contact.contact import Contact
+from procphys_ros.simulation.contact.course import Course
 from procphys_ros.simulation.events import Cause
-from procphys_ros.simulation.standing_loads import StandingLoads
+from procphys_ros.simulation.standing.blows import Blows
+from procphys_ros.simulation.standing.standing_loads import StandingLoads
 
 SMOOTHING = 0.1  # [s] time constant of the wrench that is given out; contacts of rigid bodies jump
 _YIELD = 0.003   # [m] that a brick gives before its bonds exert all their strength

@@ -23,7 +23,7 @@ from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.world import expand, State, World
 from procphys_ros.physics.world.pieces import Pieces
-from procphys_ros.simulation.buildings import Buildings
+from procphys_ros.simulation.standing.buildings import Buildings
 
 _CELL = 2.0  # [m], edge of the cells that bricks are sorted into
 

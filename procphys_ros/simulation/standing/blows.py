@@ -24,10 +24,10 @@ from procphys_ros.physics.masonry import Resistance
 from procphys_ros.physics.masonry.capacity import bond_resistance
 from procphys_ros.physics.masonry.links import pulls
 from procphys_ros.physics.world import World
-from procphys_ros.simulation.buildings import Buildings, Collapse
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause, EventLog
-from procphys_ros.simulation.standing_loads import StandingLoads
+from procphys_ros.simulation.standing.buildings import Buildings, Collapse
+from procphys_ros.simulation.standing.standing_loads import StandingLoads
 
 CONTACT = 2e-3     # [s] contact of hard bodies on masonry: Hertz gives less, crushing more
 WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick wall, T about 60 ms:

@@ -25,13 +25,13 @@ from procphys_ros.physics.dust import motion_energy
 from procphys_ros.physics.masonry import Breakage, FreeBodies
 from procphys_ros.physics.world import axes_of, Contacts, State, World
 from procphys_ros.scene import Settings
-from procphys_ros.simulation.bearing import Bearing
-from procphys_ros.simulation.contact_loads import spread, Touches
 from procphys_ros.simulation.debris import Debris
 from procphys_ros.simulation.events import Cause
-from procphys_ros.simulation.falling_panes import FallingPanes
 from procphys_ros.simulation.observer import Observer
-from procphys_ros.simulation.panes import Panes
+from procphys_ros.simulation.rubble.bearing import Bearing
+from procphys_ros.simulation.rubble.contact_loads import spread, Touches
+from procphys_ros.simulation.rubble.falling_panes import FallingPanes
+from procphys_ros.simulation.strikes.panes import Panes
 
 CONTACT = 15e-3     # [s] that a blow lasts: edges crush and rubble gives way by v·T/2, 6 cm after
 #                     a fall of 3 m; the elastic contact of two whole bricks would be shorter
