@@ -238,13 +238,13 @@ def memory() -> float:
 
 def _growth(held: list[float]) -> float:
     """
-    Give the growth of the peaks of memory [MB per reset], from the second third to the last.
+    Give the median growth of memory from reset to reset [MB], after the first third.
 
-    Peaks, for what the allocator keeps for itself comes and goes by 40 MB; the first third fills
-    caches.
+    The allocator keeps what the largest collapse so far took, which comes in jumps of up to 40 MB;
+    what a reset forgets to free comes with every one.
     """
-    third = len(held) // 3
-    return (max(held[-third:]) - max(held[third:-third])) / third if third else 0.0
+    steps = np.diff(held[len(held) // 3:])
+    return float(np.median(steps)) if len(steps) else 0.0
 
 
 def soak(minutes: float, seed: int) -> int:
