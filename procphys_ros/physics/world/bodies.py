@@ -44,13 +44,14 @@ class Bodies:
     :ivar poses: centre of mass and attitude, world axes, (B, 7).
     :ivar velocities: linear and angular, world axes, (B, 6).
     :ivar quiet: how long the body has been slow [s], (B,).
+    :ivar mark: pose where it began to be, (B, 7).
     :ivar anchor: pose that the body has stayed near, (B, 7).
     :ivar stay: how long it has [s], (B,).
     :ivar bounds: axis-aligned bounds of bodies at rest [m], (B, 6).
     """
 
     _WIDTHS = {'mass': 0, 'inertia': 3, 'radius': 0, 'least': 0, 'poses': 7, 'velocities': 6,
-               'quiet': 0, 'anchor': 7, 'stay': 0, 'bounds': 6}
+               'quiet': 0, 'mark': 7, 'anchor': 7, 'stay': 0, 'bounds': 6}
 
     mass: np.ndarray
     inertia: np.ndarray
@@ -59,6 +60,7 @@ class Bodies:
     poses: np.ndarray
     velocities: np.ndarray
     quiet: np.ndarray
+    mark: np.ndarray
     anchor: np.ndarray
     stay: np.ndarray
     bounds: np.ndarray
@@ -90,7 +92,7 @@ class Bodies:
         """Start the clocks that tell when bodies have come to rest, see `stay` [s]."""
         self.quiet[ids] = 0.0
         self.stay[ids] = stay
-        self.anchor[ids] = self.poses[ids]
+        self.mark[ids] = self.anchor[ids] = self.poses[ids]
 
     def _reserve(self, count: int) -> None:
         size = len(self.state)

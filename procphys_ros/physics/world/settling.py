@@ -21,9 +21,12 @@ from procphys_ros import rotation
 from procphys_ros.physics.world.bodies import Bodies, State
 from procphys_ros.physics.world.contacts import Contacts
 
-REST_SPEED = 0.15  # [m/s], slower than this at the centre of mass counts as quiet
+REST_SPEED = 0.15  # [m/s], slower than this in the mean at the centre of mass counts as quiet
 REST_SPIN = 0.6  # [rad/s]
 REST_RIM = 0.3  # [m/s], and spin times radius: large bodies must turn more slowly
+JITTER_SPEED = 1.0  # [m/s] that the contact solver may leave a body that hardly moves: under
+JITTER_SPIN = 6.0  # [rad/s] a block of 40 t, bricks give way and are pushed back in every step
+JITTER_WAY = 0.01  # [m]
 REST_TIME = 0.5  # [s], how long a body is quiet before it comes to rest
 CHECK_INTERVAL = 0.1  # [s] between looks at the quiet bodies; reading contacts is dear
 STAY_REACH = 0.02  # [m], a body whose farthest point keeps within this stays where it is
@@ -33,6 +36,7 @@ TREMBLE_TIME = 0.1  # [s], a body that stays for so long trembles and hits nothi
 #                     set free counts as such until it leaves, or wedged heaps wake each other
 WAKE_SPEED = 0.6  # [m/s], speed change by a hit that sets a resting body free: a fall of 2 cm
 SUPPORT_SHIFT = 0.01  # [m], move of a support that sets free what rests on it
+SPARE = 0.1  # share of its contacts that a body may lose before, a large block of many
 _TOUCH = 2e-3  # [m], gap below which a contact counts as touching
 _STANCE = 0.003  # [m], how far the centre of mass may lie outside what carries it
 _BESIDE = -0.5  # least upward part of the normal of a contact that can hold a body up
@@ -88,7 +92,7 @@ class Supports:
         return np.unique(self.resting[np.isin(self.support, support)])
 
     def lost(self, bodies: Bodies) -> np.ndarray:
-        """List the bodies one of whose supports has moved away."""
+        """List the bodies whose supports have moved away: for most, any one of them."""
         state = bodies.state[self.support]
         row = np.flatnonzero((state != State.RESTING) & (state != State.HELD))
         if not len(row):
@@ -96,15 +100,17 @@ class Supports:
         frame = bodies.poses[self.support[row]]
         now = frame[:, :3] + rotation.rotate(frame[:, 3:], self.local[row])
         moved = ((now - self.point[row]) ** 2).sum(axis=1) > SUPPORT_SHIFT ** 2
-        return np.unique(self.resting[row[moved]])
+        lost = np.bincount(self.resting[row[moved]], minlength=len(bodies.state))
+        return np.flatnonzero(lost > SPARE * np.bincount(self.resting, minlength=len(lost)))
 
 
 def count_quiet(bodies: Bodies, awake: np.ndarray, time_step: float) -> np.ndarray:
     """
     Keep the clocks of the loose bodies, and choose those that may have come to rest.
 
-    A body is quiet while it is slow. Pieces wedged into each other never are; they count when
-    they stay in one place, trembling or not.
+    A body is quiet while it is slow, by the way it makes: velocities tremble where heavy bodies
+    lie on light ones. Pieces wedged into each other never are quiet; they count when they stay in
+    one place, trembling or not.
 
     :returns: ids, (K,).
     """
@@ -112,17 +118,27 @@ def count_quiet(bodies: Bodies, awake: np.ndarray, time_step: float) -> np.ndarr
     radius = bodies.radius[awake]
     speed = np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
     spin = np.sqrt((velocity[:, 3:] ** 2).sum(axis=1))
-    slow = (speed < REST_SPEED) & (spin < REST_SPIN) & (spin * radius < REST_RIM)
-    quiet = np.where(slow, bodies.quiet[awake] + time_step, 0.0)
-    way = np.sqrt(((pose[:, :3] - anchor[:, :3]) ** 2).sum(axis=1))
-    same = np.abs((pose[:, 3:] * anchor[:, 3:]).sum(axis=1))
-    turn = 2.0 * np.arccos(np.minimum(same, 1.0))
+    quiet = bodies.quiet[awake] + time_step
+    way, turn = _moved(bodies.mark[awake], pose)
+    slow = ((speed < JITTER_SPEED) & (spin < JITTER_SPIN)
+            & (way < REST_SPEED * quiet + JITTER_WAY) & (turn < REST_SPIN * quiet)
+            & (turn * radius < REST_RIM * quiet + JITTER_WAY))
+    quiet[~slow] = 0.0
+    bodies.mark[awake[~slow]] = pose[~slow]
+    way, turn = _moved(anchor, pose)
     stays = way + turn * radius < STAY_REACH
     stay = np.where(stays, bodies.stay[awake] + time_step, 0.0)
     bodies.quiet[awake], bodies.stay[awake] = quiet, stay
     left = awake[~stays]
     bodies.anchor[left] = bodies.poses[left]
     return awake[(quiet > REST_TIME - 1e-9) | (stay > STAY_TIME - 1e-9)]
+
+
+def _moved(start: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give how far bodies have come [m] and by how much they have turned [rad], (K,) each."""
+    way = np.sqrt(((now[:, :3] - start[:, :3]) ** 2).sum(axis=1))
+    same = np.abs((now[:, 3:] * start[:, 3:]).sum(axis=1))
+    return way, 2.0 * np.arccos(np.minimum(same, 1.0))
 
 
 def at_rest(bodies: Bodies, quiet: np.ndarray, contacts: Contacts) -> np.ndarray:
