@@ -23,6 +23,8 @@ Run: python bench/soak.py [--minutes 30] [--seed 1]
 
 import argparse
 from collections import Counter, deque
+import ctypes
+import gc
 from pathlib import Path
 import resource
 import sys
@@ -45,6 +47,7 @@ _SUNK = -0.03     # [m] centre of mass of a thin twig that carries nothing, pres
 _BENT = -0.3      # [m] centre of mass of a branch that bends down to the ground on its tree
 _SLOW = 5.0       # [s] of wall time for one of simulated time that is worth a line
 _GROWTH = 0.3     # [MB per reset] of memory that counts as a leak
+_WARM_UP = 0.4    # share of the resets after which caches are full
 _SCENE = {
     'scene': {'objects': ['cottage', 'wall', 'oak', 'pine', 'shrub']},
     'seed': 3,
@@ -231,20 +234,22 @@ def _lowest(simulation: Simulation, parts: np.ndarray) -> np.ndarray:
 
 
 def memory() -> float:
-    """Give the memory that the process holds now [MB]."""
+    """
+    Give the memory that the process uses now [MB].
+
+    What is free goes back to the system first; otherwise the allocator would keep what the largest
+    collapse so far took, in jumps of 40 MB.
+    """
+    gc.collect()
+    ctypes.CDLL(None).malloc_trim(0)
     pages = int(Path('/proc/self/statm').read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
 
 
 def _growth(held: list[float]) -> float:
-    """
-    Give the median growth of memory from reset to reset [MB], after the first third.
-
-    The allocator keeps what the largest collapse so far took, which comes in jumps of up to 40 MB;
-    what a reset forgets to free comes with every one.
-    """
-    steps = np.diff(held[len(held) // 3:])
-    return float(np.median(steps)) if len(steps) else 0.0
+    """Give the slope of memory over the resets after the warm-up [MB per reset]."""
+    warm = held[int(_WARM_UP * len(held)):]
+    return float(np.polyfit(np.arange(len(warm)), warm, 1)[0]) if len(warm) > 3 else 0.0
 
 
 def soak(minutes: float, seed: int) -> int:

@@ -15,7 +15,7 @@
 
 """The node as a process of its own, and a client that talks to it over loopback."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import json
 import os
 from pathlib import Path
@@ -113,6 +113,16 @@ class NodeProcess:
         lines = self._errors.read_text('utf-8').splitlines(keepends=True)
         return ''.join(line for line in lines  # PyBullet greets whoever imports it
                        if not line.startswith('pybullet build time'))
+
+
+def serve(folder: Path, parameters: dict) -> Iterator[NodeProcess]:
+    """Run a node, with ROS in this process to talk to it, while a fixture lasts."""
+    rclpy.init()
+    process = NodeProcess(folder, parameters)
+    process.wait_for_banner()
+    yield process
+    process.kill()
+    rclpy.try_shutdown()
 
 
 class Client:

@@ -19,10 +19,9 @@ import json
 import math
 
 from geometry_msgs.msg import PoseArray, Vector3Stamped, WrenchStamped
-from node_process import Client, NodeProcess, PARTS, SAPLING, SCENE
+from node_process import Client, PARTS, SAPLING, SCENE, serve
 import numpy as np
 import pytest
-import rclpy
 from rclpy.clock import ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -40,12 +39,7 @@ WHOLE_SETS = 3  # of markers that a new subscriber gets, lest the first come too
 @pytest.fixture(scope='module', autouse=True)
 def process(tmp_path_factory):
     """Run one node for all tests here."""
-    rclpy.init()
-    process = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
-    process.wait_for_banner()
-    yield process
-    process.kill()
-    rclpy.try_shutdown()
+    yield from serve(tmp_path_factory.mktemp('node'), SCENE)
 
 
 @pytest.fixture

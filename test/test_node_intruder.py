@@ -16,9 +16,8 @@
 """The intruder through the node, over loopback."""
 
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from node_process import Client, NodeProcess, SAPLING
+from node_process import Client, SAPLING, serve
 import pytest
-import rclpy
 
 SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': SAPLING},
          'intruder': {'shape': 'sphere', 'size': [0.3]}}
@@ -27,12 +26,7 @@ SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': SAPLING}
 @pytest.fixture(scope='module', autouse=True)
 def process(tmp_path_factory):
     """Run one node for all tests here."""
-    rclpy.init()
-    process = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
-    process.wait_for_banner()
-    yield process
-    process.kill()
-    rclpy.try_shutdown()
+    yield from serve(tmp_path_factory.mktemp('node'), SCENE)
 
 
 def test_a_robot_leans_on_a_tree_and_feels_it():

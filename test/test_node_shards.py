@@ -108,6 +108,7 @@ def test_one_blast_is_carried_out_by_both_nodes(client):
     blast.point.y, blast.point.z = 3.0, 1.0
     client.send_until(lambda: all(taken(name) > before[name] for name in NODES),
                       'the blast in both', (publisher, blast))
+    assert all(taken(name) > before[name] for name in NODES)
 
 
 def test_what_is_thrown_in_both_nodes_is_told_apart(client):

@@ -18,9 +18,8 @@
 import json
 
 from geometry_msgs.msg import PointStamped, PoseArray, WrenchStamped
-from node_process import Client, NodeProcess
+from node_process import Client, serve
 import pytest
-import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
@@ -36,12 +35,7 @@ SCENE = {'scene': {'objects': ['wall']},
 @pytest.fixture(scope='module', autouse=True)
 def process(tmp_path_factory):
     """Run one node for all tests here."""
-    rclpy.init()
-    process = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
-    process.wait_for_banner()
-    yield process
-    process.kill()
-    rclpy.try_shutdown()
+    yield from serve(tmp_path_factory.mktemp('node'), SCENE)
 
 
 @pytest.fixture

@@ -18,10 +18,9 @@
 import json
 
 from geometry_msgs.msg import PoseArray
-from node_process import Client, NodeProcess, SAPLING
+from node_process import Client, SAPLING, serve
 import numpy as np
 import pytest
-import rclpy
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
@@ -73,12 +72,7 @@ class Viewer:
 @pytest.fixture(scope='module', autouse=True)
 def process(tmp_path_factory):
     """Run one node for all tests here."""
-    rclpy.init()
-    process = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
-    process.wait_for_banner()
-    yield process
-    process.kill()
-    rclpy.try_shutdown()
+    yield from serve(tmp_path_factory.mktemp('node'), SCENE)
 
 
 @pytest.fixture

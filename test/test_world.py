@@ -14,6 +14,7 @@
 
 """The world of loose bodies against closed forms and numpy."""
 
+from loose_bricks import at, BRICK, BRICK_MASS, DT, G
 import numpy as np
 import pytest
 
@@ -21,16 +22,6 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.physics.world import expand, Pieces, rigid_sum, solid_inertia, State, World
 from procphys_ros.physics.world.engine import LINEAR_DAMPING
-
-DT = 1.0 / 60.0
-G = 9.81
-BRICK = np.array([0.215, 0.1025, 0.065])
-BRICK_MASS = 2.7
-
-
-def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
-    """Give a pose."""
-    return np.array([x, y, z, *attitude])
 
 
 def random_parts(rng, count):

@@ -14,31 +14,13 @@
 
 """What lies on the ground lies on it, not in it."""
 
+from loose_bricks import at, BRICK, BRICK_MASS, DT, G, rest
 import numpy as np
 import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.physics.world import rigid_sum, World
-
-DT = 1.0 / 60.0
-G = 9.81
-BRICK = np.array([0.215, 0.1025, 0.065])
-BRICK_MASS = 2.7
-
-
-def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
-    """Give a pose."""
-    return np.array([x, y, z, *attitude])
-
-
-def rest(world):
-    """Step until nothing moves."""
-    for _ in range(round(20.0 / DT)):
-        world.step(DT)
-        if not len(world.awake):
-            return
-    raise AssertionError(f'{len(world.awake)} bodies still move')
 
 
 def toothed_wall(courses):
@@ -90,7 +72,7 @@ def test_overlapping_bodies_part_without_being_thrown():
     """Put a brick 3 cm into a slab at rest: it is moved out, and gains no speed by it."""
     with World() as world:
         world.add_body(Shape.BOX, [2.0, 2.0, 0.2], 2000.0, at(0, 0, 0.1005))
-        rest(world)
+        rest(world, limit=20.0)
         brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.2025))
         fastest = 0.0
         for _ in range(60):
@@ -107,9 +89,9 @@ def test_what_a_slab_falls_on_is_not_pressed_into_the_ground():
         ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
                               at(*rng.uniform(-0.9, 0.9, 2), 0.05 + 0.02 * i,
                                  rotation.from_yaw(rng.uniform(0.0, 3.0)))) for i in range(40)]
-        rest(world)
+        rest(world, limit=20.0)
         world.add_body(Shape.BOX, [2.0, 2.0, 0.15], 1300.0, at(0, 0, 2.0))
-        rest(world)
+        rest(world, limit=20.0)
         down = np.abs(rotation.to_matrix(world.poses(ids)[:, 3:])[:, 2] @ np.diag(BRICK))
         assert (world.poses(ids)[:, 2] - 0.5 * down.sum(axis=1)).min() > -0.0101
 

@@ -14,6 +14,7 @@
 
 """Standing still, coming to rest, and moving again when there is reason to."""
 
+from loose_bricks import at, BRICK, BRICK_MASS, DT, G, rest
 import numpy as np
 import pytest
 
@@ -21,30 +22,11 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.physics.world import merge_boxes, rigid_sum, State, World
 
-DT = 1.0 / 60.0
-G = 9.81
-BRICK = np.array([0.215, 0.1025, 0.065])
-BRICK_MASS = 2.7
-
-
-def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
-    """Give a pose."""
-    return np.array([x, y, z, *attitude])
-
 
 def bricks(world, *poses):
     """Add standing bricks."""
     return world.add_bricks(np.array(poses), np.tile(BRICK, (len(poses), 1)),
                             np.full(len(poses), BRICK_MASS))
-
-
-def rest(world, limit=10.0):
-    """Step until nothing moves; give the time it took [s]."""
-    for step in range(round(limit / DT)):
-        world.step(DT)
-        if not len(world.awake):
-            return step * DT
-    raise AssertionError(f'{len(world.awake)} bodies still move after {limit} s')
 
 
 def stacked(world):
@@ -324,3 +306,14 @@ def test_thick_and_thin_walls_do_not_merge_and_joints_are_closed():
     assert len(merged) == 2
     tops, bottoms = merged[:, 2] + 0.5 * extents[:, 2], merged[:, 2] - 0.5 * extents[:, 2]
     assert np.sort(tops)[0] == pytest.approx(np.sort(bottoms)[1])
+
+
+def test_a_brick_falls_when_its_only_support_goes():
+    """Set free what rests on one thing as soon as that has moved, however little is left of it."""
+    with World() as world:
+        low, high = stacked(world)
+        world.thaw(np.array([low]))
+        world.set_poses(np.array([low]), world.poses([low]) + [0.5, 0, 0, 0, 0, 0, 0])
+        assert high in world.supports.lost(world.bodies)
+        rest(world)
+        assert world.poses([high])[0, 2] == pytest.approx(0.5 * BRICK[2], abs=0.005)

@@ -18,6 +18,7 @@ from pathlib import Path
 import subprocess
 import sys
 
+from loose_bricks import at, BRICK, BRICK_MASS, DT, G
 import numpy as np
 import pytest
 
@@ -25,16 +26,6 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.physics.world import rigid_sum, State, World
 from procphys_ros.physics.world.driven import velocity_between
-
-DT = 1.0 / 60.0
-G = 9.81
-BRICK = np.array([0.215, 0.1025, 0.065])
-BRICK_MASS = 2.7
-
-
-def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
-    """Give a pose."""
-    return np.array([x, y, z, *attitude])
 
 
 def wall(world, rows=14, columns=10):

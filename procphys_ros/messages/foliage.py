@@ -139,7 +139,7 @@ def _leaf_corners(leaves: Leaves, petiole: np.ndarray, textures: tuple[str, ...]
 
 
 @njit(cache=True)
-def _place(poses, part, corners, out):  # pragma: no cover - compiled
+def _place(poses, part, corners, out):
     for i in range(len(part)):
         p = part[i]
         x, y, z, w = poses[p, 3], poses[p, 4], poses[p, 5], poses[p, 6]

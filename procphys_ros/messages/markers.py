@@ -200,7 +200,7 @@ class SceneMarkers:
 
 
 @njit(cache=True)
-def _exist(poses):  # pragma: no cover - compiled
+def _exist(poses):
     """Say which poses are finite."""
     out = np.ones(len(poses), np.bool_)
     for i in range(len(poses)):
@@ -210,7 +210,7 @@ def _exist(poses):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def _differ(poses, others, limit):  # pragma: no cover - compiled
+def _differ(poses, others, limit):
     """Say which poses differ from others by more than a limit in any number, or are none."""
     out = np.zeros(len(poses), np.bool_)
     for i in range(len(poses)):

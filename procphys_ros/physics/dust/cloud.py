@@ -207,14 +207,14 @@ def _young_deviation(mass: np.ndarray | float) -> np.ndarray:
 
 
 @njit(cache=True)
-def _depth(mass, grain, deviation):  # pragma: no cover - compiled
+def _depth(mass, grain, deviation):
     """Give the optical depth through the middle of puffs of Gaussian profile."""
     return _EXTINCTION / grain * mass / (2.0 * math.pi * deviation ** 2)
 
 
 @njit(cache=True)
 def _drift(rows, air, noise, dt, skyline, fall, mass, grain, position, deviation,
-           state):  # pragma: no cover - compiled
+           state):
     """
     Move airborne puffs.
 

@@ -121,7 +121,7 @@ def _laid_flat(attitude: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _fly(rows, air, dt, gravity, skyline, drag, spin, start, poses,
-         velocities):  # pragma: no cover - compiled
+         velocities):
     """
     Advance by quadratic drag with the slip of the last step, implicit and so never overshooting.
 

@@ -102,7 +102,7 @@ def carried(carrier: np.ndarray, frames: np.ndarray, local: np.ndarray) -> np.nd
 
 
 @njit(cache=True)
-def _carry(carrier, frames, local, out):  # pragma: no cover - compiled
+def _carry(carrier, frames, local, out):
     for i in range(len(local)):
         c = carrier[i]
         q = (frames[c, 3], frames[c, 4], frames[c, 5], frames[c, 6])
@@ -115,7 +115,7 @@ def _carry(carrier, frames, local, out):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):  # pragma: no cover
+def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):
     for i in range(len(rest)):
         c = carrier[i]
         for j in range(7):
@@ -139,7 +139,7 @@ def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):  # prag
 
 
 @njit(cache=True, inline='always')
-def _downwind(q, flow, speed):  # pragma: no cover
+def _downwind(q, flow, speed):
     """
     Turn from the leaf's axis at rest to where drag and petiole balance.
 
@@ -158,7 +158,7 @@ def _downwind(q, flow, speed):  # pragma: no cover
 
 
 @njit(cache=True, inline='always')
-def _into(x, y, z, w, a, b, c):  # pragma: no cover
+def _into(x, y, z, w, a, b, c):
     """Turn a vector back by a quaternion: from the world into a part's frame."""
     tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
     return (a + w * tx + ty * z - tz * y, b + w * ty + tz * x - tx * z,
@@ -166,7 +166,7 @@ def _into(x, y, z, w, a, b, c):  # pragma: no cover
 
 
 @njit(cache=True, inline='always')
-def _times(a, b):  # pragma: no cover
+def _times(a, b):
     """Compose rotations: by b first, then by a."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b

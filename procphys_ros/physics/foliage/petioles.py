@@ -73,7 +73,7 @@ def strengths(area: np.ndarray, shedding_speed: float, rng: np.random.Generator)
 
 
 @njit(cache=True)
-def air_speeds(air, velocities, active, out):  # pragma: no cover - compiled
+def air_speeds(air, velocities, active, out):
     """
     Work out how fast the air passes by segments [m/s], 0 for those that are not active.
 

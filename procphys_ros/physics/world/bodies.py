@@ -44,7 +44,7 @@ class Bodies:
     :ivar poses: centre of mass and attitude, world axes, (B, 7).
     :ivar velocities: linear and angular, world axes, (B, 6).
     :ivar quiet: how long the body has been slow [s], (B,).
-    :ivar mark: pose where it began to be, (B, 7).
+    :ivar mark: pose in which it began to be slow, (B, 7).
     :ivar anchor: pose that the body has stayed near, (B, 7).
     :ivar stay: how long it has [s], (B,).
     :ivar bounds: axis-aligned bounds of bodies at rest [m], (B, 6).

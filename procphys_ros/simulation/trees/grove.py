@@ -175,7 +175,7 @@ class Grove:
 
 
 @njit(cache=True)
-def _scatter(parts, active, rows, out):  # pragma: no cover - compiled
+def _scatter(parts, active, rows, out):
     """Write the active rows to where their parts are."""
     for i in range(len(parts)):
         if active[i]:
