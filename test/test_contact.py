@@ -22,7 +22,8 @@ import pytest
 
 from procphys_ros import rotation, skeleton
 from procphys_ros.blueprint import Blueprint, Shape
-from procphys_ros.physics.touch import meet, meet_ground, overlaps
+from procphys_ros.lsystem import LSystem
+from procphys_ros.physics.touch import meet, meet_ground, overlaps, Partners, resolve
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
@@ -232,6 +233,42 @@ def test_branches_do_not_pass_through_a_wall():
     assert touched > 20
     assert deepest < 0.02
     assert simulation._buildings.standing[len(forest):].all()
+
+
+@pytest.mark.parametrize(('width', 'length', 'count'), [
+    (0.05, 0.04, 1), (0.1, 0.03, 1), (0.3, 0.04, 3), (0.02, 0.01, 1)])
+def test_a_stout_foot_turns_as_its_spring_says(width, length, count):
+    """Lean a pole on a foot wider than long by torque over stiffness; the ground does not hold."""
+    stiffness = 2000.0  # [N·m/rad]
+    grammar = LSystem.parse(
+        f'axiom: SwingForce({stiffness * count}) SwingDamper(400) Density(300) !({width}) '
+        + f'F({length}) ' * count + 'SwingForce(1e9) F(1.2)')
+    simulation = single(grammar.build())
+    base = count * length
+    lever = float(simulation.poses[-1, 2])
+    weight = simulation.blueprint.mass[-1] * 9.81
+    for _ in range(600):
+        simulation.step()
+        simulation.apply_impulse('tree/' + str(count), (4.0 * _DT, 0.0, 0.0))
+    moved = float(simulation.poses[-1, 0])
+    levers = lever - length * np.arange(count)
+    bent = 4.0 * (levers ** 2).sum() / (stiffness * count)
+    assert simulation.poses[-1, 2] == pytest.approx(base + 0.6, abs=0.05)
+    assert weight * lever < 0.1 * stiffness
+    assert moved == pytest.approx(bent, rel=0.1)
+
+
+def test_what_cannot_move_takes_no_impulse():
+    """Leave out contacts that nothing answers to, and solve those beside them."""
+    partners = Partners(np.arange(2), np.full(2, -1), np.full(2, -1), np.zeros((2, 3)),
+                        np.zeros(0), np.zeros((0, 3, 3)), np.zeros((0, 6)))
+    response = np.zeros((2, 3, 3))
+    response[1] = np.eye(3)
+    velocity = np.tile([0.0, 0.0, -2.0], (2, 1))
+    ones = np.ones(2, np.intp)
+    impulse = resolve(np.tile([0.0, 0.0, 1.0], (2, 1)), np.zeros(2), np.full(2, 0.5), partners,
+                      velocity, np.arange(2), 0 * ones, ones, response)
+    np.testing.assert_allclose(impulse, [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], atol=1e-9)
 
 
 def slab(thick: float, wide: int, high: float) -> Blueprint:

@@ -31,6 +31,8 @@ import numpy as np
 _ITERATIONS = 40
 _CONVERGED = 1e-6  # largest change of velocity at a contact in one turn [m/s] that ends the turns
 _TURN = 3e-3       # of the largest speed at the beginning, likewise
+_RIGID = 1e-9      # share of the largest response of a contact, below which it is rounding
+_IMMOVABLE = 1e-15  # [1/kg] response of what counts as immovable in every direction
 
 
 class Partners(NamedTuple):
@@ -128,8 +130,8 @@ def _resolve_island(chosen, normal, least, friction, partners, velocity, first, 
                                _slip(c, partners, velocity))
             if x == 0.0 and y == 0.0 and z == 0.0:
                 continue
-            worst = max(worst, math.sqrt(x * x + y * y + z * z)
-                        * max(yielding[c], sliding[c]))
+            softest = max(yielding[c], sliding[c] if sliding[c] < np.inf else 0.0)
+            worst = max(worst, math.sqrt(x * x + y * y + z * z) * softest)
             total[c, 0] += x
             total[c, 1] += y
             total[c, 2] += z
@@ -211,7 +213,12 @@ def _move(end, x, y, z, velocity, first, place, count, response):
 
 @njit(cache=True)
 def _prepare(c, n, partners, first, place, count, response, yielding, sliding):
-    """Work out how a contact yields along its normal, and at most across it [1/kg]."""
+    """
+    Work out how a contact yields along its normal, and at most across it [1/kg].
+
+    Both are infinite where nothing moves, so that no impulse is tried in vain: a straight pole
+    that is pushed along its axis, for example.
+    """
     full = np.zeros((3, 3))
     for end in (partners.end[c], partners.other[c]):
         if end >= 0:
@@ -230,3 +237,8 @@ def _prepare(c, n, partners, first, place, count, response, yielding, sliding):
     yielding[c] = (n * (full @ n)).sum()
     tt, ss, ts = (t * (full @ t)).sum(), (s * (full @ s)).sum(), (t * (full @ s)).sum()
     sliding[c] = 0.5 * (tt + ss) + np.sqrt(0.25 * (tt - ss) ** 2 + ts ** 2)
+    least = max(_IMMOVABLE, _RIGID * max(yielding[c], sliding[c]))
+    if not yielding[c] > least:
+        yielding[c] = np.inf
+    if not sliding[c] > least:
+        sliding[c] = np.inf
