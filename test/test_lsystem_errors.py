@@ -47,6 +47,7 @@ from procphys_ros.resources import shared_folder
     ('axiom: F(1, 2)', 1, 8, 'F takes 0 or 1 parameters, found 2'),
     ('axiom: A Tropism(1)', 1, 10, 'Tropism takes 4 parameters, found 1'),
     ('axiom: A\nproduction:\nA -> B : -0.5', 3, 10, 'weight -0.5 is negative'),
+    ('axiom: A\nproduction:\nA -> B : 1e300', 3, 10, 'weight 1e+300 must be from 0 to 1e+12'),
     ('axiom: A\nproduction:\nA -> B : ', 3, 0, 'found the end, expected "(", a name'),
     ('axiom: A\nproduction:\nA -> B : heavy', 3, 10, 'unknown name "heavy"'),
     ('axiom: A\nproduction:\nA -> B : 1 2', 3, 12, 'found "2", expected an operator'),

@@ -106,10 +106,12 @@ _COLUMNS = {
 @pytest.mark.parametrize('name', _COLUMNS)
 def test_physics(name):
     """Set each quantity where its symbol stands, keep it on the stack, apply its rate."""
-    text = f'F {name}(8) F [ {name}(4) {name}Rate(0.5) F F F ] F'
+    unit = 1e6 if name == 'Modulus' else 1.0
+    text = f'F {name}({8 * unit}) F [ {name}({4 * unit}) {name}Rate(0.5) F F F ] F'
     values = getattr(_draw(text).branches, _COLUMNS[name])
     default = {a.name: a.default for a in ATTRIBUTES}[name]
-    assert values == pytest.approx([default, 8, 4, 2, 1, 8], nan_ok=True)
+    assert values == pytest.approx(
+        [default, *(unit * np.array([8, 4, 2, 1, 8]))], nan_ok=True)
 
 
 def test_physics_with_other_units():
@@ -218,18 +220,34 @@ def test_leaf_before_the_first_segment():
 
 
 @pytest.mark.parametrize('axiom, column, words', [
-    ('Width(-0.1) F', 8, 'Width is -0.1, it must be greater than 0'),
+    ('Width(-0.1) F', 8, 'Width is -0.1, it must be from 0.0001 to 30 m'),
     ('F !(0) F', 10, '! is 0'), ('F(-1)', 8, 'F is -1'), ('F(0)', 8, 'F is 0'),
-    ('Density(0)F', 8, 'Density is 0'), ('SwingDamper(-1)F', 8, '0 or greater'),
+    ('Density(0)F', 8, 'Density is 0'), ('SwingDamper(-1)F', 8, 'from 0 to'),
     ('WidthRate(-1)F', 8, 'WidthRate is -1'), ('WidthRate(0)F F', 22, 'would get a Width of 0'),
-    ('BoneRatio(0.5)F', 8, 'from 0.8 to 0.95'), ('SwingLimit(200)F', 8, 'at most 180'),
-    ('Texture(1.5)F', 8, 'texture number'), ('Texture(-1)F', 8, '0 or greater'),
+    ('BoneRatio(0.5)F', 8, 'from 0.8 to 0.95'),
+    ('SwingLimit(200)F', 8, 'from 0.001 to 180 degrees'),
+    ('Texture(1.5)F', 8, 'texture number'), ('Texture(-1)F', 8, 'from 0 to'),
     ('F~(0)', 9, '~ is 0'), ('F Leaf(1, 0.5)', 10, 'texture number'),
     ('F } F', 10, 'outside a polygon'), ('F . F', 10, 'outside a polygon'),
     ('F { f', 12, 'still open'), ('@R(0,0,0) F', 8, 'no direction'),
     ('@R(0,0,1,0,0,2) F', 8, 'no direction'), ('A', 0, 'draws no segment'),
     ('[' * 10001 + 'F' + ']' * 10001, 0, 'nested 10001 deep'),
-    ('Density(1e300) DensityRate(1e300) F F', 44, 'would get a Density of inf'),
+    ('Density(1e300)F', 8, 'Density is 1e+300, it must be from 0.1 to 25000 kg/m³'),
+    ('Density(1e-300)F', 8, 'from 0.1 to 25000 kg/m³'),
+    ('Modulus(1e300)F', 8, 'Modulus is 1e+300, it must be from 1000 to 2e+12 Pa'),
+    ('Modulus(1e-3)F', 8, 'from 1000 to 2e+12 Pa'), ('Strength(1e300)F', 8, '1 to 1e+12 Pa'),
+    ('F(1e300)', 8, 'F is 1e+300, it must be from 0.0001 to 1000 m'),
+    ('F(1e-300)', 8, 'F is 1e-300, it must be from 0.0001 to 1000 m'),
+    ('!(1e-12)F', 8, '! is 1e-12, it must be from 0.0001 to 30 m'),
+    ('!(1e-200)F', 8, 'from 0.0001 to 30 m'), ('!(1e-9)F', 8, 'from 0.0001 to 30 m'),
+    ('f(1e300)F', 8, 'f is 1e+300, it must be from -1000 to 1000 m'),
+    ('+(1e300)F', 8, 'from -1e+09 to 1e+09 degrees'), ('F~(1e300)', 9, '0.0001 to 100 m'),
+    ('Tropism(0, 0, 1e300, 1)F', 8, 'Tropism is 1e+300, it must be'),
+    ('DensityRate(1e300) F F', 8, 'DensityRate is 1e+300, it must be from 0 to 1000'),
+    ('DensityRate(900) F F', 27, 'Density of 810000, it must be from 0.1 to 25000 kg/m³'),
+    ('SwingForce(1e300)F', 8, 'N·m/rad'), ('BreakForce(0)F', 8, 'from 1e-09 to 1e+15 N'),
+    ('LeafRate(0.001) F F F ~(1)', 30, 'size of 1e-09, it must be from 0.0001 to 100 m'),
+    ('F(999)' * 12, 74, 'coordinates must be from -10000 to 10000 m'),
 ])
 def test_refused(axiom, column, words):
     """Refuse what no segment can have, naming the symbol and its place."""

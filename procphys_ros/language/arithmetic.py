@@ -107,16 +107,17 @@ FUNCTIONS: dict[str, tuple[Callable[..., Value], int, int]] = {
 }
 
 
-def rand(generator: np.random.Generator, count: int, low: Value, high: Value) -> np.ndarray:
+def rand(generator: np.random.Generator, count: int, low: Value, high: Value) -> Value:
     """Draw uniformly between two bounds, once per element."""
     _refuse_where(np.less(high, low), high, 'rand(a, b) needs a <= b, b is {}')
-    return low + np.subtract(high, low) * generator.random(count)
+    drawn = low + np.subtract(high, low) * generator.random(count)
+    return _finite(drawn, 'rand')
 
 
-def nran(generator: np.random.Generator, count: int, mean: Value, spread: Value) -> np.ndarray:
+def nran(generator: np.random.Generator, count: int, mean: Value, spread: Value) -> Value:
     """Draw from a normal distribution, once per element."""
     _refuse_where(np.less(spread, 0.0), spread, 'nran(mean, sd) needs sd >= 0, it is {}')
-    return mean + spread * generator.standard_normal(count)
+    return _finite(mean + spread * generator.standard_normal(count), 'nran')
 
 
 RANDOM_FUNCTIONS = {'rand': (rand, 2, 2), 'nran': (nran, 2, 2)}

@@ -23,7 +23,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves, Ornaments
 from procphys_ros.lsystem import walk
 from procphys_ros.lsystem.modules import Modules
-from procphys_ros.lsystem.symbols import ATTRIBUTE_INDEX, BONE_RATIO_RANGE
+from procphys_ros.lsystem.symbols import ATTRIBUTE_INDEX, ATTRIBUTES
 from procphys_ros.skeleton import Branches
 
 HEAD = 3           # columns of carrier, module and length before the state
@@ -69,6 +69,7 @@ def _attitude(table: np.ndarray) -> np.ndarray:
 def _branches(segments: np.ndarray) -> Branches:
     parent = segments[:, 0].astype(np.int32)
     lateral = segments[:, HEAD + walk.LATERAL] > 0.5
+    bone = ATTRIBUTES[ATTRIBUTE_INDEX['BoneRatio']].allowed
 
     def value(name: str) -> np.ndarray:
         return segments[:, HEAD + walk.VALUES + ATTRIBUTE_INDEX[name]].copy()
@@ -81,7 +82,7 @@ def _branches(segments: np.ndarray) -> Branches:
         parent=parent, lateral=lateral, base=_axis(segments, walk.POSITION).copy(),
         attitude=_attitude(segments), length=segments[:, 2].copy(), width=width, tip_width=tip,
         density=value('Density'), modulus=value('Modulus'), strength=value('Strength'),
-        bone_ratio=np.clip(value('BoneRatio'), *BONE_RATIO_RANGE),
+        bone_ratio=np.clip(value('BoneRatio'), bone.low, bone.high),
         swing_limit=np.radians(value('SwingLimit')), swing_stiffness=value('SwingForce'),
         swing_damping=value('SwingDamper'), damping_ratio=value('DampingRatio'),
         twist_stiffness=value('TwistForce'), twist_damping=value('TwistDamper'),

@@ -26,7 +26,7 @@ import numpy as np
 from procphys_ros.language import Value
 from procphys_ros.lsystem.contexts import follow_tree, match_left, match_right
 from procphys_ros.lsystem.modules import Modules
-from procphys_ros.lsystem.rules import Rule
+from procphys_ros.lsystem.rules import check_weight, Rule
 
 
 class _Match(NamedTuple):
@@ -229,6 +229,5 @@ def _weigh(rule: Rule, values: dict, count: int, generator: np.random.Generator)
     if rule.weight is None:
         return 1.0
     weight = rule.weight.evaluate(values, count, generator)
-    if np.any(np.less(weight, 0.0)):
-        raise rule.weight.place.error(f'weight {np.min(weight):g} is negative')
+    check_weight(weight, rule.weight.place)
     return weight

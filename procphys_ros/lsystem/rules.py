@@ -22,10 +22,25 @@ from lark import Token, Tree
 import numpy as np
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.language import compile_expression, Expression, Place
+from procphys_ros.language import compile_expression, Expression, Place, Value
 from procphys_ros.lsystem.contexts import CLOSE, EXACT_CLOSE, OPEN
 from procphys_ros.lsystem.modules import POP, PUSH, Vocabulary
 from procphys_ros.lsystem.symbols import LONG_NAMES, SYMBOLS
+
+_HEAVIEST = 1e12  # weight of a rule; sums stay finite
+
+
+def check_weight(weight: Value, place: Place) -> None:
+    """
+    Refuse weights that no draw can use.
+
+    :param weight: of a rule, at each place where it applies.
+    :param place: where it is written.
+    """
+    if np.any(np.less(weight, 0.0)):
+        raise place.error(f'weight {np.min(weight):g} is negative')
+    if np.any(np.greater(weight, _HEAVIEST)):
+        raise place.error(f'weight {np.max(weight):g} must be from 0 to {_HEAVIEST:g}')
 
 
 @dataclass(frozen=True)
@@ -141,9 +156,7 @@ class RuleCompiler:
     def _weight(self, tree: Tree | None, line: int, known: set[str]) -> Expression | None:
         weight = self._optional(tree, line, known)
         if weight is not None and not weight.names:
-            value = weight.number({}, np.random.default_rng(0))
-            if value < 0.0:
-                raise weight.place.error(f'weight {value:g} is negative')
+            check_weight(weight.number({}, np.random.default_rng(0)), weight.place)
         return weight
 
     def _context(self, pattern: Tree | None, line: int) -> tuple[list[int], list[tuple]]:

@@ -46,43 +46,77 @@ class Op(IntEnum):
     RATE = 19
 
 
+class Range(NamedTuple):
+    """
+    Values that are allowed, both ends included.
+
+    :ivar low, high: ends.
+    :ivar unit: of both; empty = none.
+    """
+
+    low: float
+    high: float
+    unit: str = ''
+
+    def holds(self, values: np.ndarray) -> np.ndarray:
+        """Say which values lie inside, with room for rounding; NaN does not."""
+        return ((values >= self.low - 1e-9 * abs(self.low))
+                & (values <= self.high + 1e-9 * abs(self.high)))
+
+    def __str__(self) -> str:
+        return f'from {self.low:g} to {self.high:g} {self.unit}'.rstrip()
+
+
 class Attribute(NamedTuple):
     """
     A number of the turtle's state that segments take over.
 
     :ivar name: of the symbol; `<name>Rate` sets the factor applied after each segment.
     :ivar default: value when the grammar says nothing; NaN = derived from other values.
-    :ivar positive: whether zero is refused.
+    :ivar allowed: values that a segment may have.
     """
 
     name: str
     default: float
-    positive: bool
+    allowed: Range
 
+
+# Ranges reach beyond what grows or is built (the widest trunk measures 14 m, the tallest tree
+# 116 m; densities from aerogel to osmium, moduli from gel to diamond), and end before products
+# and quotients of them lose their precision.
+_STIFFNESS = Range(1e-12, 1e15, 'N·m/rad')  # what E·I/L can give
+_DAMPING = Range(0.0, 1e15, 'N·m·s/rad')
+LENGTH = Range(1e-4, 1000.0, 'm')           # of one segment
+STEP = Range(-1000.0, 1000.0, 'm')          # of `f`, which may go backwards
+LEAF_SIZE = Range(1e-4, 100.0, 'm')
+RATE = Range(0.0, 1000.0)
+ANGLE = Range(-1e9, 1e9, 'degrees')
+TROPISM = Range(-1e6, 1e6)
+REACH = Range(-1e4, 1e4, 'm')               # coordinates of everything drawn
+TEXTURE_NUMBER = Range(0.0, float(np.iinfo(np.int16).max))
 
 # Green birch (ForestGALES species table: 900 kg/m3, 9.9 GPa) stands for wood of which a grammar
 # says nothing. Internal damping of trees is below 5 % (Moore and Maguire 2004, Trees 18).
 ATTRIBUTES = (
-    Attribute('Width', 0.1, True),            # [m]
-    Attribute('Density', 900.0, True),        # [kg/m3]
-    Attribute('Modulus', 9.9e9, True),        # [Pa]
-    Attribute('Strength', np.inf, True),      # [Pa]
-    Attribute('DampingRatio', 0.05, False),
-    Attribute('SwingLimit', 60.0, True),      # [degrees]
-    Attribute('SwingForce', np.nan, True),    # [N m/rad], absent: E I / L
-    Attribute('SwingDamper', np.nan, False),  # [N m s/rad], absent: from DampingRatio
-    Attribute('TwistForce', np.nan, True),    # [N m/rad], absent: locked
-    Attribute('TwistDamper', np.nan, False),  # [N m s/rad], absent: from DampingRatio
-    Attribute('StretchForce', np.nan, True),  # [N/m], absent: locked
-    Attribute('StretchDamper', np.nan, False),  # [N s/m], absent: from DampingRatio
-    Attribute('BreakForce', np.inf, True),    # [N]
-    Attribute('BreakTorque', np.inf, True),   # [N m]
-    Attribute('BoneRatio', 0.9, True),
-    Attribute('Texture', 0.0, False),
-    Attribute('Leaf', 1.0, True),             # factor on the sizes of leaves, for LeafRate
+    Attribute('Width', 0.1, Range(1e-4, 30.0, 'm')),
+    Attribute('Density', 900.0, Range(0.1, 25e3, 'kg/m³')),
+    Attribute('Modulus', 9.9e9, Range(1e3, 2e12, 'Pa')),
+    Attribute('Strength', np.inf, Range(1.0, 1e12, 'Pa')),
+    Attribute('DampingRatio', 0.05, Range(0.0, 10.0)),
+    Attribute('SwingLimit', 60.0, Range(1e-3, 180.0, 'degrees')),
+    Attribute('SwingForce', np.nan, _STIFFNESS),   # absent: E·I/L
+    Attribute('SwingDamper', np.nan, _DAMPING),    # absent: from DampingRatio
+    Attribute('TwistForce', np.nan, _STIFFNESS),   # absent: locked
+    Attribute('TwistDamper', np.nan, _DAMPING),    # absent: from DampingRatio
+    Attribute('StretchForce', np.nan, _STIFFNESS._replace(unit='N/m')),  # absent: locked
+    Attribute('StretchDamper', np.nan, _DAMPING._replace(unit='N·s/m')),
+    Attribute('BreakForce', np.inf, Range(1e-9, 1e15, 'N')),
+    Attribute('BreakTorque', np.inf, Range(1e-9, 1e15, 'N·m')),
+    Attribute('BoneRatio', 0.9, Range(0.8, 0.95)),  # bone length over segment length
+    Attribute('Texture', 0.0, TEXTURE_NUMBER),
+    Attribute('Leaf', 1.0, Range(0.0, 1e6)),        # factor on the sizes of leaves, for LeafRate
 )
 ATTRIBUTE_INDEX = {attribute.name: i for i, attribute in enumerate(ATTRIBUTES)}
-BONE_RATIO_RANGE = (0.8, 0.95)  # bone length over segment length
 
 
 class Symbol(NamedTuple):
@@ -124,6 +158,13 @@ def _symbols() -> dict[str, Symbol]:
 
 SYMBOLS = _symbols()
 LONG_NAMES = frozenset(name for name in SYMBOLS if len(name) > 1 and name[0].isalpha())
+
+
+# Allowed values of the parameters of symbols other than attributes.
+ARGUMENT_RANGES = {
+    Op.SEGMENT: LENGTH, Op.ORNAMENT_SEGMENT: LENGTH, Op.MOVE: STEP, Op.RATE: RATE,
+    Op.TURN: ANGLE, Op.PITCH: ANGLE, Op.ROLL: ANGLE, Op.TROPISM: TROPISM,
+}
 
 
 def arity_message(symbol: Symbol, found: int) -> str:

@@ -15,7 +15,7 @@
 
 """Turtle: read a string of modules as a branch structure with leaves and ornaments."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,12 +26,16 @@ from procphys_ros.lsystem import walk
 from procphys_ros.lsystem.drawing import draw, Drawing, HEAD, leaf_textures, TEXTURE
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.symbols import (
+    ARGUMENT_RANGES,
     arity_message,
     ATTRIBUTES,
-    BONE_RATIO_RANGE,
+    LEAF_SIZE,
     Op,
+    Range,
+    REACH,
     Symbol,
     SYMBOLS,
+    TEXTURE_NUMBER,
 )
 
 DEFAULT_TEXTURES = ('bark', 'leaf')
@@ -79,6 +83,7 @@ class Turtle:
         segments, pieces, leaves, triangles = (
             table[:count] for table, count in zip(tables[:4], filled))
         self._check_segments(modules, segments)
+        self._check_reach(modules, segments, leaves, pieces, triangles)
         if not len(segments):
             raise GrammarError('the string draws no segment; F(length) draws one', self.source)
         textures = self._texture_names(modules, segments, leaves, triangles, pieces)
@@ -107,11 +112,12 @@ class Turtle:
         return place.error(f'{name} {message}')
 
     def _check(self, modules: Modules, rows: np.ndarray, values: np.ndarray,
-               good: Callable[[np.ndarray], np.ndarray], wanted: str) -> None:
-        wrong = np.flatnonzero(~good(values))
+               allowed: Range) -> None:
+        """Refuse the first value, of one row each, that does not lie in a range."""
+        wrong = np.flatnonzero(~allowed.holds(values))
         if len(wrong):
             raise self._error(modules, int(rows[wrong[0]]),
-                              f'is {values[wrong[0]]:g}, it must be {wanted}')
+                              f'is {values[wrong[0]]:g}, it must be {allowed}')
 
     def _check_symbols(self, modules: Modules, op: np.ndarray, argument: np.ndarray,
                        meanings: Sequence[Symbol]) -> None:
@@ -127,63 +133,64 @@ class Turtle:
         if self.angle is None and turns.any():
             raise self._error(modules, int(np.argmax(turns)),
                               'has no angle; write one, or "angle: 25" for all')
-        for which in (Op.SEGMENT, Op.ORNAMENT_SEGMENT, Op.MOVE, Op.LEAF, Op.RATE):
-            rows = np.flatnonzero((op == which) & (counts > 0))
-            positive = which not in (Op.MOVE, Op.RATE)
-            self._check_sign(modules, rows, modules.values[starts[rows]], positive,
-                             which != Op.MOVE)
-        rows = np.flatnonzero((op == Op.LEAF) & (counts == 2))
+        for which, allowed in ARGUMENT_RANGES.items():
+            rows = np.repeat(np.flatnonzero(op == which), counts[op == which])
+            self._check(modules, rows, modules.values[np.repeat(op == which, counts)], allowed)
+        rows = np.flatnonzero((op == Op.LEAF) & (counts > 0))
+        self._check(modules, rows, modules.values[starts[rows]], LEAF_SIZE)
+        rows = rows[counts[rows] == 2]
         self._check_texture(modules, rows, modules.values[starts[rows] + 1])
         for index, attribute in enumerate(ATTRIBUTES):
             rows = np.flatnonzero((op == Op.ATTRIBUTE) & (argument == index) & (counts == 1))
-            self._check_attribute(modules, rows, modules.values[starts[rows]], attribute.name,
-                                  attribute.positive)
-
-    def _check_sign(self, modules: Modules, rows: np.ndarray, values: np.ndarray,
-                    positive: bool, signed: bool = True) -> None:
-        if not signed:
-            self._check(modules, rows, values, np.isfinite, 'a finite number')
-        elif positive:
-            self._check(modules, rows, values, lambda x: x > 0.0, 'greater than 0')
-        else:
-            self._check(modules, rows, values, lambda x: x >= 0.0, '0 or greater')
-
-    def _check_attribute(self, modules: Modules, rows: np.ndarray, values: np.ndarray,
-                         name: str, positive: bool) -> None:
-        self._check_sign(modules, rows, values, positive)
-        if name == 'Texture':
-            self._check_texture(modules, rows, values)
-        elif name == 'SwingLimit':
-            self._check(modules, rows, values, lambda x: x <= 180.0, 'at most 180 degrees')
-        elif name == 'BoneRatio':
-            low, high = BONE_RATIO_RANGE
-            self._check(modules, rows, values, lambda x: (x >= low) & (x <= high),
-                        f'from {low} to {high}')
+            values = modules.values[starts[rows]]
+            if attribute.name == 'Texture':
+                self._check_texture(modules, rows, values)
+            else:
+                self._check(modules, rows, values, attribute.allowed)
 
     def _check_texture(self, modules: Modules, rows: np.ndarray, values: np.ndarray) -> None:
-        most = len(self.textures) or np.iinfo(np.int16).max
-        self._check(modules, rows, values,
-                    lambda x: (x == np.floor(x)) & (x >= 0) & (x < most),
-                    f'a texture number from 0 to {most - 1}')
+        allowed = TEXTURE_NUMBER
+        if self.textures:
+            allowed = Range(0.0, len(self.textures) - 1.0)
+        wrong = np.flatnonzero(~allowed.holds(values) | (values != np.floor(values)))
+        if len(wrong):
+            raise self._error(
+                modules, int(rows[wrong[0]]), f'is {values[wrong[0]]:g}, it must be a texture '
+                f'number {allowed}' + (f' ({", ".join(self.textures)})' if self.textures else ''))
 
     def _check_segments(self, modules: Modules, segments: np.ndarray) -> None:
         """Refuse values that rates have driven out of range."""
         rows = segments[:, 1].astype(np.int64)
         for index, attribute in enumerate(ATTRIBUTES):
             values = segments[:, HEAD + walk.VALUES + index]
-            given = ~np.isnan(values) if np.isnan(attribute.default) else slice(None)
-            wrong = ~(values[given] > 0.0 if attribute.positive else values[given] >= 0.0)
-            if not np.isinf(attribute.default):
-                wrong |= np.isinf(values[given])
-            if attribute.name == 'BoneRatio':
-                low, high = BONE_RATIO_RANGE
-                wrong |= (values < low - 1e-9) | (values > high + 1e-9)
+            wrong = ~attribute.allowed.holds(values)
+            if np.isnan(attribute.default):
+                wrong &= ~np.isnan(values)
+            elif np.isinf(attribute.default):
+                wrong &= ~np.isinf(values)
             if wrong.any():
                 first = int(np.argmax(wrong))
                 raise self._error(
-                    modules, int(rows[given][first]),
-                    f'would get a {attribute.name} of {values[given][first]:g}; '
+                    modules, int(rows[first]), f'would get a {attribute.name} of '
+                    f'{values[first]:g}, it must be {attribute.allowed}; '
                     f'check {attribute.name} and {attribute.name}Rate')
+
+    def _check_reach(self, modules: Modules, *tables: np.ndarray) -> None:
+        """Refuse what lies further from the root than any tree reaches, and odd leaves."""
+        segments, leaves, pieces, triangles = tables
+        for table, first, last in ((segments, HEAD, HEAD + 3), (leaves, HEAD, HEAD + 3),
+                                   (pieces, HEAD, HEAD + 3), (triangles, 3, 12)):
+            wrong = ~REACH.holds(table[:, first:last]).all(axis=1)
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                where = ', '.join(f'{x:g}' for x in table[row, first:first + 3])
+                raise self._error(modules, int(table[row, 1]), f'would stand at ({where}); '
+                                  f'coordinates must be {REACH}')
+        wrong = ~LEAF_SIZE.holds(leaves[:, 2])
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise self._error(modules, int(leaves[row, 1]), f'would get a size of '
+                              f'{leaves[row, 2]:g}, it must be {LEAF_SIZE}; check LeafRate')
 
     def _texture_names(self, modules: Modules, *tables: np.ndarray) -> tuple[str, ...]:
         segments, leaves, triangles, pieces = tables

@@ -39,6 +39,8 @@ from procphys_ros.wallgrammar.spec import (
 
 _DEEPEST = 64          # rules inside rules
 _MOST_STEPS = 100_000  # rules, divisions and panels of one building
+_HEAVIEST = 1e12       # weight of a rule; sums stay finite
+_LARGEST = 1e6         # [m] border, insert or extrusion: more than the longest facade
 
 
 class Scope(NamedTuple):
@@ -118,6 +120,14 @@ class Deriver:
                   'scope_y': (scope.top - scope.bottom) * 1e-6}
         return expression.number(values, self.generator)
 
+    def _extent(self, expression: Expression, task: _Task, least: float = 0.0) -> int:
+        """Evaluate a length [µm]."""
+        metres = self._number(expression, task)
+        if not least <= metres <= _LARGEST:
+            raise expression.place.error(f'a length must be from {least:g} to {_LARGEST:g} m, '
+                                         f'found {metres:g}')
+        return micro(metres)
+
     def _expand(self, task: _Task) -> list[_Task]:
         node = task.successor
         if isinstance(node, Call):
@@ -127,7 +137,7 @@ class Deriver:
         if isinstance(node, Grid):
             return self._grid(node, task)
         if isinstance(node, Extrude):
-            depth = task.scope.depth - micro(self._number(node.depth, task))
+            depth = task.scope.depth - self._extent(node.depth, task, -_LARGEST)
             return [task._replace(successor=node.inner, scope=task.scope._replace(depth=depth))]
         return self._frame(node, task)
 
@@ -164,12 +174,9 @@ class Deriver:
         scope = task.scope
         width, height = scope.right - scope.left, scope.top - scope.bottom
         if isinstance(node, Border):
-            border = micro(self._number(node.width, task))
-            if border < 0:
-                raise node.width.place.error('the width of a border must not be negative')
-            aside = above = border
+            aside = above = self._extent(node.width, task)
         else:
-            wanted = [micro(self._number(e, task)) for e in (node.width, node.height)]
+            wanted = [self._extent(e, task) for e in (node.width, node.height)]
             if wanted[0] > width or wanted[1] > height or min(wanted) <= 0:
                 raise node.width.place.error(
                     f'an insert of {wanted[0] / 1e6:g} x {wanted[1] / 1e6:g} m does not fit into '
@@ -210,8 +217,9 @@ class Deriver:
                     break
                 return rule
             weight = self._number(rule.weight, inner)
-            if weight < 0.0:
-                raise rule.weight.place.error(f'a weight must not be negative, found {weight:g}')
+            if not 0.0 <= weight <= _HEAVIEST:
+                raise rule.weight.place.error(f'a weight must be from 0 to {_HEAVIEST:g}, '
+                                              f'found {weight:g}')
             drawn.append((rule, weight))
         total = sum(weight for _, weight in drawn)
         if total <= 0.0:

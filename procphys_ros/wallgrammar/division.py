@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.language import Place
 
 _MOST_REPEATS = 100_000
-_LARGEST = 1e9  # [m] or weight; larger numbers say no more, and their sums may not be finite
+_LARGEST = 1e6  # [m], share or weight: more than the longest facade
 
 
 @dataclass(frozen=True)
@@ -63,10 +63,9 @@ def nominal(shares: 'tuple[Share | Repeated, ...]', length: float) -> float:
 
 def _size(share: Share, length: float) -> float:
     """Give what a part would like to have: a weight, or metres of a scope of some length."""
-    if share.size < 0.0:
-        raise share.place.error(f'a size must not be negative, found {share.size:g}')
-    size = min(share.size, _LARGEST)
-    return size * length if share.kind == 'relative' else size
+    if not 0.0 <= share.size <= _LARGEST:
+        raise share.place.error(f'a size must be from 0 to {_LARGEST:g}, found {share.size:g}')
+    return share.size * length if share.kind == 'relative' else share.size
 
 
 def unroll(shares: 'tuple[Share | Repeated, ...]', length: float) -> list[Share]:

@@ -26,6 +26,7 @@ _ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-a
 _MERGED = 3       # [µm] corners of one frame this close lie on one line
 _SHORTEST = 0.1   # [m] shortest edge
 _LONGEST = 10_000.0  # [m] longest edge
+_FARTHEST = 100_000.0  # [m] largest coordinate; whole micrometres stay exact
 _MOST_CORNERS = 500
 _SHARPEST = 25.0  # [degrees] smallest angle between two facades, inside or outside
 
@@ -162,6 +163,10 @@ def check(points: np.ndarray, places: Sequence[Place]) -> None:
     if len(points) > _MOST_CORNERS:
         raise places[_MOST_CORNERS].error(f'a footprint has at most {_MOST_CORNERS} corners, '
                                           f'found {len(points)}')
+    for place, corner in zip(places, points):
+        if not (np.abs(corner) <= _FARTHEST).all():
+            raise place.error(f'coordinates must be from {-_FARTHEST:g} to {_FARTHEST:g} m, found '
+                              f'({corner[0]:g}, {corner[1]:g})')
     closed = len(points) > 2
     ends = np.roll(points, -1, axis=0)
     lengths = np.hypot(*(ends - points).T)
