@@ -45,7 +45,9 @@ setup(
     ],
     zip_safe=False,
     python_requires='>=3.11',
-    install_requires=['setuptools', 'numpy', 'numba', 'scipy', 'lark', 'pybullet', 'pyyaml'],
+    # numba: compilation/cache.py replaces its cache of kernels, tested with these versions.
+    install_requires=['setuptools', 'numpy', 'numba>=0.60,<0.69', 'scipy', 'lark', 'pybullet',
+                      'pyyaml'],
     extras_require={
         # On a ROS machine these come with ROS itself, so they are no hard requirements.
         'wheels': ['ros-rclpy[fastrtps]~=7.1.6', 'ros-jazzy-common-interfaces'],

@@ -36,7 +36,7 @@ LONGEST = 400  # lines of a file
 
 # A module may import from its own layer's package and from layers with a smaller number.
 LAYERS = {
-    'errors': 0, 'rotation': 0, 'resources': 0, 'palette': 0, '': 0,
+    'errors': 0, 'rotation': 0, 'resources': 0, 'palette': 0, 'compilation': 0, '': 0,
     'blueprint': 1, 'skeleton': 2,
     'physics.air': 2, 'physics.skyline': 2, 'language': 2, 'lsystem': 3, 'wallgrammar': 3,
     'physics': 3, 'physics.wind': 3, 'physics.trees': 3, 'physics.masonry': 3,
@@ -52,7 +52,8 @@ LAYERS = {
 }
 # Who may know a library that the rest of the house must not depend on.
 ONLY_IN = {
-    'rclpy': 'ros', 'pybullet': 'physics.world', 'pyvista': 'render', 'vtk': 'render',
+    'numba': 'compilation', 'rclpy': 'ros', 'pybullet': 'physics.world',
+    'pyvista': 'render', 'vtk': 'render',
     'std_msgs': 'ros', 'std_srvs': 'ros', 'geometry_msgs': 'ros', 'sensor_msgs': 'ros',
     'visualization_msgs': 'ros', 'diagnostic_msgs': 'ros', 'rosgraph_msgs': 'ros',
     'rcl_interfaces': 'ros', 'builtin_interfaces': 'ros', 'simulation_interfaces': 'ros',

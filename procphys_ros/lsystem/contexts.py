@@ -15,15 +15,15 @@
 
 """Contexts: find the modules whose neighbours on the tree fit a pattern."""
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.lsystem.modules import POP, PUSH
 
 OPEN, CLOSE, EXACT_CLOSE = -1, -2, -3  # brackets in a right context; keys are not negative
 
 
-@njit(cache=True)
+@kernel
 def follow_tree(key: np.ndarray, ignored: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Link each module of a string to its neighbours on the tree.
@@ -60,7 +60,7 @@ def follow_tree(key: np.ndarray, ignored: np.ndarray) -> tuple[np.ndarray, np.nd
     return before, onward, closing
 
 
-@njit(cache=True)
+@kernel
 def match_left(rows: np.ndarray, key: np.ndarray, before: np.ndarray,
                pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
@@ -85,14 +85,14 @@ def match_left(rows: np.ndarray, key: np.ndarray, before: np.ndarray,
     return good, met
 
 
-@njit(cache=True)
+@kernel
 def _past_branches(at, key, onward, closing):
     while at < len(key) and key[at] == PUSH:
         at = onward[closing[at] + 1]
     return at
 
 
-@njit(cache=True)
+@kernel
 def _match_one(at, key, onward, closing, pattern, met, places, ends):
     """Match one right context; a named branch may be any of the branches that stand there."""
     depth = 0
@@ -135,7 +135,7 @@ def _match_one(at, key, onward, closing, pattern, met, places, ends):
     return True
 
 
-@njit(cache=True)
+@kernel
 def match_right(rows: np.ndarray, key: np.ndarray, onward: np.ndarray, closing: np.ndarray,
                 pattern: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.language import Value
 from procphys_ros.lsystem.contexts import follow_tree, match_left, match_right
 from procphys_ros.lsystem.modules import Modules
@@ -51,7 +51,7 @@ class Rewritten(NamedTuple):
     applied: Rule | None
 
 
-@njit(cache=True)
+@kernel
 def _copy_unchanged(unchanged, key, origin, values, starts, counts, to, to_values,
                     new_key, new_origin, new_values):
     """Copy the modules that no rule matched to their new places."""

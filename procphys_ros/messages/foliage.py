@@ -19,11 +19,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Leaves, Ornaments, Shape
+from procphys_ros.compilation import kernel
 from procphys_ros.palette import look
 
 
@@ -138,7 +138,7 @@ def _leaf_corners(leaves: Leaves, petiole: np.ndarray, textures: tuple[str, ...]
     return (petiole[:, None, :3] + turned).reshape(-1, 3)
 
 
-@njit(cache=True)
+@kernel
 def _place(poses, part, corners, out):
     for i in range(len(part)):
         p = part[i]

@@ -23,10 +23,10 @@ ornaments (`ns` = `<object>/leaves`, `id` = texture index), a few for dust (`ns`
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.compilation import kernel
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE, Puffs
 from procphys_ros.messages.foliage import foliage, PlacedObject, too_many
@@ -199,7 +199,7 @@ class SceneMarkers:
         return chunks, count
 
 
-@njit(cache=True)
+@kernel
 def _exist(poses):
     """Say which poses are finite."""
     out = np.ones(len(poses), np.bool_)
@@ -209,7 +209,7 @@ def _exist(poses):
     return out
 
 
-@njit(cache=True)
+@kernel
 def _differ(poses, others, limit):
     """Say which poses differ from others by more than a limit in any number, or are none."""
     out = np.zeros(len(poses), np.bool_)

@@ -17,8 +17,9 @@
 
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+
+from procphys_ros.compilation import kernel
 
 _EDGE = 0.25   # [m] of a cell: leaves and dust stop so close to a wall
 _MOST = 1000   # cells along an axis; beyond, they are larger
@@ -61,7 +62,7 @@ class Skyline(NamedTuple):
 OPEN = Skyline(np.zeros((0, 0)), np.zeros(2), _EDGE)  # nothing stands
 
 
-@njit(cache=True)
+@kernel
 def _raise_tops(bounds, low, edge, tops):
     """Raise all cells that a box covers, be it in part, to its top."""
     for k in range(len(bounds)):
@@ -72,7 +73,7 @@ def _raise_tops(bounds, low, edge, tops):
                 tops[x, y] = max(tops[x, y], bounds[k, 5])
 
 
-@njit(cache=True)
+@kernel
 def height_at(skyline, x, y):
     """Give how high what stands reaches at a place [m]."""
     column = np.floor((x - skyline.low[0]) / skyline.edge)
@@ -83,7 +84,7 @@ def height_at(skyline, x, y):
     return skyline.tops[int(column), int(row)]
 
 
-@njit(cache=True)
+@kernel
 def _left(skyline, points):
     out = np.zeros(len(points), np.bool_)
     for k in range(len(points)):
@@ -91,7 +92,7 @@ def _left(skyline, points):
     return out
 
 
-@njit(cache=True)
+@kernel
 def keep_out(skyline, before, x, y, z):
     """
     Stop what would go into what stands: at its sides, or on top of it.

@@ -19,9 +19,9 @@ from enum import IntEnum
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.air import AIR_DENSITY, AIR_VISCOSITY
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
@@ -206,13 +206,13 @@ def _young_deviation(mass: np.ndarray | float) -> np.ndarray:
     return np.cbrt(np.asarray(mass) / _YOUNG) / math.sqrt(2.0 * math.pi)
 
 
-@njit(cache=True)
+@kernel
 def _depth(mass, grain, deviation):
     """Give the optical depth through the middle of puffs of Gaussian profile."""
     return _EXTINCTION / grain * mass / (2.0 * math.pi * deviation ** 2)
 
 
-@njit(cache=True)
+@kernel
 def _drift(rows, air, noise, dt, skyline, fall, mass, grain, position, deviation,
            state):
     """

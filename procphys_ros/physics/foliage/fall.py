@@ -16,10 +16,10 @@
 
 import math
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
 from procphys_ros.skeleton import LEAF_AREAL_DENSITY
@@ -119,7 +119,7 @@ def _laid_flat(attitude: np.ndarray) -> np.ndarray:
     return rotation.multiply(turn, level)
 
 
-@njit(cache=True)
+@kernel
 def _fly(rows, air, dt, gravity, skyline, drag, spin, start, poses,
          velocities):
     """

@@ -24,10 +24,10 @@ Botany 40:941).
 
 import math
 
-from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Leaves
+from procphys_ros.compilation import kernel
 
 # Frequency of a blade of one size. With petioles in proportion to blades of one thickness,
 # stiffness goes with size³ and inertia with size⁴, so the frequency with size^-1/2; leaves of a
@@ -101,7 +101,7 @@ def carried(carrier: np.ndarray, frames: np.ndarray, local: np.ndarray) -> np.nd
     return out
 
 
-@njit(cache=True)
+@kernel
 def _carry(carrier, frames, local, out):
     for i in range(len(local)):
         c = carrier[i]
@@ -114,7 +114,7 @@ def _carry(carrier, frames, local, out):
             out[i, 3 + j] = turn[j]
 
 
-@njit(cache=True)
+@kernel
 def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):
     for i in range(len(rest)):
         c = carrier[i]
@@ -138,7 +138,7 @@ def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):
             out[i, 3 + j] = q[j]
 
 
-@njit(cache=True, inline='always')
+@kernel(inline='always')
 def _downwind(q, flow, speed):
     """
     Turn from the leaf's axis at rest to where drag and petiole balance.
@@ -157,7 +157,7 @@ def _downwind(q, flow, speed):
     return tx * scale, ty * scale, tz * scale, tw * scale
 
 
-@njit(cache=True, inline='always')
+@kernel(inline='always')
 def _into(x, y, z, w, a, b, c):
     """Turn a vector back by a quaternion: from the world into a part's frame."""
     tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
@@ -165,7 +165,7 @@ def _into(x, y, z, w, a, b, c):
             c + w * tz + tx * y - ty * x)
 
 
-@njit(cache=True, inline='always')
+@kernel(inline='always')
 def _times(a, b):
     """Compose rotations: by b first, then by a."""
     ax, ay, az, aw = a

@@ -19,9 +19,9 @@ Drag and strength both go with leaf area (petioles grow in proportion to their b
 1999, New Phytologist 143:19), so the local wind speed alone decides.
 """
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.air import AIR_DENSITY, LEAF_DRAG
 
 _CALM, _STORM = 10.0, 20.0  # [m/s] between these leaves roll up more and more
@@ -72,7 +72,7 @@ def strengths(area: np.ndarray, shedding_speed: float, rng: np.random.Generator)
     return np.asarray(area) * (least + scale * rng.weibull(_WEIBULL_SHAPE, len(area)))
 
 
-@njit(cache=True)
+@kernel
 def air_speeds(air, velocities, active, out):
     """
     Work out how fast the air passes by segments [m/s], 0 for those that are not active.

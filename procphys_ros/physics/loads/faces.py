@@ -17,10 +17,10 @@
 
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.compilation import kernel
 
 _PATCH = 0.5       # [m] wished edge of a patch
 _MOST_PATCHES = 8  # along one edge of a face
@@ -71,7 +71,7 @@ def cut(poses: np.ndarray, sizes: np.ndarray, wanted: np.ndarray,
     return Patches(*_cut(poses, rotation.to_matrix(poses[:, 3:]), sizes, counts, wanted))
 
 
-@njit(cache=True)
+@kernel
 def _cut(poses, axes, sizes, counts, wanted):
     """Write the patches face by face, so that like patches of neighbours follow each other."""
     total = 0

@@ -20,15 +20,16 @@ Every function returns share of the way (inf = no touch), point on the target an
 it, one row per target. Bodies that overlap from the start touch at 0.
 """
 
-from numba import njit
 import numpy as np
+
+from procphys_ros.compilation import kernel
 
 _EXACT = 1e-9    # [m] closeness at which a body counts as touching
 _ROUNDS = 50     # of Newton's method, which needs less than ten
 _TINY = 1e-12
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def sphere_on_boxes(start, along, radius, centres, axes, halves):
     """
     Move a sphere towards boxes.
@@ -49,7 +50,7 @@ def sphere_on_boxes(start, along, radius, centres, axes, halves):
     return fraction, point, normal
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _sphere_on_box(p, v, radius, half):
     """Return the share of the way at which a sphere touches a box, in the box's frame."""
     cuts = np.empty(7)
@@ -81,7 +82,7 @@ def _sphere_on_box(p, v, radius, half):
     return np.inf
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def sphere_on_capsules(start, along, radius, centres, arms, radii):
     """
     Move a sphere towards capsules: a ray against thicker capsules.
@@ -103,7 +104,7 @@ def sphere_on_capsules(start, along, radius, centres, arms, radii):
     return fraction, point, normal
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _point_on_capsule(p, v, arm, radius):
     """Return the share of the way at which a point comes to a capsule about the origin."""
     foot = p - arm * _foot(p, arm)
@@ -126,7 +127,7 @@ def _point_on_capsule(p, v, arm, radius):
     return best if best <= 1.0 else np.inf
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _root(a, b, c):
     """Return where a t² + 2 b t + c falls through zero at t >= 0, or inf."""
     root = b * b - a * c
@@ -135,7 +136,7 @@ def _root(a, b, c):
     return (-b - np.sqrt(root)) / a
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def box_on_boxes(start, along, own_axes, own_half, centres, axes, halves):
     """Move a box towards boxes: overlap on all 15 separating axes (Gottschalk et al. 1996)."""
     n = len(centres)
@@ -154,7 +155,7 @@ def box_on_boxes(start, along, own_axes, own_half, centres, axes, halves):
     return fraction, point, normal
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _box_on_box(offset, along, a, a_half, b, b_half, best):
     """Return when the first box, moved along, meets the second; write the last axis to part."""
     enter, leave, least = 0.0, 1.0, np.inf
@@ -192,7 +193,7 @@ def _box_on_box(offset, along, a, a_half, b, b_half, best):
     return enter
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def box_on_capsules(start, along, own_axes, own_half, centres, arms, radii):
     """
     Move a box towards capsules by Newton's method on their distance.
@@ -229,7 +230,7 @@ def box_on_capsules(start, along, own_axes, own_half, centres, arms, radii):
     return fraction, point, normal
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _segment_to_box(centre, arm, half, gap):
     """
     Find the place s in [-1, 1] of a segment that is nearest to a box about the origin.
@@ -256,27 +257,27 @@ def _segment_to_box(centre, arm, half, gap):
     return s
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _dot(a, b):
     """Multiply two vectors (3,), contiguous or not."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _into(axes, vector, out):
     """Write a world vector in the frame whose axes are the columns of a matrix."""
     for k in range(3):
         out[k] = axes[0, k] * vector[0] + axes[1, k] * vector[1] + axes[2, k] * vector[2]
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _foot(place, arm):
     """Return the place in [-1, 1] on a segment about the origin that is nearest to a point."""
     square = _dot(arm, arm)
     return min(max(_dot(place, arm) / square, -1.0), 1.0) if square > 0.0 else 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _point_out(away, instead, out):
     """Write the unit vector of `away`, or of `instead` where `away` has no length."""
     length = np.sqrt(_dot(away, away))
@@ -286,7 +287,7 @@ def _point_out(away, instead, out):
         out[k] = away[k] / length
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _touch_box(local, half, centre, axes, point, normal):
     """Write point and normal on a box nearest to a place in its frame; inside: the next face."""
     foot, out = np.empty(3), np.zeros(3)

@@ -20,10 +20,10 @@ Boxes are listed in the cells of a grid, and a ray tests those listed in the cel
 (Amanatides & Woo 1987). A ray inside a wall meets its neighbours in the first cell.
 """
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.compilation import kernel
 
 _MOST_CELLS = 2_000_000  # more would cost more time to clear than they save
 _LEAST_CELL = 0.25       # [m] about a brick
@@ -72,7 +72,7 @@ class Sight:
                       self._blocking, self._grid)
 
 
-@njit(cache=True)
+@kernel
 def _list_boxes(low, high, rows, origin, cell, shape):
     """Write, cell by cell, which boxes' bounds overlap it: start of each list, and the lists."""
     starts = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int32)
@@ -99,7 +99,7 @@ def _list_boxes(low, high, rows, origin, cell, shape):
     return starts, lists
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def _hit(start, along, boxes, row):
     """Say whether the segment from start to start + along enters a box that its end is not in."""
     x, y, z = start[0] - boxes[row, 0], start[1] - boxes[row, 1], start[2] - boxes[row, 2]
@@ -123,7 +123,7 @@ def _hit(start, along, boxes, row):
     return not holds_end
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _enter(start, along, origin, cell, shape, walk):
     """
     Put a ray into the grid's first cell on its way.
@@ -153,7 +153,7 @@ def _enter(start, along, origin, cell, shape, walk):
     return leave
 
 
-@njit(cache=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _hinder(start, along, owner, boxes, grid, walk):
     """Walk one ray through the grid; return the first box found to hinder it, or -1."""
     origin, cell, shape, starts, lists = grid
@@ -177,7 +177,7 @@ def _hinder(start, along, owner, boxes, grid, walk):
         walk[2, k] += walk[3, k]
 
 
-@njit(cache=True)
+@kernel
 def _trace(begins, ends, owners, boxes, blocking, grid):
     """
     Say which rays are free.

@@ -21,10 +21,10 @@ Every target is tested with a bounding sphere first, the few that remain exactly
 
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.loads import first_touch
 
 
@@ -147,7 +147,7 @@ def _sorted(rows: np.ndarray, fraction: np.ndarray, point: np.ndarray,
     return Hits(rows[order], fraction[order], point[order], normal[order])
 
 
-@njit(cache=True, fastmath=True, error_model='numpy')
+@kernel(fastmath=True, error_model='numpy')
 def _near(start, along, radius, poses, sizes, active):
     """Return the rows whose bounding spheres the swept sphere meets; half the sum bounds."""
     x0, y0, z0 = start[0], start[1], start[2]

@@ -14,13 +14,13 @@
 
 """Cells: a piece of masonry divided into clumps of neighbours, the grain in which it breaks."""
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.graph import HUB
 
 
-@njit(cache=True)
+@kernel
 def inside(parts, start, incident, alive, first, second, place):
     """
     List the living bonds between parts of a set.
@@ -51,7 +51,7 @@ def inside(parts, start, incident, alive, first, second, place):
     return rows[:found].copy(), a[:found].copy(), b[:found].copy()
 
 
-@njit(cache=True)
+@kernel
 def _adjacency(count, a, b):
     start = np.zeros(count + 1, np.int64)
     for k in range(len(a)):
@@ -69,7 +69,7 @@ def _adjacency(count, a, b):
     return start, other
 
 
-@njit(cache=True)
+@kernel
 def grow(count, a, b, rank, wanted):
     """
     Divide parts into cells by breadth-first growth from seeds: Voronoi cells along the bonds.

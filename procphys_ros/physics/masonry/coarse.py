@@ -20,9 +20,9 @@ Two-level preconditioning by rigid body modes: Nicolaides 1987, SIAM J. Numer. A
 Vaněk, Mandel, Brezina 1996, Computing 56.
 """
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.coarse_matrix import CoarseMatrix
 from procphys_ros.physics.masonry.factor import Factor
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
@@ -31,7 +31,7 @@ _LONG = 2.5    # of the length of the median part
 _STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
 
 
-@njit(cache=True)
+@kernel
 def _aggregate(parts, alone, start, incident, alive, first, second, size):
     """
     Grow breadth-first balls of about `size` parts; -1 marks parts that are not listed.
@@ -80,7 +80,7 @@ def _aggregate(parts, alone, start, incident, alive, first, second, size):
     return owner, made
 
 
-@njit(cache=True)
+@kernel
 def _merge_small(parts, owner, made, alone, start, incident, alive, first, second, least):
     """Give the parts of tiny aggregates to an aggregate beside them; renumber."""
     population = np.zeros(made, np.int64)

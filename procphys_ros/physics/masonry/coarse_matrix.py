@@ -19,9 +19,9 @@ Aggregates tied by the bonds that cross between them are a bond graph again, onl
 matrix is assembled from links as K itself would be.
 """
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry import links
 from procphys_ros.physics.masonry.graph import BondGraph
 
@@ -54,7 +54,7 @@ class CoarseMatrix:
         _assemble(bonds, graph.links, graph.centroid, a, b, middle, slot, self.blocks)
 
 
-@njit(cache=True)
+@kernel
 def _assemble(bonds, all_links, centroid, left, right, middle, slot, blocks):
     """Add the links that cross between aggregates; slot: four blocks per bond."""
     here, there = np.empty((2, 3, 6))

@@ -15,11 +15,12 @@
 
 """What hangs together: connected components of the bond graph, and which of them stand."""
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 
-@njit(cache=True)
+
+@kernel
 def _root(parent, i):
     while parent[i] != i:
         parent[i] = parent[parent[i]]  # path halving (Tarjan & van Leeuwen 1984)
@@ -27,7 +28,7 @@ def _root(parent, i):
     return i
 
 
-@njit(cache=True)
+@kernel
 def _label(count, first, second, alive):
     parent = np.arange(count)
     held = np.zeros(count, np.bool_)

@@ -20,11 +20,12 @@ L·D·Lᵀ by block columns. Elimination tree and rows of L after Liu 1990, SIAM
 11(1); the ordering is SuperLU's minimum degree on the graph of the blocks.
 """
 
-from numba import njit
 import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
+
+from procphys_ros.compilation import kernel
 
 _SINGULAR = 1e-11  # pivot over the diagonal of the matrix, below which nothing holds a motion
 
@@ -83,7 +84,7 @@ def _ordering(pattern: csc_matrix) -> np.ndarray:
     return np.argsort(lu.perm_c)
 
 
-@njit(cache=True)
+@kernel
 def _symbolic(start, column, order, rank):
     """
     Find where L has blocks.
@@ -134,7 +135,7 @@ def _symbolic(start, column, order, rank):
     return below, rows, across, place, owner
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _factor(start, column, blocks, rank, fill, panels):
     """Work out the columns one after the other."""
     below, rows, across, place, owner = fill
@@ -169,7 +170,7 @@ def _factor(start, column, blocks, rank, fill, panels):
                     single[p, c, r] = -left[r, c]
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _subtract(total, left, right):
     """Subtract a product of 6 x 6 matrices."""
     for r in range(6):
@@ -180,7 +181,7 @@ def _subtract(total, left, right):
                             + d * right[3, k] + e * right[4, k] + f * right[5, k])
 
 
-@njit(cache=True)
+@kernel
 def _invert(matrix, scale, out):
     """
     Invert a symmetric matrix by the sweep operator (Goodnight 1979, Am. Stat. 33(3)).
@@ -210,7 +211,7 @@ def _invert(matrix, scale, out):
             out[:, k] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def clear(panels, columns, b):
     """Zero the unknowns of some columns, see `solve`."""
     order = panels[0]
@@ -218,7 +219,7 @@ def clear(panels, columns, b):
         b[order[j]] = 0.0
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def solve(panels, columns, b, work):
     """
     Solve L·D·Lᵀ x = b in place.

@@ -26,11 +26,11 @@ conjugate gradients that start from zero never leave the space where it is defin
 
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry import cells, components, links, strength
 from procphys_ros.physics.masonry.brittle import as_mortar, wood_utilisation
 from procphys_ros.physics.masonry.graph import BondGraph
@@ -235,7 +235,7 @@ class _System:
         return over[share[over] > _BAND * share[over].max(initial=0.0)]
 
 
-@njit(cache=True)
+@kernel
 def _demand(wrench, area, extent, tension, cohesion, friction, compression):
     """
     Tell how many times the load that breaks each bond the load is, (K,), and if it opens, (K,).
@@ -260,7 +260,7 @@ def _demand(wrench, area, extent, tension, cohesion, friction, compression):
     return out, opens
 
 
-@njit(cache=True)
+@kernel
 def _balanced(label, node, mass, inertia, centre, middle, wrenches):
     """
     Add the inertia forces of rigid motion to a blow, island by island, and gather them by cell.
@@ -321,7 +321,7 @@ def _balanced(label, node, mass, inertia, centre, middle, wrenches):
     return out
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _relax(first, second, springs, blocks, load, limit, accuracy):
     """Run block-Jacobi conjugate gradients from zero; give the displacements (C, 6)."""
     count = len(load)

@@ -22,8 +22,9 @@ displacement and against rotation, all in world axes. With q = (u, φ) of a body
 at the patch moves by u + φ × arm, so every link couples two rows of 6 unknowns.
 """
 
-from numba import njit
 import numpy as np
+
+from procphys_ros.compilation import kernel
 
 _UPPER = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
 
@@ -66,7 +67,7 @@ def incidence(count: int, first: np.ndarray, second: np.ndarray) -> tuple[np.nda
     return start.astype(np.int64), bond[order]
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _pull(link, m, q, i, j):
     """Give the force and moment with which j pulls i at the patch, world axes."""
     d, e, f = q[i, 3], q[i, 4], q[i, 5]
@@ -85,7 +86,7 @@ def _pull(link, m, q, i, j):
             link[m, 14] * a + link[m, 16] * b + link[m, 17] * c)
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def add_pulls(bonds, links, first, second, q, out, sign):
     """
     Add sign times the forces of the listed links under the displacements q to the bodies.
@@ -116,7 +117,7 @@ def add_pulls(bonds, links, first, second, q, out, sign):
         out[j, 5] -= c + links[m, 3] * y - links[m, 4] * x
 
 
-@njit(cache=True)
+@kernel
 def pulls(bonds, links, axes, first, second, q, out):
     """Write force and moment with which second pulls first, in the bond frame, per listed bond."""
     for k in range(len(bonds)):
@@ -127,7 +128,7 @@ def pulls(bonds, links, axes, first, second, q, out):
             out[k, 3 + c] = w[3] * axes[m, 0, c] + w[4] * axes[m, 1, c] + w[5] * axes[m, 2, c]
 
 
-@njit(cache=True, inline='always')
+@kernel(inline='always')
 def _lever(arm, jacobian):
     """Write the 3x6 map from (u, φ) of a body to the motion of its point at arm."""
     for r in range(3):
@@ -139,7 +140,7 @@ def _lever(arm, jacobian):
     jacobian[2, 3], jacobian[2, 4] = arm[1], -arm[0]
 
 
-@njit(cache=True)
+@kernel
 def add_block(block, link, left, right, sign, jacobian_left, jacobian_right):
     """
     Add sign·(J_leftᵀ K J_right), one 6x6 coupling of a link, to block.
@@ -165,7 +166,7 @@ def add_block(block, link, left, right, sign, jacobian_left, jacobian_right):
             block[3 + r, 3 + c] += sign * t[r][c]
 
 
-@njit(cache=True)
+@kernel
 def diagonal_inverses(parts, start, incident, alive, links, first, out):
     """
     Invert the 6x6 diagonal blocks of K of the listed parts into out, (N, 6, 6).

@@ -15,13 +15,13 @@
 
 """Conjugate gradients preconditioned by blocks and rigid aggregates, resumable."""
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry import factor, links
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def residual_size(parts, residual, reach):
     """Give the largest nodal residual [N]: its force, or its moment over the part's reach."""
     worst = 0.0
@@ -39,7 +39,7 @@ def residual_sizes(residual: np.ndarray, reach: np.ndarray) -> np.ndarray:
     return np.maximum(force, np.linalg.norm(residual[:-1, 3:], axis=1) / reach)
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, work, z):
     """Write z = block-Jacobi + coarse correction of the residual; return residual·z."""
     factor.clear(panels, columns, rigid)
@@ -70,7 +70,7 @@ def _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, w
     return product
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _turn(parts, z, beta, p, q):
     """Choose the next search direction p and clear q for K·p."""
     for i in parts:
@@ -79,7 +79,7 @@ def _turn(parts, z, beta, p, q):
             q[i, c] = 0.0
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _dot(parts, p, q):
     product = 0.0
     for i in parts:
@@ -88,7 +88,7 @@ def _dot(parts, p, q):
     return product
 
 
-@njit(cache=True, fastmath=True)
+@kernel(fastmath=True)
 def _go(parts, step, x, residual, p, q):
     """Move along p."""
     for i in parts:
@@ -97,7 +97,7 @@ def _go(parts, step, x, residual, p, q):
             residual[i, c] -= step * q[i, c]
 
 
-@njit(cache=True)
+@kernel
 def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit):
     """
     Run conjugate gradients until the largest nodal residual is small, on each island for itself.
@@ -123,7 +123,7 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
     return done, worst
 
 
-@njit(cache=True)
+@kernel
 def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit):
     """Run conjugate gradients (Saad 2003, algorithm 9.1) on one island, see `iterate`."""
     parts, bonds, columns = island

@@ -32,9 +32,9 @@ middle third. What a bond does when its tension limit is passed is said in `open
 
 from enum import IntEnum
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.graph import BondGraph, HUB, Patches
 
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
@@ -53,7 +53,7 @@ class Cause(IntEnum):
     MECHANISM = 4  # part of a piece that no equilibrium holds
 
 
-@njit(cache=True)
+@kernel
 def _utilise(alive, wrench, area, extent, tension, cohesion, friction, compression, out, cause):
     for m in range(len(alive)):
         out[m] = 0.0

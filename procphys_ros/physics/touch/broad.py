@@ -17,16 +17,16 @@
 
 import math
 
-from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.compilation import kernel
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 _CELLS = 64  # along x and along y at most; a finer grid takes longer to clear
 
 
-@njit(cache=True)
+@kernel
 def capsule_bounds(rows, poses, sizes, velocities, reach, margin):
     """
     Give axis-aligned bounds of capsules, swept along their velocities.
@@ -51,7 +51,7 @@ def capsule_bounds(rows, poses, sizes, velocities, reach, margin):
     return out
 
 
-@njit(cache=True)
+@kernel
 def piece_bounds(shapes, poses, sizes, velocities, reach, margin):
     """Give the same for boxes and capsules, (P, 6); all columns have P rows."""
     out = np.empty((len(shapes), 6))
@@ -89,7 +89,7 @@ def overlaps(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndar
     return pairs[order, 0], pairs[order, 1]
 
 
-@njit(cache=True)
+@kernel
 def _in_hull(first, second):
     """List the boxes of the second that overlap the hull of all of the first."""
     hull = first[0].copy()
@@ -105,7 +105,7 @@ def _in_hull(first, second):
     return np.flatnonzero(found)
 
 
-@njit(cache=True)
+@kernel
 def _search(first, second, near):
     """Sort boxes into cells by their lower corners, and test each of the others in its cells."""
     pairs = np.empty((64, 2), np.int64)
@@ -139,7 +139,7 @@ def _search(first, second, near):
     return pairs[:found]
 
 
-@njit(cache=True)
+@kernel
 def _span(lower, upper, low, edge, cells):
     """Give the first and last cell along an axis that hold what begins between two values."""
     first = min(max(int(math.floor((lower - low) / edge)), 0), cells)
@@ -147,7 +147,7 @@ def _span(lower, upper, low, edge, cells):
     return min(first, cells - 1), last
 
 
-@njit(cache=True)
+@kernel
 def _sorted_into_cells(second, near, low, edge, cells):
     """Give where the members of each cell begin, row of cells by row, and the members."""
     key = np.empty(len(near), np.int64)

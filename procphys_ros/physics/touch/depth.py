@@ -15,9 +15,9 @@
 
 """Overlap: how deep a ball or a box sticks in boxes."""
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.touch.geometry import turn_of
 
 
@@ -37,7 +37,7 @@ def overlap(ball: bool, pose: np.ndarray, size: np.ndarray, poses: np.ndarray,
     return _overlap(ball, np.asarray(pose, float), np.asarray(size, float), poses, sizes)
 
 
-@njit(cache=True)
+@kernel
 def _overlap(ball, pose, size, poses, sizes):
     depth, normal = np.zeros(len(poses)), np.zeros((len(poses), 3))
     point = np.zeros((len(poses), 3))
@@ -60,7 +60,7 @@ def _overlap(ball, pose, size, poses, sizes):
     return depth, normal, point
 
 
-@njit(cache=True)
+@kernel
 def _ball(centre, half, radius):
     """Give depth and way out of a ball in a box, in the box's frame."""
     away = centre - np.minimum(np.maximum(centre, -half), half)
@@ -74,7 +74,7 @@ def _ball(centre, half, radius):
     return radius - room[k], n
 
 
-@njit(cache=True)
+@kernel
 def _boxes(arm, mine, size, turn, half):
     """Separate two boxes along the axis that does it best: faces, or edge across edge."""
     least, normal = np.inf, np.zeros(3)

@@ -18,10 +18,10 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.compilation import kernel
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 _AHEAD = 1.5      # steps looked ahead: this one, and what joints lag behind in the next
@@ -69,7 +69,7 @@ def meet(rows: np.ndarray, poses: np.ndarray, sizes: np.ndarray, velocities: np.
     return Meetings(pair[:count], point[:count], normal[:count], gap[:count])
 
 
-@njit(cache=True)
+@kernel
 def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_sizes,
           piece_velocities, dt, pair, point, normal, gap):
     count = 0
@@ -140,7 +140,7 @@ def meet_ground(rows: np.ndarray, both: np.ndarray, poses: np.ndarray, sizes: np
     return Meetings(pair, place, np.tile([0.0, 0.0, 1.0], (len(pair), 1)), gap)
 
 
-@njit(cache=True)
+@kernel
 def _meet_ground(rows, both, poses, sizes, velocities, dt):
     pair = np.empty(2 * len(rows), np.int64)
     place, gap = np.empty((2 * len(rows), 3)), np.empty(2 * len(rows))
@@ -164,7 +164,7 @@ def _meet_ground(rows, both, poses, sizes, velocities, dt):
     return pair[:count], place[:count], gap[:count]
 
 
-@njit(cache=True)
+@kernel
 def _note(count, x, y, z, qx, qy, qz, gap, point, normal):
     normal[count, 0], normal[count, 1], normal[count, 2] = x, y, z
     point[count, 0] = qx + 0.5 * gap * x
@@ -172,7 +172,7 @@ def _note(count, x, y, z, qx, qy, qz, gap, point, normal):
     point[count, 2] = qz + 0.5 * gap * z
 
 
-@njit(cache=True)
+@kernel
 def turn_of(q):
     """Turn a quaternion xyzw into a matrix."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -183,7 +183,7 @@ def turn_of(q):
     return m
 
 
-@njit(cache=True)
+@kernel
 def _nearest(centre, attitude, size, at, shape, pose, extent):
     """
     Give gap, place on the segment's axis from 0 to 1, normal, and nearest point of the piece.
@@ -223,7 +223,7 @@ def _nearest(centre, attitude, size, at, shape, pose, extent):
     return gap, place, n[0], n[1], n[2], q[0], q[1], q[2]
 
 
-@njit(cache=True)
+@kernel
 def _span(pose, size, shape, other, extent, t):
     """Give the places between which a segment lies along a piece, both t if it does not."""
     half = 0.5 * max(size[2] - size[0], 0.0)
@@ -250,7 +250,7 @@ def _span(pose, size, shape, other, extent, t):
     return min(max(low, 0.0), 1.0), min(max(high, 0.0), 1.0)
 
 
-@njit(cache=True)
+@kernel
 def _rise(p, d, half, level):
     """Find where the slope of half the squared distance to a box rises above a level, 0 to 1."""
     low, high = 0.0, 1.0
@@ -271,7 +271,7 @@ def _rise(p, d, half, level):
     return high
 
 
-@njit(cache=True)
+@kernel
 def _axes(p, d, q, e):
     """Give the parameters of the nearest points of two axes p + t·d and q + s·e, 0 to 1."""
     dd, ee, de = (d ** 2).sum(), (e ** 2).sum(), (d * e).sum()
@@ -291,7 +291,7 @@ def _axes(p, d, q, e):
     return t, s
 
 
-@njit(cache=True)
+@kernel
 def _box(p, d, half):
     """
     Find where the axis p + t·d is nearest to a box, in the box's frame.

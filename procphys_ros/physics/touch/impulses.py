@@ -25,8 +25,9 @@ rigid bodies with mass and inertia, all else not at all.
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
+
+from procphys_ros.compilation import kernel
 
 _ITERATIONS = 40
 _CONVERGED = 1e-6  # largest change of velocity at a contact in one turn [m/s] that ends the turns
@@ -57,7 +58,7 @@ class Partners(NamedTuple):
     motion: np.ndarray
 
 
-@njit(cache=True)
+@kernel
 def resolve(normal, least, friction, partners, velocity, first, place, count, response):
     """
     Find the impulses of all contacts.
@@ -86,7 +87,7 @@ def resolve(normal, least, friction, partners, velocity, first, place, count, re
     return total
 
 
-@njit(cache=True)
+@kernel
 def _islands(partners, place, ends):
     """Label contacts, (C,): the same for those that trees or yielding bodies connect."""
     island = np.arange(len(partners.end))
@@ -108,14 +109,14 @@ def _islands(partners, place, ends):
     return island
 
 
-@njit(cache=True)
+@kernel
 def _first_of(c, island):
     while island[c] != c:
         c = island[c]
     return c
 
 
-@njit(cache=True)
+@kernel
 def _resolve_island(chosen, normal, least, friction, partners, velocity, first, place, count,
                     response, yielding, sliding, total):
     """Correct the chosen contacts in turns until none of them changes by much."""
@@ -140,7 +141,7 @@ def _resolve_island(chosen, normal, least, friction, partners, velocity, first, 
             break
 
 
-@njit(cache=True)
+@kernel
 def _correct(c, normal, least, friction, yielding, sliding, total, slip):
     """Give the change of an impulse that corrects its contact, within the cone of friction."""
     nx, ny, nz = normal[c, 0], normal[c, 1], normal[c, 2]
@@ -158,12 +159,12 @@ def _correct(c, normal, least, friction, yielding, sliding, total, slip):
             share * z + push * nz - total[c, 2])
 
 
-@njit(cache=True)
+@kernel
 def _along(normal, c, v):
     return normal[c, 0] * v[0] + normal[c, 1] * v[1] + normal[c, 2] * v[2]
 
 
-@njit(cache=True)
+@kernel
 def _slip(c, partners, velocity):
     """Give the velocity of the tree relative to its partner at contact c."""
     end, other, b = partners.end[c], partners.other[c], partners.body[c]
@@ -180,7 +181,7 @@ def _slip(c, partners, velocity):
     return x, y, z
 
 
-@njit(cache=True)
+@kernel
 def _exert(c, x, y, z, partners, velocity, first, place, count, response):
     """Let contact c push its partners apart."""
     other, b = partners.other[c], partners.body[c]
@@ -199,7 +200,7 @@ def _exert(c, x, y, z, partners, velocity, first, place, count, response):
             v[b, 3 + i] -= spin[b, i, 0] * tx + spin[b, i, 1] * ty + spin[b, i, 2] * tz
 
 
-@njit(cache=True)
+@kernel
 def _move(end, x, y, z, velocity, first, place, count, response):
     """Let all points on the tree of an end answer to an impulse there."""
     start, n = end - place[end], count[end]
@@ -211,7 +212,7 @@ def _move(end, x, y, z, velocity, first, place, count, response):
                                        + response[k, i, 2] * z)
 
 
-@njit(cache=True)
+@kernel
 def _prepare(c, n, partners, first, place, count, response, yielding, sliding):
     """
     Work out how a contact yields along its normal, and at most across it [1/kg].

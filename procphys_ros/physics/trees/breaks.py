@@ -18,9 +18,9 @@
 from enum import IntEnum
 import math
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees.spatial import KERNEL
 
 
@@ -32,7 +32,7 @@ class Cause(IntEnum):
     BENDING = 2  # bending stress M/Z beyond `strength`; load in Pa
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out, load_out):
     """
     Fill in the overloaded rows with the cause that exceeds its capacity most.

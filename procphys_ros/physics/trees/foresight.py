@@ -24,9 +24,9 @@ the step included. Each tree is factored once for all its points.
 
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees import joints, passes
 from procphys_ros.physics.trees.layout import EXTRA_STRIDE, EXTRA_THETA, THETA
 from procphys_ros.physics.trees.response import descend
@@ -86,7 +86,7 @@ def foresee(plan: Plan, entry: np.ndarray, points: np.ndarray, model: tuple, sta
     return Foresight(velocity, lag, tree, base[tree], place, size[tree], response)
 
 
-@njit(cache=True)
+@kernel
 def _foresee(plan, trees, order, begin, base, entry, points, model, state, scratch, wind, gravity,
              dt, velocity, lag, response):
     for n in range(len(trees)):
@@ -109,7 +109,7 @@ def _foresee(plan, trees, order, begin, base, entry, points, model, state, scrat
         state.stop[rows] = stop
 
 
-@njit(cache=True)
+@kernel
 def _paths(entry, above):
     """List the entries on the way from any of those given to the root, ascending."""
     passed = np.zeros(len(above), np.bool_)
@@ -120,7 +120,7 @@ def _paths(entry, above):
     return np.flatnonzero(passed)
 
 
-@njit(cache=True)
+@kernel
 def _lagging(path, rows, above, model, state, scratch):
     """Write the motion that the old joint rates still cause into the workspace."""
     motion = scratch.motion
@@ -143,7 +143,7 @@ def _lagging(path, rows, above, model, state, scratch):
          motion[k, 5]) = v
 
 
-@njit(cache=True)
+@kernel
 def _read(k, rows, frame, motion, point, scale, out):
     """Write the velocity of a point of entry k, times a scale."""
     i = rows[k]
@@ -154,7 +154,7 @@ def _read(k, rows, frame, motion, point, scale, out):
     out[2] = scale * (m[5] + m[0] * y - m[1] * x)
 
 
-@njit(cache=True)
+@kernel
 def _respond(path, rows, above, model, state, scratch, dt, entry, points, response):
     """Push each point of one tree along each axis and read what all of them do, (n², 3, 3)."""
     frame, motion, f = state.frame, scratch.motion, scratch.factor
@@ -185,7 +185,7 @@ def _respond(path, rows, above, model, state, scratch, dt, entry, points, respon
                     f[k, d, 7] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def _ascend(path, rows, above, model, state, scratch, dt):
     """Hand the motion that pushes cause from the root to the tips of some paths."""
     motion = scratch.motion

@@ -22,8 +22,7 @@ eliminated on its own, outermost first, and solved for in the opposite order.
 
 import math
 
-from numba import njit
-
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees.layout import (
     DAMPING,
     EXTRA_DAMPING,
@@ -56,20 +55,20 @@ _HOLD = 1e6  # [-]
 _TOUCH = 1e-12  # relative excess over the limit that is rounding
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def resist(q, u, k, c, theta, preload, dt):
     """Give the part of a spring-damper's moment that does not depend on the new rate."""
     return preload - k * (q + theta * (1.0 - theta) * dt * u) - c * (1.0 - theta) * u
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def mix(frame, i, first, second):
     """Combine the two bending axes of row i."""
     return (first * frame[i, 3] + second * frame[i, 6], first * frame[i, 4] + second * frame[i, 7],
             first * frame[i, 5] + second * frame[i, 8])
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def basis(stop, i):
     """Give the direction of a held bend, or the first axis."""
     n1, n2 = stop[i, 0], stop[i, 1]
@@ -77,7 +76,7 @@ def basis(stop, i):
     return (n1 if held else 1.0), n2, held
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def keep(f, k, d, u, inverse, drive):
     """Store the factor of degree of freedom d of row k."""
     f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5] = u
@@ -85,7 +84,7 @@ def keep(f, k, d, u, inverse, drive):
     f[k, d, 7] = drive
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def give_swing(i, k, dt, gate, swing, bend, rate, stop, frame, a, f, limits):
     """Eliminate the two bends of row i, in the basis along and across a limit that holds it."""
     stiffness, damping, theta = swing[i, STIFFNESS], swing[i, DAMPING], swing[i, THETA]
@@ -117,7 +116,7 @@ def give_swing(i, k, dt, gate, swing, bend, rate, stop, frame, a, f, limits):
     return j, b, m, p
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def bound(i, n1, n2, theta, dt, swing, bend, rate):
     """Give the outward rate that takes the bend just to its limit, never an inward one."""
     room = swing[i, LIMIT] - (n1 * bend[i, 0] + n2 * bend[i, 1])
@@ -125,7 +124,7 @@ def bound(i, n1, n2, theta, dt, swing, bend, rate):
     return max(0.0, (room / dt - (1.0 - theta) * outward) / theta)
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def give_extra(i, k, dt, gate, model, state, scratch):
     """Eliminate twist and stretch of row i where they are sprung."""
     x, y, z = state.frame[i, 9], state.frame[i, 10], state.frame[i, 11]
@@ -154,20 +153,20 @@ def give_extra(i, k, dt, gate, model, state, scratch):
     write(scratch.inertia, k, j, b, m, p)
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def solve_rate(f, k, d, v):
     """Solve degree of freedom d of row k for its rate over dt, given the motion before it."""
     u = (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5])
     return f[k, d, 6] * (f[k, d, 7] - dot(u, v))
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def add_turn(v, axis, rate):
     """Add a turn about an axis through the motion's point."""
     return (v[0] + rate * axis[0], v[1] + rate * axis[1], v[2] + rate * axis[2], v[3], v[4], v[5])
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def take_swing(i, k, dt, v, stop, frame, f, new):
     """Add the bending of row i to the motion v that its parent hands on; store the new rates."""
     n1, n2, _ = basis(stop, i)
@@ -179,7 +178,7 @@ def take_swing(i, k, dt, v, stop, frame, f, new):
     return add_turn(v, mix(frame, i, -n2, n1), tangential)
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def take_extra(i, k, dt, v, extra, frame, f, new):
     """Add twist and stretch of row i to its motion v where they are sprung."""
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
@@ -194,7 +193,7 @@ def take_extra(i, k, dt, v, extra, frame, f, new):
     return v
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def limit_changed(i, k, dt, swing, bend, rate, stop, new, limits):
     """
     Check the new rates of row i against its limit; correct the held direction when they differ.
@@ -220,7 +219,7 @@ def limit_changed(i, k, dt, swing, bend, rate, stop, new, limits):
     return True
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def solve_free(k, a, full, motion):
     """
     Solve the free root at row k for its motion by Gaussian elimination.
@@ -252,7 +251,7 @@ def solve_free(k, a, full, motion):
         motion[k, r] = rest / full[r, r]
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def advance_extra(i, k, dt, model, state, scratch):
     """Move twist and stretch of row i on to the end of the step."""
     for j in (TWIST, STRETCH):
@@ -265,7 +264,7 @@ def advance_extra(i, k, dt, model, state, scratch):
         state.rate[i, j] = new
 
 
-@njit(cache=True)
+@kernel
 def preload(i, k, model, scratch):
     """Oppose the loads that the held joint of row i carries."""
     model.swing[i, PRELOAD_X] = -scratch.factor[k, RADIAL, 7]

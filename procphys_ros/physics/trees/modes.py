@@ -15,9 +15,9 @@
 
 """Modes: the fundamental frequency of branches, from which damping ratios become dampers."""
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
@@ -51,7 +51,7 @@ def damping_rate(rows: Rows, ratio: np.ndarray, frame: np.ndarray) -> np.ndarray
     return 2.0 * np.nan_to_num(ratio) / omega[rows.axis]
 
 
-@njit(cache=True)
+@kernel
 def _fundamental(bases, end, parent, body, swing, extra, frame):
     """Find the lowest angular frequency [rad/s] of the branch that starts at each base row."""
     count = len(parent)
@@ -75,7 +75,7 @@ def _fundamental(bases, end, parent, body, swing, extra, frame):
     return omega
 
 
-@njit(cache=True)
+@kernel
 def _weigh(first, last, body, frame, motion, load):
     """Turn motions at the centres of mass into inertial loads; return 1/|motion|."""
     size = 0.0
@@ -91,7 +91,7 @@ def _weigh(first, last, body, frame, motion, load):
     return 1.0 / np.sqrt(size)
 
 
-@njit(cache=True)
+@kernel
 def _deflect(first, last, parent, body, swing, extra, frame, load, motion):
     """Bend the branch under the loads; return the Rayleigh quotient of the new motion."""
     reaction = np.zeros((last - first, 6))

@@ -25,9 +25,9 @@ velocities over dt and all loads forces, so that a balanced tree stays exactly a
 
 import math
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.air import CALM, STORM
 from procphys_ros.physics.trees import joints, pose
 from procphys_ros.physics.trees.layout import (
@@ -59,7 +59,7 @@ _FREE = int(Joint.FREE)
 ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp takes the rest
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def step(plan, model, state, scratch, wind, gravity, dt):
     """
     Advance every tree by one time step.
@@ -78,7 +78,7 @@ def step(plan, model, state, scratch, wind, gravity, dt):
         integrate(rows, above, model, state, scratch, dt)
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def factor(rows, above, model, state, scratch, wind, gravity, dt, gate):
     """
     Load one tree and eliminate its joints from the tips to the root.
@@ -104,13 +104,13 @@ def factor(rows, above, model, state, scratch, wind, gravity, dt, gate):
             add(a, up, j, b, m, shift_load(p, x, y, z))
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def apart(frame, i, up):
     """Give the way from the joint point of row `up` to that of row i."""
     return frame[i, 0] - frame[up, 0], frame[i, 1] - frame[up, 1], frame[i, 2] - frame[up, 2]
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def load(i, k, body, bend, v, frame, a, wind, gravity, dt):
     """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
@@ -131,7 +131,7 @@ def load(i, k, body, bend, v, frame, a, wind, gravity, dt):
     write(a, k, j, b, m, p)
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def take_up(rows, body, state, a, dt):
     """Add the impulses that wait for a tree to its loads, as forces over the step."""
     for k in range(len(rows)):
@@ -147,7 +147,7 @@ def take_up(rows, body, state, a, dt):
         a[k, 26] += pz / dt
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def drag(i, x, y, z, body, v, wind):
     """
     Give the drag of segment i per speed: wood across its axis, foliage, and turning.
@@ -174,7 +174,7 @@ def drag(i, x, y, z, body, v, wind):
     return cross, foliage, turning
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def take(rows, above, model, state, scratch, dt):
     """
     Hand motion from the root to the tips and read the wrenches that the joints transmit.
@@ -203,7 +203,7 @@ def take(rows, above, model, state, scratch, dt):
     return changed
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def handed_on(k, up, rows, frame, motion):
     """Give the parent's motion at the joint point of entry k; the ground does not move."""
     v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -214,7 +214,7 @@ def handed_on(k, up, rows, frame, motion):
     return v
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def transmit(k, i, a, v, wrenches):
     """Read what the parent must exert on row i to move it so: force, then moment."""
     j, b, m, p = read(a, k)
@@ -225,7 +225,7 @@ def transmit(k, i, a, v, wrenches):
         wrenches[i, 3 + c] = moment[c] + force[c] - p[c]
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def integrate(rows, above, model, state, scratch, dt):
     """Move joints and poses to the end of the step and carry the velocities along."""
     frame, m = state.frame, scratch.motion
@@ -248,7 +248,7 @@ def integrate(rows, above, model, state, scratch, dt):
                 state.push[i, c] = 0.0
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def carry(i, k, x, y, z, h, dt, frame, m, v):
     """
     Store the velocities of segment i, its spin turned as the axis turned (from x, y, z).
@@ -270,7 +270,7 @@ def carry(i, k, x, y, z, h, dt, frame, m, v):
     v[i, 5] = cosine * wz + sx * wy - sy * wx + share * sz
 
 
-@njit(cache=True)
+@kernel
 def balance(plan, model, state, scratch, gravity, dt):
     """Preload every joint with what the weight of the rest pose asks of it."""
     still = np.zeros((len(state.poses), 3))

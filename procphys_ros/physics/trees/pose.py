@@ -17,8 +17,7 @@
 
 import math
 
-from numba import njit
-
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees.layout import LIMIT, REACH, THETA
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import Joint
@@ -29,7 +28,7 @@ _S3, _S5, _S7, _S9 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0
 _C4, _C6, _C8, _C10 = 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0, -1.0 / 3628800.0
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def multiply(a, b):
     """Multiply quaternions xyzw given as four floats each."""
     ax, ay, az, aw = a
@@ -38,7 +37,7 @@ def multiply(a, b):
             aw * bz + ax * by - ay * bx + az * bw, aw * bw - ax * bx - ay * by - az * bz)
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def rotate(q, x, y, z):
     """Turn a vector by a quaternion."""
     qx, qy, qz, qw = q
@@ -49,7 +48,7 @@ def rotate(q, x, y, z):
             z + qw * tz + qx * ty - qy * tx)
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def sine_cosine(x):
     """Give sine and cosine of an angle, of a small one by series to rounding."""
     s = x * x
@@ -61,7 +60,7 @@ def sine_cosine(x):
     return sine, cosine
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def place(k, rows, above, model, state):
     """
     Set frame and pose of entry k of a tree from its parent, or from the world.
@@ -94,7 +93,7 @@ def place(k, rows, above, model, state):
     poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6] = q
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def set_frame(i, x, y, z, q, cosine, sine, frame):
     """Write joint point and axes of row i; the first axis is the one before the second turn."""
     qx, qy, qz, qw = q
@@ -115,7 +114,7 @@ def set_frame(i, x, y, z, q, cosine, sine, frame):
     frame[i, 11] = az
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def place_all(plan, model, state):
     """Place every active row that hangs on a joint."""
     for t in range(len(plan.start) - 1):
@@ -126,7 +125,7 @@ def place_all(plan, model, state):
                 place(k, rows, above, model, state)
 
 
-@njit(**INLINE)
+@kernel(**INLINE)
 def advance_bend(i, first, second, dt, model, state):
     """
     Move the bend of row i on to the end of the step and stop it at its limit.
@@ -156,7 +155,7 @@ def advance_bend(i, first, second, dt, model, state):
     rate[i, 1] = second
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def advance_free(i, dt, motion, model, state):
     """
     Move a free root on with the mean of its old and new velocity: exact in free fall.

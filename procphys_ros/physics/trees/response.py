@@ -15,9 +15,9 @@
 
 """Response: how much mass a point of a tree shows to a push, from the factors of the step."""
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees import joints
 from procphys_ros.physics.trees.joints import RADIAL, STRETCH, TANGENTIAL, TWIST
 from procphys_ros.physics.trees.layout import EXTRA_STIFFNESS, EXTRA_STRIDE
@@ -29,7 +29,7 @@ _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
 
 
-@njit(cache=True)
+@kernel
 def yielding(k, rows, above, model, state, scratch, point, direction, dt):
     """
     Give the velocity along a direction that a unit impulse along it makes [1/kg].
@@ -62,7 +62,7 @@ def yielding(k, rows, above, model, state, scratch, point, direction, dt):
                      motion[k, 5]))
 
 
-@njit(cache=True)
+@kernel
 def descend(k, rows, above, model, state, scratch, push):
     """Pass a push at entry k down to the root; give the entries passed."""
     path = [k]
@@ -81,7 +81,7 @@ def descend(k, rows, above, model, state, scratch, push):
     return path
 
 
-@njit(cache=True)
+@kernel
 def pass_on(i, k, model, state, factor, push):
     """Let the joint of row i give way to a push, as elimination does; give what is left."""
     n1, n2, _ = joints.basis(state.stop, i)
@@ -95,7 +95,7 @@ def pass_on(i, k, model, state, factor, push):
     return give(k, RADIAL, push[:3], joints.mix(state.frame, i, n1, n2), factor, push)
 
 
-@njit(cache=True)
+@kernel
 def give(k, d, share, axis, f, push):
     """Let one degree of freedom give way to its share of a push."""
     drive = share[0] * axis[0] + share[1] * axis[1] + share[2] * axis[2]

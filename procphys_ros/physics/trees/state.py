@@ -18,9 +18,9 @@
 from enum import IntEnum
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees import layout
 from procphys_ros.physics.trees.spatial import FACTOR_WIDTH, WIDTH
 
@@ -117,7 +117,7 @@ def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
     return Plan(row, above, start)
 
 
-@njit(cache=True)
+@kernel
 def _roots(parent):
     root = np.arange(len(parent))
     for i in range(len(parent)):

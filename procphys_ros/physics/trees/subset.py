@@ -15,9 +15,9 @@
 
 """Subset: what is done to some trees of a forest while the others stand still."""
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees import passes
 from procphys_ros.physics.trees.layout import ACROSS, ALONG, MASS
 from procphys_ros.physics.trees.spatial import KERNEL
@@ -26,7 +26,7 @@ from procphys_ros.physics.trees.state import AXIS
 _AXIS = int(AXIS)
 
 
-@njit(**KERNEL)
+@kernel(**KERNEL)
 def step(plan, trees, spans, model, state, scratch, wind, gravity):
     """
     Advance some trees, each by a time of its own; see `passes.step`.
@@ -44,7 +44,7 @@ def step(plan, trees, spans, model, state, scratch, wind, gravity):
         passes.integrate(rows, above, model, state, scratch, spans[n])
 
 
-@njit(cache=True)
+@kernel
 def rows_of(plan, trees):
     """List the rows of some trees, tree by tree, (R,)."""
     count = 0
@@ -59,7 +59,7 @@ def rows_of(plan, trees):
     return rows
 
 
-@njit(cache=True)
+@kernel
 def hold(rows, state):
     """Stop trees dead where they are; their joints keep their bends."""
     for i in rows:
@@ -72,7 +72,7 @@ def hold(rows, state):
         state.struck[i, 0] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def kinetic(plan, trees, body, state):
     """Give the kinetic energy per mass of some trees [J/kg], (K,)."""
     out = np.empty(len(trees))
@@ -91,7 +91,7 @@ def kinetic(plan, trees, body, state):
     return out
 
 
-@njit(cache=True)
+@kernel
 def write_between(plan, trees, share, start, end, velocities, parts, poses, speeds):
     """
     Write poses on the way from one set of poses to another to the parts that rows stand for.

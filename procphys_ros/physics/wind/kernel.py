@@ -15,8 +15,9 @@
 
 """Wind at many points at once: mean profile, two boxes of eddies, gust fronts."""
 
-from numba import njit
 import numpy as np
+
+from procphys_ros.compilation import kernel
 
 LOG, POWER, UNIFORM = 0, 1, 2  # profile codes
 GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, duration, rise, kind
@@ -40,7 +41,7 @@ def profile_terms(name: str, reference: float, roughness: float, exponent: float
     return (POWER, reference, exponent) if name == 'power' else (UNIFORM, 1.0, 1.0)
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def profile_factor(height: float, code: int, length: float, number: float) -> float:
     """Return the mean speed at a height over that at the reference height."""
     relative = height / length
@@ -51,7 +52,7 @@ def profile_factor(height: float, code: int, length: float, number: float) -> fl
     return 1.0
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def _slowed(height: float, profile: tuple) -> float:
     """Return the share of gusts and eddies that the ground leaves at a height."""
     full = profile_factor(_SLOWED, profile[0], profile[1], profile[2])
@@ -60,7 +61,7 @@ def _slowed(height: float, profile: tuple) -> float:
     return profile_factor(height, profile[0], profile[1], profile[2]) / full
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def _locate(points, first, count, axes, travelled, density, cells, fractions):
     """Write the cell, and the place within it, of each point of a block."""
     ax, ay, az = axes[0]
@@ -76,7 +77,7 @@ def _locate(points, first, count, axes, travelled, density, cells, fractions):
         fractions[0, i], fractions[1, i], fractions[2, i] = a - a0, b - b0, c - c0
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def _find_scales(fractions, count, lags, sigma, scales):
     """
     Write by how much to multiply the interpolated velocities of a block, (3, count).
@@ -95,7 +96,7 @@ def _find_scales(fractions, count, lags, sigma, scales):
             scales[c, i] = sigma / np.sqrt(near + x * (far - near))
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def _interpolate(flat, bits, cells, fractions, count, sums):
     """Write the tri-linear mean of the nodes around each point of a block, (3, count)."""
     mx, my, mz = (1 << bits[0]) - 1, (1 << bits[1]) - 1, (1 << bits[2]) - 1
@@ -118,7 +119,7 @@ def _interpolate(flat, bits, cells, fractions, count, sums):
             sums[c, i] = low + z * (high - low)
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def gust_strength(gust: np.ndarray, x: float, y: float, z: float, time: float) -> float:
     """
     Return the present share of a gust's velocity at a point.
@@ -139,7 +140,7 @@ def gust_strength(gust: np.ndarray, x: float, y: float, z: float, time: float) -
     return 0.5 - 0.5 * np.cos(np.pi * min(t / rise, (duration - t) / rise, 1.0))
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
               profile: tuple) -> None:
     """
@@ -156,7 +157,7 @@ def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
         out[i, 0], out[i, 1], out[i, 2] = u * along[0], u * along[1], u * along[2]
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tuple,
                sigma: float, box: tuple, profile: tuple) -> None:
     """
@@ -191,7 +192,7 @@ def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tupl
                 out[first + i, k] += u * axes[0][k] + v * axes[1][k] + w * axes[2][k]
 
 
-@njit(cache=True, error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True)
 def add_gusts(points: np.ndarray, out: np.ndarray, gusts: np.ndarray, time: float,
               profile: tuple) -> None:
     """

@@ -14,10 +14,10 @@
 
 """Merging: fewer, larger boxes for a block of bricks, so that it collides at a fraction."""
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.assembly import aligned_extents, relative_rows
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
@@ -79,7 +79,7 @@ def _merge_along(bounds: np.ndarray, axis: int) -> np.ndarray:
     return merged
 
 
-@njit(cache=True)
+@kernel
 def _stack(bounds, tolerance):
     """
     Join courses, sorted from below, that lie on each other with about the same outline.
@@ -136,7 +136,7 @@ def _close_joints(bounds: np.ndarray) -> None:
         high[:, axis] += np.where(np.isfinite(reach), reach, 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _clusters(values, tolerance):
     """Label the groups of values that lie within the tolerance of their group's least."""
     order = np.argsort(values)

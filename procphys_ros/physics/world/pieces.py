@@ -16,10 +16,10 @@
 
 from dataclasses import dataclass, field
 
-from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.assembly import axes_of
 
 _BOX = int(Shape.BOX)  # numba reads no enums
@@ -60,7 +60,7 @@ class Pieces:
         return _lowest(pose, self.shapes, self.sizes, self.local_poses, self.teeth)
 
 
-@njit(cache=True)
+@kernel
 def _lowest(pose, shapes, sizes, local, teeth):
     up = axes_of(pose[3:])[2].copy()  # the vertical in the body's axes
     height = np.inf

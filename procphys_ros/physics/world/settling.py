@@ -14,10 +14,10 @@
 
 """Settling: which loose bodies have come to rest, and which resting ones must move again."""
 
-from numba import njit
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.bodies import Bodies, State
 from procphys_ros.physics.world.contacts import Contacts
 
@@ -168,7 +168,7 @@ def _touching(contacts: Contacts) -> np.ndarray:
     return (contacts.distance < _TOUCH) | (contacts.normal_impulse > 0.0)
 
 
-@njit(cache=True)
+@kernel
 def _stands(start, points, normals, centre):
     """
     Tell for each body whether no half plane through its centre is free of contacts.
@@ -228,7 +228,7 @@ def rim_speed(bodies: Bodies, ids: np.ndarray) -> np.ndarray:
             + np.sqrt((velocity[:, 3:] ** 2).sum(axis=1)) * bodies.radius[ids])
 
 
-@njit(cache=True)
+@kernel
 def _reached(low, high, speed, mass, bounds, resting_mass):
     """Pair resting boxes with the moving ones, sorted by their least x, that reach them."""
     pairs = np.empty((64, 2), np.int64)

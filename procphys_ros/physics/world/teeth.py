@@ -19,9 +19,9 @@ Boxes of a toothed edge end half way (`merging`), or broken walls would wedge in
 ground has no teeth, so there the true corners count.
 """
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.assembly import axes_of
 
 _OUT = 0.01  # [m] by which a corner must stick out to be kept
@@ -46,7 +46,7 @@ def corners_out(poses: np.ndarray, sizes: np.ndarray, merged_poses: np.ndarray,
     return found[:_corners_out(poses, sizes, merged_poses, merged_sizes, found)].copy()
 
 
-@njit(cache=True)
+@kernel
 def _corners_out(poses, sizes, merged_poses, merged_sizes, found):
     axes = np.empty((len(merged_poses), 3, 3))
     reach = np.empty(len(merged_poses))
@@ -76,13 +76,13 @@ def _corners_out(poses, sizes, merged_poses, merged_sizes, found):
     return count
 
 
-@njit(cache=True)
+@kernel
 def _diagonal(size):
     """Give half of the diagonal of a box [m]."""
     return 0.5 * (size[0] ** 2 + size[1] ** 2 + size[2] ** 2) ** 0.5
 
 
-@njit(cache=True)
+@kernel
 def _is_inside(point, near, poses, sizes, axes):
     for k in near:
         inside = True
@@ -98,7 +98,7 @@ def _is_inside(point, near, poses, sizes, axes):
     return False
 
 
-@njit(cache=True)
+@kernel
 def press(start, teeth, poses, velocities, mass, inertia, friction, time_step):
     """
     Stop the teeth that have come into the ground, and take them out of it.
@@ -140,7 +140,7 @@ def press(start, teeth, poses, velocities, mass, inertia, friction, time_step):
     return table[:count]
 
 
-@njit(cache=True)
+@kernel
 def _stop(rows, velocity, mass, compliance, friction):
     """Bring the teeth to rest, impulses in columns 9 to 12."""
     for _ in range(_SWEEPS):
@@ -162,7 +162,7 @@ def _stop(rows, velocity, mass, compliance, friction):
     rows[:, 12] = rows[:, 11]
 
 
-@njit(cache=True)
+@kernel
 def _raise(rows, pose, mass, compliance):
     """Shift and turn the body until the teeth have taken back their share of the depth."""
     shift, turned = np.zeros(3), np.zeros(3)

@@ -16,9 +16,9 @@
 
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.world import axes_of
 
 _FLAT = 0.03    # [m] off the plane of contact: what is nearer takes part of the pressure
@@ -60,7 +60,7 @@ def spread(touches: Touches, poses: np.ndarray, sizes: np.ndarray,
     return _spread(*touches, poses, sizes, rest)
 
 
-@njit(cache=True)
+@kernel
 def _spread(points, normals, forces, other, poses, sizes, rest):
     out = np.zeros((len(poses), 6))
     radius = np.empty(len(poses))
@@ -96,7 +96,7 @@ def _spread(points, normals, forces, other, poses, sizes, rest):
     return out
 
 
-@njit(cache=True)
+@kernel
 def _near(low, high, poses, radius):
     """List the parts whose bounding sphere comes near the points of contact."""
     found = np.empty(len(poses), np.int64)
@@ -111,7 +111,7 @@ def _near(low, high, poses, radius):
     return found[:count]
 
 
-@njit(cache=True)
+@kernel
 def _nearest(point, poses, radius):
     best, least = 0, np.inf
     for p in range(len(poses)):
@@ -122,7 +122,7 @@ def _nearest(point, poses, radius):
     return best
 
 
-@njit(cache=True)
+@kernel
 def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
     """Spread one force over the parts near a plane."""
     count = len(near)
@@ -169,7 +169,7 @@ def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
         out[p, 5] += arm[0] * push[1] - arm[1] * push[0]
 
 
-@njit(cache=True)
+@kernel
 def _footing(middle, normal, spot, chosen):
     """Give the shares of a force that a stiff footing puts on its supports, adding up to one."""
     count = chosen.sum()

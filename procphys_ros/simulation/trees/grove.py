@@ -17,10 +17,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Law
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees import Foresight, Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
@@ -174,7 +174,7 @@ class Grove:
         return self.forest.poses[row, :3] - self._joint_arm[row] * axis
 
 
-@njit(cache=True)
+@kernel
 def _scatter(parts, active, rows, out):
     """Write the active rows to where their parts are."""
     for i in range(len(parts)):

@@ -1,0 +1,128 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Cache of one kernel's compiled overloads, in the place of numba's own."""
+
+from collections.abc import Callable
+from functools import cache
+import hashlib
+import os
+from pathlib import Path
+import pickle
+from tempfile import NamedTemporaryFile
+from typing import Any
+import warnings
+
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
+
+from procphys_ros.compilation.folders import cache_folder, module_folder, prepare
+
+_CHECKSUM = 32  # [B] of SHA-256, at the head of each file
+
+
+class KernelCache(_Cache):
+    """
+    Keeps the overloads of a kernel on disk, a file each.
+
+    numba's own cache looks at the file of a kernel only, not at those of its callees, and runs
+    old code after an upgrade; its index is not safe against two processes that write at once.
+    Here a file's name says all that its content depends on, and files are written whole or not
+    at all. Nothing that goes wrong with files keeps a kernel from running.
+
+    :param function: that is compiled.
+    """
+
+    def __init__(self, function: Callable):
+        self._function = function
+        self._enabled = True
+
+    @property
+    def cache_path(self) -> str:
+        """Name the folder."""
+        return str(module_folder(self._function.__module__))
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        """Give what was compiled for a signature, None when there is nothing."""
+        target_context.refresh()
+        try:
+            content = self._file(sig, target_context.codegen()).read_bytes()
+        except OSError:
+            return None
+        payload = content[_CHECKSUM:]
+        if not self._enabled or hashlib.sha256(payload).digest() != content[:_CHECKSUM]:
+            return None  # cut short, as after a power failure
+        return CompileResult._rebuild(target_context, *pickle.loads(payload))
+
+    def save_overload(self, sig: Any, data: CompileResult) -> None:
+        """Keep what was compiled for a signature."""
+        if not self._enabled or data.lifted or data.library.has_dynamic_globals:
+            return
+        path = self._file(sig, data.codegen)
+        payload = dumps(data._reduce())
+        try:
+            prepare(path.parent)
+            _write(path, hashlib.sha256(payload).digest() + payload)
+        except OSError as error:
+            _warn_once(error.strerror)
+
+    def enable(self) -> None:
+        """Use the files."""
+        self._enabled = True
+
+    def disable(self) -> None:
+        """Leave the files alone."""
+        self._enabled = False
+
+    def flush(self) -> None:
+        """Forget all overloads of the kernel."""
+        for path in Path(self.cache_path).glob(f'{self._name}-*.nbc'):
+            path.unlink(missing_ok=True)
+
+    @property
+    def _name(self) -> str:
+        code = self._function.__code__
+        name = self._function.__qualname__.replace('<', '').replace('>', '')
+        return f'{name}-{code.co_firstlineno}'
+
+    def _file(self, sig: Any, codegen: Any) -> Path:
+        """Name the file of an overload by all that makes it another."""
+        arguments, _ = normalize_signature(sig)
+        cells = self._function.__closure__ or ()
+        key = (str(arguments), codegen.magic_tuple(), self._function.__code__.co_code,
+               dumps(tuple(cell.cell_contents for cell in cells)))
+        digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
+        return Path(self.cache_path) / f'{self._name}-{digest}.nbc'
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file such that a reader sees all of it or none."""
+    with NamedTemporaryFile(dir=path.parent, prefix='.', delete=False) as file:
+        try:
+            file.write(content)
+            file.close()
+            os.replace(file.name, path)
+        except OSError:
+            os.unlink(file.name)
+            raise
+
+
+@cache
+def _warn_once(reason: str) -> None:
+    warnings.warn(f'compiled kernels cannot be kept in {cache_folder()}, every start will compile '
+                  f'them: {reason}; NUMBA_CACHE_DIR names another folder', RuntimeWarning,
+                  stacklevel=3)

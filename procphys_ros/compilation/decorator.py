@@ -1,0 +1,39 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The decorator of all kernels."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from numba import config, njit
+
+from procphys_ros.compilation.cache import KernelCache
+
+
+def kernel(function: Callable | None = None, /, **options: Any) -> Any:
+    """
+    Compile a function with numba when it is first called, and cache it for the user.
+
+    :param function: what to compile; None = give a decorator with these options.
+    :param options: of `numba.njit`; `cache` is implied.
+    """
+    if function is None:
+        return partial(kernel, **options)
+    dispatcher = njit(**options)(function)
+    if not config.DISABLE_JIT:  # else it is the function itself
+        dispatcher._cache = KernelCache(function)
+    return dispatcher

@@ -1,0 +1,213 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Compiled kernels: found again by later processes, never after what they contain has changed."""
+
+import ast
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+from procphys_ros.compilation.folders import prepare
+from procphys_ros.compilation.sources import imported_names
+
+ROOT = Path(__file__).resolve().parents[1]
+CALLEE = """
+from procphys_ros.compilation import kernel
+
+FACTOR = {factor}
+
+@kernel
+def enlarge(x):
+    return FACTOR * x
+"""
+CALLER = """
+from procphys_ros.compilation import kernel
+from small.callee import (  # one (1) of many
+    enlarge)
+
+@kernel
+def total(values):
+    result = 0.0
+    for value in values:
+        result += enlarge(value)
+    return result
+"""
+PROGRAM = """
+import numba.core.event as event
+import numpy as np
+
+class Compiled(event.Listener):
+    count = 0
+    def on_start(self, _): Compiled.count += 1
+    def on_end(self, _): pass
+
+event.register('numba:compile', Compiled())
+from small.caller import total
+print(total(np.array([1.0, 10.0])), Compiled.count)
+"""
+
+
+class SmallPackage:
+    """
+    A package of two kernels, one of which calls the other, in processes of its own.
+
+    :param folder: where it lies.
+    :param cache: XDG_CACHE_HOME of its processes.
+    """
+
+    def __init__(self, folder: Path, cache: Path):
+        self._folder, self._cache = folder, cache
+        (folder / 'small').mkdir(parents=True)
+        (folder / 'small' / '__init__.py').touch()
+        (folder / 'small' / 'caller.py').write_text(CALLER, 'utf-8')
+
+    def install(self, factor: float) -> None:
+        """Replace the file of the callee only, as an upgrade may."""
+        (self._folder / 'small' / 'callee.py').write_text(CALLEE.format(factor=factor), 'utf-8')
+
+    def run(self, then: str = '', **environment: str) -> tuple[float, int, str]:
+        """
+        Call the caller in a new process.
+
+        :param then: what the process is to do after that; it prints its own results.
+        :param environment: variables.
+        :returns: result, number of overloads compiled, errors and warnings.
+        """
+        known = {**os.environ, 'XDG_CACHE_HOME': str(self._cache), 'PYTHONDONTWRITEBYTECODE': '1',
+                 'PYTHONPATH': os.pathsep.join([str(self._folder), str(ROOT)])}
+        known.pop('NUMBA_CACHE_DIR', None)
+        done = subprocess.run([sys.executable, '-c', PROGRAM + then], env={**known, **environment},
+                              capture_output=True, text=True, check=True)
+        result, compiled = done.stdout.split()[-2:]
+        return float(result), int(compiled), done.stderr
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> SmallPackage:
+    """Install a small package that returns 22."""
+    package = SmallPackage(tmp_path / 'site', tmp_path / 'cache')
+    package.install(2.0)
+    return package
+
+
+def compiled_files(folder: Path) -> list[Path]:
+    """List the files of compiled kernels."""
+    return sorted(folder.rglob('*.nbc'))
+
+
+def test_second_process_compiles_nothing(small, tmp_path):
+    """Find kernels again in the user's cache folder, and keep the installation clean."""
+    assert small.run()[:2] == (22.0, 2)
+    assert small.run()[:2] == (22.0, 0)
+    assert len(compiled_files(tmp_path / 'cache' / 'procphys_ros' / 'kernels')) == 2
+    assert compiled_files(tmp_path / 'site') == []
+
+
+def test_other_install_path_compiles_nothing(small, tmp_path):
+    """Share kernels between installations of the same sources."""
+    small.run()
+    other = SmallPackage(tmp_path / 'elsewhere', tmp_path / 'cache')
+    other.install(2.0)
+    assert other.run()[:2] == (22.0, 0)
+
+
+def test_upgrade_of_a_callee_takes_effect(small):
+    """Compile a caller anew whose own file is the same; find the old one on the way back."""
+    small.run()
+    small.install(3.0)
+    assert small.run()[:2] == (33.0, 2)
+    small.install(2.0)
+    assert small.run()[:2] == (22.0, 0)
+
+
+def test_setting_of_numba_takes_effect(small):
+    """Keep kernels with bounds checks apart from those without."""
+    small.run()
+    assert small.run(NUMBA_BOUNDSCHECK='1')[:2] == (22.0, 2)
+
+
+def test_numba_cache_dir_is_respected(small, tmp_path):
+    """Put kernels where NUMBA_CACHE_DIR says."""
+    small.run(NUMBA_CACHE_DIR=str(tmp_path / 'given'))
+    assert len(compiled_files(tmp_path / 'given')) == 2
+    assert not (tmp_path / 'cache').exists()
+
+
+def test_damaged_files_are_replaced(small, tmp_path):
+    """Compile again what was cut short."""
+    small.run()
+    for path in compiled_files(tmp_path / 'cache'):
+        path.write_bytes(path.read_bytes()[:100])
+    assert small.run()[:2] == (22.0, 2)
+    assert small.run()[:2] == (22.0, 0)
+
+
+def test_kernels_run_without_a_folder_for_them(small, tmp_path):
+    """Compile in every process where nothing can be written, and say so."""
+    (tmp_path / 'cache').write_text('a file is in the way', 'utf-8')
+    result, compiled, errors = small.run()
+    assert (result, compiled) == (22.0, 2)
+    assert errors.count('NUMBA_CACHE_DIR') == 1
+
+
+def test_old_versions_are_removed(tmp_path):
+    """Keep the versions of a module that were used last, whatever its neighbours do."""
+    def use(module: str, version: int) -> Path:
+        folder = tmp_path / 'environment' / f'{module}-{version:016x}'
+        prepare(folder)
+        os.utime(folder, (version, version))
+        return folder
+
+    neighbour = use('trees', 0)
+    folders = [use('walls', version) for version in range(1, 20)]
+    assert neighbour.is_dir()
+    assert not any(folder.exists() for folder in folders[:10])
+    assert all(folder.is_dir() for folder in folders[-8:])
+
+
+def test_kernels_of_forgotten_environments_are_removed(tmp_path):
+    """Remove what was compiled for a numba that nothing has used for months."""
+    old, present = tmp_path / 'numba-1', tmp_path / 'numba-2'
+    prepare(old / 'trees-1')
+    os.utime(old, (0.0, 0.0))
+    prepare(present / 'trees-1')
+    assert present.is_dir()
+    assert not old.exists()
+
+
+def test_kernels_survive_removal_by_others(small, tmp_path):
+    """Go on compiling when another process has removed the folder that is in use."""
+    cache = str(tmp_path / 'cache')
+    removal = (f'import shutil; shutil.rmtree({cache!r}); '
+               "print(total(np.array([1.0, 10.0], dtype='f4')), Compiled.count)")
+    assert small.run(then=removal)[:2] == (22.0, 4)
+    assert compiled_files(tmp_path / 'cache')
+
+
+def test_imports_are_found():
+    """Find the same imports in a source as Python's parser does."""
+    for path in sorted((ROOT / 'procphys_ros').rglob('*.py')):
+        text = path.read_text('utf-8')
+        expected = set()
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Import):
+                expected |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                expected |= {node.module, *(f'{node.module}.{a.name}' for a in node.names)}
+        assert expected <= imported_names(text), path
