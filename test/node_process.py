@@ -34,8 +34,6 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
-from procphys_ros.ros.services import LATER
-
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)  # own domain: sessions do not meet
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 
@@ -64,7 +62,9 @@ class NodeProcess:
     """
 
     def __init__(self, folder: Path, parameters: dict | None = None, *arguments: str):
-        command = [sys.executable, '-m', 'procphys_ros.ros.sim', '--ros-args', *arguments]
+        # Answers are to be definite, also where a step takes as long as it does on a busy machine.
+        command = [sys.executable, '-m', 'procphys_ros.ros.sim', '--ros-args',
+                   '-p', 'service_deadline:=3600.0', *arguments]
         if parameters is not None:
             path = folder / 'scene.yaml'  # JSON is YAML
             path.write_text(json.dumps({'/**': {'ros__parameters': parameters}}), 'utf-8')
@@ -138,6 +138,10 @@ class Client:
         self._executor.shutdown()
         self.node.destroy_node()
 
+    def host(self, node: Any) -> None:
+        """Let a node of this process be served as well while this one waits."""
+        self._executor.add_node(node)
+
     def spin_until(self, done: Callable[[], Any], what: str) -> None:
         """Handle what arrives until a condition holds."""
         assert self._spin(PATIENCE, done), f'waited in vain for {what}'
@@ -210,27 +214,9 @@ class Client:
         """Call one of the Trigger services of `sim`."""
         return self.call(Trigger, f'/sim/{name}', Trigger.Request())
 
-    def verdict(self, name: str) -> Any:
-        """Call a Trigger service that changes nothing until it is more than "accepted"."""
-        answers: list = []
-
-        def told() -> bool:
-            answers.append(self.trigger(name))
-            return answers[-1].message != LATER
-
-        self.spin_until(told, f'the verdict of {name}')
-        return answers[-1]
-
     def switch(self, name: str, on: bool) -> Any:
-        """Call one of the SetBool services of `sim` until it is more than "accepted"."""
-        answers: list = []
-
-        def told() -> bool:
-            answers.append(self.call(SetBool, f'/sim/{name}', SetBool.Request(data=on)))
-            return answers[-1].message != LATER
-
-        self.spin_until(told, f'the verdict of {name}')
-        return answers[-1]
+        """Call one of the SetBool services of `sim`."""
+        return self.call(SetBool, f'/sim/{name}', SetBool.Request(data=on))
 
     def set_parameter(self, name: str, value: Any) -> Any:
         """Set a parameter of `sim`; give the result with `successful` and `reason`."""

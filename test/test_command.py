@@ -24,8 +24,6 @@ from time import monotonic
 from node_process import NodeProcess, PATIENCE, ROOT, SAPLING, SCENE
 import pytest
 
-from procphys_ros.ros.services import LATER
-
 COMMAND = (sys.executable, '-m', 'procphys_ros.ros.command')
 
 
@@ -56,15 +54,6 @@ def say(tmp_path_factory):
     return run
 
 
-def outcome(say, words):
-    """Say something, again while the node is too busy to tell more than that it accepted."""
-    end = monotonic() + 2 * PATIENCE
-    code, out, err = say(words)
-    while LATER in out and monotonic() < end:
-        code, out, err = say(words)
-    return code, out, err
-
-
 @pytest.mark.parametrize('words, answer', [
     ('wind 4 0 0', 'wind [4, 0, 0] m/s'),
     ('wind off', 'wind off'),
@@ -81,7 +70,7 @@ def outcome(say, words):
 ])
 def test_what_is_said_happens(node, say, words, answer):
     """End with 0 and print what the node answered."""
-    code, out, err = outcome(say, words)
+    code, out, err = say(words)
     assert (code, err) == (0, '') and answer in out
 
 
@@ -99,7 +88,7 @@ def test_what_is_said_happens(node, say, words, answer):
 ])
 def test_what_is_refused_ends_with_one(node, say, words, reason):
     """Print the reason on the error stream, in one line, and nothing else."""
-    code, out, err = outcome(say, words)
+    code, out, err = say(words)
     assert code == 1 and not out and reason in err
     assert err.startswith('command: ') and err.count('\n') == 1
 

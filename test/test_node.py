@@ -300,13 +300,13 @@ def test_step_is_refused_while_running(client):
 def test_apply_impulse_without_a_target_is_refused(client):
     """Name the parameter that is missing."""
     client.set_parameter('impulse.target', '')
-    answer = client.verdict('apply_impulse')
+    answer = client.trigger('apply_impulse')
     assert not answer.success and 'impulse.target' in answer.message
 
 
 def test_gust_in_still_air_needs_a_direction(client):
     """Refuse a gust that has nowhere to go, take it when it has."""
-    answer = client.verdict('gust')
+    answer = client.trigger('gust')
     assert not answer.success and 'gust.direction' in answer.message
     assert client.set_parameter('gust.direction', [0, 1, 0]).successful
     assert client.set_parameter('gust.upwind', 0).successful

@@ -23,7 +23,7 @@ import pytest
 import rclpy
 from std_srvs.srv import SetBool, Trigger
 
-from procphys_ros.ros.services import LATER
+from procphys_ros.ros.services import BUSY
 
 
 @pytest.fixture
@@ -89,9 +89,9 @@ def client():
 @pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGTERM])
 def test_node_ends_during_a_reload_and_while_paused(start, client, how):
     """End with the scene half built, time standing still, and somebody waiting for an answer."""
-    process = start(SCENE)
+    process = start(with_(service_deadline=0.05))
     process.wait_for_banner()
-    assert client.switch('set_pause', True).success
+    client.spin_until(lambda: client.switch('set_pause', True).success, 'a pause')
     assert client.set_parameter('sapling.count', 1500).successful
     reload = client.node.create_client(Trigger, '/sim/reload_scene')
     switch = client.node.create_client(SetBool, '/sim/set_wind_enabled')
@@ -104,10 +104,11 @@ def test_node_ends_during_a_reload_and_while_paused(start, client, how):
             waiting = reload.call_async(Trigger.Request())
         answer = switch.call_async(SetBool.Request(data=True))
         client.spin_until(answer.done, 'an answer')
-        return answer.result().message == LATER
+        return answer.result().message.startswith(BUSY)
 
     client.spin_until(waits, 'a command that comes during a reload')
-    assert process.finish(how) == (0, '')
+    code, errors = process.finish(how)
+    assert code == 0 and 'error' not in errors and 'Traceback' not in errors, errors
 
 
 def test_use_sim_time_does_not_stop_the_node(start):

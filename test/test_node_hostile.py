@@ -100,7 +100,7 @@ def test_long_and_strange_values_are_refused(client, name, value, words):
     """Say the name of the parameter and what is wrong, in few words."""
     result = client.set_parameter(name, value)
     if result.successful:  # what only its use can judge
-        result = client.verdict('launch_projectile')
+        result = client.trigger('launch_projectile')
         assert not result.success and words in result.message and len(result.message) < 1000
     else:
         assert words in result.reason or 'read' in result.reason

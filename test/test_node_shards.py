@@ -61,11 +61,11 @@ def test_merged_markers_are_those_of_the_whole_scene(client):
     """Get every part of the scene once, though one topic carries the markers of both nodes."""
     whole = Scene.from_parameters(SCENE)
     expected = {(o.name, i) for o in whole.objects for i in range(o.count)}
-    received = client.listen(MarkerArray, '/world/markers', qos.CHANGES)
+    received = client.listen(MarkerArray, '/world/markers', qos.changes())
     firsts: dict[str, int] = {}
     owner: dict[str, str] = {}
     for name in NODES:
-        text = client.next_message(String, f'/{name}/scene_description', qos.LATCHED).data
+        text = client.next_message(String, f'/{name}/scene_description', qos.latched()).data
         for o in json.loads(text)['objects']:
             assert o['name'] not in owner
             owner[o['name']], firsts[o['name']] = name, o['first']
@@ -113,7 +113,7 @@ def test_one_blast_is_carried_out_by_both_nodes(client):
 
 def test_what_is_thrown_in_both_nodes_is_told_apart(client):
     """Throw a ball in each node, and see two in the merged view."""
-    received = client.listen(MarkerArray, '/world/markers', qos.CHANGES)
+    received = client.listen(MarkerArray, '/world/markers', qos.changes())
     for name in NODES:
         assert client.call(Trigger, f'/{name}/launch_projectile', Trigger.Request()).success
     wanted = {f'projectile_0_shard_{index}' for index in range(len(NODES))}
@@ -125,6 +125,6 @@ def test_only_the_first_share_tells_the_time(client):
     """Publish one clock, whoever else is there."""
     client.spin_until(lambda: set(client.node.get_node_names()) >= set(NODES), 'both nodes')
     for name in NODES:
-        client.next_message(String, f'/{name}/scene_description', qos.LATCHED)
+        client.next_message(String, f'/{name}/scene_description', qos.latched())
     client.spin_until(lambda: client.node.count_publishers('/clock'), 'a clock')
     assert client.node.count_publishers('/clock') == 1

@@ -90,7 +90,7 @@ def client():
 
 def description(client: Client, fits=lambda scene: True) -> dict:
     """Read the description of the scene of which something is true."""
-    return json.loads(client.next_message(String, '/sim/scene_description', qos.LATCHED,
+    return json.loads(client.next_message(String, '/sim/scene_description', qos.latched(),
                                           lambda m: fits(json.loads(m.data))).data)
 
 
@@ -128,7 +128,7 @@ def test_the_old_scene_goes_on_after_a_reload_that_failed(client):
     before = description(client)
     every = set(range(len(before['parts']['name'])))
     viewer.wait_for(every, 'the scene')
-    descriptions = client.listen(String, '/sim/scene_description', qos.LATCHED)
+    descriptions = client.listen(String, '/sim/scene_description', qos.latched())
     poses = client.listen(PoseArray, '/sim/poses')
     client.spin_until(lambda: poses and poses[-1].header.stamp.sec >= 1, 'one second')
     assert client.set_parameter('sapling.grammar_text', 'axiom: F(1) [ F(1)').successful

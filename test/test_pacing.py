@@ -13,15 +13,13 @@
 # limitations under the License.
 
 
-"""Pacing of steps against a clock, and the queue of commands: what the node is without ROS."""
+"""Pacing of steps against a clock: how many are due, and what else is."""
 
 import math
 from types import SimpleNamespace
 
 import pytest
 
-from procphys_ros.errors import CommandError
-from procphys_ros.ros.commands import CAPACITY, Command, CommandQueue
 from procphys_ros.ros.newcomers import Newcomers
 from procphys_ros.ros.pacing import Beat, Pacer
 
@@ -123,81 +121,3 @@ def test_newcomers_are_told_at_once_and_twice_more():
         clock.now += TICK
         told += [clock.now] if newcomers.are_waiting() else []
     assert told == pytest.approx([101.0, 105.0], abs=TICK)
-
-
-class Record:
-    """A queue with what became of its commands."""
-
-    def __init__(self, clock: FakeClock | None = None):
-        self.arrivals = 0
-        self.rejections: list[tuple[str, str]] = []
-        self.answers: list[tuple[bool, str]] = []
-        self.queue = CommandQueue(self._arrive, lambda *told: self.rejections.append(told),
-                                  clock or FakeClock())
-
-    def _arrive(self) -> None:
-        self.arrivals += 1
-
-    def submit(self, name: str, carry_out) -> None:
-        """Submit a command whose answer is kept."""
-        self.queue.submit(Command(name, carry_out, lambda *told: self.answers.append(told)))
-
-
-def refuse() -> str:
-    """Refuse as the simulation does."""
-    raise CommandError('no such part')
-
-
-def test_commands_are_carried_out_in_the_order_they_came():
-    """Carry out nothing before the next step, then all, and answer each."""
-    record = Record()
-    done: list[int] = []
-    for number in range(4):
-        record.submit('n', lambda number=number: str(done.append(number)))
-    assert not done and not record.answers and len(record.queue) == record.arrivals == 4
-    record.queue.drain()
-    assert done == [0, 1, 2, 3] and len(record.queue) == 0
-    assert record.answers == [(True, 'None')] * 4
-    assert record.queue.counts() == ({'n': 4}, {})
-
-
-def test_refused_command_is_counted_and_reported():
-    """Keep the reason, and go on with the next command."""
-    record = Record()
-    record.submit('impulse', refuse)
-    record.submit('wind', lambda: 'blows')
-    record.queue.drain()
-    assert record.queue.counts() == ({'wind': 1}, {'impulse': 1})
-    assert record.rejections == [('impulse', 'no such part')]
-    assert record.queue.last_rejection == 'impulse: no such part'
-    assert record.answers == [(False, 'no such part'), (True, 'blows')]
-
-
-def test_queue_is_bounded_and_the_rest_is_counted():
-    """Reject what does not fit, so that taken and rejected add up to all."""
-    record = Record()
-    for _ in range(CAPACITY + 5):
-        record.submit('wind', lambda: '')
-    assert len(record.queue) == CAPACITY and record.queue.rejected == {'wind': 5}
-    assert len(record.answers) == 5 and not any(success for success, _ in record.answers)
-    record.queue.drain()
-    assert record.queue.taken == {'wind': CAPACITY}
-
-
-def test_flood_of_slow_commands_leaves_time_for_steps():
-    """Carry out some of them between two steps and the rest, in order, between the next."""
-    clock = FakeClock()
-    record = Record(clock)
-    done: list[int] = []
-
-    def slow(number: int) -> str:
-        clock.now += 0.02
-        done.append(number)
-        return ''
-
-    for number in range(9):
-        record.submit('impulse', lambda number=number: slow(number))
-    record.queue.drain()
-    assert done == [0, 1, 2]
-    record.queue.drain()
-    assert done == [0, 1, 2, 3, 4, 5]

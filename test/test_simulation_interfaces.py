@@ -98,9 +98,9 @@ class Session:
 @pytest.fixture
 def desk():
     """Give a desk whose commands are carried out at once."""
-    async def ask(name, act, is_long):
+    async def ask(name, prepare):
         try:
-            return True, act()
+            return True, prepare()()
         except CommandError as error:
             return False, str(error)
     session = Session()

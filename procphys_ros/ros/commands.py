@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from threading import Lock
 from time import monotonic
 
-from procphys_ros.errors import CommandError
+from procphys_ros.errors import ProcPhysError
 
-CAPACITY = 10_000  # commands that may wait for the next step
+CAPACITY = 10_000  # commands from topics that may wait for the next step
 _LONGEST = 0.05  # [s] of commands between two steps, so that a flood leaves time for steps
+_LONGEST_CALLS = 0.1  # [s] the same where calls of services wait
 _LONGEST_REASON = 600  # [characters]
 
 
@@ -32,7 +33,7 @@ def _nobody(success: bool, message: str) -> None:
     """Answer a command that came on a topic: nobody waits for it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Command:
     """
     Something to do to the simulation between two steps.
@@ -51,11 +52,13 @@ class CommandQueue:
     """
     Holds commands until the next step; each is counted as taken or as rejected.
 
-    Commands come from the thread that talks to ROS and are carried out by the one that
-    simulates.
+    Commands come from the threads that talk to ROS and are carried out by the one that simulates,
+    in the order of arrival. Only when more has come than there is time for between two steps,
+    calls of services overtake what came on topics.
 
     :param on_arrival: called when a command has begun to wait.
-    :param on_rejection: called with the name of the command and the reason.
+    :param on_rejection: called with the name of the command, the reason, and the exception that
+        no command should raise, or None.
     :param clock: gives steady real time [s].
     :ivar taken: number of commands carried out, by name.
     :ivar rejected: number of commands refused, by name.
@@ -63,64 +66,122 @@ class CommandQueue:
     :ivar under_way: name of the command that is being carried out; '' = none.
     """
 
-    def __init__(self, on_arrival: Callable[[], None], on_rejection: Callable[[str, str], None],
+    def __init__(self, on_arrival: Callable[[], None],
+                 on_rejection: Callable[[str, str, Exception | None], None],
                  clock: Callable[[], float] = monotonic):
-        self._waiting: deque[Command] = deque()
+        # Behind each command is the number of its arrival.
+        self._from_topics: deque[tuple[Command, int]] = deque()
+        self._calls: dict[Command, int] = {}
+        self._arrivals = 0
         self._on_arrival = on_arrival
         self._on_rejection = on_rejection
         self._clock = clock
-        self._counting = Lock()
+        self._lock = Lock()
         self.taken: Counter[str] = Counter()
         self.rejected: Counter[str] = Counter()
         self.last_rejection = ''
         self.under_way = ''
 
     def __len__(self) -> int:
-        return len(self._waiting)
+        return len(self._from_topics) + len(self._calls)
 
     def submit(self, command: Command) -> None:
-        """Append a command; one too many is rejected at once."""
-        if len(self._waiting) >= CAPACITY:
-            reason = f'{CAPACITY} commands are waiting already'
-            self.reject(command.name, reason)
-            command.answer(False, reason)
-        else:
-            self._waiting.append(command)
+        """Append a command that came on a topic; one too many is rejected at once."""
+        with self._lock:
+            fits = len(self._from_topics) < CAPACITY
+            if fits:
+                self._arrivals += 1
+                self._from_topics.append((command, self._arrivals))
+        if fits:
             self._on_arrival()
+        else:
+            self.reject(command.name, f'{CAPACITY} commands are waiting already')
 
-    def reject(self, name: str, reason: str) -> None:
-        """Count and report a command that is not carried out."""
-        with self._counting:
+    def call(self, command: Command) -> None:
+        """Append a command that somebody waits for."""
+        with self._lock:
+            self._arrivals += 1
+            self._calls[command] = self._arrivals
+        self._on_arrival()
+
+    def is_waiting(self, command: Command) -> bool:
+        """Say whether a call has not been begun with."""
+        return command in self._calls
+
+    def withdraw(self, command: Command) -> bool:
+        """Take a call back, and say whether that could be done: whether it was waiting still."""
+        with self._lock:
+            return self._calls.pop(command, None) is not None
+
+    def reject(self, name: str, why: str | Exception) -> str:
+        """
+        Count and report a command that is not carried out.
+
+        :param name: of the command.
+        :param why: the reason, or what was raised; anything but an error that is meant for users
+            is a defect, and is reported as one.
+        :returns: the reason, shortened.
+        """
+        defect = why if isinstance(why, Exception) and not isinstance(why, ProcPhysError) else None
+        reason = shortened(describe(why) if isinstance(why, Exception) else why)
+        with self._lock:
             self.rejected[name] += 1
             self.last_rejection = f'{name}: {reason}'
-        self._on_rejection(name, reason)
+        self._on_rejection(name, reason, defect)
+        return reason
 
     def drain(self) -> None:
-        """Carry out what waits, in the order it came, but no longer than `_LONGEST`."""
+        """Carry out what waits, but no longer than `_LONGEST`; calls up to `_LONGEST_CALLS`."""
         begin = self._clock()
-        while self._waiting:
-            self._carry_out(self._waiting.popleft())
-            if self._clock() - begin > _LONGEST:
+        elapsed = 0.0
+        while elapsed <= _LONGEST_CALLS:
+            command = self._next(elapsed > _LONGEST)
+            if command is None:
                 break
+            self._carry_out(command)
+            elapsed = self._clock() - begin
 
     def counts(self) -> tuple[dict[str, int], dict[str, int]]:
         """Give how many commands were taken, and rejected, by name."""
-        with self._counting:
+        with self._lock:
             return dict(self.taken), dict(self.rejected)
+
+    def _next(self, calls_only: bool) -> Command | None:
+        """Take out what came first."""
+        with self._lock:
+            call, called = next(iter(self._calls.items()), (None, 0))
+            if call is not None and (calls_only or not self._from_topics
+                                     or called < self._from_topics[0][1]):
+                del self._calls[call]
+                return call
+            if calls_only or not self._from_topics:
+                return None
+            return self._from_topics.popleft()[0]
 
     def _carry_out(self, command: Command) -> None:
         self.under_way = command.name
         try:
             message = command.carry_out()
-        except CommandError as error:
-            reason = str(error)
-            if len(reason) > _LONGEST_REASON:  # whoever sent a long list need not get it back
-                reason = f'{reason[:_LONGEST_REASON // 2]} … {reason[-_LONGEST_REASON // 2:]}'
-            self.reject(command.name, reason)
-            command.answer(False, reason)
+        except Exception as error:  # whatever it is, the simulation goes on as it was
+            command.answer(False, self.reject(command.name, error))
         else:
-            with self._counting:
+            with self._lock:
                 self.taken[command.name] += 1
             command.answer(True, message)
         finally:
             self.under_way = ''
+
+
+def describe(error: Exception) -> str:
+    """Say what was raised; of what is not meant for users also its type."""
+    if isinstance(error, ProcPhysError):
+        return str(error)
+    return f'internal error, {type(error).__name__}: {error}'
+
+
+def shortened(reason: str) -> str:
+    """Make a reason fit for a message: whoever sent a long list need not get it back."""
+    reason = reason.encode('utf-8', 'backslashreplace').decode('utf-8')  # no lone surrogates
+    if len(reason) <= _LONGEST_REASON:
+        return reason
+    return f'{reason[:_LONGEST_REASON // 2]} … {reason[-_LONGEST_REASON // 2:]}'

@@ -15,14 +15,17 @@
 
 """Read command messages: numbers that are finite, in a frame that is the simulation's."""
 
+from collections.abc import Callable
 import math
 
-from geometry_msgs.msg import Point, Vector3
+from geometry_msgs.msg import Point, Pose, Vector3
 from std_msgs.msg import Header
 
 from procphys_ros.errors import CommandError
 
 Triple = tuple[float, float, float]
+Act = Callable[[], str]  # does something to the simulation and says what; CommandError = refused
+_LONGEST_NAME = 256  # [characters] of a part; those of the longest names that ROS allows
 
 
 def triple(vector: Vector3 | Point, what: str) -> Triple:
@@ -48,3 +51,25 @@ def check_frame(header: Header, frame: str) -> None:
     if header.frame_id not in ('', frame):
         raise CommandError(f'frame_id is "{header.frame_id}", it must be "{frame}" or empty; '
                            'there are no transforms here')
+
+
+def pose(message: Pose) -> tuple[float, ...]:
+    """Read a pose as x y z qx qy qz qw, (7,)."""
+    place, turn = message.position, message.orientation
+    return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
+
+
+def part_name(text: str, where: str) -> str:
+    """
+    Read the name of a part.
+
+    :param text: what stands where the name belongs.
+    :param where: names that place in the message of the error.
+    :raises CommandError: when it is empty, or longer than any name.
+    """
+    if not text:
+        raise CommandError(f'{where} is empty, it must name a part, such as oak_0/17')
+    if len(text) > _LONGEST_NAME:
+        raise CommandError(f'{where} has {len(text)} characters, the name of a part has at most '
+                           f'{_LONGEST_NAME}')
+    return text

@@ -29,7 +29,7 @@ from procphys_ros.messages import stamp
 from procphys_ros.ros import qos
 from procphys_ros.ros.commands import CommandQueue
 from procphys_ros.ros.pacing import Beat, Pacer
-from procphys_ros.simulation import Simulation
+from procphys_ros.ros.session import REMEDY, Session
 
 _ON_TIME = 0.95  # share of the wanted real-time factor below which the node counts as overloaded
 _LOOKS = 4.0  # [Hz] at which the simulation is looked at
@@ -44,7 +44,8 @@ class Look:
     :ivar time: simulated [s].
     :ivar wanted: real-time factor asked for; 0 = as fast as possible.
     :ivar measured: real-time factor reached; NaN = not known yet.
-    :ivar paused: whether time stands still.
+    :ivar paused: whether time stands still on demand.
+    :ivar failure: what stopped the simulation; '' = nothing.
     :ivar stages: [ms] that each stage of a step took in the mean.
     :ivar parts: number of all parts.
     :ivar awake: number of loose bodies that move.
@@ -56,6 +57,7 @@ class Look:
     wanted: float
     measured: float
     paused: bool
+    failure: str
     stages: Mapping[str, float]
     parts: int
     awake: int
@@ -65,6 +67,8 @@ class Look:
     @property
     def message(self) -> str:
         """Say it in a few words."""
+        if self.failure:
+            return f'a step went wrong: {self.failure}; {REMEDY}'
         if self.paused:
             return 'paused'
         if self.is_slow:
@@ -74,7 +78,9 @@ class Look:
     @property
     def is_slow(self) -> bool:
         """Say whether simulated time falls behind."""
-        return not self.paused and bool(self.wanted) and self.measured < _ON_TIME * self.wanted
+        if self.paused or self.failure or not self.wanted:
+            return False
+        return self.measured < _ON_TIME * self.wanted
 
 
 class Diagnostics:
@@ -87,7 +93,7 @@ class Diagnostics:
     """
 
     def __init__(self, node: Node, commands: CommandQueue):
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', qos.ARRAYS)
+        self._publisher = qos.publisher(node, DiagnosticArray, '/diagnostics', qos.arrays())
         self._name = node.get_fully_qualified_name()
         self._commands = commands
         self._beat = Beat(_LOOKS)
@@ -100,10 +106,11 @@ class Diagnostics:
         self._stages.update(timings)
         self._steps += 1
 
-    def look(self, simulation: Simulation, pacer: Pacer, paused: bool) -> None:
+    def look(self, session: Session, pacer: Pacer) -> None:
         """Look at the simulation, if that is due."""
         if not self._beat.is_due():
             return
+        simulation = session.simulation
         wind = np.linalg.norm(np.sum(simulation.wind.at_reference(simulation.time), axis=0))
         stages = self.latest.stages if self.latest else {}
         if self._steps:
@@ -111,8 +118,8 @@ class Diagnostics:
                       for stage, seconds in self._stages.items()}
             self._stages.clear()
             self._steps = 0
-        self.latest = Look(simulation.time, pacer.factor, pacer.measured, paused, stages,
-                           len(simulation.poses), simulation.awake_bodies,
+        self.latest = Look(simulation.time, pacer.factor, pacer.measured, session.paused,
+                           session.failure, stages, len(simulation.poses), simulation.awake_bodies,
                            simulation.bonds_broken, float(wind))
 
     def publish(self, turn_began: float | None) -> None:
@@ -165,6 +172,8 @@ def judge(look: Look, busy: float, command: str) -> tuple[bytes, str]:
     if busy > _LONG_TURN:
         return DiagnosticStatus.WARN, (f'busy with {command or "a step"} for {busy:.1f} s; time '
                                        'stands still until it is done')
+    if look.failure:
+        return DiagnosticStatus.ERROR, look.message
     return DiagnosticStatus.WARN if look.is_slow else DiagnosticStatus.OK, look.message
 
 
@@ -172,7 +181,8 @@ def status_line(look: Look | None) -> str:
     """Say how it goes, in one line for a terminal."""
     if look is None:
         return 'starting'
-    pace = ('paused' if look.paused else 'starting' if math.isnan(look.measured)
+    pace = ('stopped by an error' if look.failure else 'paused' if look.paused
+            else 'starting' if math.isnan(look.measured)
             else f'real-time factor {look.measured:.2f}')
     return (f't {look.time:8.2f} s   {pace}   wind {look.wind:4.1f} m/s   '
             f'{look.broken} broken')

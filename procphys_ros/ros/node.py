@@ -15,22 +15,28 @@
 
 """Node `sim`: parameters in, a simulation that keeps real time, poses and markers out."""
 
+from collections.abc import Callable
+from traceback import format_exception
+
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from procphys_ros.errors import SceneError
+from procphys_ros.physics.wind import WindSettings
 from procphys_ros.resources import shared_folder
 from procphys_ros.ros import simulation_interfaces
-from procphys_ros.ros.commands import Command, CommandQueue
+from procphys_ros.ros.commands import Command, CommandQueue, describe
 from procphys_ros.ros.diagnostics import Diagnostics
 from procphys_ros.ros.loop import Loop
 from procphys_ros.ros.pacing import Beat, Pacer
 from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.publishers import Publishers
+from procphys_ros.ros.requests import Requests
 from procphys_ros.ros.services import Answers, create_services
-from procphys_ros.ros.session import Session
+from procphys_ros.ros.session import REMEDY, Session
 from procphys_ros.ros.topic_commands import TopicCommands
+from procphys_ros.scene.settings import read_settings
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics
 _LONGEST_TURN = 0.05  # [s] of steps before commands are looked at again
@@ -50,10 +56,11 @@ class SimNode(Node):
     """
     Simulates a scene of trees and buildings and shows it on topics.
 
-    Two threads share the work. One talks to ROS: it takes commands, checks parameters, answers
-    services. The other owns the simulation and takes turns: carry out what waits in the one queue
-    of commands, run the steps that are due, publish. So the node answers also while a step takes
-    long. The node publishes /clock, so it never uses ROS time itself.
+    Three threads share the work. One talks to ROS: it checks parameters and answers services. One
+    takes the commands that come on topics. The third owns the simulation and takes turns: carry
+    out what waits in the one queue of commands, run the steps that are due, publish. So the node
+    answers also while a step takes long. The node publishes /clock, so it never uses ROS time
+    itself.
 
     Publishers (all reliable):
         ~/poses (geometry_msgs/PoseArray, depth 5): every part, in part order
@@ -68,7 +75,7 @@ class SimNode(Node):
         /clock (rosgraph_msgs/Clock, depth 1): simulation time
         /diagnostics (diagnostic_msgs/DiagnosticArray, depth 5): once a second
 
-    Subscribers (all reliable, depth 1000):
+    Subscribers (all reliable, depth 10000):
         ~/wind (geometry_msgs/Vector3Stamped): mean air velocity [m/s]
         ~/impulse (geometry_msgs/WrenchStamped): [N·s], [N·m·s] on the part header.frame_id
         ~/wrench (geometry_msgs/WrenchStamped): the same as a lasting force [N], [N·m]
@@ -97,34 +104,36 @@ class SimNode(Node):
         # A node that publishes /clock must not wait for it: its timers run on a steady clock.
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.loop = Loop(self._turn, self.context)
-        self.commands = CommandQueue(self.loop.wake, self._warn_about_rejection)
+        self.commands = CommandQueue(self.loop.wake, self._report_rejection)
         self._beat = Beat(self.parameters['publish_rate'])
         self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
                            budget=self._longest_turn())
-        self.session = Session(self.parameters, self.pacer)
+        self.session = Session(self.parameters.nested(), self.pacer)
+        requests = Requests(self.parameters, self.session)
         frame = self.parameters['world_frame']
         self._output = Publishers(self, frame, self.parameters)
         self.diagnostics = Diagnostics(self, self.commands)
-        TopicCommands(self, self.commands, self.session, frame)
-        answers = Answers(self, self.commands, self.steady_clock)
-        create_services(self, answers, self.session)
+        self._topics = TopicCommands(self, self.commands, self.session, requests, frame)
+        answers = Answers(self, self.commands, lambda: self.parameters['service_deadline'],
+                          self.steady_clock)
+        create_services(self, answers, requests)
         simulation_interfaces.offer(self, answers, self.session)
         self.session.on_scene = self._start_scene
         self.session.on_reset = self._output.restart
         self.session.on_steps = lambda: self._output.publish(self.session.simulation, True)
-        self.parameters.on_change(
-            lambda names: self.commands.submit(Command('set_parameters',
-                                                       lambda: self._apply(names))))
+        self.parameters.on_change(self._change)
         self.create_timer(_STATUS_PERIOD, lambda: self.diagnostics.publish(self.loop.turn_began),
                           clock=self.steady_clock)
         self._warn_about_settings()
         self._start_scene()
         self._moved = False
         self.pacer.restart()
+        self._topics.start()
         self.loop.start()
 
     def destroy_node(self) -> None:
         """End the simulation, then the node."""
+        self._topics.stop()
         self.loop.stop()
         self.session.simulation.close()
         super().destroy_node()
@@ -132,16 +141,34 @@ class SimNode(Node):
     def _turn(self) -> float:
         """Carry out commands, run the steps that are due, publish; say when to come again [s]."""
         self.commands.drain()
-        simulation = self.session.simulation
-        if not self.session.paused and self.pacer.advance(self._step):
-            self._moved = True
-        self.diagnostics.look(simulation, self.pacer, self.session.paused)
-        if self._beat.is_due():
-            self._output.publish(simulation, self._moved)
-            self._moved = False
-        if len(self.commands) or self.pacer.is_behind and not self.session.paused:
+        self._guard('a step', self._advance)
+        self._guard('publishing', self._publish)
+        if len(self.commands) or self.pacer.is_behind and not self.session.stands:
             return 0.0
         return min(self._beat.wait, _LONGEST_TURN)
+
+    def _advance(self) -> None:
+        if not self.session.stands and self.pacer.advance(self._step):
+            self._moved = True
+
+    def _publish(self) -> None:
+        self.diagnostics.look(self.session, self.pacer)
+        if self._beat.is_due():
+            self._output.publish(self.session.simulation, self._moved)
+            self._moved = False
+
+    def _guard(self, what: str, act: Callable[[], None]) -> None:
+        """Do something; if it goes wrong, time stands still and the node goes on."""
+        try:
+            act()
+        except Exception as error:
+            if not self.context.ok():
+                raise
+            if not self.session.failure:
+                self.session.fail(error)
+                self.get_logger().error(f'{what} went wrong at {self.session.simulation.time:.3f} '
+                                        f's: {self.session.failure}; {REMEDY}')
+                self._log_traceback(error)
 
     def _step(self) -> None:
         self.session.simulation.step()
@@ -153,21 +180,39 @@ class SimNode(Node):
     def _longest_turn(self) -> float:
         return min(1.0 / self._beat.rate, _LONGEST_TURN)
 
-    def _apply(self, names: set[str]) -> str:
-        """Let changed parameters take effect; they have been checked before."""
+    def _change(self, names: set[str]) -> None:
+        """Have changed parameters take effect; they have been checked before."""
+        wind = (read_settings(self.parameters.nested()).wind
+                if any(name.startswith('wind.') for name in names) else None)
+        self.commands.call(Command('set_parameters', lambda: self._apply(names, wind)))
+
+    def _apply(self, names: set[str], wind: WindSettings | None) -> str:
         self._beat.rate = self.parameters['publish_rate']
         self.pacer.budget = self._longest_turn()
         if names & {'real_time_factor'}:
             self.pacer.factor = self.parameters['real_time_factor']
             self.pacer.restart()
         self._output.apply(names)
-        if any(name.startswith('wind.') for name in names):
-            self.session.change_wind(names)
+        if wind is not None:
+            self.session.change_wind(wind, names)
         return f'{", ".join(sorted(names))} changed'
 
-    def _warn_about_rejection(self, name: str, reason: str) -> None:
+    def report_defect(self, error: Exception) -> None:
+        """Log what went wrong in the thread that talks to ROS, which goes on."""
+        self.get_logger().error(f'a message or a request was dropped: {describe(error)}',
+                                throttle_duration_sec=_WARNING_PERIOD)
+        self._log_traceback(error)
+
+    def _report_rejection(self, name: str, reason: str, defect: Exception | None) -> None:
+        if not self.context.ok():  # ROS has gone, and took what was under way with it
+            return
         self.get_logger().warning(f'{name} rejected: {reason}',
                                   throttle_duration_sec=_WARNING_PERIOD)
+        if defect is not None:
+            self._log_traceback(defect)
+
+    def _log_traceback(self, error: Exception) -> None:
+        self.get_logger().debug(''.join(format_exception(error)))
 
     def _warn_about_settings(self) -> None:
         if self.get_parameter('use_sim_time').value:

@@ -144,6 +144,8 @@ GLOBAL = (
               'that cannot load it'),
     Parameter('real_time_factor', 1.0,
               'simulated seconds per second; 0 = as fast as possible', '', 0.0, 1000.0),
+    Parameter('service_deadline', 0.15, 'how long a service waits for the simulation to come to '
+              'it; then it is refused, and nothing is done', 's', 0.01, 3600.0),
     Parameter('wind.velocity', [0.0, 0.0, 0.0],
               'mean air velocity at wind.reference_height, the direction it blows to', 'm/s',
               -_FASTEST, _FASTEST),

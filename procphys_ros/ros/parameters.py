@@ -27,7 +27,8 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from procphys_ros.errors import nearest_names, ProcPhysError
+from procphys_ros.errors import nearest_names
+from procphys_ros.ros.commands import describe, shortened
 from procphys_ros.ros.parameter_table import (
     check_object_names,
     find,
@@ -104,8 +105,8 @@ class Parameters:
                     values[change.name] = parameter.read(change.value, change.name)
             check_object_names(values['scene.objects'])
             read_settings(nested(values, self._objects))
-        except ProcPhysError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+        except Exception as error:
+            return SetParametersResult(successful=False, reason=shortened(describe(error)))
         return SetParametersResult(successful=True)
 
     def _take_over(self, changes: list[RosParameter]) -> None:

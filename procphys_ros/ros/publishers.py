@@ -50,18 +50,18 @@ class Publishers:
         self._parameters = parameters
         self._frame = frame
         self._new_to_poses, self._new_to_markers = Newcomers(), Newcomers()
-        self._poses = node.create_publisher(PoseArray, '~/poses', qos.ARRAYS,
+        self._poses = qos.publisher(node, PoseArray, '~/poses', qos.arrays(),
                                             event_callbacks=self._new_to_poses.events)
-        self._markers = node.create_publisher(MarkerArray, '~/markers', qos.CHANGES,
+        self._markers = qos.publisher(node, MarkerArray, '~/markers', qos.changes(),
                                               event_callbacks=self._new_to_markers.events)
-        self._breaks = node.create_publisher(PointCloud2, '~/breaks', qos.CHANGES)
-        self._dust = node.create_publisher(PointCloud2, '~/dust', qos.NEWEST)
-        self._description = node.create_publisher(String, '~/scene_description', qos.LATCHED)
-        self._wind_info = node.create_publisher(Vector3Stamped, '~/wind_info', qos.ARRAYS)
-        self._intruder_wrench = node.create_publisher(WrenchStamped, '~/intruder_wrench',
-                                                      qos.ARRAYS)
+        self._breaks = qos.publisher(node, PointCloud2, '~/breaks', qos.changes())
+        self._dust = qos.publisher(node, PointCloud2, '~/dust', qos.newest())
+        self._description = qos.publisher(node, String, '~/scene_description', qos.latched())
+        self._wind_info = qos.publisher(node, Vector3Stamped, '~/wind_info', qos.arrays())
+        self._intruder_wrench = qos.publisher(node, WrenchStamped, '~/intruder_wrench',
+                                                      qos.arrays())
         # Time has one source, also when several nodes share a scene.
-        self._clock = (node.create_publisher(Clock, '/clock', qos.NEWEST)
+        self._clock = (qos.publisher(node, Clock, '/clock', qos.newest())
                        if parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
         self._wants_whole = True

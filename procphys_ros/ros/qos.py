@@ -15,22 +15,82 @@
 
 """Quality of service of every topic, in one place."""
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from collections.abc import Callable
+from typing import Any
 
-# Large arrays go out reliable: best effort loses most messages above some 0.8 MB, even on one
-# machine, because a single lost fragment loses the whole message.
-ARRAYS = QoSProfile(depth=5, reliability=ReliabilityPolicy.RELIABLE)
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
 
-# What is said once and not again: also a subscriber that stalls for seconds must get all of it.
-CHANGES = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+from procphys_ros.errors import SceneError
 
-# What a late joiner must still get.
-LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
-                     durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# What may be chosen for each topic by parameters, qos_overrides./sim/poses.publisher.depth and so
+# on. The rest is left out: no deadline is kept, and no liveliness asserted.
+_OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH,
+                                     QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY))
 
-# Only the newest counts.
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 
-# Commands wait here while a step is being computed: deep enough for a second's worth of the
-# busiest sender that is answered for (1000 per second).
-COMMANDS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
+    """Make a profile of its own for each topic, because overrides are written into it."""
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
+
+
+def arrays() -> QoSProfile:
+    """
+    Give the quality of large arrays.
+
+    They go out reliable: best effort loses most messages above some 0.8 MB, even on one machine,
+    because a single lost fragment loses the whole message.
+    """
+    return _reliable(5)
+
+
+def changes() -> QoSProfile:
+    """Give that of what is said once: also a subscriber that stalls for seconds gets all of it."""
+    return _reliable(100)
+
+
+def latched() -> QoSProfile:
+    """Give that of what a late joiner must still get."""
+    return _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def newest() -> QoSProfile:
+    """Give that of what only the newest counts of."""
+    return _reliable(1)
+
+
+def commands() -> QoSProfile:
+    """Give that of commands: deep enough for a second of 10,000 commands."""
+    return _reliable(10_000)
+
+
+def publisher(node: Node, kind: type, topic: str, profile: QoSProfile,
+              **options: Any) -> Publisher:
+    """
+    Publish with a quality of service that parameters may override.
+
+    :raises SceneError: when they make no sense.
+    """
+    try:
+        return node.create_publisher(kind, topic, profile,
+                                     qos_overriding_options=_OVERRIDABLE, **options)
+    except RuntimeError as error:
+        raise _refusal(topic, error) from error
+
+
+def subscription(node: Node, kind: type, topic: str, receive: Callable[[Any], None],
+                 profile: QoSProfile, **options: Any) -> Subscription:
+    """Subscribe with a quality of service that parameters may override; else as `publisher`."""
+    try:
+        return node.create_subscription(kind, topic, receive, profile,
+                                        qos_overriding_options=_OVERRIDABLE, **options)
+    except RuntimeError as error:
+        raise _refusal(topic, error) from error
+
+
+def _refusal(topic: str, error: RuntimeError) -> SceneError:
+    return SceneError(f'{topic} cannot have the quality of service that qos_overrides ask for: '
+                      f'{str(error).split(", at /")[0]}')

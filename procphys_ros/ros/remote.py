@@ -125,7 +125,8 @@ class Remote:
         :param torque: [N·m].
         :raises CommandError: when the node does not listen.
         """
-        publisher = self._node.create_publisher(WrenchStamped, f'{self.name}/wrench', qos.COMMANDS)
+        publisher = self._node.create_publisher(WrenchStamped, f'{self.name}/wrench',
+                                                qos.commands())
         self._spin_until(publisher.get_subscription_count, self._patience)
         message = WrenchStamped()
         message.header.frame_id = part
@@ -138,7 +139,7 @@ class Remote:
         """Give the JSON of the scene that is simulated now."""
         received: list[String] = []
         subscription = self._node.create_subscription(
-            String, f'{self.name}/scene_description', received.append, qos.LATCHED)
+            String, f'{self.name}/scene_description', received.append, qos.latched())
         self._spin_until(lambda: received, self._patience)
         self._node.destroy_subscription(subscription)
         return received[-1].data
@@ -147,7 +148,7 @@ class Remote:
         """Append what arrives on /diagnostics and `~/breaks` while `spin` is called."""
         self._node.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 5)
         self._node.create_subscription(PointCloud2, f'{self.name}/breaks', breaks.append,
-                                       qos.CHANGES)
+                                       qos.changes())
 
     def spin(self) -> None:
         """Handle what arrives for a moment."""

@@ -57,10 +57,23 @@ def _spin() -> None:
                       clock=node.steady_clock)
     executor.add_node(node)
     try:
-        executor.spin_until_future_complete(node.loop.ended)
+        _serve(executor, node)
         node.loop.ended.result()
     finally:
         node.destroy_node()
+
+
+def _serve(executor: SingleThreadedExecutor, node: SimNode) -> None:
+    """Serve ROS until the node has ended; no message or request that cannot be read ends it."""
+    while not node.loop.ended.done():
+        try:
+            executor.spin_until_future_complete(node.loop.ended)
+        except ExternalShutdownException:
+            raise
+        except Exception as error:
+            if not rclpy.ok():
+                raise
+            node.report_defect(error)
 
 
 def _start_ros(args: list[str] | None) -> None:

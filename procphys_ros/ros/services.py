@@ -26,73 +26,76 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from procphys_ros.ros.commands import Command, CommandQueue
+from procphys_ros.ros.conversions import Act
 
-_PATIENCE = 0.1  # [s] after which a command is answered for though it has not been carried out
-_LOOK = 0.04  # [s] between looks at commands that wait; both make less than 0.2 s together
-LATER = ('accepted; the simulation is busy with a long step or another command, and carries it '
-         'out next (if it should be refused then, /diagnostics will say so)')
+_LOOK = 0.02  # [s] between looks at commands that wait
+BUSY = 'the simulation is busy'  # how the refusal of a command begins that was not come to
 
 
 class Actions(Protocol):
-    """What the services ask for; each says what happened or raises CommandError."""
+    """What the services ask for; each gives what is to be done, or raises ProcPhysError."""
 
-    def set_wind_enabled(self, enabled: bool) -> str: ...
+    def set_wind_enabled(self, enabled: bool) -> Act: ...
 
-    def set_pause(self, paused: bool) -> str: ...
+    def set_pause(self, paused: bool) -> Act: ...
 
-    def gust(self) -> str: ...
+    def gust(self) -> Act: ...
 
-    def apply_impulse(self) -> str: ...
+    def apply_impulse(self) -> Act: ...
 
-    def launch_projectile(self) -> str: ...
+    def launch_projectile(self) -> Act: ...
 
-    def explode(self) -> str: ...
+    def explode(self) -> Act: ...
 
-    def demolish(self) -> str: ...
+    def demolish(self) -> Act: ...
 
-    def clear_wrenches(self) -> str: ...
+    def clear_wrenches(self) -> Act: ...
 
-    def step_simulation(self) -> str: ...
+    def step_simulation(self) -> Act: ...
 
-    def reset_simulation(self) -> str: ...
+    def reset_simulation(self) -> Act: ...
 
-    def reload_scene(self) -> str: ...
+    def reload_scene(self) -> Act: ...
 
 
 _TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish',
-             'clear_wrenches')
+             'clear_wrenches', 'step_simulation', 'reset_simulation', 'reload_scene')
 _SWITCHES = ('set_wind_enabled', 'set_pause')
-# Their answer is their result, so it comes when they are done, however long that takes.
-_LONG_TRIGGERS = ('step_simulation', 'reset_simulation', 'reload_scene')
 
 
 class Answers:
     """
     Puts commands into the queue and waits for what becomes of them, without holding up others.
 
+    A command that the simulation has not begun with before the deadline is taken back and refused:
+    what is answered is final.
+
     :param node: whose executor runs the services.
     :param queue: carries commands out, in another thread.
+    :param deadline: gives how long a command may wait [s].
     :param clock: steady clock of timers.
+    :param now: gives steady real time [s].
     :ivar group: callback group for services that await `ask`.
     """
 
-    def __init__(self, node: Node, queue: CommandQueue, clock: Clock):
+    def __init__(self, node: Node, queue: CommandQueue, deadline: Callable[[], float],
+                 clock: Clock, now: Callable[[], float] = monotonic):
         self._node = node
         self._queue = queue
-        self._waiting: list[tuple[float, Future]] = []
+        self._deadline = deadline
+        self._now = now
+        self._waiting: list[tuple[float, Command]] = []
         self.group = ReentrantCallbackGroup()
-        self._look = node.create_timer(_LOOK, self._hurry, self.group, clock)
-        self._look.cancel()
+        self._timer = node.create_timer(_LOOK, self.look, self.group, clock)
+        self._timer.cancel()
 
-    async def ask(self, name: str, act: Callable[[], str], is_long: bool = False
-                  ) -> tuple[bool, str]:
+    async def ask(self, name: str, prepare: Callable[[], Act]) -> tuple[bool, str]:
         """
         Have a command carried out.
 
         :param name: of the service.
-        :param act: says what happened or raises CommandError.
-        :param is_long: wait for the result; else a busy simulation is not waited for.
-        :returns: whether it was carried out or accepted, and what happened or why not.
+        :param prepare: called now; gives what is to be done, or raises what refuses it.
+        :returns: whether it was carried out, and what happened or why not.
         """
         future = Future()
 
@@ -102,22 +105,32 @@ class Answers:
             if executor is not None:
                 executor.wake()
 
-        if not is_long:
-            self._waiting.append((monotonic() + _PATIENCE, future))
-            if self._look.is_canceled():
-                self._look.reset()
-        self._queue.submit(Command(name, act, answer))
+        try:
+            command = Command(name, prepare(), answer)
+        except Exception as error:
+            return False, self._queue.reject(name, error)
+        self._waiting.append((self._now() + self._deadline(), command))
+        if self._timer.is_canceled():
+            self._timer.reset()
+        self._queue.call(command)
         return await future
 
-    def _hurry(self) -> None:
-        """Answer for commands that have waited too long."""
-        now = monotonic()
-        for due, future in self._waiting:
-            if now >= due and not future.done():
-                future.set_result((True, LATER))
-        self._waiting = [(due, future) for due, future in self._waiting if not future.done()]
-        if not self._waiting:
-            self._look.cancel()
+    def look(self) -> None:
+        """Refuse what has waited too long."""
+        now, still = self._now(), []
+        for due, command in self._waiting:
+            if not self._queue.is_waiting(command):
+                continue
+            if now < due:
+                still.append((due, command))
+            elif self._queue.withdraw(command):
+                doing = self._queue.under_way or 'a long step'
+                reason = (f'{BUSY} with {doing} and has not come to this within '
+                          f'{self._deadline():g} s (service_deadline); nothing was done')
+                command.answer(False, self._queue.reject(command.name, reason))
+        self._waiting = still
+        if not still:
+            self._timer.cancel()
 
 
 def create_services(node: Node, answers: Answers, actions: Actions) -> None:
@@ -126,25 +139,26 @@ def create_services(node: Node, answers: Answers, actions: Actions) -> None:
 
     :param node: the node that offers them.
     :param answers: waits for what becomes of a command.
-    :param actions: carries them out.
+    :param actions: say what is to be done.
     """
-    for name in _TRIGGERS + _LONG_TRIGGERS:
-        serve = _trigger(answers, name, getattr(actions, name), name in _LONG_TRIGGERS)
-        node.create_service(Trigger, f'~/{name}', serve, callback_group=answers.group)
+    for name in _TRIGGERS:
+        node.create_service(Trigger, f'~/{name}', _trigger(answers, name, getattr(actions, name)),
+                            callback_group=answers.group)
     for name in _SWITCHES:
         node.create_service(SetBool, f'~/{name}', _switch(answers, name, getattr(actions, name)),
                             callback_group=answers.group)
 
 
-def _trigger(answers: Answers, name: str, act: Callable[[], str], is_long: bool):
+def _trigger(answers: Answers, name: str, prepare: Callable[[], Act]):
     async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = await answers.ask(name, act, is_long)
+        response.success, response.message = await answers.ask(name, prepare)
         return response
     return serve
 
 
-def _switch(answers: Answers, name: str, act: Callable[[bool], str]):
+def _switch(answers: Answers, name: str, prepare: Callable[[bool], Act]):
     async def serve(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        response.success, response.message = await answers.ask(name, lambda: act(request.data))
+        response.success, response.message = await answers.ask(
+            name, lambda: prepare(request.data))
         return response
     return serve

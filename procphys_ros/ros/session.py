@@ -13,46 +13,46 @@
 # limitations under the License.
 
 
-"""Session: the simulation that runs at the moment, and what may be asked of it."""
+"""Session: the simulation that runs at the moment, and what may be done to it."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import fields, replace
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 from procphys_ros.errors import CommandError, ProcPhysError
-from procphys_ros.physics.wind import Gust
+from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.ros.pacing import Pacer
-from procphys_ros.ros.parameters import Parameters
 from procphys_ros.scene import Scene
-from procphys_ros.scene.settings import read_settings
-from procphys_ros.scene.strikes import Demolition, Projectile
+from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation import Simulation
 
-_Strike = TypeVar('_Strike')
+_STAYS = 'the scene stays as it was'
+REMEDY = 'time stands still until ~/reset_simulation or ~/reload_scene'
 
 
 class Session:
     """
-    Owns the simulation and carries out what the services ask for.
+    Owns the simulation and does to it what commands ask for; in the thread that simulates.
 
-    :param parameters: describe the scene.
+    :param parameters: nested mapping that describes the first scene.
     :param pacer: told when time does not pass as usual.
     :ivar simulation: the simulation of the moment; another one after `reload_scene`.
     :ivar paused: whether time stands still.
+    :ivar failure: what stopped the simulation, '' = nothing; a reset or a reload ends it.
     :ivar on_scene: called when another scene has been loaded.
     :ivar on_reset: called when time has jumped back.
     :ivar on_steps: called when steps were run on demand.
     :raises ProcPhysError: when the first scene cannot be built.
     """
 
-    def __init__(self, parameters: Parameters, pacer: Pacer):
-        self._parameters = parameters
+    def __init__(self, parameters: Mapping[str, Any], pacer: Pacer):
         self._pacer = pacer
         self.paused = False
+        self.failure = ''
         self.on_scene: Callable[[], None] = lambda: None
         self.on_reset: Callable[[], None] = lambda: None
         self.on_steps: Callable[[], None] = lambda: None
-        self.simulation = self._build()
+        self.simulation = self._build(parameters)
 
     def set_wind(self, velocity: Sequence[float]) -> str:
         """Change the mean wind [m/s], (3,)."""
@@ -60,9 +60,8 @@ class Session:
         self._mean_wind = tuple(velocity)
         return f'mean wind {list(velocity)} m/s'
 
-    def change_wind(self, names: set[str]) -> None:
-        """Go over to the present `wind.*` parameters, of which some have changed."""
-        wind = read_settings(self._parameters.nested()).wind
+    def change_wind(self, wind: WindSettings, names: set[str]) -> None:
+        """Go over to other settings of the wind, of which those named have changed."""
         if 'wind.velocity' not in names:
             wind = replace(wind, velocity=self._mean_wind)
         self._mean_wind = tuple(wind.velocity)
@@ -73,26 +72,10 @@ class Session:
         self.simulation.set_wind_enabled(enabled)
         return f'wind {"on" if enabled else "off"}'
 
-    def set_pause(self, paused: bool) -> str:
-        """Stop time, or let it run again."""
-        self.paused = paused
-        self._pacer.restart()
-        return f'{"paused" if paused else "running"} at {self.simulation.time:.3f} s'
-
-    def gust(self) -> str:
-        """Start a gust from the `gust.*` parameters."""
-        gust: Gust = read_settings(self._parameters.nested()).gust
+    def gust(self, gust: Gust) -> str:
+        """Start a gust."""
         self.simulation.gust(gust)
         return f'{gust.kind} gust of {gust.amplitude:g} m/s for {gust.duration:g} s'
-
-    def apply_impulse(self) -> str:
-        """Hit the part `impulse.target`."""
-        target = self._parameters['impulse.target']
-        if not target:
-            raise CommandError('the parameter impulse.target is empty, it must name a part, such '
-                               'as oak_0/17')
-        linear = self._parameters['impulse.linear']
-        return self.strike(target, linear, self._parameters['impulse.angular'])
 
     def strike(self, part: str, linear: Sequence[float], angular: Sequence[float]) -> str:
         """Give a part an impulse [N·s], [N·m·s], and say what it did."""
@@ -100,56 +83,99 @@ class Session:
         return (f'impulse {list(linear)} N·s on {part}'
                 + ('' if moves else '; it holds, and its building takes the blow'))
 
-    def launch_projectile(self) -> str:
-        """Throw what the `projectile.*` parameters describe."""
-        part = self.simulation.launch(self._group('projectile', Projectile))
-        return f'{self.simulation.names.name(part)} flies, it is part {part}'
-
-    def explode(self) -> str:
-        """Set off a charge from the `explosion.*` parameters."""
-        return self.explode_at(self._parameters['explosion.position'])
-
-    def explode_at(self, point: Sequence[float]) -> str:
-        """Set off `explosion.charge` at a point [m], (3,)."""
-        charge = self._parameters['explosion.charge']
-        self.simulation.explode(point, charge)
-        return f'{charge:g} kg TNT at {list(point)} m'
-
-    def demolish(self) -> str:
-        """Start the charges of the `demolition.*` parameters."""
-        return f'{self.simulation.demolish(self._group("demolition", Demolition))} charges armed'
+    def push(self, part: str, force: Sequence[float], torque: Sequence[float]) -> str:
+        """Let a lasting force act on a part [N], [N·m]."""
+        self.simulation.apply_wrench(part, force, torque)
+        return f'wrench on {part}'
 
     def clear_wrenches(self) -> str:
         """Take away all lasting forces."""
         return f'{self.simulation.clear_wrenches()} lasting forces ended'
 
+    def launch(self, projectile: Projectile) -> str:
+        """Throw something."""
+        part = self.simulation.launch(projectile)
+        return f'{self.simulation.names.name(part)} flies, it is part {part}'
+
+    def explode(self, explosion: Explosion) -> str:
+        """Set off a charge."""
+        self.simulation.explode(explosion.position, explosion.charge)
+        return f'{explosion.charge:g} kg TNT at {list(explosion.position)} m'
+
+    def demolish(self, plan: Demolition) -> str:
+        """Start the clocks of timed charges."""
+        return f'{self.simulation.demolish(plan)} charges armed'
+
+    def look_from(self, position: Sequence[float], orientation: Sequence[float]) -> str:
+        """Move the observer to a position [m], (3,), with a quaternion xyzw."""
+        self.simulation.set_observer(position, orientation)
+        return 'looks from there'
+
+    def place_intruder(self, pose: Sequence[float]) -> str:
+        """Move the intruder to a pose x y z qx qy qz qw [m], (7,)."""
+        self.simulation.place_intruder(pose)
+        return f'intruder to {list(pose[:3])} m'
+
+    def set_pause(self, paused: bool) -> str:
+        """Stop time, or let it run again."""
+        if not paused:
+            self._refuse_after_failure()
+        self.paused = paused
+        self._pacer.restart()
+        return f'{"paused" if paused else "running"} at {self.simulation.time:.3f} s'
+
     def step_simulation(self) -> str:
         """Run one step while paused."""
+        self._refuse_after_failure()
         if not self.paused:
             raise CommandError('the simulation is running; pause it first with ~/set_pause')
-        self.simulation.step()
+        try:
+            self.simulation.step()
+        except Exception as error:
+            self.fail(error)
+            raise
         self.on_steps()
         return f'stepped to {self.simulation.time:.4f} s'
 
     def reset_simulation(self) -> str:
         """Put everything back to where it began."""
-        self.simulation.reset()
+        try:
+            self.simulation.reset()
+        except Exception as error:
+            self.fail(error)
+            raise
         self._mean_wind = tuple(self.simulation.wind.settings.velocity)
-        self._pacer.restart()
+        self._recover()
         self.on_reset()
         return 'back at 0 s'
 
-    def reload_scene(self) -> str:
-        """Build the scene anew from the present parameters; on an error the old one stays."""
+    def reload_scene(self, parameters: Mapping[str, Any]) -> str:
+        """Build another scene; on an error the old one stays."""
         try:
-            simulation = self._build()
+            simulation = self._build(parameters)
         except ProcPhysError as error:
-            raise CommandError(f'{error}; the scene stays as it was') from error
+            raise CommandError(f'{error}; {_STAYS}') from error
+        except Exception as error:
+            raise RuntimeError(f'{type(error).__name__}: {error}; {_STAYS}') from error
         self.simulation.close()
         self.simulation = simulation
-        self._pacer.restart()
+        self._recover()
         self.on_scene()
         return self.summary()
+
+    def fail(self, error: Exception) -> None:
+        """
+        Let time stand still because a step went wrong: its state is not to be trusted.
+
+        :param error: what was raised.
+        """
+        self.failure = f'{type(error).__name__}: {error}' if str(error) else type(error).__name__
+        self._pacer.restart()
+
+    @property
+    def stands(self) -> bool:
+        """Say whether time stands still."""
+        return self.paused or bool(self.failure)
 
     def summary(self) -> str:
         """Say in one line what the scene holds."""
@@ -157,13 +183,16 @@ class Session:
         return (f'{len(simulation.scene.objects)} objects, {len(simulation.poses)} parts, '
                 f'{len(simulation.blueprint.bonds)} bonds')
 
-    def _group(self, name: str, kind: type[_Strike]) -> _Strike:
-        """Read a group of parameters as what it describes."""
-        return kind(**{f.name: self._parameters[f'{name}.{f.name}']
-                       for f in fields(kind)})  # type: ignore[arg-type]
+    def _recover(self) -> None:
+        self.failure = ''
+        self._pacer.restart()
 
-    def _build(self) -> Simulation:
-        scene = Scene.from_parameters(self._parameters.nested())
+    def _refuse_after_failure(self) -> None:
+        if self.failure:
+            raise CommandError(f'a step went wrong ({self.failure}); {REMEDY}')
+
+    def _build(self, parameters: Mapping[str, Any]) -> Simulation:
+        scene = Scene.from_parameters(parameters)
         simulation = Simulation(scene)
         self._pacer.time_step = simulation.time_step
         self._mean_wind = tuple(scene.settings.wind.velocity)

@@ -30,6 +30,7 @@ from rclpy.node import Node
 
 from procphys_ros import messages
 from procphys_ros.errors import CommandError
+from procphys_ros.ros.conversions import Act
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.services import Answers
 from procphys_ros.ros.session import Session
@@ -55,8 +56,7 @@ _SERVICES = {'get_simulator_features': 'GetSimulatorFeatures',
 class _Ask(Protocol):
     """Has a command carried out in the thread of the simulation, see `Answers.ask`."""
 
-    def __call__(self, name: str, act: Callable[[], str], is_long: bool
-                 ) -> Awaitable[tuple[bool, str]]: ...
+    def __call__(self, name: str, prepare: Callable[[], Act]) -> Awaitable[tuple[bool, str]]: ...
 
 
 def offer(node: Node, answers: Answers, session: Session) -> list[str]:
@@ -246,7 +246,7 @@ class Desk:
 
     async def _carry_out(self, response: Any, name: str, act: Callable[[], str],
                          otherwise: int | None = None) -> Any:
-        success, message = await self._ask(name, act, True)
+        success, message = await self._ask(name, lambda: act)
         if success:
             return self._done(response)
         code = self._result.RESULT_OPERATION_FAILED if otherwise is None else otherwise

@@ -21,13 +21,11 @@ from typing import Any
 from geometry_msgs.msg import PointStamped, PoseStamped, Vector3Stamped, WrenchStamped
 from rclpy.node import Node
 
-from procphys_ros.errors import CommandError
-from procphys_ros.ros import qos
 from procphys_ros.ros.commands import Command, CommandQueue
-from procphys_ros.ros.conversions import check_frame, triple
+from procphys_ros.ros.conversions import Act, check_frame, part_name, pose, triple
+from procphys_ros.ros.receiver import Receiver
+from procphys_ros.ros.requests import Requests
 from procphys_ros.ros.session import Session
-
-_MOST_AT_ONCE = 2000  # messages taken from a topic in one go, so that a flood cannot stop the node
 
 
 class TopicCommands:
@@ -37,95 +35,71 @@ class TopicCommands:
     :param node: the node that subscribes.
     :param queue: where commands wait for the next step.
     :param session: carries the commands out.
+    :param requests: reads the parameters that a command needs.
     :param frame: frame that vectors must be in.
     """
 
-    def __init__(self, node: Node, queue: CommandQueue, session: Session,
+    def __init__(self, node: Node, queue: CommandQueue, session: Session, requests: Requests,
                  frame: str):
         self._queue = queue
         self._session = session
+        self._requests = requests
         self._frame = frame
+        self._receiver = Receiver(node)
         for name, kind, read in (('wind', Vector3Stamped, self._wind),
                                  ('impulse', WrenchStamped, self._impulse),
                                  ('wrench', WrenchStamped, self._wrench),
                                  ('explosion', PointStamped, self._explosion),
                                  ('observer', PoseStamped, self._observer),
                                  ('intruder', PoseStamped, self._intruder)):
-            _subscribe(node, f'~/{name}', kind, self._receiver(name, read))
+            self._subscribe(name, kind, read)
 
-    def _receiver(self, name: str, read: Callable[[Any], Callable[[], str]]):
+    def start(self) -> None:
+        """Begin to receive."""
+        self._receiver.start()
+
+    def stop(self) -> None:
+        """End receiving."""
+        self._receiver.stop()
+
+    def _subscribe(self, name: str, kind: type, read: Callable[[Any], Act]) -> None:
+        def reject(error: Exception) -> None:
+            self._queue.reject(name, error)
+
         def receive(message: Any) -> None:
-            try:
-                self._queue.submit(Command(name, read(message)))
-            except CommandError as error:
-                self._queue.reject(name, str(error))
-        return receive
+            self._queue.submit(Command(name, read(message)))
 
-    def _wind(self, message: Vector3Stamped) -> Callable[[], str]:
+        self._receiver.subscribe(kind, f'~/{name}', receive, reject)
+
+    def _wind(self, message: Vector3Stamped) -> Act:
         check_frame(message.header, self._frame)
         velocity = triple(message.vector, 'wind')
         return lambda: self._session.set_wind(velocity)
 
-    def _impulse(self, message: WrenchStamped) -> Callable[[], str]:
+    def _impulse(self, message: WrenchStamped) -> Act:
         part, linear, angular = _on_part(message, 'impulse', 'angular impulse')
         return lambda: self._session.strike(part, linear, angular)
 
-    def _explosion(self, message: PointStamped) -> Callable[[], str]:
-        check_frame(message.header, self._frame)
-        point = triple(message.point, 'explosion')
-        return lambda: self._session.explode_at(point)
-
-    def _observer(self, message: PoseStamped) -> Callable[[], str]:
-        check_frame(message.header, self._frame)
-        place, turn = message.pose.position, message.pose.orientation
-
-        def carry_out() -> str:
-            self._session.simulation.set_observer((place.x, place.y, place.z),
-                                                  (turn.x, turn.y, turn.z, turn.w))
-            return 'looks from there'
-        return carry_out
-
-    def _intruder(self, message: PoseStamped) -> Callable[[], str]:
-        check_frame(message.header, self._frame)
-        place, turn = message.pose.position, message.pose.orientation
-
-        def carry_out() -> str:
-            self._session.simulation.place_intruder(
-                (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
-            return f'intruder to {[place.x, place.y, place.z]} m'
-        return carry_out
-
-    def _wrench(self, message: WrenchStamped) -> Callable[[], str]:
+    def _wrench(self, message: WrenchStamped) -> Act:
         part, force, torque = _on_part(message, 'force', 'torque')
+        return lambda: self._session.push(part, force, torque)
 
-        def carry_out() -> str:
-            self._session.simulation.apply_wrench(part, force, torque)
-            return f'wrench on {part}'
-        return carry_out
+    def _explosion(self, message: PointStamped) -> Act:
+        check_frame(message.header, self._frame)
+        return self._requests.explode_at(triple(message.point, 'explosion'))
 
+    def _observer(self, message: PoseStamped) -> Act:
+        check_frame(message.header, self._frame)
+        place = pose(message.pose)
+        return lambda: self._session.look_from(place[:3], place[3:])
 
-def _subscribe(node: Node, topic: str, kind: type, receive: Callable[[Any], None]) -> None:
-    """
-    Subscribe so that a flood is taken in one go.
-
-    The executor takes one message of a topic at a time and looks at everything else in between,
-    which is far slower than a busy sender.
-    """
-    def receive_all(message: Any) -> None:
-        receive(message)
-        with subscription.handle:
-            for _ in range(_MOST_AT_ONCE):
-                taken = subscription.handle.take_message(kind, False)
-                if taken is None:
-                    break
-                receive(taken[0])
-
-    subscription = node.create_subscription(kind, topic, receive_all, qos.COMMANDS)
+    def _intruder(self, message: PoseStamped) -> Act:
+        check_frame(message.header, self._frame)
+        place = pose(message.pose)
+        return lambda: self._session.place_intruder(place)
 
 
 def _on_part(message: WrenchStamped, linear: str, angular: str) -> tuple:
     """Read which part is meant, and the two vectors."""
-    part = message.header.frame_id
-    if not part:
-        raise CommandError('header.frame_id is empty, it must name a part, such as oak_0/17')
+    part = part_name(message.header.frame_id, 'header.frame_id')
     return part, triple(message.wrench.force, linear), triple(message.wrench.torque, angular)

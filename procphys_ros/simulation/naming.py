@@ -21,6 +21,8 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.scene import SceneObject
 
+_MOST_DIGITS = 19  # of an index; Python refuses to read numbers of thousands
+
 
 class PartNames:
     """
@@ -46,7 +48,7 @@ class PartNames:
             return self._checked(int(part), 0, self._total, str(part))
         if not isinstance(part, str):
             raise CommandError(f'{part!r} is neither the name nor the index of a part')
-        if part.isascii() and part.isdigit():
+        if part.isascii() and part.isdigit() and len(part) < _MOST_DIGITS:
             return self._checked(int(part), 0, self._total, part)
         owner, slash, local = part.partition('/')
         found = self._objects.get(owner)
@@ -66,7 +68,7 @@ class PartNames:
 
     def _local(self, found: SceneObject, local: str, part: str) -> int:
         kind, _, digits = local.rpartition('_')
-        if not (digits.isascii() and digits.isdigit()):
+        if not (digits.isascii() and digits.isdigit() and len(digits) < _MOST_DIGITS):
             raise CommandError(f'"{part}" has no part index behind the /; '
                                f'{found.name} has parts 0 to {found.count - 1}')
         index = self._checked(found.first + int(digits), found.first, found.count, part)
