@@ -52,13 +52,17 @@ setup(
         # On a ROS machine these come with ROS itself, so they are no hard requirements.
         'wheels': ['ros-rclpy[fastrtps]~=7.1.6', 'ros-jazzy-common-interfaces'],
         'render': ['pyvista'],
-        'test': ['pytest', 'ruff', 'mypy', 'types-PyYAML', 'ros-ament-flake8', 'ros-ament-pep257'],
+        'usd': ['usd-core'],
+        'test': ['pytest', 'ruff', 'mypy', 'types-PyYAML', 'ros-ament-flake8', 'ros-ament-pep257',
+                 # readers of what is exported, none of them ours
+                 'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow'],
     },
     entry_points={
         'console_scripts': [
             'sim = procphys_ros.ros.sim:main',
             'command = procphys_ros.ros.command:main',
             'render = procphys_ros.render.command:main',
+            'export = procphys_ros.export.command:main',
         ],
     },
 )

@@ -50,6 +50,10 @@ class SceneError(ProcPhysError):
     """A scene that cannot be built: an unknown key, a missing file, a value out of range."""
 
 
+class ExportError(ProcPhysError):
+    """A file that cannot be written: an unknown format, a missing package, no room on the disk."""
+
+
 class CommandError(ProcPhysError):
     """A command that is refused (unknown part, NaN, paused): the simulation is unchanged."""
 

@@ -48,12 +48,12 @@ LAYERS = {
     'simulation.wrenches': 6.1, 'simulation.trees': 6.2, 'simulation.standing': 6.3,
     'simulation.strikes': 6.4, 'simulation.rubble': 6.5, 'simulation.contact': 6.6,
     'simulation.particles': 6.7, 'simulation.simulation': 6.8, 'simulation': 6.9,
-    'messages': 7, 'render': 8, 'command_line': 8, 'ros': 9,
+    'messages': 7, 'render': 8, 'command_line': 8, 'export': 8.5, 'ros': 9,
 }
 # Who may know a library that the rest of the house must not depend on.
 ONLY_IN = {
     'numba': 'compilation', 'rclpy': 'ros', 'pybullet': 'physics.world',
-    'pyvista': 'render', 'vtk': 'render',
+    'pyvista': 'render', 'vtk': 'render', 'pxr': 'export',
     'std_msgs': 'ros', 'std_srvs': 'ros', 'geometry_msgs': 'ros', 'sensor_msgs': 'ros',
     'visualization_msgs': 'ros', 'diagnostic_msgs': 'ros', 'rosgraph_msgs': 'ros',
     'rcl_interfaces': 'ros', 'builtin_interfaces': 'ros', 'simulation_interfaces': 'ros',

@@ -104,6 +104,11 @@ class Forest:
         return len(self.parts)
 
     @property
+    def model(self) -> state.Model:
+        """Constants of all rows, to be read only; columns are named in `layout`."""
+        return self._model
+
+    @property
     def poses(self) -> np.ndarray:
         return self._state.poses
 

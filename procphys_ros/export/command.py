@@ -1,0 +1,90 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Command `export`: a scene as a file that another program reads."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+from typing import NoReturn
+
+from procphys_ros.command_line.bar import Bar
+from procphys_ros.errors import ProcPhysError
+from procphys_ros.scene import Scene
+
+_FPS = 30.0
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser whose complaints are one line and exit code 1, as all of ours are."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(1, f'{self.prog}: {message}\n')
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the command.
+
+    :param arguments: words after the command's name; the process's own when not given.
+    :returns: exit code, 1 for a mistake of the user.
+    """
+    options = _parser().parse_args(arguments)
+    # Late, because PyBullet greets on import, which is noise before a one-line error.
+    from procphys_ros.export.formats import check_target, export, export_animation
+
+    try:
+        check_target(options.out)
+        scene = Scene.from_yaml(options.scene)
+        with Bar(f'export {options.out.name}', sys.stderr) as bar:
+            if options.animate is None:
+                export(scene, options.out, options.time, bar.show)
+            else:
+                start, end = options.animate
+                export_animation(scene, options.out, start, end, options.fps, bar.show)
+    except ProcPhysError as error:
+        print(f'export: {error}', file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print('export: interrupted', file=sys.stderr)
+        return 130
+    print(f'{options.out}: {len(scene.blueprint)} parts, {_size(options.out)}')
+    return 0
+
+
+def _parser() -> _Parser:
+    parser = _Parser(prog='export', description='Write a scene as a file for other programs: '
+                     'USD (.usda, .usdc), MuJoCo (.xml), URDF (.urdf), Gazebo (.sdf), '
+                     'glTF (.glb).')
+    parser.add_argument('scene', help='scene file (.yaml)')
+    parser.add_argument('--out', required=True, type=Path,
+                        help='file to write; its suffix chooses the format')
+    when = parser.add_mutually_exclusive_group()
+    when.add_argument('--time', type=float, default=0.0,
+                      help='simulated time to wait before [s]')
+    when.add_argument('--animate', type=float, nargs=2, metavar=('FROM', 'TO'),
+                      help='write a simulated run between two times [s], USD only')
+    parser.add_argument('--fps', type=float, default=_FPS,
+                        help=f'moments per second of a run (default {_FPS:g})')
+    return parser
+
+
+def _size(path: Path) -> str:
+    size = path.stat().st_size
+    return f'{size / 1e6:.1f} MB' if size >= 1e5 else f'{size / 1e3:.1f} kB'
+
+
+if __name__ == '__main__':
+    sys.exit(main())

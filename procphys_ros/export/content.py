@@ -1,0 +1,136 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Content: what a scene holds at one moment, as every exporter reads it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.scene import Scene, SceneObject
+from procphys_ros.simulation import Simulation
+
+Report = Callable[[float, float], None]  # how much of how much has been done
+
+
+@dataclass(frozen=True)
+class Content:
+    """
+    Parts and bonds of a scene at one moment.
+
+    :ivar blueprint: all parts and bonds; its poses are those at rest.
+    :ivar objects: owners of the parts, in part order.
+    :ivar poses: centres of mass and attitudes now, world [m], (N, 7).
+    :ivar petioles: poses of all leaves now, world [m], (L, 7).
+    :ivar broken: bonds that have broken, (M,) bool.
+    :ivar gravity: downward acceleration [m/s²].
+    :ivar time: simulated time since the scene stood at rest [s].
+    """
+
+    blueprint: Blueprint
+    objects: Sequence[SceneObject]
+    poses: np.ndarray
+    petioles: np.ndarray
+    broken: np.ndarray
+    gravity: float
+    time: float = 0.0
+
+    @classmethod
+    def at_rest(cls, scene: Scene) -> 'Content':
+        """Read a scene as it was authored."""
+        blueprint = scene.blueprint
+        leaves = blueprint.leaves
+        return cls(blueprint, scene.objects, blueprint.poses,
+                   rotation.compose(blueprint.poses[leaves.part], leaves.pose),
+                   np.zeros(len(blueprint.bonds), bool), scene.settings.gravity)
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> 'Content':
+        """Read a simulation as it is now; break events must not have been taken from its log."""
+        broken = np.zeros(len(simulation.blueprint.bonds), bool)
+        broken[simulation.events['bond']] = True
+        return cls(simulation.blueprint, list(simulation.objects), simulation.poses.copy(),
+                   simulation.leaf_poses(), broken, simulation.scene.settings.gravity,
+                   simulation.time)
+
+    @classmethod
+    def at(cls, scene: Scene, time: float, report: Report) -> 'Content':
+        """
+        Simulate a scene from rest and read it.
+
+        :param time: [s]; 0 = at rest.
+        :param report: called after each step with the simulated time and the whole [s].
+        """
+        if time == 0.0:
+            return cls.at_rest(scene)
+        simulation = Simulation(scene)
+        for _ in range(max(1, round(time / simulation.time_step))):
+            simulation.step()
+            report(simulation.time, time)
+        content = cls.of(simulation)
+        simulation.close()
+        return content
+
+    @cached_property
+    def exists(self) -> np.ndarray:
+        """Say which parts have not been crushed or split into others, (N,) bool."""
+        return np.isfinite(self.poses).all(axis=1)
+
+    @cached_property
+    def holds(self) -> np.ndarray:
+        """Say which bonds still hold parts that exist, (M,) bool."""
+        first, second = self.blueprint.bonds.T
+        there = np.append(self.exists, True)  # the last entry stands for the ground
+        return ~self.broken & there[first] & there[second]
+
+    @cached_property
+    def part_names(self) -> list[str]:
+        """Names of all parts inside their objects, `<kind>_<index>`."""
+        kinds, kind = self.blueprint.kinds, self.blueprint.kind
+        return [f'{kinds[kind[o.first + i]]}_{i}' for o in self.objects for i in range(o.count)]
+
+    @property
+    def textures(self) -> tuple[str, ...]:
+        """Names that the texture columns of the blueprint refer to; there is at least one."""
+        return self.blueprint.textures or ('plain',)
+
+    @cached_property
+    def owner(self) -> np.ndarray:
+        """Place of each part's object in `objects`, (N,) int."""
+        return np.repeat(np.arange(len(self.objects)), [o.count for o in self.objects])
+
+    @cached_property
+    def full_names(self) -> list[str]:
+        """Names of all parts, `<object>/<kind>_<index>`."""
+        return [f'{self.objects[o].name}/{name}'
+                for o, name in zip(self.owner, self.part_names)]
+
+    @cached_property
+    def bond_seats(self) -> np.ndarray:
+        """
+        Frames of all bonds in the frames of their two parts, or of the world, [m], (2, M, 7).
+
+        Of a bond that holds, both are the same place in the world.
+        """
+        blueprint = self.blueprint
+        first, second = blueprint.bonds.T
+        carried = rotation.relative(blueprint.poses[second], blueprint.bond_frame)
+        world = rotation.compose(self.poses[second], carried)
+        other = np.where(first[:, None] == GROUND, world,
+                         rotation.relative(self.poses[first], world))
+        return np.stack([other, carried])

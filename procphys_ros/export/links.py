@@ -1,0 +1,137 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Links: trees as chains of revolute joints, as URDF and SDF know them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Shape
+from procphys_ros.export.articulation import Articulation, CLAMPED, LOOSE
+from procphys_ros.export.content import Content
+
+WORLD = 'world'
+_X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+# Of the link between the two hinges of a joint, over its segment: no parser takes links without
+# mass, and a solver must not notice it.
+_MIDDLE_SHARE = 1e-3
+
+
+@dataclass(frozen=True)
+class Link:
+    """
+    What one joint moves.
+
+    :ivar name: unique in the scene.
+    :ivar parent: name of the link that it hangs on, or `WORLD`.
+    :ivar frame: its joint now, world [m], (7,); the origin of the link.
+    :ivar axis: of the hinge, in that frame, (3,); None = fixed.
+    :ivar reach: from the joint to the centre of mass, along z [m].
+    :ivar mass: [kg].
+    :ivar inertia: about the centre of mass, in that frame [kg·m²], (3,).
+    :ivar part: part that it shows and collides as; -1 = none.
+    :ivar owner: name of the object that it belongs to.
+    :ivar limits: smallest and largest angle from now [rad].
+    :ivar stiffness: [N·m/rad].
+    :ivar damping: [N·m·s/rad].
+    :ivar rest: angle from now at which the spring carries nothing [rad].
+    """
+
+    name: str
+    parent: str
+    frame: np.ndarray
+    axis: np.ndarray | None
+    reach: float
+    mass: float
+    inertia: np.ndarray
+    part: int
+    owner: str
+    limits: tuple[float, float] = (0.0, 0.0)
+    stiffness: float = 0.0
+    damping: float = 0.0
+    rest: float = 0.0
+
+
+@dataclass(frozen=True)
+class Solid:
+    """
+    Shape of a part: a box, or a cylinder along z.
+
+    :ivar box: full extents [m], (3,); None for a cylinder.
+    :ivar radius: [m].
+    :ivar length: [m].
+    """
+
+    box: np.ndarray | None
+    radius: float = 0.0
+    length: float = 0.0
+
+
+def solid(content: Content, part: int) -> Solid:
+    """Give the shape of a part; tapered segments become cylinders of their middle diameter."""
+    size = content.blueprint.visual_size[part]
+    if content.blueprint.shape[part] == Shape.BOX:
+        return Solid(size)
+    return Solid(None, 0.25 * float(size[0] + size[1]), float(size[2]))
+
+
+def tree_links(content: Content, joints: Articulation) -> Iterator[Link]:
+    """
+    Walk the segments of all trees, two hinges each, parents first.
+
+    Angles count from the bends that the joints have now. What has broken off, and what the
+    kernel does not let bend, is fixed.
+    """
+    names = [content.full_names[part].replace('/', '_') for part in joints.part]
+    for row, (part, parent) in enumerate(zip(joints.part.tolist(), joints.parent)):
+        pose = content.poses[part]
+        point = pose[:3] - joints.reach[row] * rotation.rotate(pose[3:], np.array([0., 0., 1.]))
+        frame = np.concatenate([point, pose[3:]])
+        above = WORLD if parent in (CLAMPED, LOOSE) else names[parent]
+        owner = content.objects[content.owner[part]].name
+        mass, inertia = content.blueprint.mass[part], content.blueprint.inertia[part]
+        if parent == LOOSE or np.isinf(joints.bend_x.stiffness[row]):
+            yield Link(names[row], above, frame, None, joints.reach[row], mass, inertia, part,
+                       owner)
+            continue
+        for middle in (True, False):
+            springs = joints.bend_x if middle else joints.bend_y
+            now = springs.value[row]
+            share = _MIDDLE_SHARE if middle else 1.0 - _MIDDLE_SHARE
+            yield Link(
+                f'{names[row]}_middle' if middle else names[row],
+                above if middle else f'{names[row]}_middle', frame,
+                _first_axis(joints, row) if middle else _Y, joints.reach[row], share * mass,
+                share * inertia, -1 if middle else part, owner,
+                (-joints.limit[row] - now, joints.limit[row] - now), springs.stiffness[row],
+                springs.damping[row], springs.rest[row] - now)
+
+
+def _first_axis(joints: Articulation, row: int) -> np.ndarray:
+    """Give the axis of the first hinge in the frame that the second has turned already."""
+    back = rotation.from_axis_angle(_Y, -joints.bend_y.value[row])
+    return rotation.rotate(back, _X)
+
+
+def static_parts(content: Content, joints: Articulation) -> Iterator[tuple[str, np.ndarray]]:
+    """Give name and parts (K,) of every object's share that is no branch of a tree."""
+    rigid = content.exists.copy()
+    rigid[joints.part] = False
+    for number, owner in enumerate(content.objects):
+        parts = np.flatnonzero(rigid & (content.owner == number))
+        if len(parts):
+            yield owner.name, parts

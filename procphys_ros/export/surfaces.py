@@ -1,0 +1,115 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Surfaces: everything that a scene shows, as meshes by object and texture."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Shape
+from procphys_ros.export.content import Content
+from procphys_ros.palette import look
+from procphys_ros.render import joints, mesh
+from procphys_ros.render.mesh import Mesh
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Surface:
+    """
+    One mesh of one texture.
+
+    :ivar owner: name of the object, or 'mortar'.
+    :ivar texture: its name.
+    :ivar mesh: triangles, world.
+    :ivar tone: brightness of each vertex over that of the texture, (V,).
+    :ivar leaf: whether it is seen from both sides.
+    """
+
+    owner: str
+    texture: str
+    mesh: Mesh
+    tone: np.ndarray
+    leaf: bool = False
+
+
+def surfaces(content: Content) -> Iterator[Surface]:
+    """Build the meshes of all that exists, object by object, then the mortar between bricks."""
+    blueprint = content.blueprint
+    leaf_owner = content.owner[blueprint.leaves.part]
+    twig_owner = content.owner[blueprint.ornaments.part]
+    for number, owner in enumerate(content.objects):
+        parts = np.arange(owner.first, owner.first + owner.count)
+        parts = parts[content.exists[parts]]
+        leaves = np.flatnonzero((leaf_owner == number)
+                                & np.isfinite(content.petioles).all(axis=1))
+        twigs = np.flatnonzero((twig_owner == number) & content.exists[blueprint.ornaments.part])
+        yield from _solids(content, owner.name, parts)
+        yield from _leaves(content, owner.name, leaves)
+        yield from _twigs(content, owner.name, twigs)
+    place, size = joints.standing(blueprint, content.poses, content.exists)
+    if len(place):
+        texture = next((name for name in content.textures if 'mortar' in name), 'mortar')
+        yield _surface('mortar', texture, mesh.boxes(place, size), np.arange(len(place)))
+
+
+def _solids(content: Content, owner: str, parts: np.ndarray) -> Iterator[Surface]:
+    blueprint = content.blueprint
+    for index in np.unique(blueprint.texture[parts]):
+        for shape, build in ((Shape.CAPSULE, mesh.branches), (Shape.BOX, mesh.boxes)):
+            rows = parts[(blueprint.texture[parts] == index) & (blueprint.shape[parts] == shape)]
+            if len(rows):
+                yield _surface(owner, content.textures[index],
+                               build(content.poses[rows], blueprint.visual_size[rows]), rows)
+
+
+def _leaves(content: Content, owner: str, rows: np.ndarray) -> Iterator[Surface]:
+    leaves, textures = content.blueprint.leaves, content.textures
+    for index in np.unique(leaves.texture[rows]):
+        mine = rows[leaves.texture[rows] == index]
+        quads = mesh.crossed_quads(content.petioles[mine], leaves.size[mine],
+                                   look(textures[index]).aspect)
+        yield _surface(owner, textures[index], quads, mine, leaf=True)
+
+
+def _twigs(content: Content, owner: str, rows: np.ndarray) -> Iterator[Surface]:
+    ornaments, textures = content.blueprint.ornaments, content.textures
+    for index in np.unique(ornaments.texture[rows]):
+        mine = rows[ornaments.texture[rows] == index]
+        triangles = mesh.loose_triangles(content.poses[ornaments.part[mine]],
+                                         ornaments.triangle[mine])
+        yield _surface(owner, textures[index], triangles, mine, leaf=True)
+
+
+def _surface(owner: str, texture: str, built: Mesh, rows: np.ndarray,
+             leaf: bool = False) -> Surface:
+    """Give every piece a tone of its own, by its row, so that it keeps it for life."""
+    variation = look(texture).variation
+    tone = 1.0 + variation * np.random.default_rng(1).uniform(-1.0, 1.0, int(rows.max()) + 1)
+    length = np.linalg.norm(built.normals, axis=1, keepdims=True)
+    unit = np.where(length > 0.5, built.normals / np.maximum(length, 0.5), _UP)
+    whole = Mesh(built.points, built.triangles, unit, built.uv, built.piece)
+    return Surface(owner, texture, whole, tone[rows][built.piece], leaf)
+
+
+def local_part(content: Content, part: int) -> Mesh:
+    """Build the mesh of one part in its own frame, without leaves."""
+    blueprint = content.blueprint
+    build = mesh.boxes if blueprint.shape[part] == Shape.BOX else mesh.branches
+    origin = np.concatenate([np.zeros(3), rotation.IDENTITY])[None]
+    return build(origin, blueprint.visual_size[[part]])

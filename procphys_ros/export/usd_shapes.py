@@ -1,0 +1,203 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""USD shapes: materials with textures, meshes, and prototypes of parts."""
+
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Sdf
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Shape
+from procphys_ros.export import images
+from procphys_ros.export.content import Content
+from procphys_ros.export.surfaces import local_part
+from procphys_ros.export.usd_layer import Layer, numbers, place, put, relate, vectors
+from procphys_ros.palette import look
+from procphys_ros.render import mesh, texture
+from procphys_ros.render.mesh import Mesh
+
+_ROUGHNESS = 0.9
+_HOLE = 0.5  # alpha below it is a hole
+ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+class Materials:
+    """
+    Preview surfaces of textures, with PNG files beside the layer.
+
+    :param layer: where they are written.
+    :param root: path of the prim that holds them.
+    :param path: of the layer's file.
+    """
+
+    def __init__(self, layer: Layer, root: str, path: Path):
+        self._layer, self._root = layer, root
+        self._folder = path.parent / f'{path.stem}_textures'
+        self._known: dict[str, str] = {}
+        layer.prim(root, 'Scope')
+
+    def path(self, name: str) -> str:
+        """Give the path of a texture's material, which is written when first asked for."""
+        if name not in self._known:
+            self._known[name] = f'{self._root}/{identifier(name)}'
+            self._write(name, self._known[name])
+        return self._known[name]
+
+    def _write(self, name: str, path: str) -> None:
+        material = self._layer.prim(path, 'Material')
+        surface = self._shader(f'{path}/surface', 'UsdPreviewSurface')
+        put(surface, 'float', 'inputs:roughness', _ROUGHNESS)
+        put(surface, 'token', 'outputs:surface', None)
+        _connect(material, 'token', 'outputs:surface', f'{path}/surface.outputs:surface')
+        red, green, blue, alpha = look(name).rgba
+        if texture.image(look(name).pattern) is None:
+            put(surface, 'color3f', 'inputs:diffuseColor', Gf.Vec3f(red, green, blue))
+            put(surface, 'float', 'inputs:opacity', alpha)
+            return
+        self._folder.mkdir(exist_ok=True)
+        file = self._folder / f'{identifier(name)}.png'
+        file.write_bytes(images.png(images.pixels(name)))
+        reader = self._shader(f'{path}/st', 'UsdPrimvarReader_float2')
+        put(reader, 'string', 'inputs:varname', 'st')
+        put(reader, 'float2', 'outputs:result', None)
+        picture = self._shader(f'{path}/image', 'UsdUVTexture')
+        put(picture, 'asset', 'inputs:file', Sdf.AssetPath(f'./{self._folder.name}/{file.name}'))
+        for axis in ('S', 'T'):
+            put(picture, 'token', f'inputs:wrap{axis}', 'repeat')
+        _connect(picture, 'float2', 'inputs:st', f'{path}/st.outputs:result')
+        put(picture, 'float3', 'outputs:rgb', None)
+        _connect(surface, 'color3f', 'inputs:diffuseColor', f'{path}/image.outputs:rgb')
+        if images.has_holes(name):
+            put(picture, 'float', 'outputs:a', None)
+            put(surface, 'float', 'inputs:opacityThreshold', _HOLE)
+            _connect(surface, 'float', 'inputs:opacity', f'{path}/image.outputs:a')
+
+    def _shader(self, path: str, name: str) -> Sdf.PrimSpec:
+        shader = self._layer.prim(path, 'Shader')
+        put(shader, 'token', 'info:id', name, uniform=True)
+        return shader
+
+
+def identifier(name: str) -> str:
+    """Turn a name into one that USD takes."""
+    out = ''.join(c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in name)
+    return out if out and not out[0].isdigit() else f'_{out}'
+
+
+def add_mesh(layer: Layer, path: str, shape: Mesh, material: str = '',
+             leaf: bool = False) -> None:
+    """
+    Write a mesh.
+
+    :param shape: in the frame of the parent prim.
+    :param material: path of what is bound to it; '' = inherited.
+    :param leaf: whether it is seen from both sides.
+    """
+    spec = layer.prim(path, 'Mesh', ['MaterialBindingAPI'] if material else [])
+    put(spec, 'point3f[]', 'points', vectors(shape.points))
+    put(spec, 'int[]', 'faceVertexCounts', numbers(np.full(len(shape.triangles), 3)))
+    put(spec, 'int[]', 'faceVertexIndices', numbers(shape.triangles.ravel()))
+    put(spec, 'float3[]', 'extent', vectors(np.array([shape.points.min(axis=0),
+                                                      shape.points.max(axis=0)])))
+    normals = put(spec, 'normal3f[]', 'normals', vectors(shape.normals))
+    normals.SetInfo('interpolation', 'vertex')
+    st = put(spec, 'texCoord2f[]', 'primvars:st', vectors(shape.uv))
+    st.SetInfo('interpolation', 'vertex')
+    put(spec, 'token', 'subdivisionScheme', 'none', uniform=True)
+    if leaf:
+        put(spec, 'bool', 'doubleSided', True, uniform=True)
+    if material:
+        relate(spec, 'material:binding', [material])
+
+
+def add_collider(layer: Layer, path: str, content: Content, part: int) -> None:
+    """Write the shape that a part collides as, in its own frame."""
+    x, y, z = content.blueprint.solid_size(np.array([part]))[0]
+    box = content.blueprint.shape[part] == Shape.BOX
+    kind = 'Cube' if box else 'Capsule' if z > x else 'Sphere'
+    spec = layer.prim(path, kind, ['PhysicsCollisionAPI'])
+    put(spec, 'token', 'purpose', 'guide', uniform=True)
+    if box:
+        put(spec, 'double', 'size', 1.0)
+        place(spec, ORIGIN, np.array([x, y, z]))
+        half = np.full(3, 0.5)
+    else:
+        put(spec, 'double', 'radius', 0.5 * float(x))
+        half = np.array([0.5 * x, 0.5 * x, 0.5 * max(z, x)])
+    if kind == 'Capsule':
+        put(spec, 'double', 'height', float(z - x))
+        put(spec, 'token', 'axis', 'Z', uniform=True)
+    put(spec, 'float3[]', 'extent', vectors(np.array([-half, half])))
+
+
+class Prototypes:
+    """
+    Shapes that many parts share, as classes that instances refer to.
+
+    :param layer: where they are written.
+    :param root: path of the class that holds them.
+    :param content: the parts.
+    """
+
+    def __init__(self, layer: Layer, root: str, content: Content):
+        self._layer, self._root, self._content = layer, root, content
+        size, mass = content.blueprint.visual_size, content.blueprint.mass
+        self._keys = np.round(np.column_stack([size, mass]), 9)
+        self._known: dict[tuple[float, ...], str] = {}
+        layer.prim(root, specifier=Sdf.SpecifierClass)
+
+    def path(self, part: int) -> str:
+        """Give the path of a part's prototype, which is written when first asked for."""
+        key = (*self._keys[part].tolist(), float(self._content.blueprint.shape[part]))
+        if key not in self._known:
+            path = f'{self._root}/shape_{len(self._known)}'
+            self._known[key] = path
+            spec = self._layer.prim(path, 'Xform', ['PhysicsRigidBodyAPI', 'PhysicsMassAPI'])
+            weigh(spec, self._content, part)
+            add_mesh(self._layer, f'{path}/visual', local_part(self._content, part))
+            add_collider(self._layer, f'{path}/collider', self._content, part)
+        return self._known[key]
+
+
+def weigh(spec: Sdf.PrimSpec, content: Content, part: int) -> None:
+    """Write mass and inertia of a part, whose frame is at its centre of mass."""
+    put(spec, 'float', 'physics:mass', float(content.blueprint.mass[part]))
+    put(spec, 'float3', 'physics:diagonalInertia',
+        Gf.Vec3f(*content.blueprint.inertia[part].tolist()))
+    put(spec, 'point3f', 'physics:centerOfMass', Gf.Vec3f(0.0, 0.0, 0.0))
+    put(spec, 'quatf', 'physics:principalAxes', Gf.Quatf(1.0, 0.0, 0.0, 0.0))
+
+
+def foliage(content: Content, part: int) -> list[tuple[str, Mesh]]:
+    """Give texture and mesh of the leaves and twigs on a part, in its frame."""
+    blueprint, pose = content.blueprint, content.poses[part]
+    leaves, twigs, out = blueprint.leaves, blueprint.ornaments, []
+    mine = np.flatnonzero(leaves.part == part)
+    mine = mine[np.isfinite(content.petioles[mine]).all(axis=1)]
+    for index in np.unique(leaves.texture[mine]):
+        rows, name = mine[leaves.texture[mine] == index], content.textures[index]
+        out.append((name, mesh.crossed_quads(rotation.relative(pose, content.petioles[rows]),
+                                             leaves.size[rows], look(name).aspect)))
+    mine = np.flatnonzero(twigs.part == part)
+    for index in np.unique(twigs.texture[mine]):
+        rows = mine[twigs.texture[mine] == index]
+        out.append((content.textures[index], mesh.loose_triangles(
+            np.broadcast_to(ORIGIN, (len(rows), 7)), twigs.triangle[rows])))
+    return out
+
+
+def _connect(spec: Sdf.PrimSpec, kind: str, name: str, source: str) -> None:
+    put(spec, kind, name, None).connectionPathList.explicitItems.append(source)

@@ -1,0 +1,169 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The command `export` and what all formats share: times, names, complaints."""
+
+import io
+import xml.etree.ElementTree as ElementTree
+
+from exported import grown, scene_of, small_wall
+import numpy as np
+import pytest
+
+from procphys_ros import export as exporter
+from procphys_ros.command_line.bar import Bar
+from procphys_ros.errors import ExportError
+from procphys_ros.export import command, Content, export, export_animation, formats
+from procphys_ros.export.markup import roll_pitch_yaw
+from procphys_ros.rotation import from_axis_angle, multiply
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
+
+_SCENE = """
+/**:
+  ros__parameters:
+    scene:
+      objects: [wall, bush]
+      cues: ["0.0 launch position=0.2,-1.5,0.3 velocity=0,25,0 mass=20 size=0.2"]
+    wall: {grammar: garden_wall.wall, defines: ["length=0.89", "height=0.6"]}
+    bush: {grammar: shrub.lsys, origin: [5.0, 0.0, 0.0]}
+"""
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    """Write a small scene in which a ball strikes a wall at once."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text(_SCENE)
+    return path
+
+
+def test_content_of_a_run_names_what_broke(scene_file):
+    """Hold the ball, its place, and the bonds that it broke."""
+    content = Content.at(Scene.from_yaml(scene_file), 0.3, lambda done, whole: None)
+    assert content.time == pytest.approx(0.3)
+    assert len(content.full_names) == len(content.blueprint) == len(content.owner)
+    assert content.full_names[0] == 'wall/brick_0'
+    assert content.full_names[-1].split('/')[1] == 'projectile_0'
+    assert content.broken.any() and not content.holds[content.broken].any()
+    assert len(set(content.full_names)) == len(content.full_names)
+
+
+def test_library_takes_simulations_and_scenes(tmp_path):
+    """Write the same file from a scene at rest and from a simulation that has not begun."""
+    scene = scene_of(bush=grown('shrub.lsys'))
+    export(scene, tmp_path / 'scene.xml')
+    export(Simulation(scene), tmp_path / 'simulation.xml')
+    texts = [(tmp_path / name).read_text().partition('<compiler')[2]
+             for name in ('scene.xml', 'simulation.xml')]
+    assert texts[0] == texts[1]
+    with pytest.raises(ExportError, match='own time'):
+        export(Simulation(scene), tmp_path / 'x.xml', time=1.0)
+
+
+@pytest.mark.parametrize('suffix', ['.usda', '.xml', '.urdf', '.sdf', '.glb'])
+def test_command_writes_each_format(scene_file, tmp_path, suffix, capsys):
+    """Write what the ball has done, say how much, and reach the end of the bar."""
+    out = tmp_path / f'out{suffix}'
+    assert command.main([str(scene_file), '--out', str(out), '--time', '0.2']) == 0
+    assert 'parts' in capsys.readouterr().out
+    assert out.stat().st_size > 1000
+    if suffix not in ('.usda', '.glb'):
+        names = {element.get('name', '') for element in ElementTree.parse(out).iter()}
+        assert any('projectile' in name for name in names)
+
+
+@pytest.mark.parametrize('words, complaint', [
+    (['--out', 'x.obj'], 'names no format; use one of .usda, .usdc, .xml, .urdf, .sdf, .glb'),
+    (['--out', 'x'], 'names no format'),
+    (['--out', 'nowhere/x.glb'], 'there is no folder "nowhere"'),
+    (['--out', '.glb'], 'names no format'),
+    (['--out', 'folder.glb'], 'is a folder'),
+    (['--out', 'x.glb', '--time', '-1'], 'the time is -1 s, it must lie from 0 to 3600'),
+    (['--out', 'x.glb', '--time', 'nan'], 'the time is nan s'),
+    (['--out', 'x.glb', '--time', '1e9'], 'it must lie from 0 to 3600'),
+    (['--out', 'x.glb', '--time', 'soon'], "invalid float value: 'soon'"),
+    (['--out', 'x.glb', '--animate', '0', '1'], 'written as .usda or .usdc'),
+    (['--out', 'x.glb', '--animate', '0', '1', '--time', '2'], 'not allowed with'),
+    ([], 'required: --out'),
+])
+def test_mistakes_are_one_line(scene_file, tmp_path, monkeypatch, capsys, words, complaint):
+    """Say in one line what is wrong, with exit code 1, and leave no file."""
+    (tmp_path / 'folder.glb').mkdir()
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    try:
+        code = command.main([str(scene_file), *words])
+    except SystemExit as end:
+        code = end.code
+    lines = capsys.readouterr().err.splitlines()
+    assert code == 1 and len(lines) == 1
+    assert complaint in lines[0]
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_missing_package_is_named(tmp_path, monkeypatch):
+    """Name the extra that brings what is missing."""
+    def gone(name):
+        raise ModuleNotFoundError("No module named 'pxr'", name='pxr')
+    monkeypatch.setattr(formats, 'import_module', gone)
+    with pytest.raises(ExportError, match=r'procphys_ros\[usd\]'):
+        export(scene_of(), tmp_path / 'x.usda')
+
+
+def test_full_disk_is_said(tmp_path):
+    """Turn the error of the system into one of ours."""
+    target = tmp_path / 'x.glb'
+    target.symlink_to('/dev/full')
+    with pytest.raises(ExportError, match='No space left'):
+        export(scene_of(wall=small_wall()), target)
+
+
+def test_animation_times_are_checked(tmp_path):
+    """Refuse to end before the start, and nonsense rates."""
+    scene = scene_of()
+    for start, end, fps, complaint in ((2.0, 1.0, 30.0, 'last moment is 1 s'),
+                                       (-1.0, 1.0, 30.0, 'first moment is -1 s'),
+                                       (0.0, 1.0, 0.0, 'fps is 0 1/s')):
+        with pytest.raises(ExportError, match=complaint):
+            export_animation(scene, tmp_path / 'x.usda', start, end, fps)
+
+
+def test_suffixes_are_those_documented():
+    """Offer the formats that the command line names."""
+    assert exporter.SUFFIXES == ('.usda', '.usdc', '.xml', '.urdf', '.sdf', '.glb')
+
+
+def test_bar_draws_on_terminals_only():
+    """Draw a share on a terminal and clean up; stay silent elsewhere."""
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+    terminal, file = Terminal(), io.StringIO()
+    for stream in (terminal, file):
+        with Bar('export', stream) as bar:
+            bar.show(1.0, 4.0)
+    assert '25 %' in terminal.getvalue() and terminal.getvalue().endswith('\x1b[K')
+    assert file.getvalue() == ''
+
+
+def test_roll_pitch_yaw_turn_as_the_quaternion():
+    """Put the three turns together again, straight up and down included."""
+    axes = np.eye(3)
+    for attitude in (*np.random.default_rng(0).normal(size=(20, 4)), np.array([0, 1, 0, 1.0]),
+                     np.array([1.0, -1.0, 1.0, 1.0])):
+        unit = attitude / np.linalg.norm(attitude)
+        x, y, z = (from_axis_angle(axis, angle)
+                   for axis, angle in zip(axes, roll_pitch_yaw(unit)))
+        assert abs(np.dot(multiply(z, multiply(y, x)), unit)) == pytest.approx(1.0, abs=1e-9)
