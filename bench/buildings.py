@@ -29,7 +29,7 @@ import numpy as np
 from world import jointed
 
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.simulation import Cause, fragments, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 OFFICE = Path(__file__).parents[1] / 'grammars' / 'office.wall'
@@ -53,12 +53,10 @@ def office(size):
 def blow(simulation):
     """Take the lower half of the ground floor's walls away."""
     blueprint = simulation.blueprint
-    blows, standing = simulation._arsenal.blows, simulation._buildings.standing
+    standing = simulation.state.standing
     parts = np.flatnonzero(standing[:len(blueprint)] & (blueprint.poses[:, 2] < BLOWN)
                            & (blueprint.mass < HEAVY))
-    blows.cut_out(parts, Cause.DEMOLITION, 1.0, simulation.time)
-    blows.remove(parts)
-    simulation._vanish(parts)
+    fragments.destroy(simulation.model, simulation.state, parts, Cause.DEMOLITION, 1.0)
 
 
 def timed(simulation, steps):
@@ -86,7 +84,7 @@ def demolition(size, seconds):
     window = round(1.0 / dt)
     sums = np.convolve(times, np.ones(window), 'valid')
     worst = int(sums.argmax())
-    awake, bodies = simulation.awake_bodies, simulation._debris.body_count
+    awake, bodies = simulation.awake_bodies, len(simulation.state.bodies.members)
     print(f'{bricks} bricks standing: {1e3 * np.median(standing):.2f} ms per step, real-time '
           f'factor {dt / np.median(standing):.1f}')
     print(f'{bricks} bricks demolished: real-time factor {seconds / times.sum():.2f} over '

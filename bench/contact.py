@@ -32,6 +32,7 @@ from procphys_ros.physics.touch import capsule_bounds, overlaps
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.stages import STAGES
 
 _TREES = 250
 _SPECIES = ('oak', 'pine', 'birch', 'willow', 'palm')
@@ -55,22 +56,20 @@ def stand(wind: float) -> Simulation:
 
 def compare(name: str, simulation: Simulation) -> None:
     """Print the stages of a step, and its ratio to one that looks for no contacts."""
-    contact = simulation._contact
-    act = contact.act
+    blind = tuple(stage for stage in STAGES if stage.name != 'contact')
     times: dict[bool, list[float]] = {True: [], False: []}
-    stage, touching = [], []
+    spent, touching = [], []
     for i in range(2 * _ROUNDS):
         looks = i % 2 == 0
-        if not looks:
-            contact.act = lambda time, time_step: None  # type: ignore[method-assign]
+        simulation.stages = STAGES if looks else blind
         start = perf_counter()
         simulation.step()
         times[looks].append(perf_counter() - start)
-        contact.act = act  # type: ignore[method-assign]
         if looks:
-            stage.append(simulation.timings['contact'])
-            touching.append(len(contact.touches))
-    print(f'{name:38s} contact {1e3 * np.median(stage):5.2f} ms (worst {1e3 * max(stage):5.2f}), '
+            spent.append(simulation.timings['contact'])
+            touching.append(len(simulation.state.contacts))
+    simulation.stages = STAGES
+    print(f'{name:38s} contact {1e3 * np.median(spent):5.2f} ms (worst {1e3 * max(spent):5.2f}), '
           f'step {1e3 * np.median(times[True]):5.2f} ms, '
           f'x{np.median(times[True]) / np.median(times[False]):.2f} of one without; '
           f'{np.median(touching):.0f} touches, {simulation.awake_bodies} loose')
@@ -79,18 +78,18 @@ def compare(name: str, simulation: Simulation) -> None:
 def rain(simulation: Simulation, count: int) -> None:
     """Drop branches into the crowns."""
     rng = np.random.default_rng(0)
-    roots = simulation._grove.forest.plan.start[:-1]
+    roots = simulation.state.forest.plan.start[:-1]
     for tree in rng.integers(len(roots), size=count):
-        row = simulation._grove.forest.plan.row[roots[tree]]
-        place = simulation._grove.forest.poses[row, :3] + rng.uniform([-1, -1, 5], [1, 1, 9])
+        row = simulation.state.forest.plan.row[roots[tree]]
+        place = simulation.state.forest.poses[row, :3] + rng.uniform([-1, -1, 5], [1, 1, 9])
         turn = rng.normal(size=4)
-        simulation._world.add_body(Shape.CAPSULE, np.array([0.08, 0.08, 1.5]), 5.0,
+        simulation.state.world.add_body(Shape.CAPSULE, np.array([0.08, 0.08, 1.5]), 5.0,
                                    np.concatenate([place, turn / np.linalg.norm(turn)]))
 
 
 def broad_phase(simulation: Simulation) -> None:
     """Time thousands of bodies against all segments, far and near."""
-    forest = simulation._grove.forest
+    forest = simulation.state.forest
     sizes = simulation.blueprint.size[forest.parts]
     rng = np.random.default_rng(1)
     for count in (1000, 3000, 10_000):
@@ -121,7 +120,7 @@ def main() -> None:
     simulation.step(600)
     compare('the same 10 s later', simulation)
     simulation = stand(8.0)
-    forest = simulation._grove.forest
+    forest = simulation.state.forest
     for first in forest.plan.start[:12].tolist():
         forest.release(int(forest.plan.row[first]) + 1)
     simulation.step(60)

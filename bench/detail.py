@@ -111,8 +111,9 @@ def demolition(distance: float) -> None:
     factor = 8.0 / (perf_counter() - start)
     source = simulation.blueprint
     height = simulation.poses[source.kind == source.kinds.index('brick'), 2]
+    bodies = len(simulation.state.bodies.members)
     print(f'demolition, debris_distance {distance:g} m: real-time factor {factor:.2f}, '
-          f'{simulation._debris.body_count} bodies, bricks at {np.nanmedian(height):.2f} m in the '
+          f'{bodies} bodies, bricks at {np.nanmedian(height):.2f} m in the '
           f'median, {np.nanmax(height):.2f} m at most')
 
 

@@ -204,7 +204,7 @@ def faults(simulation: Simulation) -> tuple[list[str], list[float]]:
     there = np.isfinite(poses[:, 0])
     if not np.isfinite(poses[there]).all() or not np.isfinite(simulation.velocities[there]).all():
         found.append('a part that exists is not finite')
-    carried = simulation._debris.carrier >= 0
+    carried = simulation.state.carrier >= 0
     low = there & (poses[:, 2] < np.where(carried, _SUNK, _BENT))
     for part in np.flatnonzero(low)[:3].tolist():
         found.append(f'{simulation.names.name(part)} is at {poses[part, 2]:.3f} m')

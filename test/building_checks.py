@@ -20,7 +20,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.simulation import Cause, fragments, Simulation
 from procphys_ros.wallgrammar import contacts
 
 OVERLAP = 1e-3   # [m] deepest that two parts may reach into each other
@@ -36,10 +36,7 @@ def standing(blueprint):
 
 def take_out(simulation, parts):
     """Let parts of walls vanish at once."""
-    blows = simulation._arsenal.blows
-    blows.cut_out(parts, Cause.DEMOLITION, 1.0, simulation.time)
-    blows.remove(parts)
-    simulation._vanish(parts)
+    fragments.destroy(simulation.model, simulation.state, parts, Cause.DEMOLITION, 1.0)
 
 
 def count_loose(blueprint):

@@ -47,7 +47,7 @@ def cut(middle, width, seconds=8.0, **strengths):
     hole = (np.abs(x - middle) < 0.5 * width) & (z < _OPENING)
     take_out(simulation, np.flatnonzero(hole))
     simulation.step(round(seconds / simulation.time_step))
-    return x[~hole], z[~hole], simulation._buildings.standing[~hole]
+    return x[~hole], z[~hole], simulation.state.standing[~hole]
 
 
 def test_lime_mortar_arches_over_a_door():
@@ -93,7 +93,7 @@ def house_without(floors, gone):
     take_out(simulation, np.flatnonzero(bricks & (places[:, 2] < 1.0) & gone(places)))
     simulation.step(400)
     upper = bricks & (places[:, 2] > 1.2)
-    return places[upper, 0], simulation._buildings.standing[upper]
+    return places[upper, 0], simulation.state.standing[upper]
 
 
 @pytest.mark.parametrize('floors', ['timber', 'slab(0.15)'])

@@ -61,7 +61,7 @@ def trunk():
 
 def left(simulation):
     """Count the parts that stand."""
-    return int(simulation._buildings.standing.sum())
+    return int(simulation.state.standing.sum())
 
 
 def test_a_loose_block_gets_its_impulse_when_the_wave_arrives():
@@ -89,7 +89,7 @@ def test_a_tree_feels_the_wave():
         simulation = stand((trunk(), (0, 6.0, 0)), *walls)
         simulation.explode((0.0, 0.0, 1.0), 5.0)
         simulation.step(10)
-        bends.append(np.abs(simulation._grove.forest.bends).max())
+        bends.append(np.abs(simulation.state.forest.bends).max())
     assert gift.linear[:, 1].sum() > 1.0
     assert bends[0] > 1e-4 and bends[1] < 0.1 * bends[0]
 
@@ -105,7 +105,7 @@ def test_a_wall_is_torn_near_a_charge_and_stands_far_from_it():
         losses.append(len(simulation.blueprint) - left(simulation))
         if losses[-1]:
             assert (events['cause'] == Cause.BLAST).any()
-            torn = np.flatnonzero(~simulation._buildings.standing)
+            torn = np.flatnonzero(~simulation.state.standing)
             assert simulation.velocities[torn, 1].mean() > 0.5
     assert losses[0] == 0 and losses[2] > 0 and losses[1] <= losses[2]
 
@@ -118,7 +118,7 @@ def test_a_wall_shields_the_one_behind_it():
         simulation = stand((wall(20, 20), (0.0, 0.0, 0.0)), *(front if shielded else []))
         simulation.explode((2.2, -3.0, 0.8), 3.0)
         simulation.step(6)
-        losses.append(int((~simulation._buildings.standing[:len(wall(20, 20))]).sum()))
+        losses.append(int((~simulation.state.standing[:len(wall(20, 20))]).sum()))
     assert losses[0] > 20 and losses[1] == 0
 
 
@@ -130,8 +130,8 @@ def test_windows_burst_before_walls():
     assert pane.any()
     simulation.explode((2.3, -25.0, 1.5), 10.0)
     simulation.step(20)
-    assert not simulation._buildings.standing[pane].any()
-    assert simulation._buildings.standing[~pane].all()
+    assert not simulation.state.standing[pane].any()
+    assert simulation.state.standing[~pane].all()
     assert np.isnan(simulation.poses[:len(pane)][pane]).all()
     events = simulation.events
     assert (events['cause'] == Cause.BLAST).sum() >= 4 * pane.sum()
@@ -144,8 +144,8 @@ def test_what_flies_off_has_the_wave_s_momentum_at_most():
     gift = blast_boxes((2.7, -2.0, 1.2), 3.0, source.poses, source.size)
     simulation.explode((2.7, -2.0, 1.2), 3.0)
     simulation.step(2)
-    torn = np.flatnonzero(~simulation._buildings.standing)
-    single = [p for p in torn if simulation._debris.size[simulation._debris.carrier[p]] == 1]
+    torn = np.flatnonzero(~simulation.state.standing)
+    single = [p for p in torn if simulation.state.bodies.size[simulation.state.carrier[p]] == 1]
     free = np.linalg.norm(gift.linear[single], axis=1) / source.mass[single]
     speed = np.linalg.norm(simulation.velocities[single, :3], axis=1)
     assert len(single) > 10

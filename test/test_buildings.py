@@ -21,7 +21,8 @@ from masonry_walls import wall
 import numpy as np
 import pytest
 
-from procphys_ros.simulation.standing.buildings import Collapse
+from procphys_ros.physics.masonry import Failures
+from procphys_ros.simulation import masonry
 from procphys_ros.wallgrammar import WallGrammar
 
 WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))
@@ -45,7 +46,7 @@ def test_wall_arches_over_a_hole():
     hole = np.flatnonzero((np.abs(x - 1.35) < 0.4) & (z > 0.25) & (z < 0.6))
     take_out(simulation, hole)
     simulation.step(240)
-    assert simulation._buildings.standing.sum() >= len(blueprint) - len(hole) - 6
+    assert simulation.state.standing.sum() >= len(blueprint) - len(hole) - 6
 
 
 def test_wall_falls_when_its_foot_is_gone():
@@ -55,7 +56,7 @@ def test_wall_falls_when_its_foot_is_gone():
     foot = np.flatnonzero(blueprint.poses[:, 2] < 0.15)
     take_out(simulation, foot)
     simulation.step(600)
-    assert not simulation._buildings.standing.any()
+    assert not simulation.state.standing.any()
     assert simulation.awake_bodies == 0
     rest = np.setdiff1d(np.arange(len(blueprint)), foot)
     assert simulation.poses[rest, 2].min() > 0.0
@@ -68,7 +69,7 @@ def test_wall_without_a_flank_leans_no_further_than_it_can():
     part = np.flatnonzero((blueprint.poses[:, 2] < 0.15) & (blueprint.poses[:, 0] > 1.7))
     take_out(simulation, part)
     simulation.step(240)
-    left = simulation._buildings.standing
+    left = simulation.state.standing
     assert 0 < left.sum() < len(blueprint) - len(part) - 10
     assert blueprint.poses[left, 0].max() < 2.6
 
@@ -90,18 +91,30 @@ def test_all_broken_bonds_are_told_and_reset_makes_whole():
     np.testing.assert_array_equal(outcome[0][1], outcome[1][1])
 
 
+class Scripted:
+    """Stands in for a fracture that breaks bonds when it is told to."""
+
+    stable = False
+
+    def __init__(self, advance):
+        self._advance = advance
+
+    def advance(self, iterations):
+        return self._advance()
+
+
 def test_the_shock_of_a_loss_does_not_last():
     """Let the dynamic part of released forces die away over rounds of breaks, however slow."""
     simulation = standing(wall(12, 16))
-    buildings = simulation._buildings
-    buildings.solver.remove_parts(np.array([40]), 2.0)
-    shock = np.abs(buildings.solver._sudden).max()
+    state = simulation.state
+    state.solver.remove_parts(np.array([40]), 2.0)
+    shock = np.abs(state.solver.sudden_loads).max()
     assert shock > 1.0
-    broke = Collapse(np.zeros(1, np.intp), np.zeros(1, np.uint8), np.ones(1), [])
-    nothing = Collapse(np.zeros(0, np.intp), np.zeros(0, np.uint8), np.zeros(0), [])
+    bond = np.zeros(1, np.intp)
+    broke = Failures(bond, np.zeros(1, np.uint8), np.ones(1), np.ones(1, bool))
     steps = iter(range(1, 61))
-    buildings._advance = lambda iterations: nothing if next(steps) % 20 else broke
+    state.fracture = Scripted(lambda: [] if next(steps) % 20 else [broke])
     for _ in range(60):
-        buildings.stand(1.0 / 60.0)
-    left = np.abs(buildings.solver._sudden).max()
+        masonry.update_stresses(simulation.model, state, 1.0 / 60.0)
+    left = np.abs(state.solver.sudden_loads).max()
     assert left == pytest.approx(shock * np.exp(-1.0 / 0.5), rel=1e-6)

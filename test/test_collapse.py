@@ -24,10 +24,8 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import chain
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.masonry import FreeBodies
-from procphys_ros.physics.world import World
-from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause, Simulation
-from procphys_ros.simulation.debris import Debris
+from procphys_ros.scene import Scene, Settings
+from procphys_ros.simulation import Cause, fragments, Simulation
 
 BRANCH = """
 angle: 40
@@ -92,22 +90,27 @@ def test_a_split_keeps_momentum_and_every_part_its_velocity():
     """Split a spinning piece in three; parts go on exactly as the rigid body moved them."""
     piece = wall(6, 6, ground=False)
     rng = np.random.default_rng(1)
-    with World((0.0, 0.0, 0.0)) as world:
-        debris = Debris(piece, world)
-        motion = rng.normal(0.0, 3.0, 6)
-        parts = np.arange(len(piece))
-        arm = piece.poses[:, :3] - np.average(piece.poses[:, :3], axis=0, weights=piece.mass)
-        velocities = np.tile(motion, (len(piece), 1))
-        velocities[:, :3] += np.cross(motion[3:], arm)
-        body = debris.gather(parts, piece.poses, velocities)
-        before = momentum(piece, piece.poses, velocities)
-        bodies = debris.split(body, [parts[5:20], parts[20:], parts[:5]])
-        poses, after = np.zeros((len(piece), 7)), np.zeros((len(piece), 6))
-        debris.carry(poses, after)
-        assert len(bodies) == 3 and debris.body_count == 3
-        np.testing.assert_allclose(poses[:, :3], piece.poses[:, :3], atol=1e-9)
-        np.testing.assert_allclose(after, velocities, atol=1e-9)
-        np.testing.assert_allclose(momentum(piece, poses, after), before, rtol=1e-9, atol=1e-9)
+    scene = Scene(Settings(gravity=0.0))
+    scene.add(piece, name='piece')
+    simulation = Simulation(scene)  # what no bond holds to the ground is one body from the start
+    state, start = simulation.state, simulation.poses.copy()
+    motion = rng.normal(0.0, 3.0, 6)
+    parts = np.arange(len(piece))
+    body = int(state.carrier[0])
+    state.world.set_velocities(np.array([body]), motion[None])
+    fragments.write_poses(simulation.model, state, simulation.time_step)
+    velocities = simulation.velocities.copy()
+    arm = start[:, :3] - np.average(start[:, :3], axis=0, weights=piece.mass)
+    np.testing.assert_allclose(velocities[:, :3], motion[:3] + np.cross(motion[3:], arm),
+                               atol=1e-9)
+    before = momentum(piece, start, velocities)
+    bodies = fragments.split(state, body, [parts[5:20], parts[20:], parts[:5]])
+    fragments.write_poses(simulation.model, state, simulation.time_step)
+    assert len(bodies) == 3 and len(state.bodies.members) == 3
+    np.testing.assert_allclose(simulation.poses[:, :3], start[:, :3], atol=1e-9)
+    np.testing.assert_allclose(simulation.velocities, velocities, atol=1e-9)
+    np.testing.assert_allclose(momentum(piece, simulation.poses, simulation.velocities), before,
+                               rtol=1e-9, atol=1e-9)
 
 
 def test_stress_in_a_free_bar_is_that_of_inertia_relief():
@@ -158,9 +161,9 @@ def test_debris_comes_to_rest_on_something():
     """Drop a wall: all of it ends at rest, on the ground, on itself, and not below."""
     simulation = fall(tilted(wall(6, 10, ground=False)), 1.5, 8.0)
     assert simulation.awake_bodies == 0
-    bodies = simulation._world.bodies
-    for body in np.unique(simulation._debris.carrier):
-        pieces = simulation._world._pieces[int(body)]
+    bodies = simulation.state.world.bodies
+    for body in np.unique(simulation.state.carrier):
+        pieces = simulation.state.world.pieces(int(body))
         assert pieces.lowest(bodies.poses[body]) > -0.03
     top = simulation.poses[:, 2].max()
     assert top < 0.8  # nothing hangs in the air
@@ -172,18 +175,18 @@ def test_same_fall_twice_and_after_reset():
     first, second = fall(piece, 2.0, 1.5), fall(piece, 2.0, 1.5)
     assert np.array_equal(first.poses, second.poses)
     steps = round(1.5 / first.time_step)
-    highest = first._debris.carrier.max()
+    highest = first.state.carrier.max()
     first.reset()
     first.step(steps)
     assert np.array_equal(first.poses, second.poses)
-    assert first._debris.carrier.max() == highest
+    assert first.state.carrier.max() == highest
 
 
 def test_every_broken_bond_is_told_once():
     """Compare the events of a fall with the bonds that are gone."""
     simulation = fall(tilted(wall(6, 10, ground=False)), 3.0, 2.0)
     events = simulation.events
-    gone = np.flatnonzero(~simulation._free.graph.alive)
+    gone = np.flatnonzero(~simulation.state.loose_bonds.graph.alive)
     assert np.array_equal(np.sort(events['bond']), gone)
     assert set(events['cause']) == {int(Cause.IMPACT)}
     assert (events['load'] > 1.0).all()
@@ -199,7 +202,7 @@ def test_what_lies_on_a_wall_loads_it():
     simulation = Simulation(scene)
     simulation.step(300)
     assert simulation.awake_bodies == 0 and simulation.bonds_broken == 0
-    down = simulation._bearing._given[:, 2].sum()
+    down = simulation.state.loads.layer('debris')[1][:, 2].sum()
     assert down == pytest.approx(-9.81 * piece.mass.sum(), rel=0.03)
 
 

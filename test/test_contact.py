@@ -25,7 +25,8 @@ from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.touch import meet, meet_ground, overlaps, Partners, resolve
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import Simulation, trees
+from procphys_ros.simulation.stages import STAGES
 
 _DT = 1.0 / 60.0
 _TURN = np.array([0.0, 0.0, 0.0, 1.0])
@@ -54,13 +55,13 @@ def drop(simulation: Simulation, place: tuple, mass: float = 5.0, edge: float = 
          velocity: tuple = (0.0, 0.0, 0.0)) -> int:
     """Put a loose block into the world."""
     pose = np.concatenate([place, _TURN])
-    return simulation._world.add_body(Shape.BOX, np.full(3, edge), mass, pose,
-                                      np.concatenate([velocity, np.zeros(3)]))
+    motion = np.concatenate([velocity, np.zeros(3)])
+    return simulation.state.world.add_body(Shape.BOX, np.full(3, edge), mass, pose, motion)
 
 
 def momentum(simulation: Simulation) -> np.ndarray:
     """Add up the momentum of all trees."""
-    forest = simulation._grove.forest
+    forest = simulation.state.forest
     mass = simulation.blueprint.mass[forest.parts]
     return (mass[:, None] * forest.velocities[:, :3])[forest.active].sum(axis=0)
 
@@ -69,17 +70,17 @@ def test_a_block_rests_on_a_bough_and_bends_it():
     """Hold a block up with its weight, sagging as under a force of this size at this place."""
     simulation, pulled = single(gallows(radius=0.02)), single(gallows(radius=0.02))
     body = drop(simulation, (1.0, 0.0, 2.13), mass=2.0)
-    row = int(np.argmin(np.abs(pulled._grove.forest.poses[:, 0] - 0.9)))
+    row = int(np.argmin(np.abs(pulled.state.forest.poses[:, 0] - 0.9)))
     forces = []
     for i in range(360):
-        pulled._grove.forest.push(np.array([row]), np.array([[1.0, 0.0, 2.0]]),
+        pulled.state.forest.push(np.array([row]), np.array([[1.0, 0.0, 2.0]]),
                                   np.array([[0.0, 0.0, -2.0 * 9.81 * _DT]]))
         pulled.step()
         simulation.step()
-        touches = simulation._contact.touches
+        touches = simulation.state.contacts
         if i >= 300:
             forces.append(touches.impulse[touches.body == body].sum(axis=0) / _DT)
-    bodies = simulation._world.bodies
+    bodies = simulation.state.world.bodies
     sag = simulation.poses[4:, 2] - simulation.blueprint.poses[4:, 2]
     expected = pulled.poses[4:, 2] - pulled.blueprint.poses[4:, 2]
     assert expected.min() < -0.003
@@ -92,12 +93,12 @@ def test_a_block_rests_on_a_bough_and_bends_it():
 def test_momentum_is_accounted_for_in_every_contact(mass, speed):
     """Balance body, tree, weight and the push of the ground at the root, to 1 % of the blow."""
     simulation = single(bush(30, seed=5, damping_ratio=0.1, strength=1e12))
-    forest = simulation._grove.forest
+    forest = simulation.state.forest
     tip = forest.poses[-1, :3]
     body = drop(simulation, tuple(tip + [-1.0, 0.0, 0.3]), mass, 0.25, (speed, 0.0, 0.0))
     weight = simulation.blueprint.mass.sum() * np.array([0.0, 0.0, -9.81]) * _DT
     given, worst = np.zeros(3), 0.0
-    world, seen = simulation._world, []
+    world, seen = simulation.state.world, []
     real = world.step
 
     def watched(time_step: float) -> None:
@@ -107,11 +108,10 @@ def test_momentum_is_accounted_for_in_every_contact(mass, speed):
     for _ in range(40):
         start, flying = momentum(simulation), world.bodies.velocities[body, :3].copy()
         simulation.step()
-        touches = simulation._contact.touches
+        touches = simulation.state.contacts
         push = touches.impulse[touches.body == body].sum(axis=0)
         if len(touches):
-            drag = simulation._debris  # the world's bodies that carry no part feel no air
-            assert drag.carrier.max(initial=-1) != body
+            assert simulation.state.carrier.max(initial=-1) != body
             np.testing.assert_allclose(mass * (seen[-1] - flying), -push, atol=1e-9 * mass)
             held = forest.joint_wrenches[0, :3] * _DT
             left = momentum(simulation) - start - push - held - weight
@@ -124,17 +124,17 @@ def test_momentum_is_accounted_for_in_every_contact(mass, speed):
 def test_a_heavy_block_takes_what_two_bodies_would_share():
     """Slow a block by the mass that the bough shows there: m·v = (m + M)·v'."""
     simulation = single(gallows())
-    forest = simulation._grove.forest
+    forest = simulation.state.forest
     top = 2.0 + 0.5 * float(simulation.blueprint.size[-1, 0])
     body = drop(simulation, (1.7, 0.0, top + 0.1), 3.0, 0.2, (0.0, 0.0, -3.0))
     point = np.array([1.7, 0.0, top])
     row = int(np.argmin(np.linalg.norm(forest.poses[:, :3] - point, axis=1)))
     shown = forest.effective_mass(row, point, (0.0, 0.0, 1.0))
     simulation.step()
-    push = -simulation._contact.touches.impulse[:, 2].sum()
+    push = -simulation.state.contacts.impulse[:, 2].sum()
     speed = 3.0 + 9.81 * _DT
     assert push == pytest.approx(3.0 * speed * shown / (3.0 + shown), rel=0.01)
-    assert simulation._world.bodies.velocities[body, 2] == pytest.approx(
+    assert simulation.state.world.bodies.velocities[body, 2] == pytest.approx(
         push / 3.0 - speed, rel=0.01)
 
 
@@ -142,14 +142,14 @@ def test_a_falling_branch_is_thrown_off_its_way():
     """Deflect a thin branch that falls on a bough, which swings down in turn."""
     simulation = single(gallows(radius=0.03))
     pose = np.array([1.5, 0.5, 3.0, np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # along y
-    body = simulation._world.add_body(Shape.CAPSULE, np.array([0.06, 0.06, 1.6]), 3.0, pose)
+    body = simulation.state.world.add_body(Shape.CAPSULE, np.array([0.06, 0.06, 1.6]), 3.0, pose)
     simulation.step(20)
-    assert not len(simulation._contact.touches)
+    assert not len(simulation.state.contacts)
     lowest = 0.0
     for _ in range(40):
         simulation.step()
         lowest = min(lowest, float((simulation.poses - simulation.blueprint.poses)[-1, 2]))
-    state = simulation._world.bodies
+    state = simulation.state.world.bodies
     assert lowest < -0.01
     assert abs(state.velocities[body, 3]) > 0.5  # it tips over the bough
 
@@ -161,13 +161,13 @@ def test_a_tree_felled_onto_another_comes_to_rest():
     scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'falls')
     scene.add(tree, (1.3, 0.2, 0.0), 1.0, 'stands')
     simulation = Simulation(scene)
-    forest = simulation._grove.forest
-    forest.release(int(simulation._grove.row_of_part[1]))
+    forest = simulation.state.forest
+    forest.release(int(simulation.state.parts.row[1]))
     forest.push(np.array([8]), forest.poses[[8], :3], np.array([[60.0, 0.0, 0.0]]))
     met = 0
     for _ in range(1200):
         simulation.step()
-        met += int((simulation._contact.touches.other >= 0).any())
+        met += int((simulation.state.contacts.other >= 0).any())
     assert met > 3
     assert np.abs(simulation.velocities[:len(tree)]).max() < 0.1
     assert simulation.poses[:, 2].min() > -0.01
@@ -179,7 +179,7 @@ def test_crowns_that_hit_the_ground_hardly_sink_in():
     simulation = Simulation(Scene.from_parameters({
         'scene': {'objects': ['pine']}, 'wind': {'velocity': [0.0, 0.0, 0.0]},
         'pine': {'grammar': 'pine.lsys', 'count': 2, 'layout': 'row', 'spacing': 1.5}}))
-    forest = simulation._grove.forest
+    forest = simulation.state.forest
     sizes = simulation.blueprint.solid_size(forest.parts)
     for root in np.flatnonzero(forest.parents < 0).tolist():
         forest.release(root)
@@ -217,13 +217,13 @@ def test_branches_do_not_pass_through_a_wall():
     scene.add(slab(0.3, 6, 3.0), (reach + 0.35, 0.0, 0.0), 0.0, 'wall')
     simulation = Simulation(scene)
     simulation.set_wind((18.0, 0.0, 0.0))
-    forest = simulation._grove.forest
+    forest = simulation.state.forest
     sizes = simulation.blueprint.size[forest.parts]
     face = reach + 0.2
     deepest, touched = 0.0, 0
     for _ in range(240):
         simulation.step()
-        touches = simulation._contact.touches
+        touches = simulation.state.contacts
         touched += int((touches.part >= 0).any())
         turn = simulation.poses[:len(forest), 3:]
         axis = 2.0 * (turn[:, 0] * turn[:, 2] + turn[:, 3] * turn[:, 1])
@@ -232,7 +232,7 @@ def test_branches_do_not_pass_through_a_wall():
         deepest = max(deepest, float(ends.max()) - face)
     assert touched > 20
     assert deepest < 0.02
-    assert simulation._buildings.standing[len(forest):].all()
+    assert simulation.state.standing[len(forest):].all()
 
 
 @pytest.mark.parametrize(('width', 'length', 'count'), [
@@ -288,7 +288,7 @@ def test_nothing_changes_where_nothing_touches():
         simulation = Simulation(scene, seed=1)
         simulation.set_wind((9.0, 0.0, 0.0))
         if blind:
-            simulation._contact.act = lambda time, time_step: None
+            simulation.stages = tuple(s for s in STAGES if s.name != 'contact')
         simulation.step(120)
         return simulation.poses
     assert np.array_equal(run(True), run(False))
@@ -319,12 +319,12 @@ def test_a_body_meets_a_tree_that_stands_still_unseen():
         simulation.set_observer((-20.0, 0.0, 2.0), (0.0, 0.0, 1.0, 0.0))
         simulation.set_wind((4.0, 2.0, 0.0))
         simulation.step(60)
-        assert len(simulation._grove.movers()) == (0 if culling else 4)
+        assert len(trees.movers(simulation.state)) == (0 if culling else 4)
         drop(simulation, (13.5, 0.0, 2.25), mass=4.0)
         pushed = np.zeros(3)
         for _ in range(20):
             simulation.step()
-            pushed += simulation._contact.touches.impulse.sum(axis=0)
+            pushed += simulation.state.contacts.impulse.sum(axis=0)
         return pushed
     seen, unseen = push({}), push({'frustum': True})
     assert seen[2] < -4.0

@@ -22,7 +22,7 @@ import pytest
 from procphys_ros.errors import CommandError
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition
-from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.simulation import Cause, demolition, Simulation
 
 DT = 1.0 / 60.0
 
@@ -59,8 +59,8 @@ def test_a_charge_turns_its_surroundings_to_dust_and_throws_the_rim():
     gone = np.isnan(simulation.poses[:, 0])
     assert gone[distance < 0.44].all() and not gone[distance > 0.46].any()
     rim = (distance > 0.46) & (distance < 0.49)
-    assert rim.any() and not simulation._buildings.standing[rim].any()
-    assert simulation._buildings.standing[distance > 1.0].all()
+    assert rim.any() and not simulation.state.standing[rim].any()
+    assert simulation.state.standing[distance > 1.0].all()
     events = simulation.events
     assert len(events) and (events['cause'] == Cause.DEMOLITION).mean() > 0.8
 
@@ -72,7 +72,7 @@ def test_a_small_charge_leaves_an_arch():
     simulation.step(120)
     above = np.abs(simulation.blueprint.poses[:, 0] - 3.3) < 0.5
     above &= simulation.blueprint.poses[:, 2] > 2.0
-    assert simulation._buildings.standing[above].all()
+    assert simulation.state.standing[above].all()
 
 
 def test_a_building_without_its_ground_floor_comes_down():
@@ -90,7 +90,7 @@ def test_a_building_without_its_ground_floor_comes_down():
 def test_default_charges_are_fired_from_the_middle_out():
     """Lay charges along the walls, the later the farther from the middle."""
     simulation = stand(building(side=12, storeys=1, courses=34, windows=2))
-    plan = simulation._arsenal._charges.implosion()
+    plan = demolition.implosion(simulation.model, simulation.state)
     away = np.linalg.norm(plan.places[:, :2] - plan.places[:, :2].mean(axis=0), axis=1)
     assert np.all(np.diff(np.asarray(plan.delays)[np.argsort(away)]) >= 0.0)
     assert (plan.places[:, 2] > 0.2).all() and (plan.places[:, 2] < 2.2).all()
@@ -119,4 +119,4 @@ def test_reset_disarms_charges():
     simulation.demolish(Demolition([0.2], [1.0, 0.0, 0.4], [0.5]))
     simulation.reset()
     simulation.step(30)
-    assert simulation._buildings.standing.all() and simulation.bonds_broken == 0
+    assert simulation.state.standing.all() and simulation.bonds_broken == 0

@@ -71,9 +71,9 @@ def tower(drop=0.0, wind=(0.0, 0.0, 0.0), **groups):
 def fallen(drop, seconds=3.0):
     """Cut a tower off the ground and let it fall."""
     simulation = tower(drop)
-    solver = simulation._buildings.solver
+    solver = simulation.state.solver
     simulation.step()
-    solver.cut(np.arange(len(simulation._buildings.graph)))
+    solver.cut(np.arange(len(simulation.state.solver.graph)))
     simulation.step(round(seconds / STEP))
     return simulation
 
@@ -246,7 +246,7 @@ def test_a_fall_gives_dust_in_proportion_to_the_height():
         mass = simulation.blueprint.mass.sum()
         joints = simulation.blueprint.bond_area.sum() * 18.0
         height = simulation.blueprint.poses[:, 2].mean() - simulation.poses[:, 2].mean()
-        spent = total_mass(simulation._dust.cloud) / DUST_PER_ENERGY
+        spent = total_mass(simulation.state.dust.cloud) / DUST_PER_ENERGY
         assert spent - joints == pytest.approx(mass * 9.81 * height, rel=0.1)
 
 
@@ -268,7 +268,7 @@ def test_a_projectile_gives_dust_for_the_energy_it_leaves_in_a_wall():
     simulation = Simulation(scene)
     ball = simulation.launch(Projectile('sphere', 0.2, 20.0, (0.675, -2.0, 0.4), (0.0, 30.0, 0.0)))
     simulation.step(3)
-    cloud = simulation._dust.cloud
+    cloud = simulation.state.dust.cloud
     assert total_mass(cloud) == 0.0
     simulation.step(2)
     speed, bricks = simulation.velocities[:, :3] ** 2, slice(0, 63)
@@ -283,14 +283,14 @@ def test_standing_and_resting_things_do_not_smoke():
     """Give no dust at all from a standing tower, and none from one that lies still."""
     simulation = tower()
     simulation.step(60)
-    assert total_mass(simulation._dust.cloud) == 0.0
+    assert total_mass(simulation.state.dust.cloud) == 0.0
     simulation = fallen(1.0, seconds=6.0)
-    before = total_mass(simulation._dust.cloud)
+    before = total_mass(simulation.state.dust.cloud)
     assert before > 0.0
     simulation.step(120)
-    assert simulation._dust.cloud.owed == pytest.approx(
-        before - simulation._dust.cloud.mass[simulation._dust.cloud.state > 0].sum(), abs=1e-4)
-    assert total_mass(simulation._dust.cloud) <= before * (1.0 + 1e-9)
+    cloud = simulation.state.dust.cloud
+    assert cloud.owed == pytest.approx(before - cloud.mass[cloud.state > 0].sum(), abs=1e-4)
+    assert total_mass(cloud) <= before * (1.0 + 1e-9)
 
 
 def test_reset_clears_the_air():
@@ -308,7 +308,7 @@ def test_switched_off_dust_changes_nothing():
     runs = []
     for enabled in (True, False):
         simulation = tower(2.0, dust={'enabled': enabled})
-        simulation._buildings.solver.cut(np.arange(len(simulation._buildings.graph)))
+        simulation.state.solver.cut(np.arange(len(simulation.state.solver.graph)))
         simulation.step(90)
         runs.append((simulation.poses, len(simulation.dust.ages)))
     assert np.array_equal(runs[0][0], runs[1][0])

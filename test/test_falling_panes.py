@@ -24,8 +24,7 @@ import pytest
 from procphys_ros import rotation
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Cause, Simulation
-from procphys_ros.simulation.rubble import falling_panes
+from procphys_ros.simulation import Cause, fragments, glass, Simulation
 
 PANE = 2
 
@@ -115,13 +114,14 @@ def test_what_falls_onto_the_glass_of_rubble_breaks_it(mass, holds):
 def test_shards_carry_on_mass_and_momentum_of_their_pane():
     """Break the pane of a spinning window in flight: nothing else changes."""
     simulation = dropped(window(), 10.0, 0.1)
-    body = int(simulation._debris.carrier[PANE])
-    simulation._world.set_velocities(np.array([body]), np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]]))
-    simulation._debris.carry(simulation.poses, simulation.velocities)
+    body = int(simulation.state.carrier[PANE])
+    motion = np.array([[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]])
+    simulation.state.world.set_velocities(np.array([body]), motion)
+    fragments.write_poses(simulation.model, simulation.state, simulation.time_step)
     before, where = mass_and_momentum(simulation), simulation.poses.copy()
-    simulation._impacts._panes._load[:] = 2.0
-    assert simulation._impacts._panes.shatter(simulation.time)
-    simulation._debris.carry(simulation.poses, simulation.velocities)
+    simulation.state.glass.load[:] = 2.0
+    assert glass.shatter_loose(simulation.model, simulation.state)
+    fragments.write_poses(simulation.model, simulation.state, simulation.time_step)
     assert len(simulation.blueprint) == 4 + 16
     np.testing.assert_allclose(mass_and_momentum(simulation), before, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(simulation.poses[[0, 1, 3]], where[[0, 1, 3]], atol=1e-9)
@@ -142,13 +142,13 @@ def test_broken_bonds_are_told_where_they_are():
 
 def test_shards_wait_for_room(monkeypatch):
     """Keep a broken pane in its piece while too much moves, and let it fall out after that."""
-    monkeypatch.setattr(falling_panes, '_BODIES', 0)
-    monkeypatch.setattr(falling_panes, '_SHARDS', 3)
+    monkeypatch.setattr(glass, 'BODIES', 0)
+    monkeypatch.setattr(glass, 'SHARDS', 3)
     simulation = dropped(lying(window()), 3.0, 0.9)
-    assert is_whole(simulation) and simulation._impacts._panes.waiting
+    assert is_whole(simulation) and glass.is_waiting(simulation.state)
     monkeypatch.undo()
     simulation.step()
-    assert not is_whole(simulation) and not simulation._impacts._panes.waiting
+    assert not is_whole(simulation) and not glass.is_waiting(simulation.state)
 
 
 def test_same_fall_twice_and_after_reset():

@@ -109,11 +109,11 @@ class _Fall:
             self.energies.append(_energy(simulation))
             speed = np.linalg.norm(simulation.velocities[:count, :3], axis=1)
             self.fastest = max(self.fastest, float(speed.max()))
-            cloud = simulation._dust.cloud
+            cloud = simulation.state.dust.cloud
             self.dust.append(cloud.mass[cloud.state > 0].sum() + cloud.owed)
             free, before = self._fall(free, before)
             if i % 10 == 0:
-                stands = simulation._buildings.standing
+                stands = simulation.state.standing
                 way = (simulation.poses[:count] - self.plan.poses)[stands[:count], :3]
                 self.drift = max(self.drift, np.abs(way).max(initial=0.0))
                 whole = np.setdiff1d(np.arange(len(self.plan.bonds)), simulation.events['bond'])
@@ -123,17 +123,18 @@ class _Fall:
     def _weigh(self) -> tuple[float, float]:
         """Give what the bonds to the ground push up with, and the weight of what they carry."""
         simulation = self.simulation
-        solver, stands = simulation._buildings.solver, simulation._buildings.standing
+        solver, stands = simulation.state.solver, simulation.state.standing
         feet = solver.graph.grounded()
         push = np.einsum('kij,kj->ki', solver.graph.axes[feet], solver.wrenches()[feet, :3])
         sign = np.where(solver.graph.first[feet] == solver.graph.count, -1.0, 1.0)
-        lying = simulation._bearing._given[:len(stands)][stands, 2]
+        parts, wrenches = simulation.state.loads.layer('debris')
+        lying = wrenches[stands[parts], 2]
         weight = 9.81 * simulation.blueprint.mass[:len(stands)][stands].sum()
         return float(sign @ push[:, 2]), float(weight - lying.sum())
 
     def _fall(self, free: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compare the speeds of bodies that touched nothing in this step and the last."""
-        world = self.simulation._world
+        world = self.simulation.state.world
         touching = np.unique(np.concatenate([world.contacts().body_a, world.contacts().body_b]))
         loose = np.setdiff1d(world.awake, touching)
         both, old, _ = np.intersect1d(free, loose, return_indices=True)
@@ -196,7 +197,7 @@ def test_standing_walls_do_not_wobble(fall: _Fall):
 
 def _sinking(simulation: Simulation) -> np.ndarray:
     """Wake all that lies about; give how far each body has come down within 0.2 s [m]."""
-    world = simulation._world
+    world = simulation.state.world
     resting = np.flatnonzero(world.bodies.state == State.RESTING)
     before = world.bodies.poses[resting, 2].copy()
     world.thaw(resting)
@@ -217,13 +218,13 @@ def test_no_bricks_float_in_the_air(fall: _Fall):
     pairs = np.where(fall.plan.bonds[whole] == GROUND, count, fall.plan.bonds[whole])
     links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count + 1, count + 1))
     island = connected_components(links)[1]
-    standing = np.flatnonzero(simulation._buildings.standing[:count])
+    standing = np.flatnonzero(simulation.state.standing[:count])
     assert (island[standing] == island[count]).all()
     sunk = _sinking(simulation)
     print(f'{len(sunk)} pieces, woken, come down by {1e3 * sunk.max():.0f} mm at most; at rest at '
           f'{simulation.time:.0f} s')
     assert len(sunk) > 100 and sunk.max() < 0.5 * _FREE
-    world = simulation._world
+    world = simulation.state.world
     for _ in range(240):
         world.step(_STEP)
     brick = np.flatnonzero(world.bodies.state == State.RESTING)[[0]]

@@ -195,10 +195,10 @@ def test_more_wind_takes_more_leaves_and_little_wind_none():
     counts = []
     for speed in (16.9, 25.0, 40.0, 70.0):
         simulation = simulate(speed)
-        critical = simulation._foliage.critical_speed
+        critical = simulation.model.leaves.critical_speed
         simulation.step()
         gone = np.zeros(len(critical), bool)
-        gone[simulation._foliage.fallen.leaf] = True
+        gone[simulation.state.leaves.fallen.leaf] = True
         # The branches have started to move with the wind, by very little.
         assert not gone[critical > speed].any() and gone[critical < 0.95 * speed].all()
         counts.append(gone.sum())
@@ -211,13 +211,13 @@ def test_a_bare_tree_feels_less_wind():
     for shedding in (True, False):
         simulation = simulate(60.0, leaves={'shedding': shedding})
         simulation.step(300)
-        bends[shedding] = np.abs(simulation._grove.forest.bends).max()
+        bends[shedding] = np.abs(simulation.state.forest.bends).max()
     assert bends[True] < 0.95 * bends[False]
     simulation = simulate(60.0)
     simulation.step(20)
     first = simulation.poses.copy()
     simulation.reset()
-    assert len(simulation._foliage.fallen) == 0 and simulation._foliage.attached.all()
+    assert len(simulation.state.leaves.fallen) == 0 and simulation.state.leaves.attached.all()
     simulation.step(20)
     assert np.array_equal(simulation.poses, first)
 
@@ -239,10 +239,10 @@ def test_leaf_area_that_is_left_adds_up():
     """Take exactly the area of the leaves that fell out of the drag."""
     simulation = simulate(35.0)
     simulation.step(10)
-    foliage, tree = simulation._foliage, simulation.blueprint
+    foliage, tree = simulation.state.leaves, simulation.blueprint
     left = np.bincount(tree.leaves.part, tree.leaves.size ** 2 * foliage.attached,
                        minlength=len(tree))
-    assert foliage._left == pytest.approx(left, abs=1e-12)
+    assert foliage.left == pytest.approx(left, abs=1e-12)
     assert 0 < foliage.attached.sum() < len(tree.leaves)
 
 
@@ -257,7 +257,7 @@ def test_switched_off_leaves_change_nothing():
     tree = storm.blueprint
     riding = rotation.compose(storm.poses[tree.leaves.part], tree.leaves.pose)
     assert np.abs(storm.leaf_poses() - riding).max() < 1e-12
-    assert len(storm._foliage.fallen) == 0
+    assert len(storm.state.leaves.fallen) == 0
     assert np.array_equal(on.poses, calm.poses)  # flutter is for the eye and changes no drag
 
 
@@ -293,7 +293,7 @@ def test_fallen_leaves_come_down_and_stay():
     simulation.step(5)
     simulation.set_wind((0.0, 0.0, 0.0))
     simulation.step(600)
-    fallen = simulation._foliage.fallen
+    fallen = simulation.state.leaves.fallen
     assert len(fallen) > 0 and len(np.unique(fallen.leaf)) == len(fallen)
     assert not fallen.flying.any()
     poses = simulation.leaf_poses()[fallen.leaf]

@@ -26,7 +26,7 @@ from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.touch import overlap
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.contact.course import Course
+from procphys_ros.simulation.pose_interpolator import PoseInterpolator
 
 _DT = 1.0 / 60.0
 _TURN = [0.0, 0.0, 0.0, 1.0]
@@ -58,9 +58,9 @@ def drive(simulation: Simulation, start: np.ndarray, velocity: np.ndarray, durat
         simulation.step()
 
 
-def wall(length: int = 8, courses: int = 8) -> Blueprint:
+def wall(length: int = 8, paths: int = 8) -> Blueprint:
     """Stack a wall of blocks along y."""
-    centres = [[0.0, 0.5 * j + 0.25 * (i % 2), 0.25 * i + 0.125] for i in range(courses)
+    centres = [[0.0, 0.5 * j + 0.25 * (i % 2), 0.25 * i + 0.125] for i in range(paths)
                for j in range(length)]
     return bonded(centres, (0.2, 0.49, 0.24), gap=0.02)
 
@@ -76,11 +76,11 @@ def test_it_pushes_a_mast_aside_with_the_force_of_its_stiffness():
         if round(simulation.time / _DT) % 6 == 0:
             simulation.place_intruder([*(start + [way, 0.0, 0.0]), *_TURN])
         simulation.step()
-    assert simulation.intruder.pose[0] == pytest.approx(start[0] + 0.05 + push, abs=1e-9)
+    assert simulation.intruder_pose[0] == pytest.approx(start[0] + 0.05 + push, abs=1e-9)
     simulation.step(120)
-    force = simulation.intruder.smooth_wrench[0]
+    force = simulation.smooth_intruder_wrench[0]
     assert -force == pytest.approx(3.0 * BENDING * push / height ** 3, rel=0.05)
-    assert simulation.intruder.wrench[0] == pytest.approx(force, rel=0.02)
+    assert simulation.intruder_wrench[0] == pytest.approx(force, rel=0.02)
 
 
 def test_the_mast_springs_back_when_it_leaves():
@@ -91,8 +91,8 @@ def test_the_mast_springs_back_when_it_leaves():
     simulation.place_intruder([-50.0, 0.0, 3.0, *_TURN])
     simulation.step(600)
     assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-3
-    assert np.abs(simulation.intruder.wrench).max() == 0.0
-    assert np.abs(simulation.intruder.smooth_wrench).max() < 1e-6
+    assert np.abs(simulation.intruder_wrench).max() == 0.0
+    assert np.abs(simulation.smooth_intruder_wrench).max() < 1e-6
 
 
 def test_it_pushes_loose_blocks_along():
@@ -102,7 +102,7 @@ def test_it_pushes_loose_blocks_along():
     Friction on the pushed side may press the block down as well: F = μ(m·g + μ·F) at most.
     """
     simulation = scene_of(mast(), shape='box', size=[0.5, 0.5, 0.5])
-    body = simulation._world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
+    body = simulation.state.world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
                                       np.array([5.0, 0.0, 0.2, *_TURN]))
     forces = []
     start = np.array([4.3, 0.0, 0.3])
@@ -110,8 +110,8 @@ def test_it_pushes_loose_blocks_along():
         if i % 3 == 0:
             simulation.place_intruder([*(start + [0.4 * simulation.time, 0.0, 0.0]), *_TURN])
         simulation.step()
-        forces.append(simulation.intruder.smooth_wrench[0])
-    assert simulation._world.bodies.velocities[body, 0] == pytest.approx(0.4, abs=0.05)
+        forces.append(simulation.smooth_intruder_wrench[0])
+    assert simulation.state.world.bodies.velocities[body, 0] == pytest.approx(0.4, abs=0.05)
     friction, weight = 0.7, 20.0 * 9.81
     least, most = friction * weight, friction * weight / (1.0 - friction ** 2)
     assert 0.95 * least < -np.mean(forces[-60:]) < 1.05 * most
@@ -123,7 +123,7 @@ def test_a_slow_push_loads_a_wall_and_a_drive_breaks_it():
     simulation.place_intruder([-0.2 - 0.1 + 2e-5, 1.0, 0.375, *_TURN])
     simulation.step(30)
     assert simulation.bonds_broken == 0
-    assert simulation.intruder.wrench[0] < -100.0
+    assert simulation.intruder_wrench[0] < -100.0
     assert np.array_equal(simulation.poses, simulation.blueprint.poses)
     simulation = scene_of(wall(), shape='box', size=[1.0, 1.0, 1.0])
     drive(simulation, np.array([-1.0, 1.0, 1.0]), np.array([3.0, 0.0, 0.0]), 1.0)
@@ -135,14 +135,14 @@ def test_a_slow_push_loads_a_wall_and_a_drive_breaks_it():
 
 def test_poses_at_a_low_rate_make_an_even_motion():
     """Pass through every pose one interval late, evenly, and stop at the last."""
-    course = Course()
+    path = PoseInterpolator()
     seen = []
     for i in range(40):
         time = i * _DT
         if i % 6 == 0 and i <= 24:
-            course.aim(np.array([0.5 * time, 0.0, 1.0, *_TURN]), time)
-        velocity = course.advance(time, _DT)
-        seen.append((course.pose[0], velocity[0]))
+            path.set_target(np.array([0.5 * time, 0.0, 1.0, *_TURN]), time)
+        velocity = path.advance(time, _DT)
+        seen.append((path.pose[0], velocity[0]))
     place, speed = np.array(seen).T
     np.testing.assert_allclose(speed[6:30], 0.5, rtol=1e-9)
     np.testing.assert_allclose(place[29], 0.5 * 24 * _DT, rtol=1e-9)
@@ -151,21 +151,21 @@ def test_poses_at_a_low_rate_make_an_even_motion():
 
 def test_turns_are_followed_too():
     """Turn evenly from one attitude to the next."""
-    course = Course()
-    course.aim(np.array([0.0, 0.0, 1.0, *_TURN]), 0.0)
-    course.aim(np.concatenate([[0.0, 0.0, 1.0], rotation.from_yaw(0.4)]), 0.1)
+    path = PoseInterpolator()
+    path.set_target(np.array([0.0, 0.0, 1.0, *_TURN]), 0.0)
+    path.set_target(np.concatenate([[0.0, 0.0, 1.0], rotation.from_yaw(0.4)]), 0.1)
     for i in range(6):
-        velocity = course.advance(0.1 + i * _DT, _DT)
+        velocity = path.advance(0.1 + i * _DT, _DT)
         assert velocity[5] == pytest.approx(4.0, rel=1e-6)
-    np.testing.assert_allclose(course.pose[3:], rotation.from_yaw(0.4), atol=1e-9)
+    np.testing.assert_allclose(path.pose[3:], rotation.from_yaw(0.4), atol=1e-9)
 
 
 def test_a_jump_is_no_motion():
     """Put it somewhere else at once rather than at 1 km/s."""
-    course = Course()
-    course.aim(np.array([0.0, 0.0, 1.0, *_TURN]), 0.0)
-    assert course.aim(np.array([100.0, 0.0, 1.0, *_TURN]), 0.1)
-    assert np.abs(course.advance(0.1, _DT)).max() == 0.0
+    path = PoseInterpolator()
+    path.set_target(np.array([0.0, 0.0, 1.0, *_TURN]), 0.0)
+    assert path.set_target(np.array([100.0, 0.0, 1.0, *_TURN]), 0.1)
+    assert np.abs(path.advance(0.1, _DT)).max() == 0.0
 
 
 @pytest.mark.parametrize('pose', [[0, 0, 1], [0, 0, np.nan, 0, 0, 0, 1], [0] * 7,
@@ -175,7 +175,7 @@ def test_what_is_no_pose_is_refused(pose):
     simulation = scene_of(mast(), shape='sphere', size=0.2)
     with pytest.raises(CommandError, match='intruder'):
         simulation.place_intruder(pose)
-    assert simulation.intruder.pose is None
+    assert simulation.intruder_pose is None
 
 
 @pytest.mark.parametrize('settings', [{'shape': 'cone'}, {'size': 0.0}, {'size': [1, 2]},
@@ -195,7 +195,7 @@ def test_reset_takes_it_away():
         drive(simulation, np.array([-1.0, 1.0, 1.0]), np.array([3.0, 0.0, 0.0]), 0.7)
         runs.append(simulation.poses.copy())
         simulation.reset()
-        assert simulation.intruder.pose is None
+        assert simulation.intruder_pose is None
     assert np.array_equal(*runs)
 
 

@@ -55,7 +55,7 @@ def scene_of(*placed: tuple[Blueprint, tuple], gravity: float = 9.81) -> Simulat
 
 def falling(simulation: Simulation, kind: str, mass: float, speed: float) -> int:
     """Put something right above the bough, 1.75 m from the post, on its way down."""
-    world, velocity = simulation._world, np.array([0.0, 0.0, -speed, 0.0, 0.0, 0.0])
+    world, velocity = simulation.state.world, np.array([0.0, 0.0, -speed, 0.0, 0.0, 0.0])
     over = np.array([1.75, 0.0, 2.0 + _RADIUS + 1e-6])
     if kind == 'ball':
         return world.add_body(Shape.CAPSULE, np.full(3, 0.1), mass,
@@ -79,18 +79,18 @@ def falling(simulation: Simulation, kind: str, mass: float, speed: float) -> int
 def test_whatever_hits_a_bough_is_stopped_by_the_mass_that_it_shows(kind, mass):
     """Pass on m·v·M / (m + M), with M of the tree at this point, to 1 % on both sides."""
     simulation = scene_of((bough(), (0.0, 0.0, 0.0)), gravity=0.0)
-    forest = simulation._grove.forest
+    forest = simulation.state.forest
     body = falling(simulation, kind, mass, 5.0)
     point = np.array([1.75, 0.0, 2.0 + _RADIUS])
     row = int(np.argmin(np.linalg.norm(forest.poses[:, :3] - point, axis=1)))
     shown = forest.effective_mass(row, point, (0.0, 0.0, 1.0))
-    before = simulation._world.bodies.velocities[body, 2]
+    before = simulation.state.world.bodies.velocities[body, 2]
     simulation.step()
-    touches = simulation._contact.touches
+    touches = simulation.state.contacts
     assert (touches.row == row).all() and (touches.body == body).all()
     push = -touches.impulse[:, 2].sum()
     assert push == pytest.approx(mass * 5.0 * shown / (mass + shown), rel=0.01)
-    after = simulation._world.bodies.velocities[body, 2]
+    after = simulation.state.world.bodies.velocities[body, 2]
     assert mass * (after - before) == pytest.approx(push, rel=0.01)
 
 
@@ -133,13 +133,13 @@ def test_a_pebble_at_100_m_s_does_not_miss_a_twig(start, height):
     assert simulation.impacts
     simulation = scene_of((twig, (0.0, 0.0, 0.0)))
     pose = np.array([0.005, start, height, *_TURN])
-    body = simulation._world.add_projectile(Shape.CAPSULE, np.full(3, size), mass, pose,
+    body = simulation.state.world.add_projectile(Shape.CAPSULE, np.full(3, size), mass, pose,
                                             np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0]))
     given = 0.0
     for _ in range(5):
         simulation.step()
-        given -= simulation._contact.touches.impulse[:, 1].sum()
-    slower = 100.0 - simulation._world.bodies.velocities[body, 1]
+        given -= simulation.state.contacts.impulse[:, 1].sum()
+    slower = 100.0 - simulation.state.world.bodies.velocities[body, 1]
     assert -given > 0.1 and mass * slower == pytest.approx(-given, rel=0.01)
 
 
@@ -161,8 +161,8 @@ def log(length: float = 4.0, radius: float = 0.1, density: float = 700.0) -> Blu
 
 def lay(simulation: Simulation, thing: str, place: tuple, attitude: np.ndarray) -> None:
     """Take a stem off its root, all but the lowest segment, and put it somewhere else."""
-    forest = simulation._grove.forest
-    row = int(simulation._grove.row_of_part[simulation.names.index(f'{thing}/1')])
+    forest = simulation.state.forest
+    row = int(simulation.state.parts.row[simulation.names.index(f'{thing}/1')])
     forest.release(row)
     forest.poses[row] = np.concatenate([place, attitude])
 
@@ -171,7 +171,7 @@ def is_still(simulation: Simulation) -> bool:
     """Say whether everything rests: no body awake, no bough flexible, and not a bit changes."""
     before = simulation.poses.copy()
     simulation.step(60)
-    return (simulation.awake_bodies == 0 and not len(simulation._grove.forest.free_roots)
+    return (simulation.awake_bodies == 0 and not len(simulation.state.forest.free_roots)
             and np.array_equal(before, simulation.poses))
 
 
@@ -184,12 +184,12 @@ def test_a_stem_lies_on_a_roof_with_its_weight():
     simulation = scene_of((portal(), (0.0, 0.0, 0.0)), (log(), (8.0, 0.0, 0.0)))
     lay(simulation, 'thing_1', (0.0, -1.8, 2.4), _LYING)
     weight = 9.81 * simulation.blueprint.mass[14:].sum()
-    layers, loads = simulation._arsenal.loads._layers, {}
+    loads = {}
     for _ in range(240):
-        stage = 'branches' if len(simulation._grove.forest.free_roots) else 'debris'
+        stage = 'branches' if len(simulation.state.forest.free_roots) else 'debris'
         simulation.step()
-        if stage in layers:
-            parts, wrenches = layers[stage]
+        if stage in simulation.state.loads.sources:
+            parts, wrenches = simulation.state.loads.layer(stage)
             assert (parts >= 8).all()  # the lintel's
             loads[stage] = wrenches[:, 2].sum()
     assert loads == pytest.approx({'branches': -weight, 'debris': -weight}, rel=0.03)
@@ -243,8 +243,8 @@ def test_trees_that_collide_share_their_momentum():
     lay(simulation, 'thing_0', (4.0, 0.0, 3.0), _LYING)
     lay(simulation, 'thing_1', (2.5, 2.3, 3.4), _ACROSS)
     simulation.step()
-    forest, objects = simulation._grove.forest, simulation.objects
-    own = [simulation._grove.row_of_part[np.arange(o.first + 1, o.first + o.count)]
+    forest, objects = simulation.state.forest, simulation.objects
+    own = [simulation.state.parts.row[np.arange(o.first + 1, o.first + o.count)]
            for o in objects]
     mass = simulation.blueprint.mass[forest.parts]
     for row in own[1]:
@@ -258,7 +258,7 @@ def test_trees_that_collide_share_their_momentum():
     start, pushed = momenta(), np.zeros(3)
     for _ in range(20):
         simulation.step()
-        touches = simulation._contact.touches
+        touches = simulation.state.contacts
         sign = np.where(np.isin(touches.row, own[0]), 1.0, -1.0)
         pushed += (sign[:, None] * touches.impulse).sum(axis=0)
     end, scale = momenta(), np.linalg.norm(start)

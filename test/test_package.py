@@ -43,12 +43,8 @@ LAYERS = {
     'physics.loads': 3, 'physics.dust': 3, 'physics.foliage': 3, 'physics.touch': 3,
     'physics.world': 4,
     'scene': 5,
-    'simulation.bounds': 6.0, 'simulation.cues': 6.0, 'simulation.debris': 6.0,
-    'simulation.events': 6.0, 'simulation.naming': 6.0, 'simulation.observer': 6.1,
-    'simulation.wrenches': 6.1, 'simulation.trees': 6.2, 'simulation.standing': 6.3,
-    'simulation.strikes': 6.4, 'simulation.rubble': 6.5, 'simulation.contact': 6.6,
-    'simulation.particles': 6.7, 'simulation.simulation': 6.8, 'simulation': 6.9,
-    'messages': 7, 'render': 8, 'command_line': 8, 'export': 8.5, 'ros': 9,
+    'simulation': 6,
+    'messages': 7, 'render': 8, 'command_line': 8, 'export': 9, 'ros': 10,
 }
 # Who may know a library that the rest of the house must not depend on.
 ONLY_IN = {
@@ -63,7 +59,7 @@ ONLY_IN = {
 def layer_name(module: str) -> str:
     """Name the layer of a dotted module inside the package."""
     parts = module.split('.')
-    depth = 2 if parts[0] in ('physics', 'simulation') else 1
+    depth = 2 if parts[0] == 'physics' else 1
     return '.'.join(parts[:depth])
 
 

@@ -21,6 +21,7 @@ import pytest
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.simulation.parts import Owner
 
 CONFIG = shared_folder() / 'config'
 NAMES = sorted(path.stem for path in CONFIG.glob('*.yaml'))
@@ -45,7 +46,7 @@ def rows(simulation, name, kinds=None):
 
 def biggest(simulation):
     """Give the number of parts of the largest loose piece."""
-    return int(simulation._debris.size.max(initial=0))
+    return int(simulation.state.bodies.size.max(initial=0))
 
 
 @pytest.mark.parametrize('name', NAMES)
@@ -64,7 +65,7 @@ def test_palms_bend_in_the_gust_and_stand():
         stem = rows(simulation, f'palm_{i}')
         shift = (simulation.poses[stem, 0] - simulation.blueprint.poses[stem, 0])
         assert np.nanmax(shift) > 1.0
-        assert abs(shift[0]) < 0.2 and simulation._grove.holds(stem[0])
+        assert abs(shift[0]) < 0.2 and simulation.state.parts.owner[stem[0]] == Owner.TREE
 
 
 def test_a_super_strength_wind_fells_trees():

@@ -149,7 +149,7 @@ def test_a_broken_branch_keeps_its_momentum():
     while not simulation.bonds_broken:
         before = simulation.velocities.copy()
         simulation.step()
-    off = np.flatnonzero(simulation._debris.carrier >= 0)
+    off = np.flatnonzero(simulation.state.carrier >= 0)
     after = mass[off] @ simulation.velocities[off, :3]
     weight = np.array([0.0, 0.0, -9.81 * mass[off].sum() * simulation.time_step])
     assert np.isfinite(before).all()

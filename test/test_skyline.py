@@ -23,8 +23,8 @@ from procphys_ros.physics.dust import DustCloud, State
 from procphys_ros.physics.foliage import FallingLeaves
 from procphys_ros.physics.skyline import height_at, Skyline
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.standing.roofs import Roofs
+from procphys_ros.simulation import Simulation, skyline
+from procphys_ros.simulation.parts import Owner
 
 STEP = 1.0 / 60.0
 HOUSE = np.array([[-3.0, -2.0, 0.0, 3.0, 2.0, 5.0]])
@@ -132,12 +132,13 @@ def test_the_skyline_follows_what_stands():
     centres = np.array([[0.225 * i, 0.0, 0.0325 + 0.075 * j] for i in range(9) for j in range(10)])
     scene.add(bonded(centres, BRICK), name='wall')
     simulation = Simulation(scene)
-    roofs = Roofs(simulation.blueprint, simulation._buildings)
-    whole = roofs.skyline()
+    model, state = simulation.model, simulation.state
+    whole = skyline.current(model, state)
     top = BRICK[2] / 2.0 + 0.0325 + 0.075 * 9
     assert height_at(whole, 0.9, 0.0) == pytest.approx(top)
     simulation.step(40)
-    assert all(roofs.skyline() is whole for _ in range(40))
-    simulation._buildings.standing[centres[:, 2] > 0.4] = False
-    drawn = [roofs.skyline() for _ in range(20)][-1]
+    assert skyline.current(model, state) is whole
+    state.parts.owner[centres[:, 2] > 0.4] = Owner.GONE
+    state.time += 0.3
+    drawn = skyline.current(model, state)
     assert height_at(drawn, 0.9, 0.0) == pytest.approx(BRICK[2] / 2.0 + 0.0325 + 0.075 * 4)

@@ -59,7 +59,7 @@ def apart(simulation, events):
 def splinters(simulation, events):
     """Count the loose bodies that carry a piece of a board broken across the grain."""
     parts = np.unique(np.concatenate([events['part_a'], events['part_b']]))
-    carrier = simulation._debris.carrier[parts]
+    carrier = simulation.state.carrier[parts]
     return len(np.unique(carrier[carrier >= 0]))
 
 
@@ -70,7 +70,7 @@ def test_a_ball_breaks_boards_across_the_grain():
     simulation.step(20)
     events = broken_grain(simulation, grain)
     assert len(events) >= 4 and np.all(events['cause'] == Cause.IMPACT)
-    standing = simulation._buildings.standing
+    standing = simulation.state.standing
     stays = standing[events['part_a']] | standing[events['part_b']]
     assert np.any(stays & (apart(simulation, events) > 0.5))
     assert splinters(simulation, events) >= 2
@@ -173,7 +173,7 @@ def test_a_beam_breaks_where_its_concrete_does(share, breaks):
     simulation.apply_wrench(1, (0.0, 0.0, -force))
     simulation.step(10)
     assert (simulation.bonds_broken == 1) == breaks
-    assert simulation._buildings.standing[1] != breaks
+    assert simulation.state.standing[1] != breaks
 
 
 @pytest.mark.parametrize(('height', 'breaks'), [(0.08, False), (0.5, True)])

@@ -18,7 +18,7 @@
 import numpy as np
 import pytest
 
-from procphys_ros.simulation.standing.standing_loads import StandingLoads
+from procphys_ros.simulation.standing_loads import StandingLoads
 
 _DT = 1.0 / 60.0
 
@@ -27,8 +27,6 @@ class Slow:
     """Take loads as a stress solver does that is not done with them for a while."""
 
     def __init__(self):
-        self.graph = self
-        self.count = 3
         self.given: list[np.ndarray] = []
 
     def set_loads(self, force: np.ndarray, moment: np.ndarray) -> None:
@@ -43,50 +41,50 @@ def push(force: float) -> np.ndarray:
 def test_loads_that_jitter_wait_until_earlier_ones_are_judged():
     """Hand over what changes within a moment, then nothing before the judgement."""
     solver = Slow()
-    loads = StandingLoads(solver)
+    loads = StandingLoads(3)
     for i in range(60):
-        loads.put('debris', np.array([1]), push(100.0 + i))
-        loads.apply(i * _DT, _DT)
+        loads.set_layer('debris', np.array([1]), push(100.0 + i))
+        loads.apply(solver, i * _DT, _DT)
     assert 1 < len(solver.given) <= 7
-    loads.judged()
-    loads.apply(1.0, _DT)
+    loads.end_blows()
+    loads.apply(solver, 1.0, _DT)
     assert solver.given[-1][1, 2] == 159.0
     count = len(solver.given)
-    loads.judged()
-    loads.apply(1.0 + _DT, _DT)
+    loads.end_blows()
+    loads.apply(solver, 1.0 + _DT, _DT)
     assert len(solver.given) == count  # and nothing while nothing changes
 
 
 def test_blows_end_when_they_have_been_judged_and_those_in_between_are_kept():
     """Judge each blow once, on top of what lasts; one after the other on a part do not add up."""
     solver = Slow()
-    loads = StandingLoads(solver)
-    loads.put('wind', np.array([0, 1]), np.repeat(push(-5.0), 2, axis=0))
-    loads.strike(np.array([1]), push(1000.0))
-    loads.strike(np.array([1]), push(500.0))  # at the same time
-    loads.apply(0.0, _DT)
+    loads = StandingLoads(3)
+    loads.set_layer('wind', np.array([0, 1]), np.repeat(push(-5.0), 2, axis=0))
+    loads.add_blow(np.array([1]), push(1000.0))
+    loads.add_blow(np.array([1]), push(500.0))  # at the same time
+    loads.apply(solver, 0.0, _DT)
     assert solver.given[-1][:, 2] == pytest.approx([-5.0, 1495.0, 0.0])
     for i in range(30, 60):
-        loads.strike(np.array([2]), push(200.0 + i))
-        loads.apply(i * _DT, _DT)
+        loads.add_blow(np.array([2]), push(200.0 + i))
+        loads.apply(solver, i * _DT, _DT)
     assert len(solver.given) == 1
-    loads.judged()
-    loads.apply(1.0, _DT)
+    loads.end_blows()
+    loads.apply(solver, 1.0, _DT)
     assert solver.given[-1][:, 2] == pytest.approx([-5.0, -5.0, 259.0], rel=0.04)
-    loads.judged()
-    loads.apply(1.0 + _DT, _DT)
+    loads.end_blows()
+    loads.apply(solver, 1.0 + _DT, _DT)
     assert solver.given[-1][:, 2] == pytest.approx([-5.0, -5.0, 0.0])
 
 
 def test_blows_that_wait_too_long_are_over():
     """Forget a blow within seconds when nothing can be judged meanwhile."""
     solver = Slow()
-    loads = StandingLoads(solver)
-    loads.strike(np.array([0]), push(1000.0))
-    loads.apply(0.0, _DT)
-    loads.strike(np.array([1]), push(1000.0))
+    loads = StandingLoads(3)
+    loads.add_blow(np.array([0]), push(1000.0))
+    loads.apply(solver, 0.0, _DT)
+    loads.add_blow(np.array([1]), push(1000.0))
     for i in range(30, 210):
-        loads.apply(i * _DT, _DT)
-    loads.judged()
-    loads.apply(3.5, _DT)
+        loads.apply(solver, i * _DT, _DT)
+    loads.end_blows()
+    loads.apply(solver, 3.5, _DT)
     assert abs(solver.given[-1][1, 2]) < 5.0

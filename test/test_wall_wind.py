@@ -22,7 +22,7 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import exposed_faces, wall_forces
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import masonry, Simulation
 
 SHIPPED = ['barn', 'cottage', 'garden_wall', 'office', 'terrace', 'tower']
 WAYS = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (0.7071, 0.7071)]
@@ -41,51 +41,51 @@ def _let_answer(simulation, velocity, most=40.0):
     """Let a wind blow until the walls have answered to it."""
     simulation.set_wind((*velocity, 0.0))
     simulation.step(30)
-    while not simulation._buildings.stable and simulation.time < most:
+    while not masonry.is_stable(simulation.state) and simulation.time < most:
         simulation.step(30)
-    return simulation._buildings.solver.utilisation()[0].max()
+    return simulation.state.solver.utilisation()[0].max()
 
 
 @pytest.mark.parametrize('name', SHIPPED)
 def test_buildings_stand_a_gale_unbroken(name):
     """Blow at 25 m/s from all sides: walls and roofs feel it, and no bond breaks."""
     simulation = _blow(name)
-    calm = simulation._buildings.solver.utilisation()[0].max()
+    calm = simulation.state.solver.utilisation()[0].max()
     strained = [_let_answer(simulation, GALE * np.array(way)) for way in WAYS]
-    assert simulation._buildings.stable and simulation.bonds_broken == 0
+    assert masonry.is_stable(simulation.state) and simulation.bonds_broken == 0
     assert max(strained) > 1.02 * calm
 
 
 def test_a_cottage_cracks_in_a_storm_and_stands():
     """Crack joints of the upper storey at 28 m/s, but lose no brick; half of that does nothing."""
     simulation = _blow('cottage')
-    whole = np.count_nonzero(simulation._buildings.standing)
+    whole = np.count_nonzero(simulation.state.standing)
     _let_answer(simulation, (0.0, 14.0))
     assert simulation.bonds_broken == 0
     for along in (28.0, -28.0):
         _let_answer(simulation, (0.0, along))
     broken = simulation.events['part_a']
-    assert simulation._buildings.stable and 0 < len(broken) < 400
-    assert np.count_nonzero(simulation._buildings.standing) == whole
+    assert masonry.is_stable(simulation.state) and 0 < len(broken) < 400
+    assert np.count_nonzero(simulation.state.standing) == whole
     assert np.median(simulation.blueprint.poses[broken, 2]) > 2.7
 
 
 def test_a_hurricane_breaks_the_cottage():
     """Blow at 60 m/s along the ridge: parts come down, most of the walls is still there."""
     simulation = _blow('cottage')
-    whole = np.count_nonzero(simulation._buildings.standing)
+    whole = np.count_nonzero(simulation.state.standing)
     simulation.set_wind((60.0, 0.0, 0.0))
-    while np.count_nonzero(simulation._buildings.standing) > whole - 10 and simulation.time < 60.0:
+    while np.count_nonzero(simulation.state.standing) > whole - 10 and simulation.time < 60.0:
         simulation.step(15)
-    assert 0.5 * whole < np.count_nonzero(simulation._buildings.standing) <= whole - 10
+    assert 0.5 * whole < np.count_nonzero(simulation.state.standing) <= whole - 10
 
 
 def test_a_half_brick_garden_wall_falls_in_a_storm():
     """Blow it down at 35 m/s: the bending at its foot is then beyond its strength."""
     simulation = _blow('garden_wall')
-    wall = np.count_nonzero(simulation._buildings.standing)
+    wall = np.count_nonzero(simulation.state.standing)
     _let_answer(simulation, (0.0, 35.0))
-    assert np.count_nonzero(simulation._buildings.standing) < 0.1 * wall
+    assert np.count_nonzero(simulation.state.standing) < 0.1 * wall
 
 
 def test_wind_pushes_the_whole_cottage_as_hard_as_codes_say():

@@ -111,7 +111,7 @@ class Publishers:
             self._clock.publish(clock)
         if self._wind_info.get_subscription_count():
             self._publish_wind(simulation, at)
-        if (has_moved and simulation.intruder.pose is not None
+        if (has_moved and simulation.intruder_pose is not None
                 and self._intruder_wrench.get_subscription_count()):
             self._publish_intruder_wrench(simulation, at)
 
@@ -172,7 +172,7 @@ class Publishers:
         message = WrenchStamped()
         message.header.stamp.sec, message.header.stamp.nanosec = at
         message.header.frame_id = self._frame
-        wrench = simulation.intruder.smooth_wrench.tolist()
+        wrench = simulation.smooth_intruder_wrench.tolist()
         message.wrench.force = Vector3(**dict(zip('xyz', wrench[:3])))
         message.wrench.torque = Vector3(**dict(zip('xyz', wrench[3:])))
         self._intruder_wrench.publish(message)

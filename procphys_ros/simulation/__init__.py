@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """Simulation: scenes in time."""
 
 from procphys_ros.simulation.events import Cause, EVENT, EventLog

@@ -13,55 +13,30 @@
 # limitations under the License.
 
 
-"""Stage manager of a scene: makes its cues happen when their time has come."""
+"""Cues: what a scene does by itself, when its time has come."""
 
-from collections.abc import Callable, Sequence
 import logging
-from typing import Any
 
 from procphys_ros.errors import CommandError
-from procphys_ros.physics.wind import Gust
-from procphys_ros.scene.cues import Blow, Cue
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.simulation import commands
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
 
 _LOG = logging.getLogger(__name__)
 _EARLY = 1e-9  # [s] rounding of times that are sums of steps
-_ACTS: dict[type, Callable[[Any, Any], Any]] = {
-    Gust: lambda simulation, gust: simulation.gust(gust),
-    Blow: lambda simulation, blow: simulation.apply_impulse(blow.target, blow.linear,
-                                                            blow.angular),
-    Projectile: lambda simulation, projectile: simulation.launch(projectile),
-    Explosion: lambda simulation, blast: simulation.explode(blast.position, blast.charge),
-    Demolition: lambda simulation, demolition: simulation.demolish(demolition),
-}
 
 
-class Cues:
+def step(model: Model, state: State, dt: float) -> None:
     """
-    Plays the cues of a scene.
+    Carry out the cues that are due; writes what their commands write.
 
-    :param cues: in the order of their times.
+    A cue that is refused is reported in the log, and the scene goes on.
     """
-
-    def __init__(self, cues: Sequence[Cue]):
-        self._cues = cues
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin with the first cue again."""
-        self._next = 0
-
-    def play(self, simulation: Any) -> None:
-        """
-        Do what is due; a cue that is refused is told in the log, and the play goes on.
-
-        :param simulation: whose time has come.
-        """
-        while (self._next < len(self._cues)
-               and self._cues[self._next].time <= simulation.time + _EARLY):
-            cue = self._cues[self._next]
-            self._next += 1
-            try:
-                _ACTS[type(cue.what)](simulation, cue.what)
-            except CommandError as error:
-                _LOG.warning('scene.cues: "%s" was refused: %s', cue.text, error)
+    cues = model.settings.cues
+    while state.cue < len(cues) and cues[state.cue].time <= state.time + _EARLY:
+        cue = cues[state.cue]
+        state.cue += 1
+        try:
+            commands.apply(model, state, cue.what)
+        except CommandError as error:
+            _LOG.warning('scene.cues: "%s" was refused: %s', cue.text, error)

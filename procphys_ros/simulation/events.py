@@ -12,6 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """Record of bonds that broke: where, which, why, and how far beyond its strength."""
 
 from enum import IntEnum
@@ -50,15 +51,11 @@ class EventLog:
     """
     Collects break events until somebody takes them.
 
-    :ivar total: number of events ever recorded since the last clear.
+    :ivar total: number of events recorded so far.
     :ivar forgotten: number of events dropped because nobody took them.
     """
 
     def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget everything, counters included."""
         self.total = 0
         self.forgotten = 0
         self._chunks: list[np.ndarray] = []
@@ -98,6 +95,16 @@ class EventLog:
         if len(self._chunks) > 1:
             self._chunks = [np.concatenate(self._chunks)]
         return self._chunks[0] if self._chunks else np.zeros(0, EVENT)
+
+    def recent(self, count: int) -> np.ndarray:
+        """Give the last events held, at most so many, oldest first."""
+        chosen: list[np.ndarray] = []
+        for chunk in reversed(self._chunks):
+            if count <= 0:
+                break
+            chosen.insert(0, chunk[-count:])
+            count -= len(chunk)
+        return np.concatenate(chosen) if chosen else np.zeros(0, EVENT)
 
     def take(self) -> np.ndarray:
         """Hand out all events held and forget them; the counters stay."""

@@ -12,8 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """Names of parts: 'oak_0/17', 'oak_0/segment_17', or a plain index."""
 
+from bisect import bisect_right
 from collections.abc import Sequence
 import numbers
 
@@ -33,9 +35,23 @@ class PartNames:
     """
 
     def __init__(self, objects: Sequence[SceneObject], blueprint: Blueprint):
-        self._objects = {o.name: o for o in objects}
-        self._blueprint = blueprint
-        self._total = len(blueprint)
+        self._objects: dict[str, SceneObject] = {}
+        self._firsts: list[int] = []
+        self._blueprints: list[Blueprint] = []
+        self._total = 0
+        self.extend(objects, blueprint)
+
+    def extend(self, objects: Sequence[SceneObject], blueprint: Blueprint) -> None:
+        """
+        Learn the names of parts that join behind all others.
+
+        :param objects: the new instances.
+        :param blueprint: all parts of these instances.
+        """
+        self._objects.update((o.name, o) for o in objects)
+        self._firsts.append(self._total)
+        self._blueprints.append(blueprint)
+        self._total += len(blueprint)
 
     def index(self, part: int | str) -> int:
         """
@@ -62,8 +78,7 @@ class PartNames:
         """Name the part of an index, `<object>/<kind>_<local index>`."""
         for found in self._objects.values():
             if found.first <= index < found.first + found.count:
-                kind = self._blueprint.kinds[self._blueprint.kind[index]]
-                return f'{found.name}/{kind}_{index - found.first}'
+                return f'{found.name}/{self._kind(index)}_{index - found.first}'
         return str(index)
 
     def _local(self, found: SceneObject, local: str, part: str) -> int:
@@ -72,11 +87,16 @@ class PartNames:
             raise CommandError(f'"{part}" has no part index behind the /; '
                                f'{found.name} has parts 0 to {found.count - 1}')
         index = self._checked(found.first + int(digits), found.first, found.count, part)
-        actual = self._blueprint.kinds[self._blueprint.kind[index]]
+        actual = self._kind(index)
         if kind and kind != actual:
             raise CommandError(f'there is no part "{part}"; part {digits} of {found.name} is '
                                f'"{found.name}/{actual}_{digits}"')
         return index
+
+    def _kind(self, index: int) -> str:
+        place = bisect_right(self._firsts, index) - 1
+        source = self._blueprints[place]
+        return source.kinds[source.kind[index - self._firsts[place]]]
 
     def _checked(self, index: int, first: int, count: int, part: str) -> int:
         if not first <= index < first + count:

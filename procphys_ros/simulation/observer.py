@@ -15,15 +15,12 @@
 
 """Observer: what a camera sees, so that the rest can be simulated less."""
 
-from collections.abc import Sequence
 import math
 
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.errors import CommandError
 from procphys_ros.scene.culling import CullingSettings
-from procphys_ros.simulation.bounds import checked_vector
 
 _STRAIGHT = 0.5 * math.pi  # [rad] widest half angle; the planes of wider ones would not bound
 
@@ -34,23 +31,16 @@ class Observer:
 
     :param settings: opening of its view, and how far it looks.
     :param position: [m], (3,), world.
-    :param orientation: quaternion xyzw of any length, (4,), world.
-    :raises CommandError: when a value is not finite, or the quaternion has no length.
+    :param orientation: unit quaternion xyzw, (4,), world.
     """
 
-    def __init__(self, settings: CullingSettings, position: Sequence[float],
-                 orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)):
-        self.position = checked_vector('position of the observer', position)
-        turn = np.asarray(orientation, float)
-        length = np.linalg.norm(turn)
-        if turn.shape != (4,) or not np.isfinite(turn).all() or length < 1e-6:
-            raise CommandError(f'orientation of the observer is {list(orientation)}, it must be '
-                               'a quaternion x y z w')
+    def __init__(self, settings: CullingSettings, position: np.ndarray, orientation: np.ndarray):
+        self.position = position
         self._reach = settings.distance
         self._normals = np.zeros((0, 3))
         if settings.frustum:
             inward = _planes(settings)
-            self._normals = rotation.rotate(np.tile(turn / length, (len(inward), 1)), inward)
+            self._normals = rotation.rotate(np.tile(orientation, (len(inward), 1)), inward)
 
     def distance(self, centres: np.ndarray) -> np.ndarray:
         """Give how far points are away [m], (K,)."""

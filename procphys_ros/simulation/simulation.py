@@ -12,42 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulation: a scene in time, one step as a list of named stages."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+"""Simulation: a scene in time."""
+
+from collections.abc import Sequence
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, chain
-from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.dust import Puffs
-from procphys_ros.physics.masonry import FreeBodies
+from procphys_ros.physics.foliage import Flutter
 from procphys_ros.physics.wind import Gust, Wind
-from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation.bounds import checked_vector
-from procphys_ros.simulation.contact.contact import Contact
-from procphys_ros.simulation.contact.intruder import Intruder
-from procphys_ros.simulation.contact.leaning import Leaning
-from procphys_ros.simulation.cues import Cues
-from procphys_ros.simulation.debris import Debris
+from procphys_ros.simulation import commands, foliage, fragments, masonry
 from procphys_ros.simulation.events import EventLog
+from procphys_ros.simulation.ledger import Impact, MomentumLedger
+from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.naming import PartNames
-from procphys_ros.simulation.observer import Observer
-from procphys_ros.simulation.particles.dust import Dust
-from procphys_ros.simulation.particles.foliage import Foliage
-from procphys_ros.simulation.rubble.bearing import Bearing
-from procphys_ros.simulation.rubble.impacts import Impacts
-from procphys_ros.simulation.standing.buildings import Buildings, Collapse
-from procphys_ros.simulation.standing.collapse import Release
-from procphys_ros.simulation.strikes.arsenal import Arsenal
-from procphys_ros.simulation.strikes.striking import Impact
-from procphys_ros.simulation.trees.boughs import Boughs
-from procphys_ros.simulation.trees.watched_grove import make_grove
-from procphys_ros.simulation.wrenches import Wrenches
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.stages import STAGES
+from procphys_ros.simulation.state import State
 
 
 class Simulation:
@@ -57,15 +44,9 @@ class Simulation:
     Same scene, seed and commands give identical poses.
 
     :ivar scene: what is simulated.
-    :ivar blueprint: all its parts and bonds, in the order of every array here; what is launched
-        or breaks into new parts is appended.
-    :ivar objects: owners of the parts, in part order.
-    :ivar poses: centres of mass and attitudes, world, (N, 7); row = part. Not finite = the part
-        exists no more (pulverised, or broken into new parts).
-    :ivar velocities: linear and angular, world, (N, 6).
-    :ivar wind: the air.
-    :ivar log: break events not taken yet.
-    :ivar intruder: body moved from outside, with the wrench on it.
+    :ivar model: what the scene compiled to; constant.
+    :ivar state: everything that changes.
+    :ivar stages: of each step, in order; see `Stage` to add one.
     :ivar timings: wall time of each stage of the last call of `step` [s].
     """
 
@@ -77,100 +58,136 @@ class Simulation:
         :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
         :param seed: of the wind and all else that is random; None = the scene's own.
         """
-        self.scene, settings = scene, scene.settings
-        self.blueprint = scene.blueprint
-        self.time_step = settings.time_step if time_step is None else float(time_step)
-        self.log = EventLog()
+        settings = scene.settings
+        self.scene = scene
         self.timings: dict[str, float] = {}
-        seed = settings.seed if seed is None else seed
-        self.wind = Wind(settings.wind, seed)
-        self._cues = Cues(settings.cues)
-        self._grove = make_grove(self.blueprint, settings.gravity, settings.culling)
-        self._buildings = Buildings(self.blueprint, settings.gravity)
-        self._foliage = Foliage(self.blueprint, self._grove, settings.leaves, settings.gravity,
-                                self._buildings, seed)
-        self._dust = (Dust(self.blueprint, settings.dust.capacity, settings.gravity,
-                           self._buildings, seed) if settings.dust.enabled else None)
-        self._arsenal = Arsenal(self.blueprint, self._grove, self._buildings, self.log, seed,
-                                self._join, self._vanish)
-        self.intruder = Intruder(settings.intruder, self._arsenal.blows, self._arsenal.loads)
-        self._free = FreeBodies(self.blueprint)
-        self._contact = Contact(self.blueprint, self._grove, self._buildings)
-        self._boughs = Boughs(self.blueprint, self._grove, self._free, self.log)
-        self._release = Release(self._buildings, self._free)
-        self._bearing = Bearing(self.blueprint, self._arsenal.blows, self._arsenal.loads,
-                                settings.gravity)
-        self._impacts = Impacts(self.blueprint, self._free, settings, self._arsenal.panes)
-        self._world = World()
-        self.reset()
+        self.stages = STAGES
+        self.model: Model = compile_model(
+            settings, scene.shard, scene.blueprint, scene.objects,
+            settings.time_step if time_step is None else float(time_step),
+            settings.seed if seed is None else seed)
+        self._flutter: Flutter | None = None
+        self.state = _at_rest(self.model)
+
+    @property
+    def time_step(self) -> float:
+        """Length of a step [s]."""
+        return self.model.time_step
 
     @property
     def time(self) -> float:
         """Give the simulated time [s]."""
-        return self._steps * self.time_step
+        return self.state.time
+
+    @property
+    def blueprint(self) -> Blueprint:
+        """All parts and bonds, in the order of every array; what joins is appended."""
+        return self.state.blueprint
+
+    @property
+    def objects(self) -> list[SceneObject]:
+        """Owners of the parts, in part order."""
+        return self.state.objects
+
+    @property
+    def names(self) -> PartNames:
+        """Names of the parts."""
+        return self.state.names
+
+    @property
+    def poses(self) -> np.ndarray:
+        """Centres of mass and attitudes, world, (N, 7); NaN = the part is gone."""
+        return self.state.shown_poses()
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Linear and angular velocities, world, (N, 6)."""
+        return self.state.parts.velocities
+
+    @property
+    def exists(self) -> np.ndarray:
+        """Parts that were neither pulverised nor broken into new ones, (N,) bool."""
+        return self.state.parts.owner != Owner.GONE
+
+    @property
+    def wind(self) -> Wind:
+        """The air."""
+        return self.state.wind
+
+    @property
+    def log(self) -> EventLog:
+        """Break events not taken yet."""
+        return self.state.log
 
     @property
     def events(self) -> np.ndarray:
         """Bonds that broke and were not taken from `log` yet, of dtype `EVENT`."""
-        return self.log.rows
+        return self.state.log.rows
 
     @property
     def bonds_broken(self) -> int:
         """Count the bonds broken since the start or the last reset."""
-        return self.log.total
+        return self.state.log.total
 
     @property
     def awake_bodies(self) -> int:
         """Count the loose bodies that move at present."""
-        return len(self._world.awake)
+        return len(self.state.world.awake)
 
     @property
     def impacts(self) -> list[Impact]:
-        """List the blows of projectiles on what stood, with the momentum that each passed on."""
-        return self._arsenal.striking.impacts
+        """List the last blows of projectiles on what stood, oldest first."""
+        return list(self.state.ledger.recent)
 
-    def leaf_poses(self) -> np.ndarray:
-        """Work out the petioles of all leaves, fluttering, flying or fallen, world, (L, 7)."""
-        return self._foliage.poses(self.wind, self.poses, self.velocities, self.time)
+    @property
+    def ledger(self) -> MomentumLedger:
+        """The books of all blows since the start or the last reset."""
+        return self.state.ledger
 
     @property
     def dust(self) -> Puffs:
         """Give the dust in the air and on the ground."""
-        return Puffs.none() if self._dust is None else self._dust.cloud.puffs
+        cloud = self.state.dust.cloud
+        return Puffs.none() if cloud is None else cloud.puffs
+
+    @property
+    def intruder_pose(self) -> np.ndarray | None:
+        """Where the intruder is, (7,), world; None before it was placed."""
+        path = self.state.intruder.path
+        return path.pose if path.placed else None
+
+    @property
+    def intruder_wrench(self) -> np.ndarray:
+        """Force and moment on the intruder in the last step [N], [N·m], world, (6,)."""
+        return self.state.intruder.wrench
+
+    @property
+    def smooth_intruder_wrench(self) -> np.ndarray:
+        """The same through a first-order low pass of `intruder.SMOOTHING`, (6,)."""
+        return self.state.intruder.smooth_wrench
+
+    def leaf_poses(self) -> np.ndarray:
+        """Work out the petioles of all leaves, fluttering, flying or fallen, world, (L, 7)."""
+        if self._flutter is None and self.model.settings.leaves.flutter:
+            self._flutter = foliage.make_flutter(self.model)
+        return foliage.poses(self.model, self.state, self._flutter)
 
     def reset(self) -> None:
-        """Put everything back to rest and whole, the time to zero and the wind to its settings."""
+        """
+        Put everything back to rest and whole, the time to zero.
+
+        The wind goes back to the settings that it was last given, and the observer stays.
+        """
+        wind, observer = self.state.wind, self.state.observer
         self.close()
-        self._steps, self._wrenches = 0, Wrenches()
-        self._cues.reset()
-        self.blueprint = self.scene.blueprint
-        self.objects = list(self.scene.objects)
-        self.names = PartNames(self.objects, self.blueprint)
-        self.poses = self.blueprint.poses.copy()
-        self.velocities = np.zeros((len(self.blueprint), 6))
-        self.log.clear()
-        self.wind.reset()
-        self._grove.reset()
-        self._foliage.reset()
-        self._world = World((0.0, 0.0, -self.scene.settings.gravity))
-        self._debris = Debris(self.blueprint, self._world)
-        self._free.reset()
-        self._buildings.reset()
-        self._buildings.build(self._world)
-        self._arsenal.begin(self._world, self._debris, self.scene.settings.gravity)
-        self._bearing.begin(self._world, self._debris)
-        self._impacts.begin(self._world, self._debris, self._bearing)
-        self._boughs.begin()
-        leaning = Leaning(self._arsenal.blows, self._arsenal.loads, self._grove.forest)
-        self._contact.begin(self._world, leaning, self.scene.settings.gravity)
-        self.intruder.begin(self._world, self._contact)
-        self._crumble(self._buildings.settle())
-        if self._dust is not None:
-            self._dust.reset(self.log)
+        self.state = _at_rest(self.model)
+        if wind.settings != self.state.wind.settings:
+            self.state.wind.change(wind.settings, 0.0)
+        self.state.observer = observer
 
     def close(self) -> None:
         """Free what lives outside Python; `reset` would make it anew."""
-        self._world.close()
+        self.state.world.close()
 
     def step(self, n: int = 1) -> None:
         """
@@ -178,41 +195,26 @@ class Simulation:
 
         :param n: number of time steps.
         """
-        self.timings = {}
+        model, state, dt = self.model, self.state, self.model.time_step
+        self.timings = {stage.name: 0.0 for stage in self.stages}
         for _ in range(n):
-            with self._stage('strikes'):
-                self._cues.play(self)
-                self._push()
-                self.intruder.advance(self.time, self.time_step)
-                self._arsenal.advance(self.wind, self.poses, self.time, self.time_step)
-            with self._stage('trees'):
-                self._grove.feel(self.wind, self.time)
-            with self._stage('contact'):
-                self._contact.act(self.time, self.time_step)
-                self._grove.heed(self._contact.touches, self._world)
-            with self._stage('trees'):
-                self._grove.sway(self.time_step)
-            with self._stage('fracture'):
-                self._boughs.shed(self._debris, self.time, self.time_step)
-            with self._stage('stress'):
-                collapse = self._buildings.stand(self.time_step)
-                self._arsenal.kick(collapse.pieces, self.velocities)
-                self._crumble(collapse)
-                self._arsenal.blows.judged(collapse)
-            with self._stage('debris'):
-                self._tumble()
-                self.intruder.feel(self.time_step)
-            with self._stage('poses'):
-                self._grove.carry(self.poses, self.velocities)
-                self._debris.carry(self.poses, self.velocities)
-            with self._stage('leaves'):
-                self._foliage.blow(self.wind, self.poses, self.velocities, self.time,
-                                   self.time_step)
-            with self._stage('impacts'):
-                self._shatter()
-            with self._stage('dust'):
-                self._smoke()
-            self._steps += 1
+            for stage in self.stages:
+                start = perf_counter()
+                stage.step(model, state, dt)
+                self.timings[stage.name] += perf_counter() - start
+            state.steps += 1
+            state.time = state.steps * dt
+
+    def apply(self, command: Any) -> Any:
+        """
+        Carry out a command now, before the next step.
+
+        :param command: one of `simulation.commands`, or a `Gust`, `Projectile`, `Explosion` or
+            `Demolition`.
+        :returns: see `commands.apply`.
+        :raises CommandError: when it cannot be carried out; nothing has changed then.
+        """
+        return commands.apply(self.model, self.state, command)
 
     def set_wind(self, velocity: Sequence[float]) -> None:
         """
@@ -221,14 +223,11 @@ class Simulation:
         :param velocity: of the air at the reference height, the way it blows to [m/s], (3,).
         :raises CommandError: when it is not finite or out of range.
         """
-        try:
-            self.wind.set_velocity(velocity, self.time)
-        except SceneError as error:
-            raise CommandError(str(error)) from error
+        self.apply(commands.SetWind(velocity))
 
     def set_wind_enabled(self, enabled: bool) -> None:
         """Let the wind blow, or still the air."""
-        self.wind.enabled = bool(enabled)
+        self.apply(commands.EnableWind(enabled))
 
     def gust(self, gust: Gust | None = None) -> None:
         """
@@ -237,7 +236,7 @@ class Simulation:
         :param gust: its shape; None = the scene's own.
         :raises CommandError: when it has no direction.
         """
-        self.wind.start_gust(gust or self.scene.settings.gust, self.time)
+        self.apply(gust or self.model.settings.gust)
 
     def set_observer(self, position: Sequence[float],
                      orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)) -> None:
@@ -248,9 +247,7 @@ class Simulation:
         :param orientation: quaternion xyzw; the camera looks along x, z is up.
         :raises CommandError: when a value is not finite, or the quaternion has no length.
         """
-        observer = Observer(self.scene.settings.culling, position, orientation)
-        self._grove.observe(observer)
-        self._impacts.observe(observer)
+        self.apply(commands.Observe(position, orientation))
 
     def apply_impulse(self, part: int | str, linear: Sequence[float] = (0.0, 0.0, 0.0),
                       angular: Sequence[float] = (0.0, 0.0, 0.0),
@@ -265,16 +262,7 @@ class Simulation:
         :returns: whether the part moves; one that stands in a wall may hold.
         :raises CommandError: when the part is unknown, gone, or a value not finite or too large.
         """
-        index = self.names.index(part)
-        impulse = checked_vector('linear impulse', linear)
-        twist = checked_vector('angular impulse', angular)
-        place = self.poses[index, :3] if point is None else checked_vector('point', point)
-        if not np.isfinite(self.poses[index, 0]):
-            raise CommandError(f'{self.names.name(index)} exists no more')
-        if self._buildings.holds(index):
-            return self._arsenal.blows.strike(index, impulse, twist, self.time)
-        self._strike(index, impulse, twist, place)
-        return True
+        return self.apply(commands.Impulse(part, linear, angular, point))
 
     def apply_wrench(self, part: int | str, force: Sequence[float],
                      torque: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
@@ -284,9 +272,13 @@ class Simulation:
         :param part: its name or index.
         :param force: at its centre of mass [N], (3,), world axes.
         :param torque: [N·m], (3,), world axes.
-        :raises CommandError: when the part is unknown or a value not finite or too large.
+        :raises CommandError: when the part is unknown, gone, or a value not finite or too large.
         """
-        self._wrenches.put(self.names.index(part), force, torque)
+        self.apply(commands.Wrench(part, force, torque))
+
+    def clear_wrenches(self) -> int:
+        """End all lasting forces, and say how many there were."""
+        return self.apply(commands.ClearWrenches())
 
     def launch(self, projectile: Projectile) -> int:
         """
@@ -296,7 +288,7 @@ class Simulation:
         :returns: index of the part that it becomes, behind all others.
         :raises CommandError: when there are too many, or it would start inside of something.
         """
-        return self._arsenal.launch(projectile)
+        return self.apply(projectile)
 
     def explode(self, point: Sequence[float], charge: float) -> None:
         """
@@ -306,7 +298,7 @@ class Simulation:
         :param charge: mass of TNT of the same effect [kg], at most 10,000.
         :raises CommandError: when a value is out of its range.
         """
-        self._arsenal.explode(Explosion(point, charge), self.blueprint, self.poses, self.time)
+        self.apply(Explosion(point, charge))
 
     def demolish(self, plan: Demolition | None = None) -> int:
         """
@@ -316,85 +308,29 @@ class Simulation:
         :returns: number of charges.
         :raises CommandError: when no building stands.
         """
-        return self._arsenal.demolish(plan or Demolition(), self.time)
+        return self.apply(plan or Demolition())
 
     def place_intruder(self, pose: Sequence[float], time: float | None = None) -> None:
         """
-        Put the body of `Settings.intruder` into the scene, or move it on; see `Course`.
+        Put the body of `Settings.intruder` into the scene, or move it on.
 
         :param pose: x y z qx qy qz qw [m], (7,), world.
         :param time: when it is there [s]; None = now.
         :raises CommandError: when the pose is none.
         """
-        self.intruder.place(pose, self.time if time is None else time)
+        self.apply(commands.PlaceIntruder(pose, time))
 
-    def clear_wrenches(self) -> int:
-        """End all lasting forces, and say how many there were."""
-        return self._wrenches.clear()
 
-    def _strike(self, index: int, linear: np.ndarray, angular: np.ndarray,
-                point: np.ndarray) -> None:
-        if self._grove.holds(index):
-            row = int(self._grove.row_of_part[index])
-            self._grove.forest.apply_impulse(row, point, linear, angular)
-        elif self._debris.carrier[index] >= 0:
-            body = int(self._debris.carrier[index])
-            self._world.apply_impulse(body, linear, point, angular)
-
-    def _push(self) -> None:
-        self._arsenal.loads.put('wrenches', *self._wrenches.on(self._buildings.holds))
-        for index, impulse in self._wrenches.impulses(self.time_step):
-            self._strike(index, impulse[:3], impulse[3:], self.poses[index, :3])
-
-    def _crumble(self, collapse: Collapse) -> None:
-        if len(collapse.bond):
-            self.log.record(self.time, self.blueprint.bond_frame[collapse.bond, :3],
-                            collapse.bond, self.blueprint.bonds[collapse.bond], collapse.cause,
-                            collapse.load)
-        self._release.let_go(collapse, self._world, self._debris, self.poses, self.velocities)
-
-    def _tumble(self) -> None:
-        awake = self._world.awake
-        if len(awake):
-            points = self._world.poses(awake)[:, :3]
-            self._debris.drag(self.wind.velocity(points, self.time), self.time_step)
-        self._impacts.watch()
-        if self._dust is not None:
-            self._dust.batter(self._world, self._debris.carrier, self.impacts)
-            self._dust.watch(self._world, self._debris.carrier, self.time_step)
-        self._world.step(self.time_step)
-
-    def _shatter(self) -> None:
-        self._bearing.press(self.time_step)
-        if self._impacts.judge(self.time, self.time_step):
-            self._debris.carry(self.poses, self.velocities)
-
-    def _smoke(self) -> None:
-        if self._dust is not None:
-            self._dust.rise(self._world, self.log, self.time_step)
-            self._dust.drift(self.wind, self.time, self.time_step)
-
-    def _join(self, parts: Blueprint, name: str) -> int:
-        """Append parts that come into being now as an object, and give the index of the first."""
-        taken = {known.name for known in self.objects}
-        number = self.scene.shard.own(name)
-        while number in taken:
-            number += '_'
-        first = len(self.blueprint)
-        self.blueprint = chain([self.blueprint, parts])
-        self.objects.append(SceneObject(number, first, len(parts)))
-        self.names = PartNames(self.objects, self.blueprint)
-        self.poses = np.concatenate([self.poses, parts.poses])
-        self.velocities = np.concatenate([self.velocities, np.zeros((len(parts), 6))])
-        self._debris.grow(self.blueprint)
-        self._grove.grow(len(self.blueprint))
-        return first
-
-    def _vanish(self, parts: np.ndarray) -> None:
-        self.poses[parts], self.velocities[parts] = np.nan, 0.0
-
-    @contextmanager
-    def _stage(self, name: str) -> Iterator[None]:
-        start = perf_counter()
-        yield
-        self.timings[name] = self.timings.get(name, 0.0) + perf_counter() - start
+def _at_rest(model: Model) -> State:
+    """Put a scene at rest, and let what cannot stand under its weight go."""
+    state = State.initial(model)
+    bricks = np.flatnonzero(state.standing)
+    if len(bricks):
+        source = model.blueprint
+        state.parts.body[bricks] = state.world.add_bricks(
+            source.poses[bricks], source.size[bricks], source.mass[bricks])
+    for part in np.flatnonzero(state.parts.owner == Owner.BODY):
+        fragments.make_body(state, np.array([part]), state.parts.poses[[part]], np.zeros((1, 6)))
+    masonry.settle(model, state)
+    state.dust.seen = state.log.total
+    return state

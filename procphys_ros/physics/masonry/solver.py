@@ -176,6 +176,11 @@ class StressSolver:
         """Whether dynamic loads of released forces still act."""
         return bool(np.any(self._sudden))
 
+    @property
+    def sudden_loads(self) -> np.ndarray:
+        """Dynamic part of released forces that still acts on each part [N], [N·m], (N, 6)."""
+        return self._sudden[:-1]
+
     def _after_change(self, bonds: np.ndarray) -> None:
         graph = self.graph
         touched = np.unique(np.concatenate([graph.first[bonds], graph.second[bonds]]))

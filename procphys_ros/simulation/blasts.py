@@ -1,0 +1,245 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Blasts: what explosions do to all that stands and lies about, as their waves come to it."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.errors import CommandError
+from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, Impulses, Sight
+from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
+from procphys_ros.scene.strikes import Explosion
+from procphys_ros.simulation import glass, masonry
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.masonry import WALL_RATE
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State, Wave
+
+_LEAST = 1e-3        # [m/s] a wave that gives a body less than this has passed it by
+_STOREY = 2.7        # [m] height of the wall whose rate is `masonry.WALL_RATE`
+_BRICK = 0.225       # [m] smallest piece of wall that comes out as one
+_GLASS_RATE = 125.0  # [1/s] angular frequency of a window pane, 2π over 50 ms
+_AFTERMATH = 0.3     # [s] after which what falls out of a wall owes nothing to the blast
+_PATCHES = (3.0, 2.4, 1.9, 1.5, 1.2, 0.9, 0.6, 0.3)  # [m] radii of pieces of wall, tried in turn
+_MOST_PATCHES = 60   # in one step
+_SURPLUS = 4.0       # energy over the work of its bonds that makes a brick fly on its own
+_MOST_SINGLE = 250   # such bricks per explosion, the fastest; more could not be simulated in time
+_CLUMP = 12          # parts to a piece of what comes out but does not fly singly
+_MOST_WAVES = 50     # explosions whose waves are under way
+
+
+def explode(model: Model, state: State, explosion: Explosion) -> None:
+    """
+    Set a charge off; its wave arrives in this and the next steps. Writes `state.blasts`.
+
+    :param explosion: where and how much.
+    :raises CommandError: when too many waves are under way.
+    """
+    if len(state.blasts.waves) >= _MOST_WAVES:
+        raise CommandError(f'the waves of {_MOST_WAVES} explosions are under way; wait '
+                           'for them to pass')
+    parts = state.parts
+    there = parts.owner != Owner.GONE
+    boxes = np.flatnonzero(there & (parts.shape == Shape.BOX))
+    rods = np.flatnonzero(there & (parts.shape == Shape.CAPSULE))
+    point, charge = explosion.position, explosion.charge
+    state.blasts.single_left = _MOST_SINGLE
+    sight = Sight(parts.poses[boxes], parts.size[boxes]) if len(boxes) else None
+    found: list[tuple[np.ndarray, Impulses]] = []
+    if sight is not None:
+        found.append((boxes, blast_boxes(point, charge, parts.poses[boxes], parts.size[boxes],
+                                         sight=sight)))
+    if len(rods):
+        found.append((rods, blast_capsules(point, charge, parts.poses[rods], parts.size[rods],
+                                           sight=sight)))
+    if not found:
+        return
+    hit, linear, angular, arrival = (np.concatenate(column) for column in zip(*(
+        (rows, gift.linear, gift.angular, gift.arrival) for rows, gift in found)))
+    speed = np.linalg.norm(linear, axis=1) / parts.mass[hit]
+    felt = np.flatnonzero(speed > _LEAST)
+    felt = felt[np.argsort(arrival[felt], kind='stable')]
+    scale = air_blast.effective_charge(charge, float(point[2])) ** (1.0 / 3.0)
+    away = np.linalg.norm(parts.poses[hit[felt], :3] - np.asarray(point, float), axis=1)
+    state.blasts.waves.append(Wave(hit[felt], linear[felt], angular[felt],
+                                   arrival[felt] + state.time,
+                                   scale * air_blast.duration(away / scale)))
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """
+    Deliver what arrives within the step.
+
+    Writes `state.blasts`, momentum of trees and bodies, bonds and loads of walls; releases.
+    """
+    own = state.blasts
+    if own.passed < state.time - _AFTERMATH:
+        own.momentum[:] = 0.0
+        own.passed = np.inf
+    for wave in own.waves:
+        end = int(np.searchsorted(wave.arrival, state.time + dt))
+        if end > wave.done:
+            rows = np.arange(wave.done, end)
+            wave.done = end
+            _deliver(model, state, wave, rows)
+            own.passed = state.time
+    own.waves = [w for w in own.waves if w.done < len(w.parts)]
+
+
+def _deliver(model: Model, state: State, wave: Wave, rows: np.ndarray) -> None:
+    owner = state.parts.owner[wave.parts[rows]]
+    for row in rows[owner == Owner.TREE].tolist():
+        part = int(wave.parts[row])
+        state.forest.apply_impulse(int(state.parts.row[part]), None, wave.linear[row],
+                                   wave.angular[row])
+    _push_bodies(state, wave, rows[owner == Owner.BODY])
+    if (owner == Owner.STANDING).any():
+        _shake(model, state, wave, rows[owner == Owner.STANDING])
+
+
+def _push_bodies(state: State, wave: Wave, rows: np.ndarray) -> None:
+    """Add up what parts of the same body get, about its centre of mass."""
+    carrier = state.parts.body[wave.parts[rows]]
+    bodies, place = np.unique(carrier, return_inverse=True)
+    total = np.zeros((len(bodies), 6))
+    arm = state.parts.poses[wave.parts[rows], :3] - state.world.bodies.poses[carrier, :3]
+    np.add.at(total[:, :3], place, wave.linear[rows])
+    np.add.at(total[:, 3:], place, wave.angular[rows] + np.cross(arm, wave.linear[rows]))
+    for body, impulse in zip(bodies.tolist(), total):
+        state.world.apply_impulse(body, impulse[:3], angular=impulse[3:])
+
+
+def _shake(model: Model, state: State, wave: Wave, rows: np.ndarray) -> None:
+    """Let standing parts feel a wave: panes burst, pieces come loose, the rest bends."""
+    own, parts = state.blasts, wave.parts[rows]
+    own.momentum[parts] += wave.linear[rows]
+    own.pulse[parts] = wave.pulse[rows]
+    _burst_panes(model, state, parts[model.glass.is_pane[parts]])
+    standing = state.standing[:len(model.blueprint)]
+    shaken = np.flatnonzero(standing & own.momentum.any(axis=1))
+    work = _bond_work(state)
+    shaken = shaken[_energy(state, shaken) > work[shaken]]
+    loose = _tear_patches(model, state, shaken)
+    holds = np.setdiff1d(parts[standing[parts]], loose)
+    rate = np.minimum(2.0 / own.pulse[holds], WALL_RATE)[:, None]
+    if len(holds):
+        masonry.apply_impulses(state, holds, own.momentum[holds] * rate / WALL_RATE)
+
+
+def _burst_panes(model: Model, state: State, panes: np.ndarray) -> None:
+    """Break the panes that the wave overloads."""
+    if not len(panes):
+        return
+    own = state.blasts
+    size = np.sort(model.blueprint.size[panes], axis=1)
+    rate = np.minimum(2.0 / own.pulse[panes], _GLASS_RATE)
+    pressure = np.linalg.norm(own.momentum[panes], axis=1) * rate / size[:, 1:].prod(axis=1)
+    load = pressure / glass.pressure(model, panes)
+    breaks = np.flatnonzero(load > 1.0)
+    glass.shatter_standing(model, state, [
+        (glass.crack(model, int(panes[i]), count=len(breaks)),
+         own.momentum[panes[i]] / state.parts.mass[panes[i]], float(load[i]))
+        for i in breaks], Cause.BLAST)
+
+
+def _bond_work(state: State) -> np.ndarray:
+    """Give the work of fracture of each part's share of its living bonds [J], (N,)."""
+    graph = state.solver.graph
+    work = 0.5 * FRACTURE_ENERGY_SHEAR * graph.area * graph.alive
+    return (np.bincount(graph.first, work, graph.count + 1)
+            + np.bincount(graph.second, work, graph.count + 1))[:-1]
+
+
+def _energy(state: State, parts: np.ndarray) -> np.ndarray:
+    """Give what parts would move with if nothing held them [J], (K,)."""
+    return 0.5 * (state.blasts.momentum[parts] ** 2).sum(axis=1) / state.parts.mass[parts]
+
+
+def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
+    """
+    Tear round patches out of walls, each as large as the wave can.
+
+    :param shaken: parts with the energy to break away, (K,).
+    :returns: parts that came loose.
+    """
+    loose: list[np.ndarray] = [np.zeros(0, np.intp)]
+    if not len(shaken):
+        return loose[0]
+    places = model.blueprint.poses[shaken, :3]
+    tree, left = cKDTree(places), np.ones(len(shaken), bool)
+    energy = _energy(state, shaken)
+    for _ in range(_MOST_PATCHES):
+        if not left.any():
+            break
+        seed = int(np.argmax(np.where(left, energy, -1.0)))
+        for radius in _PATCHES:
+            near = np.array(tree.query_ball_point(places[seed], radius))
+            patch = np.sort(near[left[near]])
+            if _comes_out(model, state, shaken[patch]):
+                _loosen(model, state, shaken[patch])
+                loose.append(shaken[patch])
+                break
+        left[patch] = False
+    return np.concatenate(loose)
+
+
+def _comes_out(model: Model, state: State, parts: np.ndarray) -> bool:
+    """
+    Say whether a piece of wall is torn from what surrounds it.
+
+    The steady force of the same effect as a short pulse is the impulse times the angular
+    frequency of what it hits, at most twice the mean force of the pulse (Biggs 1964,
+    Introduction to Structural Dynamics, 2.5); that of a plate goes with its span squared.
+    """
+    momentum = state.blasts.momentum[parts].sum(axis=0)
+    size = float(np.linalg.norm(momentum))
+    if size == 0.0:
+        return False
+    resistance = masonry.resist(state, parts, momentum / size)
+    extent = np.sort(np.ptp(model.blueprint.poses[parts, :3], axis=0))
+    rate = WALL_RATE * (_STOREY / max(float(extent[1]), _BRICK)) ** 2
+    rate = min(rate, 2.0 / float(np.median(state.blasts.pulse[parts])))
+    energy = float(_energy(state, parts).sum())
+    return size * rate > resistance.force and energy > resistance.energy
+
+
+def _loosen(model: Model, state: State, parts: np.ndarray) -> None:
+    """Cut a piece of wall out, and into what flies singly and clumps."""
+    own, graph = state.blasts, state.solver.graph
+    surplus = _energy(state, parts) / np.maximum(_bond_work(state)[parts], 1e-9)
+    cell = np.full(graph.count + 1, -1)
+    single = np.argsort(-surplus, kind='stable')[:min(own.single_left, _MOST_SINGLE // 4)]
+    single = single[surplus[single] > _SURPLUS]
+    own.single_left -= len(single)
+    clumped = np.delete(np.arange(len(parts)), single)
+    if len(clumped):
+        rng = np.random.default_rng([len(parts), int(parts[0])])
+        seeds = rng.choice(clumped, -(-len(clumped) // _CLUMP), replace=False)
+        places = model.blueprint.poses[parts, :3]
+        cell[parts[clumped]] = cKDTree(places[seeds]).query(places[clumped])[1]
+    cell[parts[single]] = len(parts) + np.arange(len(single))
+    touching = graph.neighbours(parts)
+    touching = touching[graph.alive[touching]]
+    cut = touching[cell[graph.first[touching]] != cell[graph.second[touching]]]
+    kept = np.maximum(1.0 - 1.0 / np.maximum(surplus, 1.0), 0.0)
+    own.momentum[parts] *= np.sqrt(kept)[:, None]
+    state.solver.cut(cut)
+    rows = graph.rows[cut]
+    state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
+                     model.blueprint.bonds[rows], Cause.BLAST,
+                     np.full(len(rows), float(np.median(surplus))))

@@ -1,0 +1,211 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Commands: what users, cues and nodes tell a simulation, as data, and how each is carried out."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.physics.wind import Gust
+from procphys_ros.scene.cues import Blow
+from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.simulation import blasts, demolition, intruder, masonry, projectiles
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.observer import Observer
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State
+from procphys_ros.simulation.validation import checked_rotation, checked_vector
+
+
+@dataclass(frozen=True)
+class SetWind:
+    """Change the mean wind: velocity at the reference height, the way it blows to [m/s], (3,)."""
+
+    velocity: Sequence[float]
+
+
+@dataclass(frozen=True)
+class EnableWind:
+    """Let the wind blow, or still the air."""
+
+    enabled: bool
+
+
+@dataclass(frozen=True)
+class Impulse:
+    """
+    Strike a part once.
+
+    :ivar part: its name or index.
+    :ivar linear: impulse [N·s], (3,), world axes.
+    :ivar angular: angular impulse [N·m·s], (3,), world axes.
+    :ivar point: where the linear impulse acts [m], (3,), world; None = centre of mass.
+    """
+
+    part: int | str
+    linear: Sequence[float] = (0.0, 0.0, 0.0)
+    angular: Sequence[float] = (0.0, 0.0, 0.0)
+    point: Sequence[float] | None = None
+
+
+@dataclass(frozen=True)
+class Wrench:
+    """
+    Push a part until `ClearWrenches`; a later wrench on the same part replaces this one.
+
+    :ivar part: its name or index.
+    :ivar force: at its centre of mass [N], (3,), world axes.
+    :ivar torque: [N·m], (3,), world axes.
+    """
+
+    part: int | str
+    force: Sequence[float]
+    torque: Sequence[float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ClearWrenches:
+    """End all lasting forces."""
+
+
+@dataclass(frozen=True)
+class PlaceIntruder:
+    """
+    Put the intruder into the scene, or move it on.
+
+    :ivar pose: x y z qx qy qz qw [m], (7,), world.
+    :ivar time: when it is there [s]; None = now.
+    """
+
+    pose: Sequence[float]
+    time: float | None = None
+
+
+@dataclass(frozen=True)
+class Observe:
+    """
+    Say from where the scene is looked at, for the schemes of `Settings.culling`.
+
+    :ivar position: of the camera [m], (3,), world.
+    :ivar orientation: quaternion xyzw; the camera looks along x, z is up.
+    """
+
+    position: Sequence[float]
+    orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)
+
+
+def apply(model: Model, state: State, command: Any) -> Any:
+    """
+    Carry a command out; writes whatever it is about.
+
+    :param command: one of this module, or a `Gust`, `Blow`, `Projectile`, `Explosion` or
+        `Demolition`.
+    :returns: an `Impulse`: whether the part moves (one that stands in a wall may hold); a
+        `Projectile`: its part; a `Demolition`: the number of charges; `ClearWrenches`: how many
+        there were; all others: None.
+    :raises CommandError: when it cannot be carried out; the state is as it was before.
+    """
+    try:
+        return _ACTIONS[type(command)](model, state, command)
+    except SceneError as error:
+        raise CommandError(str(error)) from error
+
+
+def apply_wrenches(model: Model, state: State, dt: float) -> None:
+    """Let lasting forces act over a step; writes loads, momentum of trees and bodies."""
+    if not state.wrenches and 'wrenches' not in state.loads.sources:
+        return
+    parts = np.fromiter(state.wrenches, np.intp, len(state.wrenches))
+    wrenches = np.array([*state.wrenches.values()]).reshape(-1, 6)
+    stands = state.parts.owner[parts] == Owner.STANDING
+    state.loads.set_layer('wrenches', parts[stands], wrenches[stands])
+    for part, wrench in zip(parts[~stands].tolist(), wrenches[~stands]):
+        _push(state, part, wrench[:3] * dt, wrench[3:] * dt, state.parts.poses[part, :3])
+
+
+def _push(state: State, part: int, linear: np.ndarray, angular: np.ndarray,
+          point: np.ndarray) -> None:
+    """Add momentum to a segment of a tree, or to the body that a part belongs to."""
+    if state.parts.owner[part] == Owner.TREE:
+        state.forest.apply_impulse(int(state.parts.row[part]), point, linear, angular)
+    elif state.parts.owner[part] == Owner.BODY:
+        state.world.apply_impulse(int(state.parts.body[part]), linear, point, angular)
+
+
+def _impulse(model: Model, state: State, command: Impulse) -> bool:
+    part = state.names.index(command.part)
+    linear = checked_vector('linear impulse', command.linear)
+    angular = checked_vector('angular impulse', command.angular)
+    point = (state.parts.poses[part, :3] if command.point is None
+             else checked_vector('point', command.point))
+    _check_exists(state, part)
+    if state.parts.owner[part] == Owner.STANDING:
+        return masonry.strike(model, state, part, linear, angular, point)
+    _push(state, part, linear, angular, point)
+    return True
+
+
+def _blow(model: Model, state: State, command: Blow) -> bool:
+    return _impulse(model, state, Impulse(command.target, command.linear, command.angular))
+
+
+def _wrench(model: Model, state: State, command: Wrench) -> None:
+    part = state.names.index(command.part)
+    wrench = np.concatenate([checked_vector('force', command.force),
+                             checked_vector('torque', command.torque)])
+    _check_exists(state, part)
+    state.wrenches.pop(part, None)
+    if wrench.any():
+        state.wrenches[part] = wrench
+
+
+def _clear_wrenches(model: Model, state: State, command: ClearWrenches) -> int:
+    count = len(state.wrenches)
+    state.wrenches.clear()
+    return count
+
+
+def _place_intruder(model: Model, state: State, command: PlaceIntruder) -> None:
+    if len(command.pose) != 7:
+        raise CommandError(f'intruder: {len(command.pose)} numbers, a pose has seven')
+    place = checked_vector('intruder position', command.pose[:3])
+    turn = checked_rotation('intruder orientation', command.pose[3:])
+    time = state.time if command.time is None else command.time
+    intruder.place(model, state, np.concatenate([place, turn]), time)
+
+
+def _observe(model: Model, state: State, command: Observe) -> None:
+    place = checked_vector('position of the observer', command.position)
+    turn = checked_rotation('orientation of the observer', command.orientation)
+    state.observer = Observer(model.settings.culling, place, turn)
+
+
+def _check_exists(state: State, part: int) -> None:
+    if state.parts.owner[part] == Owner.GONE:
+        raise CommandError(f'{state.names.name(part)} exists no more')
+
+
+_ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
+    SetWind: lambda model, state, c: state.wind.set_velocity(c.velocity, state.time),
+    EnableWind: lambda model, state, c: setattr(state.wind, 'enabled', bool(c.enabled)),
+    Gust: lambda model, state, c: state.wind.start_gust(c, state.time),
+    Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,
+    Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: demolition.arm,
+    PlaceIntruder: _place_intruder, Observe: _observe,
+}

@@ -1,0 +1,150 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Contact: trees run into walls, debris, the ground and each other, and push what they meet."""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.touch import Partners, resolve
+from procphys_ros.physics.trees import Foresight
+from procphys_ros.physics.world import State as BodyState
+from procphys_ros.simulation import branch_loads, contact_pairs, trees
+from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_FRICTION = 0.6  # bark on soil, brick or bark
+_SLOP = 0.002    # [m] overlap that is left alone, so that what rests keeps touching
+_RECOVERY = 0.2  # share of a deeper overlap that is undone per step
+_PUSH_OUT = 0.5  # [m/s] speed at most that this gives
+_WAKE = 0.3      # [m/s] change of speed that sets a resting body free, as in the world's settling
+_ROUNDS = 3      # of solving, while what is hit gives way
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """
+    Let everything that would run into trees in the next step, and they, push each other instead.
+
+    Contacts are solved before the step of the trees, with the masses that these really show
+    there. Trees and bodies get equal and opposite impulses, so momentum is kept exactly. Branches
+    of one tree pass through each other, and so do those of different standing trees. Writes
+    `state.contacts`, the momentum of trees and bodies, and loads on walls.
+    """
+    state.contacts = _solve_all(model, state, dt)
+    branch_loads.update(model, state, dt)
+
+
+def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
+    """Solve for the impulses, and exert them."""
+    if not state.forest.active.any():
+        return TreeContacts()
+    for _ in range(_ROUNDS):
+        around = contact_pairs.Surroundings(
+            state.world, model.masonry.bricks, state.standing, state.parts.body,
+            model.trees.beside, model.trees.slack)
+        pairs = contact_pairs.find(state.forest, model.trees.sizes, around, state.tree_bounds,
+                                   trees.movers(state), dt)
+        if not len(pairs.row):
+            return TreeContacts()
+        contacts, change, bodies = _solve(model, state, pairs, dt)
+        if not _give_way(model, state, contacts, dt):
+            break
+    pushed = contacts.impulse.any(axis=1)
+    contacts = TreeContacts(*(column[pushed] for column in vars(contacts).values()))
+    _apply(state, contacts, change, bodies)
+    return contacts
+
+
+def _apply(state: State, contacts: TreeContacts, change: np.ndarray, bodies: np.ndarray) -> None:
+    forest, world = state.forest, state.world
+    forest.push(contacts.row, contacts.point, contacts.impulse)
+    both = contacts.other >= 0
+    forest.push(contacts.other[both], contacts.point[both], -contacts.impulse[both])
+    moved = change.any(axis=1) & (world.bodies.state[bodies] == BodyState.LOOSE)
+    if moved.any():
+        world.set_velocities(bodies[moved],
+                             world.bodies.velocities[bodies[moved]] + change[moved])
+
+
+def _give_way(model: Model, state: State, contacts: TreeContacts, dt: float) -> bool:
+    """Set free what the contacts would push away; say whether anything was."""
+    bodies = state.world.bodies
+    hit = contacts.body >= 0
+    ids, place = np.unique(contacts.body[hit], return_inverse=True)
+    total = np.zeros((len(ids), 3))
+    np.add.at(total, place, contacts.impulse[hit])
+    woken = ids[(bodies.state[ids] == BodyState.RESTING)
+                & ((total ** 2).sum(axis=1) > (_WAKE * bodies.mass[ids]) ** 2)]
+    state.world.thaw(woken)
+    broke = branch_loads.break_out(model, state, contacts, dt)
+    return broke or len(woken) > 0
+
+
+def _solve(model: Model, state: State, pairs: Pairs,
+           dt: float) -> tuple[TreeContacts, np.ndarray, np.ndarray]:
+    """
+    Find the impulses of all contacts.
+
+    :returns: contacts, changes of the velocities of bodies (B, 6), and their ids.
+    """
+    forest, both = state.forest, np.flatnonzero(pairs.other >= 0)
+    rows = np.concatenate([pairs.row, pairs.other[both]])
+    points = np.concatenate([pairs.point, pairs.point[both]])
+    order = np.argsort(forest.roots(rows), kind='stable')
+    place = np.empty(len(rows), np.intp)
+    place[order] = np.arange(len(rows))
+    air = None if state.trees.still else state.trees.air
+    look = forest.foresee(rows[order], points[order], dt, air)
+    end, other = place[:len(pairs.row)], np.full(len(pairs.row), -1, np.intp)
+    other[both] = place[len(pairs.row):]
+    partners, bodies = _partners(model, state, pairs, end, other, dt)
+    free = partners.motion.copy()
+    impulse = resolve(pairs.normal, _least_speed(pairs, look, end, other, dt),
+                      np.full(len(end), _FRICTION), partners, look.velocity, look.first,
+                      look.place, look.count, look.response)
+    return (TreeContacts(pairs.row, pairs.other, pairs.body, pairs.part, pairs.point, impulse),
+            partners.motion - free, bodies)
+
+
+def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: np.ndarray,
+              dt: float) -> tuple[Partners, np.ndarray]:
+    bodies = state.world.bodies
+    ids = np.unique(pairs.body[(pairs.body >= 0) & (pairs.part < 0)])
+    index = np.full(len(bodies.state) + 1, -1)
+    index[ids] = np.arange(len(ids))
+    loose = bodies.state[ids] == BodyState.LOOSE
+    axes = rotation.to_matrix(bodies.poses[ids, 3:])
+    spin = np.where(loose[:, None], 1.0 / bodies.inertia[ids], 0.0)
+    motion = bodies.velocities[ids].copy()
+    motion[loose, :3] += np.array([0.0, 0.0, -model.gravity]) * dt
+    body = np.where(pairs.part < 0, index[pairs.body], -1)
+    arm = pairs.point - bodies.poses[np.maximum(pairs.body, 0), :3]
+    return Partners(end, other, body, arm, np.where(loose, 1.0 / bodies.mass[ids], 0.0),
+                    np.einsum('bij,bj,bkj->bik', axes, spin, axes), motion), ids
+
+
+def _least_speed(pairs: Pairs, look: Foresight, end: np.ndarray, other: np.ndarray,
+                 dt: float) -> np.ndarray:
+    """
+    Give the normal velocity that each contact must have at the end of the step [m/s], (C,).
+
+    A gap may close, but not more; joints that lag behind take part of it. Deep overlaps open.
+    """
+    lag = look.lag[end] - np.where(other[:, None] >= 0, look.lag[other], 0.0)
+    closing = np.minimum((lag * pairs.normal).sum(axis=1), 0.0)
+    room = pairs.gap + dt * closing
+    out = np.clip(_RECOVERY * (-room - _SLOP) / dt, 0.0, _PUSH_OUT)
+    return np.where(room > 0.0, -room / dt, out)

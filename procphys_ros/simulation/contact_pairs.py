@@ -1,0 +1,290 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Contact pairs of trees: where segments may touch the ground, bodies, bricks and each other."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overlaps
+from procphys_ros.physics.trees import Forest
+from procphys_ros.physics.world import World
+from procphys_ros.simulation.obstacles import (
+    BodyPieces,
+    Bricks,
+    meets_trees,
+    Obstacles,
+    of_branches,
+)
+
+_AHEAD = 1.5  # steps that bounds are swept over, as far as the narrow phase looks
+_ROOM = 0.004  # [m] around bounds, likewise
+_MOST = 48  # contacts per tree, the nearest; with 24 crowns sink in where they hit hard
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """What may touch in the next step, one row per contact; see `TreeContacts`."""
+
+    row: np.ndarray
+    other: np.ndarray
+    body: np.ndarray
+    part: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    gap: np.ndarray
+
+    def take(self, rows: np.ndarray) -> 'Pairs':
+        """Select contacts, (K,) rows."""
+        return Pairs(*(column[rows] for column in vars(self).values()))
+
+
+@dataclass
+class TreeContacts:
+    """
+    Every contact of trees in one step.
+
+    :ivar row: of the forest, (C,).
+    :ivar other: row of the forest that it met, -1 for none, (C,).
+    :ivar body: id of the body that it met, -1 for none, (C,).
+    :ivar part: standing brick that it met, -1 for none, (C,).
+    :ivar point: world [m], (C, 3).
+    :ivar impulse: on the row; what it met gets the opposite [N·s], (C, 3).
+    """
+
+    row: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    other: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    body: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    part: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    point: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    impulse: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+
+@dataclass
+class TreeBounds:
+    """
+    Bounds of segments and trees, which those that stand still keep from step to step.
+
+    :ivar plan: of the forest that they hold for.
+    :ivar segments: three minima, three maxima [m], by entry of the plan, (A, 6).
+    :ivar trees: the same of whole trees, (T, 6).
+    :ivar pieces: of the bodies that trees may meet.
+    """
+
+    plan: object = None
+    segments: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
+    trees: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
+    pieces: BodyPieces = field(default_factory=BodyPieces)
+
+    def update(self, forest: Forest, sizes: np.ndarray, movers: np.ndarray,
+               entries: np.ndarray | slice, reach: float) -> None:
+        """
+        Bound the trees that move anew.
+
+        :param sizes: of the segments [m], (S, 3).
+        :param movers: trees that do not stand still, places in the plan.
+        :param entries: of these.
+        :param reach: time that bounds are swept over [s].
+        """
+        plan = forest.plan
+        if self.plan is not plan:
+            self.plan, movers, entries = plan, np.arange(len(plan.start) - 1), slice(None)
+            self.segments = np.empty((len(plan.row), 6))
+            self.trees = np.empty((len(movers), 6))
+        now = capsule_bounds(plan.row[entries], forest.poses, sizes, forest.velocities, reach,
+                             _ROOM)
+        self.segments[entries] = now
+        if len(movers):
+            count = np.diff(plan.start)[movers]
+            first = np.cumsum(count) - count
+            self.trees[movers, :3] = np.minimum.reduceat(now[:, :3], first)
+            self.trees[movers, 3:] = np.maximum.reduceat(now[:, 3:], first)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """
+    What trees may meet.
+
+    :ivar world: rigid bodies.
+    :ivar bricks: masonry where it was built.
+    :ivar standing: which parts still stand there, (N,) bool.
+    :ivar body: id of each part's body, (N,).
+    :ivar beside, slack: see `TreeModel`.
+    """
+
+    world: World
+    bricks: Bricks
+    standing: np.ndarray
+    body: np.ndarray
+    beside: np.ndarray
+    slack: np.ndarray
+
+
+def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBounds,
+         movers: np.ndarray, time_step: float) -> Pairs:
+    """
+    List what may touch in the next step, the nearest few contacts of each tree.
+
+    :param forest: all trees.
+    :param sizes: of the segments [m], (S, 3).
+    :param around: what they may meet.
+    :param bounds: kept from step to step.
+    :param movers: trees that do not stand still, places in the plan.
+    :param time_step: [s].
+    """
+    reach, plan = _AHEAD * time_step, forest.plan
+    roots = plan.row[plan.start[:-1]]
+    free, beside = forest.is_free(roots), around.beside[roots]
+    loose = meets_trees(around.world)
+    entries = slice(None) if len(movers) == len(roots) else _entries(plan.start, movers)
+    found = [_on_ground(forest, plan.row[entries], sizes, forest.velocities, around.slack,
+                        time_step)]
+    if len(loose) or free.any() or beside.any():
+        bounds.update(forest, sizes, movers, entries, reach)
+        tables = [_loose_near(forest, around.world, bounds, loose, reach),
+                  _branches_near(forest, sizes, bounds.trees, free)]
+        if len(around.bricks):
+            chosen = np.flatnonzero(free | beside)
+            tables.append((_entries(plan.start, chosen), around.bricks.within(
+                bounds.trees[chosen], around.standing, around.body)))
+        found += [_meet(forest, sizes, near, table, bounds.segments, around.slack, time_step)
+                  for near, table in tables if len(near) and len(table.row)]
+    joined = Pairs(*(np.concatenate(columns) for columns in
+                     zip(*(vars(pairs).values() for pairs in found))))
+    return _nearest(forest, joined)
+
+
+def survey(forest: Forest, sizes: np.ndarray, bricks: Bricks) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Find the trees that can reach a wall, and how deep branches were authored into things.
+
+    :param forest: at rest.
+    :param sizes: of the segments [m], (S, 3).
+    :param bricks: all masonry.
+    :returns: whether the tree of each row may reach a wall, (S,), and overlaps [m], (S,).
+    """
+    beside, slack = np.zeros(len(forest), bool), np.zeros(len(forest))
+    if not len(forest):
+        return beside, slack
+    plan, still = forest.plan, np.zeros_like(forest.velocities)
+    touching = [_on_ground(forest, plan.row, sizes, still, slack, 0.0)]
+    if len(bricks):
+        length = 0.5 * sizes[:, 2].max(initial=0.0)
+        for first, last in zip(plan.start[:-1], plan.start[1:]):
+            rows = plan.row[first:last]
+            arm = np.linalg.norm(forest.poses[rows, :3] - forest.poses[rows[0], :3], axis=1)
+            room = np.full(3, arm.max() + 3.0 * length)
+            base = forest.poses[rows[0], :3]
+            reached, _ = overlaps(np.concatenate([base - room, base + room])[None], bricks.cells)
+            beside[rows] = len(reached) > 0
+        bounds = capsule_bounds(plan.row, forest.poses, sizes, still, 0.0, _ROOM)
+        trees = np.flatnonzero(beside[plan.row[plan.start[:-1]]])
+        if len(trees):
+            entries = _entries(plan.start, trees)
+            touching.append(_meet(forest, sizes, entries, bricks.within(bounds[entries]), bounds,
+                                  slack, 0.0))
+    for pairs in touching:
+        np.minimum.at(slack, pairs.row, pairs.gap)
+    return beside, slack
+
+
+def _loose_near(forest: Forest, world: World, bounds: TreeBounds, ids: np.ndarray,
+                reach: float) -> tuple[np.ndarray, Obstacles]:
+    """Choose the entries of the plan that bodies come near, and those bodies."""
+    bodies = world.bodies
+    way = bodies.velocities[ids, :3] * reach
+    room = bodies.radius[ids, None] + _ROOM
+    place = bodies.poses[ids, :3]
+    balls = np.hstack([place - room + np.minimum(way, 0.0),
+                       place + room + np.maximum(way, 0.0)])
+    chosen, near = (_distinct(rows) for rows in overlaps(bounds.trees, balls))
+    entries = _entries(forest.plan.start, chosen)
+    close, nearer = overlaps(bounds.segments[entries], balls[near])
+    return entries[_distinct(close)], bounds.pieces.of(world, ids[near[_distinct(nearer)]])
+
+
+def _branches_near(forest: Forest, sizes: np.ndarray, trees: np.ndarray,
+                   free: np.ndarray) -> tuple[np.ndarray, Obstacles]:
+    """Choose the entries of falling trees that others are near, and those others."""
+    falling = np.flatnonzero(free)
+    a, b = overlaps(trees[falling], trees)
+    a, b = falling[a][falling[a] != b], b[falling[a] != b]
+    plan = forest.plan
+    rows = plan.row[_entries(plan.start, _distinct(b))]
+    return (_entries(plan.start, _distinct(a)),
+            of_branches(rows, forest.poses, sizes, forest.velocities))
+
+
+def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacles,
+          bounds: np.ndarray, slack: np.ndarray, time_step: float) -> Pairs:
+    """Look where segments, entries of the plan, may touch what is near them."""
+    plan = forest.plan
+    a, piece = overlaps(bounds[entries], table.bounds(_AHEAD * time_step, _ROOM))
+    row = plan.row[entries[a]]
+    other = table.row[piece]
+    branch = np.flatnonzero(other >= 0)
+    if len(branch):  # two falling trees meet once, and none meets itself
+        first, second = forest.roots(row[branch]), forest.roots(other[branch])
+        keep = np.ones(len(row), bool)
+        keep[branch] = (first != second) & ((first < second) | ~forest.is_free(second))
+        row, piece = row[keep], piece[keep]
+    found = meet(row, forest.poses, sizes, forest.velocities, piece, table.shape, table.pose,
+                 table.size, table.velocity, time_step)
+    row, piece = row[found.pair], piece[found.pair]
+    depth = np.where((table.part[piece] >= 0) & _rooted(forest, row), slack[row], 0.0)
+    return Pairs(row, table.row[piece], table.body[piece], table.part[piece], found.point,
+                 found.normal, found.gap - depth)
+
+
+def _on_ground(forest: Forest, rows: np.ndarray, sizes: np.ndarray, velocities: np.ndarray,
+               slack: np.ndarray, time_step: float) -> Pairs:
+    found = meet_ground(rows, forest.is_free(rows), forest.poses, sizes, velocities, time_step)
+    row = rows[found.pair]
+    nothing = np.full(len(row), -1, np.intp)
+    return Pairs(row, nothing, nothing, nothing, found.point, found.normal,
+                 found.gap - np.where(_rooted(forest, row), slack[row], 0.0))
+
+
+def _rooted(forest: Forest, rows: np.ndarray) -> np.ndarray:
+    return ~forest.is_free(forest.roots(rows))
+
+
+def _nearest(forest: Forest, pairs: Pairs) -> Pairs:
+    """Keep the nearest few contacts of each tree."""
+    if len(pairs.row) <= _MOST:
+        return pairs
+    root = forest.roots(pairs.row)
+    order = np.lexsort((pairs.gap, root))
+    first = np.searchsorted(root[order], root[order])
+    return pairs.take(np.sort(order[np.arange(len(order)) - first < _MOST]))
+
+
+def _entries(start: np.ndarray, trees: np.ndarray) -> np.ndarray:
+    """List the entries of some trees of a plan."""
+    count = start[trees + 1] - start[trees]
+    before = np.cumsum(count) - count
+    return np.arange(count.sum()) + np.repeat(start[trees] - before, count)
+
+
+def _distinct(rows: np.ndarray) -> np.ndarray:
+    """Give each row once, ascending."""
+    found = np.zeros(np.max(rows, initial=-1) + 1, bool)
+    found[rows] = True
+    return np.flatnonzero(found)

@@ -1,0 +1,179 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Debris loads: what rigid bodies do to masonry that stands, by lying on it and by hitting it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros.physics.touch import overlaps
+from procphys_ros.physics.world import Contacts
+from procphys_ros.physics.world import State as BodyState
+from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State
+
+_SMOOTHING = 0.1  # [s] over which impulses of moving bodies count as a steady load: about two
+#                   periods of a storey-high wall, which feels shorter ones as their mean
+_INTERVAL = 0.1   # [s] between looks at what lies on what
+_CHANGE = 0.05    # of the largest load: smaller changes are not worth new stresses, ...
+_LEAST = 100.0    # [N] ... nor are those far below the strength of a brick's joints, some kN
+_MOST = 20        # bricks knocked out in one step at most, the hardest hit first
+_GRAIN = 1e-9     # [N·s] keeps directions finite
+_DEEPEST = 30     # bodies on top of each other through which weight is followed
+_ROOM = 0.1       # [m] around bodies, more than they move in a contact
+LAYER = 'debris'
+
+
+class Knockout(NamedTuple):
+    """
+    A standing part that a hit drives out.
+
+    :ivar part: index.
+    :ivar share: of the impulse that its bonds passed on before they broke, 0 to 1.
+    """
+
+    part: int
+    share: float
+
+
+def update(model: Model, state: State, dt: float) -> None:
+    """
+    Note what moving debris presses on, and renew its loads from time to time.
+
+    Writes `state.rubble` and loads.
+    """
+    own = state.rubble
+    if not ((state.bodies.members or own.given.any()) and state.standing.any()):
+        return
+    own.moving *= np.exp(-dt / _SMOOTHING)
+    if may_touch(model, state):
+        share = -np.expm1(-dt / _SMOOTHING) / dt
+        _add_contacts(state, state.world.contacts(), share)
+    own.since += dt
+    if own.since < _INTERVAL - 1e-9:
+        return
+    own.since = 0.0
+    total = own.moving + _resting(model, state)
+    largest = np.abs(total[:, :3]).max(initial=0.0)
+    change = np.abs(total[:, :3] - own.given[:, :3]).max(initial=0.0)
+    quiet = not len(state.world.awake) and np.abs(own.moving).max() < 1.0
+    if change > (1.0 if quiet else max(_CHANGE * largest, _LEAST)):
+        own.given = total
+        parts = np.flatnonzero(total.any(axis=1))
+        state.loads.set_layer(LAYER, parts, total[parts])
+
+
+def may_touch(model: Model, state: State) -> bool:
+    """Say whether anything that moves may touch masonry; reading contacts is expensive."""
+    bodies, awake = state.world.bodies, state.world.awake
+    place, room = bodies.poses[awake, :3], bodies.radius[awake, None] + _ROOM
+    bounds = np.hstack([place - room, place + room])
+    return len(overlaps(bounds, model.masonry.bricks.reach)[0]) > 0
+
+
+def knockouts(state: State, contacts: Contacts, struck: np.ndarray) -> list[Knockout]:
+    """
+    List the standing parts that the hits of the last step drive out.
+
+    :param contacts: of the last step.
+    :param struck: bodies that contacts stopped or pushed, by id, (B,) bool.
+    """
+    standing = _part_of_body(state)
+    side = standing[contacts.body_a]
+    part = np.maximum(side, standing[contacts.body_b])
+    rows = np.flatnonzero((part >= 0) & (struck[contacts.body_a] | struck[contacts.body_b]))
+    if not len(rows):
+        return []
+    sign = np.where(side[rows] >= 0, 1.0, -1.0)
+    hit, place = np.unique(part[rows], return_inverse=True)
+    total = np.zeros((len(hit), 3))
+    np.add.at(total, place, sign[:, None] * contacts.impulse[rows])
+    size = np.linalg.norm(total, axis=1)
+    out = []
+    for n in np.argsort(-size, kind='stable')[:_MOST].tolist():
+        if size[n] < _GRAIN:
+            break
+        chosen = hit[[n]]
+        resistance = masonry.resist(state, chosen, total[n] / size[n])
+        mass = float(state.parts.mass[hit[n]])
+        if masonry.comes_out(resistance, size[n], mass, size[n] / mass) is not None:
+            out.append(Knockout(int(hit[n]),
+                                min(resistance.momentum(masonry.CONTACT) / size[n], 1.0)))
+    return out
+
+
+def knock_out(model: Model, state: State, found: list[Knockout]) -> None:
+    """
+    Release parts at rest: what hit them goes on and meets them in the next step.
+
+    :param found: from `knockouts`, after their impulses were taken back.
+    """
+    for knock in found:
+        fragments.release(model, state, [np.array([knock.part])], np.zeros((1, 6)), Cause.IMPACT,
+                          1.0 / max(knock.share, 1e-3))
+
+
+def _part_of_body(state: State) -> np.ndarray:
+    """Give the standing part that each body is, -1 for all others, (B,)."""
+    standing = np.flatnonzero(state.parts.owner == Owner.STANDING)
+    out = np.full(len(state.world.bodies.state), -1, np.intp)
+    out[state.parts.body[standing]] = standing
+    return out
+
+
+def _add_contacts(state: State, contacts: Contacts, rate: float) -> None:
+    """Add impulses times a rate to what moving bodies press with."""
+    standing = _part_of_body(state)
+    side = standing[contacts.body_a]
+    part = np.maximum(side, standing[contacts.body_b])
+    rows = np.flatnonzero(part >= 0)
+    sign = np.where(side[rows] >= 0, rate, -rate)
+    force = sign[:, None] * contacts.impulse[rows]
+    arm = contacts.point[rows] - state.parts.poses[part[rows], :3]
+    np.add.at(state.rubble.moving, part[rows], np.hstack([force, np.cross(arm, force)]))
+
+
+def _resting(model: Model, state: State) -> np.ndarray:
+    """
+    Give what lies on standing parts, (N, 6).
+
+    Weight goes from body to body along the contacts on which they came to rest, in the shares
+    that these had then.
+    """
+    out = np.zeros_like(state.rubble.given)
+    supports, bodies = state.world.supports, state.world.bodies
+    part = _part_of_body(state)[supports.support]
+    rows = np.flatnonzero(part >= 0)
+    if not len(rows):
+        return out
+    weight = np.where(bodies.state == BodyState.RESTING, bodies.mass * model.gravity, 0.0)
+    load = weight.copy()
+    for _ in range(_DEEPEST):
+        arriving = np.bincount(supports.support, supports.share * load[supports.resting],
+                               len(weight))
+        passed = np.where(bodies.state == BodyState.RESTING, weight + arriving, 0.0)
+        if np.allclose(passed, load, rtol=1e-3, atol=1.0):
+            break
+        load = passed
+    down = -supports.share[rows] * load[supports.resting[rows]]
+    force = np.zeros((len(rows), 3))
+    force[:, 2] = down
+    arm = supports.point[rows] - state.parts.poses[part[rows], :3]
+    np.add.at(out, part[rows], np.hstack([force, np.cross(arm, force)]))
+    return out

@@ -1,0 +1,110 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Demolition: charges in walls that go off one after the other."""
+
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.errors import CommandError
+from procphys_ros.scene.strikes import Demolition
+from procphys_ros.simulation import fragments
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_CORE = 0.9        # of a charge's radius: inside masonry turns to dust, outside it is thrown
+_THROW = 6.0       # [m/s] away from the charge
+_BAND = (0.3, 2.0)  # [m] above the foot of a building, where charges are drilled
+_SPACING = 1.1     # [m] between charges of the default plan
+_MARGIN = 0.02     # [m] by which their cores reach beyond the last brick
+_SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at the corners
+_HEAVY = 200.0     # [kg] parts above it, such as slabs, are cut loose, not turned to dust
+
+
+def arm(model: Model, state: State, plan: Demolition) -> int:
+    """
+    Start the clocks of a plan's charges.
+
+    :param plan: without charges, they are laid along the ground-floor walls.
+    :returns: number of charges.
+    :raises CommandError: when there is nothing to demolish.
+    """
+    if not state.standing.any():
+        raise CommandError('there is no building left to demolish')
+    plan = plan if len(plan) else implosion(model, state)
+    for delay, place, radius in zip(plan.delays, plan.places, plan.radii):
+        state.charges.append((state.time + float(delay), place, float(radius)))
+    state.charges.sort(key=lambda charge: charge[0])
+    return len(plan)
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """Fire the charges whose moment lies within the step; destroys and releases."""
+    while state.charges and state.charges[0][0] < state.time + dt:
+        _, place, radius = state.charges.pop(0)
+        _fire(model, state, place, radius)
+
+
+def implosion(model: Model, state: State) -> Demolition:
+    """
+    Lay charges along the walls of all ground floors, to be fired from the middle out.
+
+    :raises CommandError: when no wall stands at the height of the charges.
+    """
+    source, standing = model.blueprint, state.standing[:len(model.blueprint)]
+    low = source.poses[:, 2] - 0.5 * source.size[:, 2]
+    graph = state.solver.graph
+    on_ground = np.zeros(len(source) + 1, bool)
+    for ends in (graph.first, graph.second):
+        on_ground[ends[graph.grounded()]] = True
+    foot = float(np.min(low[on_ground[:-1] & standing], initial=0.0))
+    height = source.poses[:, 2] - foot
+    chosen = np.flatnonzero(standing & (source.shape == Shape.BOX) & (height > _BAND[0])
+                            & (height < _BAND[1]) & (source.mass < _HEAVY))
+    if not len(chosen):
+        raise CommandError('no wall stands between 0.3 and 2 m above the ground; give '
+                           'demolition.positions')
+    points = source.poses[chosen, :3]
+    cell = np.floor(points / _SPACING).astype(np.int64)
+    _, place, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
+    middles = np.column_stack([np.bincount(place.ravel(), column) / count
+                               for column in points.T])
+    away = np.linalg.norm(middles[:, :2] - middles[:, :2].mean(axis=0), axis=1)
+    delays = _SPREAD * away / max(float(np.max(away)), 1e-9)
+    reach = np.zeros(len(middles))  # so far that no pier is left between two charges
+    np.maximum.at(reach, place.ravel(),
+                  np.linalg.norm(points - middles[place.ravel()], axis=1))
+    return Demolition(delays.tolist(), middles.ravel().tolist(),
+                      ((reach + _MARGIN) / _CORE).tolist())
+
+
+def _fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
+    """Break what stands within the radius: dust inside, thrown pieces at the rim."""
+    source, standing = model.blueprint, state.standing[:len(model.blueprint)]
+    away = source.poses[:, :3] - place
+    distance = np.linalg.norm(away, axis=1)
+    hit = standing & (distance < radius) & (source.shape == Shape.BOX)
+    dust = np.flatnonzero(hit & (distance < _CORE * radius) & (source.mass < _HEAVY))
+    thrown = np.flatnonzero(hit & ~np.isin(np.arange(len(source)), dust))
+    if len(thrown):
+        velocities = np.zeros((len(thrown), 6))
+        velocities[:, :3] = (_THROW * away[thrown]
+                             / np.maximum(distance[thrown], 1e-3)[:, None])
+        velocities[source.mass[thrown] >= _HEAVY] = 0.0
+        fragments.release(model, state, [thrown[[i]] for i in range(len(thrown))], velocities,
+                          Cause.DEMOLITION, 1.0)
+    if len(dust):
+        fragments.destroy(model, state, dust, Cause.DEMOLITION, 1.0)

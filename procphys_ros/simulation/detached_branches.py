@@ -1,0 +1,115 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Detached branches: overloaded joints break, and large pieces stay flexible while they fall."""
+
+import numpy as np
+
+from procphys_ros.simulation import fragments
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+SMALLEST = 8     # segments; smaller pieces bend too little to be seen
+MOST = 16        # at a time; each costs about as much as a standing tree while it touches nothing,
+#                  and up to a millisecond per step while it lies on many contacts
+_SLOW = 0.25     # [m/s] no segment faster
+_CALM = 0.5      # [s] so long, before a branch counts as lying
+_LOW = 0.3       # [m] height of the lowest segment of a branch that has come down
+_DOWN = 1.0      # [s] so long, before what has come down becomes rigid: it has hit and sprung back
+_LONGEST = 8.0   # [s] from coming off, after which a branch becomes rigid anyway
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """
+    Make lying branches rigid, and break the joints that the last step of the trees overloaded.
+
+    Of each root-to-tip path the worst joint breaks first; what lies above and below it is judged
+    again in the next step, when the load that broke it is gone. Writes the forest, and releases
+    what is small. Poses, momentum and angular momentum are kept.
+    """
+    make_rigid(model, state, dt)
+    forest = state.forest
+    rows, causes, loads, bonds = forest.overloaded()
+    if not len(rows):
+        return
+    over = loads / model.trees.capacity[rows, causes]
+    chosen: list[int] = []
+    for i in np.argsort(-over, kind='stable'):
+        if not any(_share_path(forest.ends, rows[i], rows[j]) for j in chosen):
+            chosen.append(int(i))
+    position = np.array([_joint(model, state, rows[i]) for i in chosen])
+    rigid = [int(rows[i]) for i in chosen if not _stays_flexible(model, state, int(rows[i]))]
+    state.log.record(state.time, position, bonds[chosen], model.blueprint.bonds[bonds[chosen]],
+                     causes[chosen], over[chosen])
+    state.loose_bonds.graph.cut(bonds[chosen])
+    for row in rigid:
+        release_branch(model, state, row)
+
+
+def make_rigid(model: Model, state: State, dt: float) -> None:
+    """
+    Turn branches that are small, lie still or came down a while ago into rigid fragments.
+
+    Writes the clocks in `state.trees`, and releases.
+    """
+    forest, trees = state.forest, state.trees
+    roots = forest.free_roots.tolist()
+    if not roots and not trees.age:
+        return
+    trees.age = {r: trees.age.get(r, 0.0) + dt for r in roots}
+    trees.quiet = {r: trees.quiet.get(r, 0.0) + dt if _lies(state, r) else 0.0 for r in roots}
+    trees.down = {r: trees.down.get(r, 0.0) + (dt if _is_low(state, r) else 0.0) for r in roots}
+    for root in roots:
+        if (len(forest.subtree(root)) < SMALLEST or trees.age[root] > _LONGEST - 1e-9
+                or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9):
+            release_branch(model, state, root)
+
+
+def release_branch(model: Model, state: State, row: int) -> None:
+    """Make a branch from a row of the forest on one rigid body."""
+    forest = state.forest
+    rows, poses, velocities = forest.detach(row)
+    parts = forest.parts[rows]
+    state.parts.poses[parts] = poses  # what was shown may lie between two steps
+    fragments.release(model, state, [parts], velocities)
+
+
+def _stays_flexible(model: Model, state: State, row: int) -> bool:
+    """Cut a branch loose as a tree with a free root, if it is worth it; say whether it was."""
+    forest = state.forest
+    if len(forest.free_roots) >= MOST or len(forest.subtree(row)) < SMALLEST:
+        return False
+    forest.release(row)
+    return True
+
+
+def _share_path(ends: np.ndarray, row: int, other: int) -> bool:
+    return row <= other < ends[row] or other <= row < ends[other]
+
+
+def _joint(model: Model, state: State, row: int) -> np.ndarray:
+    """Give where the joint of a row is, world [m], (3,)."""
+    x, y, z, w = state.forest.poses[row, 3:]
+    axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    return state.forest.poses[row, :3] - model.trees.joint_arm[row] * axis
+
+
+def _lies(state: State, root: int) -> bool:
+    rows = state.forest.subtree(root)
+    return bool((np.abs(state.forest.velocities[rows, :3]).max(axis=1) < _SLOW).all())
+
+
+def _is_low(state: State, root: int) -> bool:
+    return bool(state.forest.poses[state.forest.subtree(root), 2].min() < _LOW)

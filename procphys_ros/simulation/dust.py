@@ -1,0 +1,177 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Dust of a scene: it rises where mortar bursts and where masonry and missiles hit hard."""
+
+from itertools import islice
+
+import numpy as np
+
+from procphys_ros.physics.dust import DustCloud, fracture_energy, lost_energy, Mode, motion_energy
+from procphys_ros.physics.world import State as BodyState
+from procphys_ros.simulation import skyline
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_MODES = np.full(len(Cause), Mode.OPENED)
+_MODES[[Cause.SHEAR, Cause.IMPACT, Cause.BLAST, Cause.DEMOLITION]] = Mode.SHEARED  # torn out
+_MODES[Cause.COMPRESSION] = Mode.CRUSHED
+_HARD = 1.0  # [m/s] slower things make no dust when they touch; resting bodies emit none
+_FREE_LOSS = 0.02  # of the energy that a body may lose in a step without having hit anything
+_LARGE = 0.5  # [m] radius of bodies whose places of contact are looked up, which takes long
+_SPREAD = 0.3  # of a body's radius, around the place where it hit
+_JUMP = 0.5  # [m] beyond twice its way that a body may be displaced in a step and be the same
+_NOWHERE = np.zeros((0, 3)), np.zeros(0), np.zeros(0)
+
+
+def watch(model: Model, state: State, dt: float) -> None:
+    """
+    Raise dust where projectiles struck masonry, and note how fast bodies would move on freely.
+
+    Runs just before the engine's step; writes `state.dust`.
+    """
+    own = state.dust
+    if own.cloud is None:
+        return
+    _from_projectiles(model, state, own.cloud)
+    bodies, ids = state.world.bodies, state.world.awake
+    free = bodies.velocities[ids]  # a copy
+    free[:, 2] -= model.gravity * dt
+    fast = (free[:, :3] ** 2).sum(axis=1) > _HARD ** 2
+    own.watch = None
+    if fast.any():
+        poses, mass = bodies.poses[ids], bodies.mass[ids]
+        energy = motion_energy(mass, bodies.inertia[ids], poses[:, 3:], free)
+        spared = np.zeros(len(bodies.state) + 1, bool)
+        spared[state.carrier[model.wooden]] = True  # the last row is for what no body carries
+        own.watch = {'ids': ids, 'poses': poses, 'free': free, 'fast': fast, 'mass': mass,
+                     'radius': bodies.radius[ids], 'energy': energy, 'spared': spared[ids]}
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """Raise dust from what broke and hit in this step, and move all of it; writes dust."""
+    own = state.dust
+    if own.cloud is None:
+        return
+    _from_fractures(model, state, own.cloud)
+    if own.watch is not None:
+        own.cloud.raise_dust(*_spent(model, state, own.watch, dt))
+    if own.cloud.dusty:
+        below = skyline.current(model, state)
+        if own.skyline is not below:
+            own.skyline = below
+            own.cloud.lift(below)
+    own.cloud.step(dt, lambda points: state.wind.velocity(points, state.time), own.skyline)
+
+
+def _from_projectiles(model: Model, state: State, cloud: DustCloud) -> None:
+    """Raise dust where projectiles struck masonry that stood."""
+    own, ledger, bodies = state.dust, state.ledger, state.world.bodies
+    fresh, own.struck = ledger.count - own.struck, ledger.count
+    velocity: dict[int, np.ndarray] = {}
+    stony = np.ones(len(state.parts), bool)
+    stony[model.wooden] = False
+    # From what is left of the speed back to what there was before the first blow.
+    for blow in islice(reversed(ledger.recent), fresh):
+        body = state.parts.body[blow.projectile]
+        mass = bodies.mass[body]
+        after = velocity.get(blow.projectile, bodies.velocities[body, :3])
+        before = velocity[blow.projectile] = after + blow.lost / mass
+        if stony[blow.parts].all():
+            carried = blow.carried @ blow.carried / (2.0 * state.parts.mass[blow.parts].sum())
+            energy = 0.5 * mass * (before @ before - after @ after) - carried - blow.work
+            cloud.raise_dust(blow.point[None], np.zeros(1), np.array([max(energy, 0.0)]))
+
+
+def _from_fractures(model: Model, state: State, cloud: DustCloud) -> None:
+    """Raise dust from the mortar that broke since this was last called."""
+    own, source = state.dust, model.blueprint
+    new, own.seen = state.log.total - own.seen, state.log.total
+    if new <= 0:
+        return
+    events = state.log.recent(new)
+    events = events[model.mortar[events['bond']]]
+    bond = events['bond']
+    energy = fracture_energy(_MODES[events['cause']], source.bond_area[bond])
+    spread = 0.3 * source.bond_extent[bond].max(axis=1, initial=0.0)
+    cloud.raise_dust(events['position'], spread, energy)
+
+
+def _spent(model: Model, state: State, watch: dict[str, np.ndarray],
+           dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Find where bodies spent energy since `watch`.
+
+    What a body hands on to others, or to the pieces that it broke into, is not spent.
+
+    :returns: places [m] (K, 3), how far around there [m] (K,) and energies [J] (K,).
+    """
+    bodies, ids, free = state.world.bodies, watch['ids'], watch['free']
+    now, after, same = _present(model, state, watch, dt)
+    lost = watch['energy'] - now
+    hit = watch['fast'] & (lost > _FREE_LOSS * watch['energy']) & ~watch['spared']
+    if not hit.any():
+        return _NOWHERE
+    others = np.setdiff1d(state.world.awake, ids[same])
+    gained = float(np.sum(motion_energy(bodies.mass[others], bodies.inertia[others],
+                                        bodies.poses[others, 3:], bodies.velocities[others])))
+    energy = lost_energy(watch['energy'], now, gained)[hit]
+    kick = (after - free)[hit, :3]  # away from what it hit
+    kick /= np.maximum(np.linalg.norm(kick, axis=1, keepdims=True), 1e-9)
+    radius = watch['radius'][hit]
+    place = watch['poses'][hit, :3] - radius[:, None] * kick
+    place[:, 2] = np.maximum(place[:, 2], 0.0)
+    return _at_contacts(state, ids[hit], place, radius, energy)
+
+
+def _present(model: Model, state: State, watch: dict[str, np.ndarray],
+             dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Give energies (W,) and velocities (W, 6) now, and which bodies are still the same, (W,).
+
+    Both are zero for bodies that are no more.
+    """
+    bodies, ids, mass, free = state.world.bodies, watch['ids'], watch['mass'], watch['free']
+    poses, after = bodies.poses[ids], bodies.velocities[ids]
+    way = np.linalg.norm(free[:, :3], axis=1) * dt
+    shift = np.linalg.norm(poses[:, :3] - watch['poses'][:, :3], axis=1)
+    doing = bodies.state[ids]
+    same = (((doing == BodyState.LOOSE) | (doing == BodyState.RESTING))
+            & (bodies.mass[ids] == mass) & (shift < 2.0 * way + _JUMP))
+    lift = poses[:, 2] - watch['poses'][:, 2] - free[:, 2] * dt
+    energy = (motion_energy(mass, bodies.inertia[ids], poses[:, 3:], after)
+              + mass * model.gravity * lift)
+    return np.where(same, energy, 0.0), np.where(same[:, None], after, 0.0), same
+
+
+def _at_contacts(state: State, ids: np.ndarray, place: np.ndarray, radius: np.ndarray,
+                 energy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Share the energy of large bodies among the points where they were pushed."""
+    spread = _SPREAD * radius
+    if radius.max() <= _LARGE:
+        return place, spread, energy
+    contacts = state.world.contacts()
+    row = np.full(len(state.world.bodies.state) + 1, -1)
+    row[ids[radius > _LARGE]] = np.flatnonzero(radius > _LARGE)
+    side = row[np.concatenate([contacts.body_a, contacts.body_b])]
+    push = np.tile(np.linalg.norm(contacts.impulse, axis=1), 2)
+    point = np.flatnonzero((side >= 0) & (push > 0.0))
+    side, push = side[point], push[point]
+    total = np.bincount(side, push, minlength=len(ids))
+    left = total == 0.0
+    return (np.concatenate([place[left], np.tile(contacts.point, (2, 1))[point]]),
+            np.concatenate([spread[left], np.full(len(point), _SPREAD * _LARGE)]),
+            np.concatenate([energy[left], energy[side] * push / total[side]]))

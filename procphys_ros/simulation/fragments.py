@@ -1,0 +1,225 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Fragments: how parts leave walls and trees, and the rigid bodies that carry them then."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.physics.air import AIR_DENSITY
+from procphys_ros.physics.world import expand, rigid_sum
+from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world.registry import FRICTION
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State
+
+_WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
+_NEGLIGIBLE = 0.05  # [m/s²] drag not worth the call that sets a velocity, 0.5 % of gravity
+_IDENTITY = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
+
+
+def release(model: Model, state: State, pieces: Sequence[np.ndarray],
+            velocities: np.ndarray | None = None, cause: Cause | None = None,
+            load: float = 1.0) -> None:
+    """
+    Let pieces of walls or trees go: each becomes one rigid body.
+
+    This is the only way from `Owner.STANDING` and `Owner.TREE` to `Owner.BODY`. Momentum and
+    angular momentum of the parts are kept.
+
+    :param pieces: parts of each piece; the parts of one piece have the same owner.
+    :param velocities: of the parts in the order of the pieces, world axes, (P, 6); None = as
+        the state has them.
+    :param cause: cuts the bonds that still hold the parts, for this reason; None = they are cut
+        and recorded already.
+    :param load: load over strength of bonds cut here.
+    """
+    if not len(pieces):
+        return
+    parts = np.concatenate(pieces)
+    if velocities is None:
+        velocities = state.parts.velocities[parts]
+    stood = state.parts.owner[parts] == Owner.STANDING
+    if cause is not None:
+        cut(model, state, parts[stood], cause, load)
+    elif stood.any():
+        state.loose_bonds.take_over(state.solver.graph, parts[stood])
+    poses = state.parts.poses[parts]
+    start = np.cumsum([0, *(len(piece) for piece in pieces)])
+    single = np.flatnonzero((np.diff(start) == 1) & stood[start[:-1]])
+    rows = start[single]
+    bodies = state.parts.body[parts[rows]]
+    state.world.thaw(bodies, velocities[rows])
+    adopt(state, parts[rows], bodies)
+    for i in np.setdiff1d(np.arange(len(pieces)), single):
+        piece = slice(start[i], start[i + 1])
+        if stood[start[i]]:
+            state.world.remove(state.parts.body[parts[piece]])
+        make_body(state, parts[piece], poses[piece], velocities[piece])
+
+
+def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float) -> None:
+    """
+    Take standing parts out of the scene for good.
+
+    :param parts: (K,) indices.
+    :param cause: why their bonds break.
+    :param load: load over strength.
+    """
+    cut(model, state, parts, cause, load)
+    state.world.remove(state.parts.body[parts])
+    vanish(state, parts)
+
+
+def vanish(state: State, parts: np.ndarray) -> None:
+    """Note that parts, which no body carries any more, exist no more; they keep their poses."""
+    state.parts.owner[parts] = Owner.GONE
+    state.parts.body[parts] = -1
+    state.parts.velocities[parts] = 0.0
+
+
+def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float) -> None:
+    """Break and record all bonds of standing parts, (K,) indices."""
+    bonds = state.solver.remove_parts(parts)
+    rows = state.solver.graph.rows[bonds]
+    state.loose_bonds.graph.cut(rows)
+    state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
+                     model.blueprint.bonds[rows], cause, np.full(len(rows), load))
+
+
+def make_body(state: State, parts: np.ndarray, poses: np.ndarray,
+              velocities: np.ndarray) -> int:
+    """
+    Make one rigid body of parts; momentum and angular momentum are kept.
+
+    :param parts: (P,) indices.
+    :param poses: of these parts, (P, 7).
+    :param velocities: of these parts, world axes, (P, 6).
+    :returns: id of the body.
+    """
+    order = np.argsort(parts)  # rows of a tree follow its branches, not the part indices
+    parts, poses, velocities = np.asarray(parts)[order], poses[order], velocities[order]
+    columns = state.parts
+    friction = FRICTION if columns.shape[parts[0]] == Shape.BOX else _WOOD_FRICTION
+    sizes = columns.solid_size[parts]
+    if len(parts) == 1:
+        part = int(parts[0])
+        body = state.world.add_body(
+            columns.shape[part], sizes[0], float(columns.mass[part]), poses[0], velocities[0],
+            columns.inertia[part], friction)
+        _enter(state, body, parts, _IDENTITY)
+        return body
+    total = rigid_sum(columns.mass[parts], columns.inertia[parts], poses, velocities)
+    body = state.world.add_fragment(
+        columns.shape[parts], sizes, total.local_poses, total.mass, total.inertia, total.pose,
+        total.velocity, friction=friction)
+    _enter(state, body, parts, total.local_poses)
+    return body
+
+
+def adopt(state: State, parts: np.ndarray, bodies: np.ndarray) -> None:
+    """
+    Take over bodies that are one part each.
+
+    :param parts: (P,) indices.
+    :param bodies: ids in the world, (P,).
+    """
+    for part, body in zip(parts, bodies):
+        _enter(state, int(body), np.array([part]), _IDENTITY)
+
+
+def split(state: State, body: int, pieces: Sequence[np.ndarray]) -> list[int]:
+    """
+    Replace a body by its pieces, which go on as parts of the rigid body did: v + ω × r, ω.
+
+    :param body: id.
+    :param pieces: its parts, (P,) each; parts that are in no piece have no body then.
+    :returns: ids of the new bodies.
+    """
+    whole = state.bodies.members[body]
+    poses, velocities = part_states(state, body)
+    state.parts.body[state.bodies.members.pop(body)] = -1
+    state.bodies.size[body] = 0
+    state.bodies.carried = None
+    state.world.remove(np.array([body]))
+    rows = [np.searchsorted(whole, np.sort(parts)) for parts in pieces]
+    return [make_body(state, whole[row], poses[row], velocities[row]) for row in rows]
+
+
+def part_states(state: State, body: int) -> tuple[np.ndarray, np.ndarray]:
+    """Give present poses (P, 7) and velocities (P, 6) of the parts that a body carries."""
+    bodies, parts = state.world.bodies, state.bodies.members[body]
+    poses, velocities = np.empty((len(parts), 7)), np.empty((len(parts), 6))
+    expand(bodies.poses, bodies.velocities, np.full(len(parts), body), state.parts.local[parts],
+           np.arange(len(parts)), poses, velocities)
+    return poses, velocities
+
+
+def apply_drag(model: Model, state: State, dt: float) -> None:
+    """
+    Let the air slow down or carry off what is loose; writes velocities of bodies.
+
+    Quadratic drag with the speed of the last step, integrated exactly over the step, so that no
+    light body overshoots the speed of the air.
+    """
+    awake = state.world.awake
+    if not len(awake):
+        return
+    air = state.wind.velocity(state.world.poses(awake)[:, :3], state.time)
+    area = np.zeros(max(awake[-1] + 1, len(state.bodies.drag_area)))
+    area[:len(state.bodies.drag_area)] = state.bodies.drag_area
+    velocities = state.world.velocities(awake).copy()
+    slip = air - velocities[:, :3]
+    rate = (0.5 * AIR_DENSITY * area[awake] * np.linalg.norm(slip, axis=1)
+            / state.world.bodies.mass[awake])
+    share = -np.expm1(-rate * dt)[:, None]
+    velocities[:, :3] += share * slip
+    velocities[:, 3:] *= 1.0 - share
+    felt = rate * np.linalg.norm(slip, axis=1) > _NEGLIGIBLE
+    state.world.set_velocities(awake[felt], velocities[felt])
+
+
+def write_poses(model: Model, state: State, dt: float) -> None:
+    """Move the parts of all bodies that moved in this step; writes poses and velocities."""
+    if not state.bodies.members:
+        return
+    if state.bodies.carried is None:
+        state.bodies.carried = np.flatnonzero(state.parts.owner == Owner.BODY)
+    bodies, parts = state.world.bodies, state.bodies.carried
+    moves = bodies.state[state.parts.body[parts]] >= BodyState.LOOSE
+    rows = parts[moves | state.parts.moved[parts]]
+    state.parts.moved[parts] = moves
+    expand(bodies.poses, bodies.velocities, state.parts.body[rows], state.parts.local[rows], rows,
+           state.parts.poses, state.parts.velocities)
+
+
+def _enter(state: State, body: int, parts: np.ndarray, local: np.ndarray) -> None:
+    columns, known = state.parts, state.bodies
+    columns.owner[parts] = Owner.BODY
+    columns.body[parts] = body
+    columns.local[parts] = local
+    columns.moved[parts] = True
+    known.members[body] = np.asarray(parts, np.intp)
+    known.carried = None
+    if body >= len(known.drag_area):
+        more = 2 * body + 1 - len(known.drag_area)
+        known.drag_area = np.concatenate([known.drag_area, np.zeros(more)])
+        known.size = np.concatenate([known.size, np.zeros(more, np.intp)])
+    known.drag_area[body] = columns.drag_area[parts].sum()
+    known.size[body] = len(parts)

@@ -1,0 +1,311 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Glass: panes break by bending long before their frames let go, and into shards."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.masonry import Resistance
+from procphys_ros.physics.world import State as BodyState
+from procphys_ros.simulation import fragments, spawned_parts
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.masonry import RUBBLE_CONTACT
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_STRENGTH = 45e6     # [Pa] of annealed float glass, EN 572-1
+_MODULUS = 70e9      # [Pa] the same
+_POISSON = 0.23      # the same
+_POINT_STRESS = 1.3  # stress·thickness² over a force in the middle, spread over about a thickness
+_POINT_SAG = 0.0116  # sag·stiffness/(force·edge²), square plate on supports (Timoshenko, table 23)
+_PLATE_STRESS = 0.2874  # stress·thickness²/(pressure·edge²), square plate (Roark, table 11.4)
+_REACH = 0.1         # [m] wider than what strikes it is the glass that feels a blow in time
+_SPRING = 0.4        # [m/s] standard deviation of the speed that bent glass lends to its shards
+_SPIN = 3.0          # [rad/s] the same of their spin
+_PIECES = 4          # along each side
+_MANY = 40           # panes at once, above which each breaks into fewer pieces
+FEWEST = 2           # pieces along each side, where there is little room for more bodies
+SHARDS = 64          # awake shards that there should be: the more, the fewer does a pane give
+BODIES = 300         # awake bodies up to which there may be more; beyond, panes wait, cracked
+_MOST = 4            # panes that fall out in one step: each time their piece is made anew
+_NEAR = 0.02         # [m] from a pane, within which a contact of its piece is one on the glass
+_JUST_OVER = 1.01    # load of a pane whose frame bends
+
+
+@dataclass(frozen=True)
+class CrackedPane:
+    """
+    A standing pane about to break.
+
+    :ivar part: index.
+    :ivar pieces: its shards.
+    :ivar share: velocity of each shard over that of the glass under the blow, (S,).
+    :ivar mass: of the glass that moves with what strikes it [kg].
+    :ivar resistance: of the pane against a blow in one point.
+    """
+
+    part: int
+    pieces: Blueprint
+    share: np.ndarray
+    mass: float
+    resistance: Resistance
+
+
+def pressure(model: Model, parts: np.ndarray) -> np.ndarray:
+    """Give the steady pressure at which panes break [Pa], (K,)."""
+    slenderness = model.glass.edge[parts] / model.glass.thickness[parts]
+    return _STRENGTH / (_PLATE_STRESS * slenderness ** 2)
+
+
+def crack(model: Model, part: int, point: np.ndarray | None = None, size: float = 0.0,
+          count: int = 1) -> CrackedPane:
+    """
+    Prepare a standing pane for breaking.
+
+    :param part: index.
+    :param point: where it is struck, world [m], (3,); None = everywhere.
+    :param size: of what strikes it there [m].
+    :param count: of panes that break together.
+    """
+    source = model.blueprint
+    pieces = _PIECES if count < _MANY else _PIECES // 2
+    parts = _cut_up(model, part, source.poses[part], pieces)
+    share, mass = np.ones(len(parts)), float(parts.mass.sum())
+    thin, edge = float(model.glass.thickness[part]), float(model.glass.edge[part])
+    if point is not None:
+        edge = min(edge, size + _REACH)
+        mass = min(mass, float(source.density[part]) * thin * edge ** 2)
+        distance = np.linalg.norm(parts.poses[:, :3] - point, axis=1)
+        share = np.exp(-(distance / (0.5 * size + _REACH)) ** 2)
+        share *= mass / float(parts.mass @ share)
+    force = float(_point_force(model, np.array([part]))[0])
+    stiffness = _MODULUS * thin ** 3 / (12.0 * (1.0 - _POISSON ** 2))
+    energy = 0.5 * force ** 2 * _POINT_SAG * edge ** 2 / stiffness
+    return CrackedPane(part, parts, share, mass,
+                       Resistance(np.zeros(0, np.intp), force, energy))
+
+
+def shatter_standing(model: Model, state: State,
+                     panes: Sequence[tuple[CrackedPane, np.ndarray, float]],
+                     cause: Cause) -> None:
+    """
+    Let shards fly instead of standing panes.
+
+    :param panes: each with the velocity of the glass under the blow [m/s], (3,), and the load
+        over what it bears.
+    :param cause: of the breaks.
+    """
+    firsts = _append(model, state, [(pane.part, pane.pieces) for pane, _, _ in panes])
+    for first, (pane, velocity, load) in zip(firsts, panes):
+        fragments.destroy(model, state, np.array([pane.part]), cause, load)
+        velocities = np.zeros((len(pane.pieces), 6))
+        velocities[:, :3] = pane.share[:, None] * velocity
+        _scatter(model, state, pane.part, first, pane.pieces, velocities)
+
+
+def judge(model: Model, state: State, struck: np.ndarray, jump: np.ndarray,
+          broken: Sequence[np.ndarray]) -> None:
+    """
+    Find out which panes in loose pieces the contacts of the last step broke.
+
+    A pane breaks when its edges are stopped harder across the glass than it bears in bending, when
+    something hits it in one point, or when a bond of it or of its frame breaks. Writes
+    `state.glass.load`.
+
+    :param struck: bodies that contacts stopped or pushed, by id, (B,) bool.
+    :param jump: change of velocity by contacts of the bodies `World.awake`, (K, 6).
+    :param broken: bonds that broke in pieces, rows of the blueprint.
+    """
+    own, glass = state.glass, model.glass
+    if not len(glass.parts):
+        return
+    body = state.carrier[glass.parts]
+    loose = (body >= 0) & (state.world.bodies.state[body] == BodyState.LOOSE)
+    if loose.any() and struck.any():
+        rows = np.flatnonzero(loose & struck[body])
+        stopped = jump[np.searchsorted(state.world.awake, body[rows])]
+        np.maximum.at(own.load, rows, _bending(model, state, rows, body[rows], stopped))
+        np.maximum.at(own.load, *_point_loads(model, state, np.flatnonzero(loose), struck))
+    if broken:
+        bent = _in_bent_frames(model, state, np.concatenate(broken))
+        np.maximum.at(own.load, bent, np.full(len(bent), _JUST_OVER))
+    own.load[~loose] = 0.0  # it stands, rests as it is, or is no more
+
+
+def is_waiting(state: State) -> bool:
+    """Say whether any cracked pane of a loose piece is still in one piece."""
+    return bool(np.any(state.glass.load > 1.0))
+
+
+def shatter_loose(model: Model, state: State) -> bool:
+    """
+    Let cracked panes fall out of their pieces as shards, as many as there is room for.
+
+    :returns: whether any did.
+    """
+    own = state.glass
+    rows = np.flatnonzero(own.load > 1.0)
+    awake = state.world.awake
+    own.shards = own.shards[np.isin(own.shards, awake)]
+    room = max(SHARDS - len(own.shards), 0)
+    chosen = rows[:min(_MOST, max(room, BODIES - len(awake)) // FEWEST ** 2)]
+    if not len(chosen):
+        return False
+    pieces = min(max(int((room / len(rows)) ** 0.5), FEWEST), _PIECES)
+    parts = model.glass.parts[chosen]
+    carrier = state.parts.body[parts]
+    made, moving = {}, {}
+    for body in np.unique(carrier).tolist():
+        for part in parts[carrier == body].tolist():
+            made[part], moving[part] = _shards_of(model, state, body, part, pieces)
+    firsts = dict(zip(made, _append(model, state, list(made.items()))))
+    for body in np.unique(carrier).tolist():
+        rows = chosen[carrier == body]
+        _take_out(model, state, body, rows)
+        for part in model.glass.parts[rows].tolist():
+            fragments.vanish(state, np.array([part]))
+            own.shards = np.concatenate([own.shards, _scatter(
+                model, state, part, firsts[part], made[part], moving[part])])
+    own.load[chosen] = 0.0
+    return True
+
+
+def _point_force(model: Model, parts: np.ndarray) -> np.ndarray:
+    """Give the force in one point that panes withstand [N], (K,)."""
+    return _STRENGTH * model.glass.thickness[parts] ** 2 / _POINT_STRESS
+
+
+def _cut_up(model: Model, part: int, pose: np.ndarray, pieces: int) -> Blueprint:
+    source, rng = model.blueprint, np.random.default_rng([model.seed, part])
+    return spawned_parts.shards(
+        source.size[part], float(source.density[part]), pose,
+        source.textures[source.texture[part]], source.materials[source.material[part]],
+        pieces, pieces, rng)
+
+
+def _append(model: Model, state: State, panes: Sequence[tuple[int, Blueprint]]) -> list[int]:
+    """Append the shards of all panes that break now; give the first part of each pane's."""
+    return state.append(model, [(pieces, f'pane_{part}') for part, pieces in panes])
+
+
+def _scatter(model: Model, state: State, part: int, first: int, pieces: Blueprint,
+             velocities: np.ndarray) -> np.ndarray:
+    """Let shards, parts from `first` on, fly with velocities (S, 6); give their bodies."""
+    bodies = state.world.add_bricks(pieces.poses, pieces.size, pieces.mass)
+    state.world.thaw(bodies, velocities + _spring_back(model, part, pieces))
+    fragments.adopt(state, np.arange(first, first + len(pieces)), bodies)
+    return bodies
+
+
+def _spring_back(model: Model, part: int, pieces: Blueprint) -> np.ndarray:
+    """Give what shards gain as the bent pane springs back, without momentum, (S, 6)."""
+    rng = np.random.default_rng([model.seed, part, 1])
+    gained = rng.normal(0.0, [_SPRING] * 3 + [_SPIN] * 3, (len(pieces), 6))
+    gained[:, :3] -= pieces.mass @ gained[:, :3] / pieces.mass.sum()
+    return gained
+
+
+def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
+             jump: np.ndarray) -> np.ndarray:
+    """
+    Compare how hard the edges of panes were stopped with what the glass bears, (K,).
+
+    :param rows: panes, (K,); body: ids of their bodies, (K,).
+    :param jump: change of velocity of these, (K, 6).
+    """
+    parts, start = model.glass.parts[rows], state.rubble.poses[body]
+    pose = rotation.compose(start, state.parts.local[parts])
+    change = jump[:, :3] + np.cross(jump[:, 3:], pose[:, :3] - start[:, :3])
+    across = rotation.to_matrix(pose[:, 3:])[np.arange(len(rows)), :, model.glass.thin[rows]]
+    rate = np.abs(np.einsum('ki,ki->k', across, change)) / RUBBLE_CONTACT
+    bearable = pressure(model, parts) / (model.blueprint.density[parts]
+                                         * model.glass.thickness[parts])
+    return rate / bearable
+
+
+def _point_loads(model: Model, state: State, rows: np.ndarray,
+                 struck: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Compare contacts on panes with the force in one point that these bear.
+
+    :param rows: loose panes, (K,).
+    :param struck: see `judge`.
+    :returns: row and load of each such contact.
+    """
+    contacts, start = state.world.contacts(), state.rubble.poses
+    blow = np.flatnonzero(struck[contacts.body_a] | struck[contacts.body_b])
+    body = state.carrier[model.glass.parts[rows]]
+    pairs = [np.nonzero(side[blow, None] == body)
+             for side in (contacts.body_a, contacts.body_b)]
+    touch, k = (np.concatenate(column) for column in zip(*pairs))
+    touch, rows = blow[touch], rows[k]
+    parts = model.glass.parts[rows]
+    pose = rotation.compose(start[body[k]], state.parts.local[parts])
+    local = rotation.rotate(rotation.conjugate(pose[:, 3:]),
+                            contacts.point[touch] - pose[:, :3])
+    on = (np.abs(local) < 0.5 * model.blueprint.size[parts] + _NEAR).all(axis=1)
+    force = np.linalg.norm(contacts.impulse[touch[on]], axis=1) / RUBBLE_CONTACT
+    return rows[on], force / _point_force(model, parts[on])
+
+
+def _in_bent_frames(model: Model, state: State, bonds: np.ndarray) -> np.ndarray:
+    """List the panes that broken bonds held, or whose frame they held."""
+    glass = model.glass
+    torn = np.zeros(state.loose_bonds.graph.count + 1, bool)
+    torn[model.blueprint.bonds[bonds]] = True
+    return glass.pane[torn[glass.frame] | torn[glass.parts[glass.pane]]]
+
+
+def _shards_of(model: Model, state: State, body: int, part: int,
+               pieces: int) -> tuple[Blueprint, np.ndarray]:
+    """Cut up a pane where its body carries it: shards, and their velocities, (S, 6)."""
+    bodies = state.world.bodies
+    members = state.bodies.parts_of(body)
+    pose = fragments.part_states(state, body)[0][np.searchsorted(members, part)]
+    velocity = bodies.velocities[body].copy()
+    velocity[:3] += np.cross(velocity[3:], pose[:3] - bodies.poses[body, :3])
+    made = _cut_up(model, part, pose, pieces)
+    moving = np.tile(velocity, (len(made), 1))
+    moving[:, :3] += np.cross(velocity[3:], made.poses[:, :3] - pose[:3])
+    return made, moving
+
+
+def _take_out(model: Model, state: State, body: int, rows: np.ndarray) -> None:
+    """Take some panes out of a body; the rest of it goes on as it did."""
+    parts, members = model.glass.parts[rows], state.bodies.parts_of(body)
+    poses = fragments.part_states(state, body)[0][np.searchsorted(members, parts)]
+    for part, pose, load in zip(parts.tolist(), poses, state.glass.load[rows].tolist()):
+        _break_out_of_frame(model, state, part, pose, members, load)
+    rest = np.setdiff1d(members, parts)
+    fragments.split(state, body, state.loose_bonds.pieces(rest) if len(rest) else [])
+
+
+def _break_out_of_frame(model: Model, state: State, part: int, pose: np.ndarray,
+                        members: np.ndarray, load: float) -> None:
+    """Break the bonds that still hold a pane in its piece."""
+    source, graph = model.blueprint, state.loose_bonds.graph
+    bonds = graph.boundary(np.array([part]))
+    held = np.isin(graph.first[bonds], members) & np.isin(graph.second[bonds], members)
+    graph.cut(bonds)
+    rows = graph.rows[bonds[held]]
+    turn = rotation.multiply(pose[3:], rotation.conjugate(source.poses[part, 3:]))
+    arm = source.bond_frame[rows, :3] - source.poses[part, :3]
+    state.log.record(state.time, pose[:3] + rotation.rotate(turn, arm), rows,
+                     source.bonds[rows], Cause.IMPACT, np.full(len(rows), load))

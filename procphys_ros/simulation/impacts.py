@@ -1,0 +1,314 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Impacts: what falls or flies in one piece breaks again where it hits."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.dust import motion_energy
+from procphys_ros.physics.masonry import Breakage
+from procphys_ros.physics.world import axes_of, Contacts
+from procphys_ros.physics.world import State as BodyState
+from procphys_ros.simulation import debris_loads, fragments, glass
+from procphys_ros.simulation.contact_forces import BodyContacts, spread
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.masonry import RUBBLE_CONTACT
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_CHAIN = 0.3        # [m/s] change of speed down to which taking back follows chains of contacts
+_LEAST_JUMP = 0.5   # [m/s] change of speed by contacts that is no blow: thrice what gravity gives
+#                     in a step, so that what rests or is pushed about is never judged
+_SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot break a piece
+_LEVER = 8.0 / 27.0  # of half of the length of a free bar: largest moment over force, where the
+#                     bar is hit at its end; in the middle it is 1/4
+_NODES = 60         # cells that a piece breaks into at most in one step
+_PER_CELL = 5       # what a cell costs to judge, in units of ...
+_WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows
+_COARSE = 8         # cells that a far piece breaks into at most in one step
+_COARSER = 8        # how many times larger than near ones the smallest far pieces are
+_BODIES = 240       # awake bodies that there should be: the more, the coarser pieces break
+_LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
+
+
+class Blow(NamedTuple):
+    """
+    A blow on a piece.
+
+    :ivar body: id.
+    :ivar parts: what it carries, (P,).
+    :ivar contacts: of the body; None = not selected yet.
+    :ivar rows: of all contacts, see `_contacts_of`.
+    """
+
+    body: int
+    parts: np.ndarray
+    contacts: BodyContacts | None
+    rows: np.ndarray
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """
+    Break what the contacts of the engine's step overloaded.
+
+    The engine lets pieces collide as rigid bodies. Where a blow is more than their bonds transmit,
+    only that share of the impulse was real: the rest is taken back on both sides, the piece is
+    split, and the parts collide on their own from the next step on. Momentum is kept: both sides
+    get equal and opposite shares back. Writes bodies and their bonds; releases knocked out bricks.
+    """
+    jump = _jump(model, state, dt)
+    struck = _struck(state, jump)
+    if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):
+        return
+    share = np.ones(len(state.world.bodies.state))
+    broken = _break(model, state, struck, share)
+    glass.judge(model, state, struck, jump, [result.bonds for _, result in broken])
+    found = []
+    if debris_loads.may_touch(model, state):
+        found = debris_loads.knockouts(state, state.world.contacts(), struck)
+    for knock in found:
+        share[state.parts.body[knock.part]] = knock.share
+    if broken or found:
+        _give_back(model, state, state.world.contacts(), share, dt)
+        debris_loads.knock_out(model, state, found)
+        for blow, result in broken:
+            _record(model, state, blow, result)
+            if len(result.pieces) > 1:
+                fragments.split(state, blow.body, result.pieces)
+    if glass.shatter_loose(model, state) or broken or found:
+        fragments.write_poses(model, state, dt)
+
+
+def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
+    """Say which bodies break coarsely, because they are far from who looks, (K,) bool."""
+    sharp = model.settings.culling.debris_distance
+    if state.observer is None or sharp == 0.0:
+        return np.zeros(len(bodies), bool)
+    table = state.world.bodies
+    return state.observer.distance(table.poses[bodies, :3]) > sharp + table.radius[bodies]
+
+
+def _break(model: Model, state: State, struck: np.ndarray,
+           share: np.ndarray) -> list[tuple[Blow, Breakage]]:
+    """
+    Judge the blows on pieces.
+
+    :param struck: see `_struck`.
+    :param share: of the impulses on each body that its bonds transmitted, by id, (B,), written in
+        place.
+    :returns: those that broke something, and what.
+    """
+    size, grain = state.bodies.size, _grain(state)
+    awake = state.world.awake[state.world.awake < len(size)]
+    room = max(_BODIES - len(state.world.awake),
+               _LARGE - int(np.count_nonzero(size[awake] >= grain)))
+    if (room < 2 or np.max(size, initial=0) < 2.0 * grain) and not debris_loads.may_touch(
+            model, state):
+        return []
+    contacts = state.world.contacts()
+    blows = [b for b in state.rubble.waiting if state.bodies.parts_of(b.body) is b.parts]
+    late = len(blows)
+    known = {b.body for b in blows}
+    blows += [b for b in _blows(model, state, contacts, struck, grain) if b.body not in known]
+    state.rubble.waiting = []
+    broken = []
+    work = 0
+    far = _far(model, state, np.array([b.body for b in blows], np.intp))
+    for turn, (blow, cells) in enumerate(zip(blows, _cells(blows, room, grain))):
+        cells = min(cells, _COARSE) if far[turn] else cells
+        if cells < 2:
+            continue
+        touching = blow.contacts or _contacts_of(state, blow.body, blow.rows, contacts)
+        if work > _WORK:
+            state.rubble.waiting.append(blow._replace(contacts=touching))
+            continue
+        work += len(blow.parts) + _PER_CELL * cells
+        wrenches = spread(touching, state.parts.local[blow.parts], state.parts.size[blow.parts],
+                          model.blueprint.poses[blow.parts])
+        result = state.loose_bonds.strike(blow.parts, wrenches, cells)
+        if len(result.bonds):
+            broken.append((blow, result))
+            if turn >= late:  # the impulse of a late blow is history
+                share[blow.body] = result.share
+    return broken
+
+
+def _grain(state: State) -> float:
+    """Give the mean size of the pieces if all that moves now broke into as many as may."""
+    awake = state.world.awake
+    awake = awake[awake < len(state.bodies.size)]
+    return max(float(state.bodies.size[awake].sum()) / _BODIES, 1.0)
+
+
+def _jump(model: Model, state: State, dt: float) -> np.ndarray:
+    """Give the change of velocity by contacts of all awake bodies, (K, 6)."""
+    awake = state.world.awake
+    before = np.zeros((len(awake), 6))
+    known = awake < len(state.rubble.velocities)
+    before[known] = state.rubble.velocities[awake[known]]
+    before[:, 2] -= model.gravity * dt
+    return state.world.bodies.velocities[awake] - before
+
+
+def _struck(state: State, jump: np.ndarray) -> np.ndarray:
+    """Mark the bodies whose motion contacts changed at once, by id, (B,) bool."""
+    bodies, awake = state.world.bodies, state.world.awake
+    felt = (np.sqrt((jump[:, :3] ** 2).sum(axis=1))
+            + np.sqrt((jump[:, 3:] ** 2).sum(axis=1)) * bodies.radius[awake])
+    struck = np.zeros(len(bodies.state), bool)
+    struck[awake] = felt > _LEAST_JUMP
+    return struck
+
+
+def _blows(model: Model, state: State, contacts: Contacts, struck: np.ndarray,
+           grain: float) -> Iterator[Blow]:
+    """
+    List the blows that might break something, the hardest first.
+
+    :param struck: bodies that were stopped or pushed; others only rest on each other.
+    :param grain: parts of the smallest pieces that there is room for.
+    """
+    bodies, known, bonds = state.world.bodies, state.bodies, state.loose_bonds
+    count = len(bodies.state)
+    side = np.concatenate([contacts.body_a, contacts.body_b])
+    push = np.tile(np.sqrt((contacts.impulse ** 2).sum(axis=1)), 2)
+    by_blow = struck[side] | struck[np.concatenate([contacts.body_b, contacts.body_a])]
+    felt = np.bincount(side, push * by_blow, count)
+    size = np.zeros(count, np.intp)
+    size[:len(known.size)] = known.size[:count]
+    chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > _LEAST_JUMP * bodies.mass)
+                            & (bodies.state == BodyState.LOOSE))
+    far = _far(model, state, chosen)
+    chosen = chosen[~far | (size[chosen] >= 2.0 * _COARSER * grain)]
+    order = np.argsort(side, kind='stable')
+    start = np.searchsorted(side[order], np.arange(count + 1))
+    for body in chosen[np.argsort(-felt[chosen], kind='stable')].tolist():
+        parts = known.parts_of(body)
+        least = min(bonds.weakest[parts].min(),
+                    bonds.weakest_bent[parts].min() / (_LEVER * bodies.radius[body]))
+        if felt[body] > RUBBLE_CONTACT * _SCREEN * least:
+            rows = order[start[body]:start[body + 1]]
+            yield Blow(body, parts, None, rows)
+
+
+def _contacts_of(state: State, body: int, rows: np.ndarray, contacts: Contacts) -> BodyContacts:
+    """Select contacts of a body; those that have it second are listed behind all others."""
+    first = rows < len(contacts)
+    rows = rows % len(contacts)
+    sign = np.where(first, 1.0, -1.0)[:, None]
+    start = state.rubble.poses[body]
+    axes = axes_of(start[3:])
+    return BodyContacts(
+        (contacts.point[rows] - start[:3]) @ axes,
+        (sign * contacts.normal[rows]) @ axes,
+        (sign * contacts.impulse[rows] / RUBBLE_CONTACT) @ axes,
+        np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
+
+
+def _give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
+               dt: float) -> None:
+    """
+    Undo the part of each impulse that the bonds of a side could not transmit.
+
+    Contacts are where the bodies were at the start of the step, and so are their arms. Bodies
+    that stood on what gives way now did not fall in this step, so gravity gives them no speed.
+    """
+    bodies = state.world.bodies
+    kept = _kept(state, contacts, share)
+    rows = np.flatnonzero(kept < 1.0)
+    back = (kept[rows] - 1.0)[:, None] * contacts.impulse[rows]
+    ids, place = np.unique(np.concatenate([contacts.body_a[rows], contacts.body_b[rows]]),
+                           return_inverse=True)
+    impulse = np.concatenate([back, -back])
+    arm = np.tile(contacts.point[rows], (2, 1)) - state.rubble.poses[ids[place], :3]
+    total = np.zeros((len(ids), 6))
+    np.add.at(total, place, np.hstack([impulse, np.cross(arm, impulse)]))
+    loose = bodies.state[ids] == BodyState.LOOSE
+    ids, total = ids[loose], total[loose]
+    attitude = bodies.poses[ids, 3:]
+    spin = rotation.rotate(rotation.conjugate(attitude), total[:, 3:]) / bodies.inertia[ids]
+    change = np.hstack([total[:, :3] / bodies.mass[ids][:, None],
+                        rotation.rotate(attitude, spin)])
+    change[:, 2] += (1.0 - share[ids]) * model.gravity * dt
+    state.world.set_velocities(ids, _no_faster(state, ids, bodies.velocities[ids] + change))
+
+
+def _no_faster(state: State, ids: np.ndarray, velocities: np.ndarray) -> np.ndarray:
+    """
+    Slow down what would have more energy than both before and after its contacts.
+
+    A share of all impulses lies in between, but shares that differ from contact to contact, as
+    where a brick is squeezed under a slab, could leave a spin of hundreds of rounds.
+    """
+    bodies = state.world.bodies
+    energy, before, after = (
+        motion_energy(bodies.mass[ids], bodies.inertia[ids], bodies.poses[ids, 3:], v)
+        for v in (velocities, state.rubble.velocities[ids], bodies.velocities[ids]))
+    most = np.maximum(np.maximum(before, after), 1e-12)
+    return velocities * np.sqrt(np.minimum(most / np.maximum(energy, 1e-12), 1.0))[:, None]
+
+
+def _kept(state: State, contacts: Contacts, share: np.ndarray) -> np.ndarray:
+    """
+    Give the share of each impulse that stays, (C,).
+
+    What is squeezed between a piece and the ground passes on a weaker push, too, or it would
+    shoot out: the share of a piece holds for all contacts of the chain of bodies that it
+    pressed on.
+    """
+    bodies = state.world.bodies
+    a, b = contacts.body_a, contacts.body_b
+    size = np.sqrt((contacts.impulse ** 2).sum(axis=1))
+    loose = bodies.state == BodyState.LOOSE
+    while True:
+        kept = np.minimum(share[a], share[b])
+        before = share.copy()
+        for body in (a, b):
+            moved = loose[body] & ((1.0 - kept) * size > _CHAIN * bodies.mass[body])
+            np.minimum.at(share, body[moved], kept[moved])
+        if np.array_equal(share, before):
+            return kept
+
+
+def _record(model: Model, state: State, blow: Blow, result: Breakage) -> None:
+    source = model.blueprint
+    pairs = source.bonds[result.bonds]
+    part = pairs.max(axis=1)
+    now = fragments.part_states(state, blow.body)[0][np.searchsorted(blow.parts, part)]
+    turn = rotation.multiply(now[:, 3:], rotation.conjugate(source.poses[part, 3:]))
+    arm = source.bond_frame[result.bonds, :3] - source.poses[part, :3]
+    state.log.record(state.time, now[:, :3] + rotation.rotate(turn, arm), result.bonds, pairs,
+                     Cause.IMPACT, result.load)
+
+
+def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
+    """
+    Say in how many cells each piece may break; below 2 it stays as it is.
+
+    :param blows: the hardest first.
+    :param room: for more bodies.
+    :param grain: parts of the smallest pieces that there is room for in the long run.
+    """
+    total = sum(len(b.parts) for b in blows)
+    cells = []
+    for blow in blows:
+        fair = int(np.ceil(room * len(blow.parts) / total))
+        cells.append(min(max(fair, 2), room, _NODES, int(len(blow.parts) / grain)))
+        room -= cells[-1] if cells[-1] > 1 else 0
+    return cells

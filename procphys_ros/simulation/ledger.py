@@ -1,0 +1,78 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Ledger: the momentum that blows took from what struck and gave to what was struck."""
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+_KEPT = 1000  # blows listed singly; older ones count in the totals only
+
+
+@dataclass(frozen=True)
+class Impact:
+    """
+    One blow of a projectile on what stands.
+
+    :ivar time: of the step it happened in [s].
+    :ivar projectile: its part.
+    :ivar point: where it touched, world [m], (3,).
+    :ivar parts: what it touched, (K,).
+    :ivar torn: whether these came off (of trees: never, they bend first).
+    :ivar lost: momentum that the projectile lost [N·s], (3,).
+    :ivar carried: momentum that the struck parts took along [N·s], (3,).
+    :ivar grounded: momentum that went through the wall to the ground [N·s], (3,).
+    :ivar work: of fracture, taken from what moves [J].
+    """
+
+    time: float
+    projectile: int
+    point: np.ndarray
+    parts: np.ndarray
+    torn: bool
+    lost: np.ndarray
+    carried: np.ndarray
+    grounded: np.ndarray
+    work: float
+
+
+@dataclass
+class MomentumLedger:
+    """
+    The books of all blows since the start.
+
+    :ivar recent: the last blows, oldest first.
+    :ivar count: number of all blows.
+    :ivar lost, carried, grounded: sums over all blows [N·s], (3,); lost = carried + grounded.
+    :ivar work: of fracture, sum over all blows [J].
+    """
+
+    recent: deque[Impact] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    count: int = 0
+    lost: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    carried: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    grounded: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    work: float = 0.0
+
+    def record(self, impact: Impact) -> None:
+        """Enter a blow."""
+        self.recent.append(impact)
+        self.count += 1
+        self.lost = self.lost + impact.lost
+        self.carried = self.carried + impact.carried
+        self.grounded = self.grounded + impact.grounded
+        self.work += impact.work

@@ -1,0 +1,215 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Masonry: what blows and loads do to what stands, whoever strikes."""
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from procphys_ros.physics.masonry import Resistance
+from procphys_ros.physics.masonry.capacity import bond_resistance
+from procphys_ros.physics.masonry.components import groups
+from procphys_ros.physics.masonry.links import pulls
+from procphys_ros.simulation import fragments
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+CONTACT = 2e-3     # [s] contact of hard bodies on masonry: Hertz gives less, crushing more
+RUBBLE_CONTACT = 15e-3  # [s] of falling pieces: edges crush and rubble gives way by v·T/2, 6 cm
+#                    after a fall of 3 m; the elastic contact of two whole bricks would be shorter
+WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick wall, T about 60 ms:
+#                    a blow much shorter than T stresses a wall as the steady force rate·impulse
+
+_ITERATIONS = 8  # of the stress solver per time step while something changed, ...
+_FEWEST = 3      # ... fewer on large buildings, lest they fall behind real time: ...
+_WORK = 45_000   # ... parts times iterations that take about a third of a step of 1/60 s
+_PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
+#                  periods of walls and floors long
+_SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
+_CAUSES = np.array([Cause.TENSION, Cause.TENSION, Cause.SHEAR, Cause.COMPRESSION,
+                    Cause.TENSION], np.uint8)  # by `physics.masonry.Cause`
+
+
+@dataclass(frozen=True)
+class Exit:
+    """
+    How parts come out of a wall.
+
+    :ivar speed: along the blow [m/s].
+    :ivar passed_on: momentum that the breaking bonds give to what stands [N·s].
+    """
+
+    speed: float
+    passed_on: float
+
+
+def resist(state: State, parts: np.ndarray, direction: np.ndarray) -> Resistance:
+    """
+    Give what standing parts withstand together before they come out.
+
+    All bonds around the parts fail together at their limits, with the stresses that they carry
+    now: an upper bound, close for brittle joints of like size around a brick or two.
+
+    :param parts: (K,) indices.
+    :param direction: unit vector of the blow, world, (3,).
+    """
+    graph = state.solver.graph
+    bonds = graph.boundary(parts)
+    wrench = np.empty((len(bonds), 6))
+    pulls(bonds, graph.links, graph.axes, graph.first, graph.second, state.solver.displacement,
+          wrench)
+    inside = np.isin(graph.first[bonds], parts)
+    force, work = bond_resistance(graph, bonds, inside, direction, wrench)
+    return Resistance(bonds, float(force.sum()), float(work.sum()))
+
+
+def comes_out(resistance: Resistance, momentum: float, mass: float, speed: float) -> Exit | None:
+    """
+    Say how parts come out under a blow; None when they hold.
+
+    The force of the blow must exceed that of the bonds, and the energy of what moves on together
+    must exceed their work of fracture, which it loses.
+
+    :param resistance: of the bonds around the parts.
+    :param momentum: of the blow if the parts hold [N·s].
+    :param mass: of what moves on together [kg].
+    :param speed: of it, were there no bonds [m/s].
+    """
+    left = speed ** 2 - 2.0 * resistance.energy / mass
+    if momentum <= resistance.momentum(CONTACT) or left <= 0.0:
+        return None
+    return Exit(float(np.sqrt(left)), mass * (speed - float(np.sqrt(left))))
+
+
+def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: np.ndarray,
+           point: np.ndarray) -> bool:
+    """
+    Give a standing part an impulse.
+
+    :param part: index.
+    :param linear: impulse [N·s], (3,), world.
+    :param angular: [N·m·s], (3,), world.
+    :param point: where the linear impulse acts [m], (3,), world.
+    :returns: whether it came out of its wall.
+    """
+    size = float(np.linalg.norm(linear))
+    chosen = np.array([part])
+    mass = float(state.parts.mass[part])
+    turn = angular + np.cross(point - state.parts.poses[part, :3], linear)
+    if size > 0.0:
+        direction = linear / size
+        resistance = resist(state, chosen, direction)
+        out = comes_out(resistance, size, mass, size / mass)
+        if out is not None:
+            velocity = np.zeros((1, 6))
+            velocity[0, :3] = out.speed * direction
+            load = size / max(resistance.momentum(CONTACT), 1e-9)
+            fragments.release(model, state, [chosen], velocity, Cause.IMPACT, load)
+            state.world.apply_impulse(int(state.parts.body[part]), np.zeros(3), angular=turn)
+            return True
+    apply_impulses(state, chosen, np.concatenate([linear, turn])[None])
+    return False
+
+
+def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
+                   rate: float = WALL_RATE) -> None:
+    """
+    Let what stands feel impulses, until its stresses have been judged.
+
+    :param parts: (K,) indices.
+    :param impulses: at their centres of mass [N·s], world, (K, 3), or with angular impulses
+        [N·m·s], (K, 6).
+    :param rate: steady force of the same effect over impulse [1/s].
+    """
+    wrenches = np.zeros((len(parts), 6))
+    wrenches[:, :impulses.shape[1]] = rate * impulses
+    state.loads.add_blow(parts, wrenches)
+
+
+def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
+                         impulse: np.ndarray) -> None:
+    """
+    Let what stands around parts that come out feel what breaking their bonds gave to it.
+
+    :param bonds: around the parts, rows of the graph, (B,).
+    :param parts: that leave, (K,).
+    :param impulse: on all neighbours together [N·s], world, (3,).
+    """
+    graph = state.solver.graph
+    near = np.concatenate([graph.first[bonds], graph.second[bonds]])
+    near = np.setdiff1d(near[near < graph.count], parts)
+    if len(near):
+        apply_impulses(state, near, np.tile(impulse / len(near), (len(near), 1)))
+
+
+def is_stable(state: State) -> bool:
+    """Say whether the stresses are known and nothing more breaks under them."""
+    return not len(state.solver.graph) or state.fracture.stable
+
+
+def settle(model: Model, state: State) -> None:
+    """Find the stresses under weight alone, as they are when the mortar has set."""
+    _let_go(model, state, _advance(model, state, _SETTLING)[0])
+
+
+def update_stresses(model: Model, state: State, dt: float) -> None:
+    """
+    Spend one step's share of work on the stresses; nothing when nothing changed.
+
+    Writes bonds and stresses of what stands, and releases what lost the ground.
+    """
+    state.unjudged += dt
+    most = _WORK // max(state.solver.working, 1)
+    pieces, broke = _advance(model, state, min(max(most, _FEWEST), _ITERATIONS))
+    if broke:  # a building that crumbles on must not feel released forces for ever
+        state.solver.forget_sudden(-math.expm1(-state.unjudged / _PEAK))
+    if broke or is_stable(state):
+        state.unjudged = 0.0
+    _let_go(model, state, pieces)
+    if broke or is_stable(state):
+        state.loads.end_blows()
+
+
+def _advance(model: Model, state: State, iterations: int) -> tuple[list[np.ndarray], bool]:
+    """Work on the stresses; give the pieces that lost the ground, and whether bonds broke."""
+    if is_stable(state):
+        return [], False
+    rounds = state.fracture.advance(iterations)
+    standing = state.standing[:model.masonry.graph.count]
+    loose = standing & ~state.solver.supported
+    pieces = groups(state.solver.labels, loose) if loose.any() else []
+    if not rounds:
+        return pieces, False
+    bond, cause, load = (np.concatenate([getattr(r, name)[r.broken] for r in rounds])
+                         for name in ('bond', 'cause', 'utilisation'))
+    rows = state.solver.graph.rows[bond]
+    if len(rows):
+        source = model.blueprint
+        state.log.record(state.time, source.bond_frame[rows, :3], rows, source.bonds[rows],
+                         _CAUSES[cause], load)
+    return pieces, len(rows) > 0
+
+
+def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:
+    """Release what lost the ground, with the velocity that a blast wave gave it."""
+    for parts in pieces:
+        own = state.blasts.momentum[parts]
+        if own.any():
+            state.parts.velocities[parts, :3] += own / state.parts.mass[parts][:, None]
+            state.blasts.momentum[parts] = 0.0
+    fragments.release(model, state, pieces)

@@ -1,0 +1,250 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Model: what a scene compiles to once; constant arrays that every step reads."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.physics.foliage import speed_of, strengths
+from procphys_ros.physics.masonry import BondGraph, FreeBodies
+from procphys_ros.physics.trees import Forest
+from procphys_ros.physics.wind import Wind
+from procphys_ros.scene import SceneObject, Settings
+from procphys_ros.scene.shards import Shard
+from procphys_ros.simulation.contact_pairs import survey
+from procphys_ros.simulation.obstacles import Bricks
+
+_JOINT = 0.01        # [m] mortar between parts that makes their faces one wall
+_THICKEST = 0.025    # [m] thicker glass is no pane
+_STRENGTH_SEED = 102  # keeps random streams apart that share the scene's seed
+
+
+@dataclass(frozen=True)
+class TreeModel:
+    """
+    Trees at rest.
+
+    :ivar forest: as it was grown; a state moves a copy.
+    :ivar row: of each part in the forest, -1 for none, (N,).
+    :ivar span: parts of the rows, as a slice where they follow each other.
+    :ivar sizes: of the segments as others meet them [m], (S, 3).
+    :ivar joint_arm: from the centre of each segment to its joint [m], (S,).
+    :ivar capacity: force [N], torque [N·m] and stress [Pa] that break each joint, (S, 3).
+    :ivar beside: whether the tree of each row may reach a wall, (S,) bool.
+    :ivar slack: overlap of each row with ground and walls that it was authored with [m], (S,).
+    """
+
+    forest: Forest
+    row: np.ndarray
+    span: slice | np.ndarray
+    sizes: np.ndarray
+    joint_arm: np.ndarray
+    capacity: np.ndarray
+    beside: np.ndarray
+    slack: np.ndarray
+
+
+@dataclass(frozen=True)
+class MasonryModel:
+    """
+    Buildings at rest.
+
+    :ivar members: parts with mortar bonds, (N,) bool.
+    :ivar graph: their bonds, whole; a state breaks a copy.
+    :ivar closed_sizes: of all parts, joints included [m], (N, 3).
+    :ivar bricks: the parts, sorted into cells.
+    """
+
+    members: np.ndarray
+    graph: BondGraph
+    closed_sizes: np.ndarray
+    bricks: Bricks
+
+
+@dataclass(frozen=True)
+class GlassModel:
+    """
+    Window panes: thin boxes of glass.
+
+    :ivar is_pane: of every part, (N,) bool.
+    :ivar parts: the panes, (P,).
+    :ivar thickness, edge: least and middle extent of every part [m], (N,).
+    :ivar thin: axis across each pane, (P,).
+    :ivar pane, frame: place in `parts` of a pane, and a part that holds it, (F,).
+    """
+
+    is_pane: np.ndarray
+    parts: np.ndarray
+    thickness: np.ndarray
+    edge: np.ndarray
+    thin: np.ndarray
+    pane: np.ndarray
+    frame: np.ndarray
+
+
+@dataclass(frozen=True)
+class LeafModel:
+    """
+    Leaves at rest.
+
+    :ivar carriers: parts with leaves, (C,); carrier: place of each leaf's part in it, (L,).
+    :ivar area: of each leaf [m²], (L,).
+    :ivar critical_speed: of the air that tears each leaf off [m/s], (L,); inf = never.
+    :ivar queue, queue_speed: leaves of every row of the forest, the weakest first, an end behind,
+        and their critical speeds.
+    :ivar first: place of each row's first leaf in the queue, (S,).
+    """
+
+    carriers: np.ndarray
+    carrier: np.ndarray
+    area: np.ndarray
+    critical_speed: np.ndarray
+    queue: np.ndarray
+    queue_speed: np.ndarray
+    first: np.ndarray
+
+
+@dataclass(frozen=True)
+class Model:
+    """
+    A compiled scene.
+
+    Parts that join later without bonds (projectiles, shards) are rows of the state only.
+
+    :ivar settings: of the scene.
+    :ivar time_step: [s].
+    :ivar seed: of everything random.
+    :ivar shard: which share of a larger scene this is.
+    :ivar blueprint: parts and bonds, in the order of every array.
+    :ivar objects: owners of names, in part order.
+    :ivar wind: the air before any command; a state copies it.
+    :ivar loose_bonds: all bonds, whole, for what will leave its wall or tree.
+    :ivar mortar: which bonds are mortar, (M,) bool.
+    :ivar wooden: parts with a hinge, (K,).
+    """
+
+    settings: Settings
+    time_step: float
+    seed: int
+    shard: Shard
+    blueprint: Blueprint
+    objects: tuple[SceneObject, ...]
+    wind: Wind
+    trees: TreeModel
+    masonry: MasonryModel
+    glass: GlassModel
+    leaves: LeafModel
+    loose_bonds: FreeBodies
+    mortar: np.ndarray
+    wooden: np.ndarray
+
+    @property
+    def gravity(self) -> float:
+        """Downward acceleration [m/s²]."""
+        return self.settings.gravity
+
+
+def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
+                  objects: Sequence[SceneObject], time_step: float, seed: int,
+                  wind: Wind | None = None) -> Model:
+    """
+    Work out everything about a scene that never changes.
+
+    :param settings: of the scene.
+    :param shard: which share of a larger scene this is.
+    :param blueprint: all parts and bonds.
+    :param objects: owners of the parts, in part order.
+    :param time_step: [s].
+    :param seed: of everything random.
+    :param wind: that is there already; None = made from the settings.
+    """
+    masonry = _masonry(blueprint)
+    trees = _trees(blueprint, settings.gravity, masonry.bricks)
+    loose_bonds = FreeBodies(blueprint)
+    mortar = blueprint.bond_law == Law.MORTAR
+    pairs = blueprint.bonds[~mortar]
+    return Model(settings, time_step, seed, shard, blueprint, tuple(objects),
+                 wind or Wind(settings.wind, seed), trees, masonry,
+                 _glass(blueprint, loose_bonds), _leaves(blueprint, settings, trees, seed),
+                 loose_bonds, mortar, np.unique(pairs[pairs >= 0]))
+
+
+def _masonry(blueprint: Blueprint) -> MasonryModel:
+    members = np.zeros(len(blueprint), bool)
+    pairs = blueprint.bonds[blueprint.bond_law == Law.MORTAR]
+    members[pairs[pairs != GROUND]] = True
+    return MasonryModel(members, BondGraph(blueprint), blueprint.size + _JOINT,
+                        Bricks(blueprint, np.flatnonzero(members)))
+
+
+def _trees(blueprint: Blueprint, gravity: float, bricks: Bricks) -> TreeModel:
+    forest = Forest(blueprint, (0.0, 0.0, -gravity))
+    row = np.full(len(blueprint), -1, np.intp)
+    row[forest.parts] = np.arange(len(forest))
+    hinge_row = np.cumsum(blueprint.bond_law == Law.HINGE) - 1
+    hinges = blueprint.hinges
+    capacity = np.column_stack([hinges.break_force, hinges.break_torque, hinges.strength])[
+        hinge_row[forest.bonds]]
+    sizes = blueprint.solid_size(forest.parts)
+    beside, slack = survey(forest, sizes, bricks)
+    joint_arm = 0.5 * blueprint.visual_size[forest.parts, 2]
+    return TreeModel(forest, row, _span(forest.parts), sizes, joint_arm, capacity, beside, slack)
+
+
+def _span(parts: np.ndarray) -> slice | np.ndarray:
+    """Give parts that follow each other as a slice, which copies several times faster."""
+    if len(parts) and np.array_equal(parts, np.arange(parts[0], parts[0] + len(parts))):
+        return slice(int(parts[0]), int(parts[0]) + len(parts))
+    return parts
+
+
+def _glass(blueprint: Blueprint, loose_bonds: FreeBodies) -> GlassModel:
+    glass = np.array([name == 'glass' for name in blueprint.materials] or [False])
+    is_pane = (glass[blueprint.material] & (blueprint.shape == Shape.BOX)
+               & (blueprint.size.min(axis=1, initial=np.inf) < _THICKEST))
+    parts = np.flatnonzero(is_pane)
+    thickness, edge, _ = np.sort(blueprint.size, axis=1).T
+    row = np.full(len(blueprint) + 1, -1)
+    row[parts] = np.arange(len(parts))
+    graph = loose_bonds.graph
+    ends = np.concatenate([np.column_stack([graph.first, graph.second]),
+                           np.column_stack([graph.second, graph.first])])
+    held = row[ends[:, 0]] >= 0
+    return GlassModel(is_pane, parts, thickness, edge, np.argmin(blueprint.size[parts], axis=1),
+                      row[ends[held, 0]], ends[held, 1])
+
+
+def _leaves(blueprint: Blueprint, settings: Settings, trees: TreeModel, seed: int) -> LeafModel:
+    leaves = blueprint.leaves
+    area = leaves.size ** 2  # as `Blueprint.leaf_area` has it
+    carriers, carrier = np.unique(leaves.part, return_inverse=True)
+    rng = np.random.default_rng((_STRENGTH_SEED << 64) + seed)
+    force = strengths(area, settings.leaves.shedding_speed, rng)
+    speed = speed_of(force / np.maximum(area, 1e-12))
+    row = trees.row[leaves.part]
+    held = np.flatnonzero(row >= 0)
+    queued = held[np.lexsort((speed[held], row[held]))]
+    count = np.bincount(row[held], minlength=len(trees.forest))
+    ends = np.cumsum(count + 1) - 1
+    queue_speed = np.full(len(queued) + len(count), np.inf)
+    queue = np.full(len(queue_speed), -1, np.intp)
+    places = np.delete(np.arange(len(queue)), ends)
+    queue_speed[places] = speed[queued]
+    queue[places] = queued
+    return LeafModel(carriers, carrier, area, speed, queue, queue_speed, ends - count)

@@ -1,0 +1,192 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Obstacles: what branches may run into, cut into boxes and capsules."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.physics.touch import overlaps, piece_bounds
+from procphys_ros.physics.world import expand, World
+from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world.pieces import Pieces
+
+_CELL = 2.0  # [m], edge of the cells that bricks are sorted into
+
+
+class Obstacles(NamedTuple):
+    """
+    Boxes and capsules, one row per piece.
+
+    :ivar shape: `Shape`, (P,).
+    :ivar pose: world, (P, 7).
+    :ivar size: as in `Blueprint.size` [m], (P, 3).
+    :ivar velocity: world axes, (P, 6).
+    :ivar body: id of the body of the world that it belongs to, -1 for a branch, (P,).
+    :ivar row: of the forest for a branch, -1 for all else, (P,).
+    :ivar part: of the scene for a standing brick, -1 for all else, (P,).
+    """
+
+    shape: np.ndarray
+    pose: np.ndarray
+    size: np.ndarray
+    velocity: np.ndarray
+    body: np.ndarray
+    row: np.ndarray
+    part: np.ndarray
+
+    @classmethod
+    def none(cls) -> 'Obstacles':
+        """Give a table without rows."""
+        return cls.of(np.zeros(0, np.uint8), np.zeros((0, 7)), np.zeros((0, 3)),
+                      np.zeros((0, 6)))
+
+    @classmethod
+    def of(cls, shape: np.ndarray, pose: np.ndarray, size: np.ndarray, velocity: np.ndarray,
+           body: np.ndarray | None = None, row: np.ndarray | None = None,
+           part: np.ndarray | None = None) -> 'Obstacles':
+        """Make a table; columns that are left out are -1."""
+        nothing = np.full(len(pose), -1, np.intp)
+        return cls(np.asarray(shape, np.uint8), pose, size, velocity,
+                   nothing if body is None else body, nothing if row is None else row,
+                   nothing if part is None else part)
+
+    def bounds(self, reach: float, margin: float) -> np.ndarray:
+        """Give axis-aligned bounds, swept over a time [s], with a margin [m], (P, 6)."""
+        return piece_bounds(self.shape, self.pose, self.size, self.velocity, reach, margin)
+
+
+@dataclass
+class BodyPieces:
+    """Collision pieces of the bodies of a world, cached in columns from step to step."""
+
+    known: dict[int, Pieces] = field(default_factory=dict)
+    first: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    count: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    shape: np.ndarray = field(default_factory=lambda: np.zeros(0, np.uint8))
+    local: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
+    size: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+
+    def of(self, world: World, ids: np.ndarray) -> Obstacles:
+        """Cut bodies, (K,) ids, into their pieces, where these are now."""
+        self._learn(world, [b for b in ids.tolist()
+                            if self.known.get(b) is not world.pieces(b)])
+        if not len(ids):
+            return Obstacles.none()
+        count = self.count[ids]
+        owner = np.repeat(ids, count)
+        piece = np.arange(len(owner)) + np.repeat(self.first[ids] - np.cumsum(count) + count,
+                                                  count)
+        poses, velocities = np.empty((len(owner), 7)), np.empty((len(owner), 6))
+        bodies = world.bodies
+        expand(bodies.poses, bodies.velocities, owner, self.local[piece], np.arange(len(owner)),
+               poses, velocities)
+        return Obstacles.of(self.shape[piece], poses, self.size[piece], velocities, owner)
+
+    def _learn(self, world: World, ids: list[int]) -> None:
+        """Append the pieces of bodies that are new, or that took the ids of others."""
+        if not ids:
+            return
+        more = max(ids) + 1 - len(self.first)
+        if more > 0:
+            self.first = np.concatenate([self.first, np.zeros(more, np.intp)])
+            self.count = np.concatenate([self.count, np.zeros(more, np.intp)])
+        pieces = [world.pieces(body) for body in ids]
+        self.known.update(zip(ids, pieces))
+        count = np.array([len(p.shapes) for p in pieces])
+        self.first[ids] = len(self.shape) + np.cumsum(count) - count
+        self.count[ids] = count
+        self.shape = np.concatenate([self.shape, *(p.shapes for p in pieces)], dtype=np.uint8,
+                                    casting='unsafe')
+        self.local = np.concatenate([self.local, *(p.local_poses for p in pieces)])
+        self.size = np.concatenate([self.size, *(p.sizes for p in pieces)])
+
+
+def of_branches(rows: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
+                velocities: np.ndarray) -> Obstacles:
+    """Take branches as obstacles for others; arguments as of the forest."""
+    return Obstacles.of(np.full(len(rows), Shape.CAPSULE), poses[rows], sizes[rows],
+                        velocities[rows], row=np.asarray(rows, np.intp))
+
+
+class Bricks:
+    """
+    Masonry where it was built, sorted into cells once.
+
+    :param blueprint: all parts of the scene.
+    :param parts: that belong to buildings, (K,).
+
+    :ivar cells: bounds of what is in each cell [m], (C, 6).
+    """
+
+    def __init__(self, blueprint: Blueprint, parts: np.ndarray):
+        self.parts = parts
+        self._all = Obstacles.of(
+            blueprint.shape[parts], blueprint.poses[parts], blueprint.size[parts],
+            np.zeros((len(parts), 6)), part=parts)
+        self._cell, self.cells = sorted_into_cells(self._all.bounds(0.0, 0.0))
+        room = 0.5 * np.linalg.norm(blueprint.size[parts], axis=1)[:, None]
+        place = blueprint.poses[parts, :3]
+        self.reach = sorted_into_cells(np.hstack([place - room, place + room]))[1]
+
+    def __len__(self) -> int:
+        return len(self.parts)
+
+    def within(self, bounds: np.ndarray, standing: np.ndarray | None = None,
+               body: np.ndarray | None = None) -> Obstacles:
+        """
+        List the bricks in the cells that any of some boxes reach.
+
+        :param bounds: of these boxes, (K, 6).
+        :param standing: which parts are still there, (N,) bool; None = all.
+        :param body: id of each part's body, (N,).
+        """
+        _, cells = overlaps(bounds, self.cells)
+        if not len(cells):
+            return Obstacles.none()
+        wanted = np.zeros(len(self.cells), bool)
+        wanted[cells] = True
+        chosen = wanted[self._cell]
+        if standing is not None:
+            chosen &= standing[self.parts]
+        rows = np.flatnonzero(chosen)
+        found = Obstacles(*(column[rows] for column in self._all))
+        return found if body is None else found._replace(body=body[self.parts[rows]])
+
+
+def sorted_into_cells(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Sort boxes by their centres into cells of space.
+
+    :param bounds: three minima, three maxima [m], (K, 6).
+    :returns: cell of each box, (K,), and bounds of what is in each cell, (C, 6).
+    """
+    key = np.floor(0.5 * (bounds[:, :3] + bounds[:, 3:]) / _CELL).astype(np.int64)
+    _, cell = np.unique(key, axis=0, return_inverse=True)
+    count = int(np.max(cell, initial=-1)) + 1
+    cells = np.hstack([np.full((count, 3), np.inf), np.full((count, 3), -np.inf)])
+    np.minimum.at(cells[:, :3], cell, bounds[:, :3])
+    np.maximum.at(cells[:, 3:], cell, bounds[:, 3:])
+    return cell, cells
+
+
+def meets_trees(world: World) -> np.ndarray:
+    """List the bodies that branches may meet: all but what stands, (K,)."""
+    state = world.bodies.state
+    return np.flatnonzero((state == BodyState.LOOSE) | (state == BodyState.DRIVEN)
+                          | (state == BodyState.RESTING))

@@ -1,0 +1,149 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Parts: what is known of every part there is, as columns with a row per part."""
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.physics.air import CUBE_DRAG, CYLINDER_DRAG, FOLIAGE_DRAG
+from procphys_ros.simulation.model import Model
+
+_NONE = np.zeros(0, np.intp)
+_SIDE_MEAN = np.pi / 4.0  # mean projected width of a slender body over all attitudes
+
+
+class Owner(IntEnum):
+    """Who moves a part; every part has exactly one owner at any time."""
+
+    STANDING = 0  # frozen in a wall, until the stress solver or a blow releases it
+    TREE = 1      # segment of the articulated forest
+    BODY = 2      # part of a rigid body of the world
+    GONE = 3      # pulverised, or broken into new parts; keeps its last pose
+
+
+class Columns:
+    """
+    Named arrays of equal length.
+
+    Appending doubles the room when it runs out, so a row costs the same however many there are.
+    Every array is an attribute; take it anew after `append`, older references may be stale.
+
+    :param columns: first rows of each array, (N, ...).
+    """
+
+    def __init__(self, **columns: np.ndarray):
+        self._stores = {name: np.array(column) for name, column in columns.items()}
+        self._count = len(next(iter(columns.values())))
+        self._expose()
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        raise AttributeError(f'there is no column "{name}"')
+
+    def append(self, **rows: Any) -> None:
+        """
+        Add rows behind all others.
+
+        :param rows: of every column, (K, ...); a scalar fills all rows of its column.
+        """
+        count = max(len(np.atleast_1d(value)) for value in rows.values())
+        end = self._count + count
+        for name, store in self._stores.items():
+            if end > len(store):
+                room = np.empty((max(end, 2 * len(store)), *store.shape[1:]), store.dtype)
+                room[:self._count] = store[:self._count]
+                store = self._stores[name] = room
+            store[self._count:end] = rows[name]
+        self._count = end
+        self._expose()
+
+    def _expose(self) -> None:
+        for name, store in self._stores.items():
+            self.__dict__[name] = store[:self._count]
+
+    def __getstate__(self) -> dict[str, np.ndarray]:
+        return {name: store[:self._count] for name, store in self._stores.items()}
+
+    def __setstate__(self, columns: dict[str, np.ndarray]) -> None:
+        Columns.__init__(self, **columns)
+
+
+@dataclass
+class RigidBodyMap:
+    """
+    Which body of the world carries which parts.
+
+    :ivar members: parts of each body, ascending, by id.
+    :ivar drag_area: drag coefficient times shadow of each body [m²], by id, (B,).
+    :ivar size: number of parts of each body, by id, (B,).
+    :ivar carried: all parts in bodies; None = to be listed again.
+    """
+
+    members: dict[int, np.ndarray] = field(default_factory=dict)
+    drag_area: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    size: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    carried: np.ndarray | None = None
+
+    def parts_of(self, body: int) -> np.ndarray:
+        """List the parts that a body carries, ascending; none for one that carries nothing."""
+        return self.members.get(int(body), _NONE)
+
+
+def part_columns(model: Model) -> Columns:
+    """
+    Make the columns of all parts, at rest.
+
+    `shape`, `size` [m] (N, 3), `solid_size` [m] (N, 3), `mass` [kg], `inertia` [kg·m²] (N, 3) and
+    `drag_area` [m²] are those of the blueprint. What changes: `poses` (N, 7) and `velocities`
+    (N, 6), world; `owner`; `body`, id of the rigid body that the part is or belongs to, -1 for
+    none; `local`, pose in the frame of that body, (N, 7); `moved`, whether it moved in the last
+    step. `row` is the part's row of the forest, -1 for none.
+    """
+    source = model.blueprint
+    owner = np.full(len(source), Owner.BODY, np.uint8)
+    owner[model.masonry.members] = Owner.STANDING
+    owner[model.trees.row >= 0] = Owner.TREE
+    return Columns(**columns_of(source), owner=owner, row=model.trees.row)
+
+
+def columns_of(source: Blueprint) -> dict[str, np.ndarray]:
+    """Give the columns of parts that are at rest and have no body."""
+    count = len(source)
+    return {
+        'shape': source.shape, 'size': source.size,
+        'solid_size': source.solid_size(np.arange(count)), 'mass': source.mass,
+        'inertia': source.inertia, 'drag_area': drag_area(source), 'poses': source.poses,
+        'velocities': np.zeros((count, 6)), 'body': np.full(count, -1, np.intp),
+        'local': np.zeros((count, 7)), 'moved': np.zeros(count, bool)}
+
+
+def drag_area(blueprint: Blueprint) -> np.ndarray:
+    """
+    Give the mean drag area Cd·A of each part over all attitudes [m²], (N,).
+
+    The mean shadow of a convex body is a quarter of its surface (Cauchy).
+    """
+    x, y, z = blueprint.visual_size.T
+    box = CUBE_DRAG * 0.5 * (x * y + y * z + z * x)
+    rod = CYLINDER_DRAG * _SIDE_MEAN * 0.5 * (x + y) * z
+    solid = np.where(blueprint.shape == Shape.BOX, box, rod)
+    return solid + FOLIAGE_DRAG * blueprint.leaf_area

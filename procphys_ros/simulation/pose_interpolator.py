@@ -1,0 +1,83 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Interpolation between poses that arrive now and then, at a finite speed."""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.world.driven import velocity_between
+
+_STALE = 0.5      # [s] without a pose after which what arrives next is not part of one motion
+_FASTEST = 100.0  # [m/s] that a motion may have; what is farther away is put there
+
+
+class PoseInterpolator:
+    """
+    Follows poses, each in as much time as passed since the one before: one interval late.
+
+    Between two poses it moves evenly; it goes through every pose exactly, and stops at the last.
+
+    :ivar pose: where it is, (7,), world; zeros before the first pose.
+    :ivar placed: whether it has been anywhere yet.
+    """
+
+    def __init__(self) -> None:
+        self.pose = np.zeros(7)
+        self.placed = False
+        self._target = np.zeros(7)
+        self._arrival = 0.0
+        self._last = -np.inf
+
+    def set_target(self, pose: np.ndarray, time: float) -> bool:
+        """
+        Take a new pose.
+
+        :param pose: (7,), world.
+        :param time: at which it was valid [s].
+        :returns: whether it was too far away to move there, or the first.
+        """
+        interval = float(np.clip(time - self._last, 0.0, _STALE))
+        self._last, self._target = time, pose
+        self._arrival = time + interval
+        if not self.placed:
+            self.pose, self.placed = pose, True
+            return True
+        if np.linalg.norm(pose[:3] - self.pose[:3]) > _FASTEST * interval:
+            self.pose = pose
+            return True
+        return False
+
+    def advance(self, time: float, time_step: float) -> np.ndarray:
+        """
+        Move on by one step.
+
+        :param time: at its beginning [s].
+        :param time_step: [s].
+        :returns: velocity in this step, linear and angular, world, (6,).
+        """
+        start = self.pose
+        left = max(self._arrival - time, time_step)
+        velocity = velocity_between(start, self._target, left)
+        if left <= time_step:
+            self.pose = self._target
+            return velocity
+        spin = float(np.linalg.norm(velocity[3:]))
+        turn = rotation.IDENTITY
+        if spin > 0.0:
+            turn = rotation.from_axis_angle(velocity[3:] / spin, np.asarray(spin * time_step))
+        self.pose = np.concatenate([start[:3] + time_step * velocity[:3],
+                                    rotation.multiply(turn, start[3:])])
+        return velocity

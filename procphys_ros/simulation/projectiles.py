@@ -1,0 +1,258 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Projectiles: what flies fast is swept before each step against what stands."""
+
+import numpy as np
+
+from procphys_ros.errors import CommandError
+from procphys_ros.physics.loads import (
+    Hits,
+    sweep_box_boxes,
+    sweep_box_capsules,
+    sweep_boxes,
+    sweep_capsules,
+)
+from procphys_ros.physics.world import State as BodyState
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import fragments, glass, masonry, spawned_parts
+from procphys_ros.simulation.events import Cause
+from procphys_ros.simulation.ledger import Impact
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import Missile, State
+
+RESTITUTION = 0.25   # of hard bodies on masonry and wood that hold
+_FRICTION = 0.6      # stone on brick, EN 1996-1-1 3.6.2 gives 0.4 for design, means lie higher
+_ROLLING = 2.0 / 7.0  # share of its tangential momentum that a ball loses until it rolls
+_SLOW = 0.3          # [m/s] closing speed below which a touch is left to the world's contacts
+_DENT = 0.015        # [m] parts touched within this depth take one blow together
+_FLUSH = 1e-5        # [m] depth within which touches say together which way a wall faces
+_ALIKE = 0.7         # least cosine between the normals of such touches
+_MOST_HITS = 150     # in one step
+_MOST_FLYING = 200   # projectiles since the last reset
+_BALL_DRAG = 0.47 * 0.25 * np.pi  # Cd·A over diameter squared of a sphere (Hoerner 1965, 3-8)
+
+
+def launch(model: Model, state: State, projectile: Projectile) -> int:
+    """
+    Let a projectile fly.
+
+    :returns: its part.
+    :raises CommandError: when there are too many, or it would start inside of something.
+    """
+    number = len(state.missiles)
+    if number >= _MOST_FLYING:
+        raise CommandError(f'{_MOST_FLYING} projectiles have been launched, no more are '
+                           'allowed until the simulation is reset')
+    made = spawned_parts.projectile_part(projectile)
+    ball, size = projectile.shape == 'sphere', projectile.edges
+    probe = Missile(-1, -1, ball, size, 0.0)
+    wall, tree = _ahead(model, state, probe, made.poses[0], np.zeros(3))
+    inside = (int(wall.index[0]) if len(wall)
+              else int(state.forest.parts[tree.index[0]]) if len(tree) else -1)
+    if inside >= 0:
+        raise CommandError(f'projectile.position is {list(projectile.position)}: it touches '
+                           f'{state.names.name(inside)} from the start')
+    part = state.append(model, [(made, f'projectile_{number}')])[0]
+    velocity = np.concatenate([np.asarray(projectile.velocity, float), np.zeros(3)])
+    body = state.world.add_projectile(int(made.shape[0]), size, float(projectile.mass),
+                                      made.poses[0], velocity, restitution=RESTITUTION)
+    fragments.adopt(state, np.array([part]), np.array([body]))
+    if ball:
+        state.bodies.drag_area[body] = _BALL_DRAG * float(size[0]) ** 2
+    state.missiles.append(Missile(part, body, ball, size, float(projectile.mass)))
+    return part
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """
+    Let everything that flies meet what stands on its way of the next step.
+
+    Blows pass through the point of touch without turning the projectile: its spin changes only by
+    the world's contacts. Writes bodies of projectiles, trees that are hit, loads and the ledger;
+    releases.
+    """
+    bodies = state.world.bodies
+    for missile in state.missiles:
+        if state.parts.owner[missile.part] != Owner.BODY:
+            continue
+        speed = np.linalg.norm(bodies.velocities[missile.body, :3])
+        if bodies.state[missile.body] == BodyState.LOOSE and speed > _SLOW:
+            _fly(model, state, missile, dt)
+
+
+def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
+    body = np.array([missile.body])
+    pose = state.world.bodies.poses[missile.body].copy()
+    velocity = state.world.bodies.velocities[missile.body].copy()
+    left, has_struck = dt, False
+    passed: set[int] = set()
+    for _ in range(_MOST_HITS):
+        way = velocity[:3] * left
+        found = _next_hit(model, state, missile, pose, way, velocity[:3], passed)
+        if found is None:
+            break
+        hits, is_tree = found
+        _move(pose, velocity, hits.fraction[0] * left, model.gravity)
+        left *= 1.0 - hits.fraction[0]
+        before = velocity[:3].copy()
+        if is_tree:
+            passed.add(int(hits.index[0]))
+            _hit_tree(state, missile, hits, velocity)
+            goes_on = before @ velocity[:3] > 0.0
+        else:
+            goes_on = _hit_wall(model, state, missile, hits, way, velocity)
+        left = left if goes_on else dt
+        has_struck = True
+    if has_struck:
+        # The engine makes a whole step: move the start back along the path by the used time.
+        _move(pose, velocity, left - dt, model.gravity)
+        state.world.set_poses(body, pose[None])
+        state.world.set_velocities(body, velocity[None])
+
+
+def _move(pose: np.ndarray, velocity: np.ndarray, duration: float, gravity: float) -> None:
+    """Move straight on, or back, with the energy of free flight."""
+    pose[:3] += duration * velocity[:3]
+    square = velocity[2] ** 2 - 2.0 * gravity * duration * velocity[2]
+    velocity[2] = np.copysign(np.sqrt(max(square, 0.0)), velocity[2])
+
+
+def _ahead(model: Model, state: State, missile: Missile, pose: np.ndarray,
+           way: np.ndarray) -> tuple[Hits, Hits]:
+    """Sweep over standing masonry, and over standing trees."""
+    forest, end = state.forest, pose[:3] + way
+    wall = (model.blueprint.poses, model.masonry.closed_sizes,
+            state.standing[:len(model.blueprint)])
+    trees = (forest.poses, model.trees.sizes, forest.active)
+    if missile.ball:
+        radius = 0.5 * float(missile.size[0])
+        return (sweep_boxes(pose[:3], end, radius, *wall),
+                sweep_capsules(pose[:3], end, radius, *trees))
+    return (sweep_box_boxes(pose[:3], end, pose[3:], missile.size, *wall),
+            sweep_box_capsules(pose[:3], end, pose[3:], missile.size, *trees))
+
+
+def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, way: np.ndarray,
+              velocity: np.ndarray, passed: set[int]) -> tuple[Hits, bool] | None:
+    """Find the next blow on a way: its touches, and whether it is on a tree."""
+    wall, tree = _ahead(model, state, missile, pose, way)
+    wall = _take(wall, wall.normal @ velocity < -_SLOW)
+    if len(tree):
+        forest = state.forest
+        moving = forest.velocities[tree.index]
+        arm = tree.point - forest.poses[tree.index, :3]
+        slip = velocity - moving[:, :3] - np.cross(moving[:, 3:], arm)
+        closes = np.einsum('ki,ki->k', tree.normal, slip) < -_SLOW
+        fresh = ~np.isin(tree.index, list(passed))
+        tree = _take(tree, closes & fresh)
+    if len(tree) and (not len(wall) or tree.fraction[0] <= wall.fraction[0]):
+        return _take(tree, np.arange(1)), True
+    if not len(wall):
+        return None
+    depth = _depth(wall, way)
+    together = (depth < _DENT) & (wall.normal @ wall.normal[0] > _ALIKE)
+    panes = model.glass.is_pane[wall.index]
+    return _take(wall, together & (panes == panes[0])), False
+
+
+def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray) -> None:
+    forest, row = state.forest, int(hits.index[0])
+    point, normal = hits.point[0], hits.normal[0]
+    moving = forest.velocities[row]
+    slip = velocity[:3] - moving[:3] - np.cross(moving[3:], point - forest.poses[row, :3])
+    yielding = 1.0 / missile.mass + 1.0 / forest.effective_mass(row, point, normal)
+    impulse = (1.0 + RESTITUTION) * (normal @ slip) / yielding * normal  # on the tree
+    forest.apply_impulse(row, point, impulse)
+    velocity[:3] -= impulse / missile.mass
+    _record(state, missile, point, forest.parts[[row]], False, impulse, impulse, 0.0)
+
+
+def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.ndarray,
+              velocity: np.ndarray) -> bool:
+    """Strike standing parts together; say whether they give way."""
+    parts, flush = hits.index, _depth(hits, way) < _FLUSH
+    point, normal = hits.point[flush].mean(axis=0), hits.normal[flush].mean(axis=0)
+    normal /= np.linalg.norm(normal)
+    before, closing = velocity[:3].copy(), float(-normal @ velocity[:3])
+    direction = _line(before, normal, closing)
+    cosine = float(-normal @ direction)
+    pane = None
+    if model.glass.is_pane[parts[0]]:
+        parts = parts[:1]
+        pane = glass.crack(model, int(parts[0]), point, float(missile.size.max()))
+        mass, resistance = pane.mass, pane.resistance
+    else:
+        mass = float(state.parts.mass[parts].sum())
+        resistance = masonry.resist(state, parts, direction)
+    blow = (1.0 + RESTITUTION) * missile.mass * closing / cosine
+    shared = closing / cosine / (1.0 / missile.mass + 1.0 / mass)
+    out = masonry.comes_out(resistance, blow, missile.mass + mass, shared / mass)
+    if out is None:
+        _bounce(velocity, normal, closing)
+        lost = missile.mass * (before - velocity[:3])
+        masonry.apply_impulses(state, parts, np.tile(lost / len(parts), (len(parts), 1)))
+        _record(state, missile, point, parts, False, lost, np.zeros(3), 0.0)
+        return False
+    velocity[:3] -= (shared / missile.mass + shared / mass - out.speed) * direction
+    lost = missile.mass * (before - velocity[:3])
+    load = blow / max(resistance.momentum(masonry.CONTACT), 1e-9)
+    if pane is not None:
+        glass.shatter_standing(model, state, [(pane, out.speed * direction, load)], Cause.IMPACT)
+    else:
+        moving = np.zeros((len(parts), 6))
+        moving[:, :3] = out.speed * direction
+        masonry.apply_impulse_around(state, resistance.bonds, parts, out.passed_on * direction)
+        fragments.release(model, state, [parts[[i]] for i in range(len(parts))], moving,
+                          Cause.IMPACT, load)
+    _record(state, missile, point, parts, True, lost, mass * out.speed * direction,
+            resistance.energy)
+    return True
+
+
+def _bounce(velocity: np.ndarray, normal: np.ndarray, closing: float) -> None:
+    """Throw back what meets a wall that holds; friction slows what slides along it."""
+    along = velocity[:3] + closing * normal
+    speed = float(np.linalg.norm(along))
+    grip = min(_FRICTION * (1.0 + RESTITUTION) * closing, _ROLLING * speed)
+    velocity[:3] = RESTITUTION * closing * normal
+    if speed > 0.0:
+        velocity[:3] += (1.0 - grip / speed) * along
+
+
+def _record(state: State, missile: Missile, point: np.ndarray, parts: np.ndarray, torn: bool,
+            lost: np.ndarray, carried: np.ndarray, work: float) -> None:
+    state.ledger.record(Impact(state.time, missile.part, point, parts, torn, lost, carried,
+                               lost - carried, work))
+
+
+def _line(velocity: np.ndarray, normal: np.ndarray, closing: float) -> np.ndarray:
+    """Give the direction of a blow: that of the motion, within the cone of friction."""
+    along = velocity + closing * normal
+    slide = float(np.linalg.norm(along))
+    if slide > _FRICTION * closing:
+        along *= _FRICTION * closing / slide
+    direction = along - closing * normal
+    return direction / np.linalg.norm(direction)
+
+
+def _depth(hits: Hits, way: np.ndarray) -> np.ndarray:
+    """Give how far behind the first touch the others are [m], (K,)."""
+    return (hits.fraction - hits.fraction[0]) * np.linalg.norm(way)
+
+
+def _take(hits: Hits, rows: np.ndarray) -> Hits:
+    return Hits(hits.index[rows], hits.fraction[rows], hits.point[rows], hits.normal[rows])

@@ -1,0 +1,92 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Stages: one step of a simulation, in order; each reads and writes the state only."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from procphys_ros.simulation import (
+    blasts,
+    commands,
+    contact,
+    cues,
+    debris_loads,
+    demolition,
+    detached_branches,
+    dust,
+    foliage,
+    fragments,
+    impacts,
+    intruder,
+    masonry,
+    projectiles,
+    trees,
+    wall_wind,
+)
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+
+class Stage(NamedTuple):
+    """
+    One part of a step.
+
+    :ivar name: as timings and diagnostics show it.
+    :ivar step: `step(model, state, dt)`; its docstring says what it writes.
+    """
+
+    name: str
+    step: Callable[[Model, State, float], None]
+
+
+def apply_loads(model: Model, state: State, dt: float) -> None:
+    """Tell the stress solver of the loads that have changed; writes stresses."""
+    state.loads.apply(state.solver, state.time, dt)
+
+
+def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
+    """Move and collide rigid bodies; writes `state.world` and `state.rubble`."""
+    state.rubble.velocities = state.world.bodies.velocities.copy()
+    state.rubble.poses = state.world.bodies.poses.copy()
+    state.world.step(dt)
+
+
+STAGES = (
+    Stage('cues', cues.step),
+    Stage('commands', commands.apply_wrenches),
+    Stage('intruder', intruder.advance),
+    Stage('charges', demolition.step),
+    Stage('blasts', blasts.step),
+    Stage('projectiles', projectiles.step),
+    Stage('wind', wall_wind.step),
+    Stage('loads', apply_loads),
+    Stage('wind', trees.sample_wind),
+    Stage('contact', contact.step),
+    Stage('contact', trees.wake_touched),
+    Stage('trees', trees.step),
+    Stage('branches', detached_branches.step),
+    Stage('stress', masonry.update_stresses),
+    Stage('engine', fragments.apply_drag),
+    Stage('dust', dust.watch),
+    Stage('engine', step_rigid_bodies),
+    Stage('intruder', intruder.sum_wrench),
+    Stage('poses', trees.write_poses),
+    Stage('poses', fragments.write_poses),
+    Stage('leaves', foliage.step),
+    Stage('debris', debris_loads.update),
+    Stage('impacts', impacts.step),
+    Stage('dust', dust.step),
+)

@@ -1,0 +1,140 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Loads on standing walls besides their weight: one layer for each thing that presses."""
+
+import math
+
+import numpy as np
+
+from procphys_ros.physics.masonry import StressSolver
+
+_TOGETHER = 0.1  # [s] loads that change within this act together: about two periods of a
+#                  storey-high wall, which has not answered to the first of them before
+_FADING = 0.5    # [s] time constant of blows that wait: walls have swung out by then, and blows
+#                  of many seconds must not act as one
+
+
+class StandingLoads:
+    """
+    Sums what different sources put on standing parts and hands it to the stress solver.
+
+    Nothing reaches the solver while nothing changes, so that standing walls cost nothing. What
+    changes while it works on earlier loads waits until these have been judged: loads that never
+    stay the same, such as of moving rubble, would keep it from ever finding a stress.
+
+    Blows act until they have been judged once. Of blows that follow each other on one part only
+    the strongest counts, since a part feels them one after the other. Those that wait fade.
+
+    :param count: number of parts in all buildings and elsewhere.
+    """
+
+    def __init__(self, count: int):
+        self._count = count
+        self._layers: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._struck: list[tuple[np.ndarray, np.ndarray]] = []
+        self._waiting: np.ndarray | None = None
+        self._blows: np.ndarray | None = None
+        self._changed = False
+        self._open = True
+        self._opened = 0.0
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Name the layers that press at present."""
+        return tuple(self._layers)
+
+    def layer(self, source: str) -> tuple[np.ndarray, np.ndarray]:
+        """Give the parts (K,) and wrenches (K, 6) of one layer; none when it does not press."""
+        return self._layers.get(source, (np.zeros(0, np.intp), np.zeros((0, 6))))
+
+    def set_layer(self, source: str, parts: np.ndarray, wrenches: np.ndarray) -> None:
+        """
+        Replace everything that a source presses with.
+
+        :param source: name of the layer, such as 'wind' or 'debris'.
+        :param parts: indices; one that stands twice gets both, (K,).
+        :param wrenches: force at the centre of mass and moment [N], [N·m], world, (K, 6).
+        """
+        parts, wrenches = np.asarray(parts, np.intp), np.asarray(wrenches, float)
+        before = self._layers.pop(source, None)
+        if len(parts):
+            self._layers[source] = parts, wrenches
+        same = (before is not None and np.array_equal(before[0], parts)
+                and np.array_equal(before[1], wrenches))
+        self._changed |= not same and (before is not None or len(parts) > 0)
+
+    def remove_layer(self, source: str) -> None:
+        """End a layer, if there is one."""
+        self._changed |= self._layers.pop(source, None) is not None
+
+    def add_blow(self, parts: np.ndarray, wrenches: np.ndarray) -> None:
+        """
+        Let blows act until the stresses under them have been judged.
+
+        :param parts: indices; one that stands twice gets both, (K,).
+        :param wrenches: force at the centre of mass and moment [N], [N·m], world, (K, 6).
+        """
+        self._struck.append((np.asarray(parts, np.intp), np.asarray(wrenches, float)))
+
+    def end_blows(self) -> None:
+        """Take note that the loads handed over have broken what they break."""
+        self._open = True
+        if self._blows is not None:
+            self._blows = None
+            self._changed = True
+
+    def apply(self, solver: StressSolver, time: float, time_step: float) -> None:
+        """
+        Tell the solver when anything has changed; once per step, before it works.
+
+        :param solver: of the stresses in all buildings.
+        :param time: [s].
+        :param time_step: [s].
+        """
+        if self._waiting is not None:
+            self._waiting = self._waiting * math.exp(-time_step / _FADING)
+        if self._struck:
+            self._waiting = _strongest(self._waiting, self._total(self._struck))
+            self._struck.clear()
+        if not self._changed and self._waiting is None:
+            return
+        if self._open:
+            self._open, self._opened = False, time
+        elif time > self._opened + _TOGETHER:
+            return
+        if self._waiting is not None:
+            self._blows = _strongest(self._blows, self._waiting)
+            self._waiting = None
+        total = self._total(list(self._layers.values()))
+        if self._blows is not None:
+            total += self._blows
+        solver.set_loads(total[:, :3], total[:, 3:])
+        self._changed = False
+
+    def _total(self, loads: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Add up loads on each part, (N, 6)."""
+        total = np.zeros((self._count, 6))
+        for parts, wrenches in loads:
+            np.add.at(total, parts, wrenches)
+        return total
+
+
+def _strongest(blows: np.ndarray | None, others: np.ndarray) -> np.ndarray:
+    """Give the one with the larger force on each part, (N, 6)."""
+    if blows is None:
+        return others
+    harder = (others[:, :3] ** 2).sum(axis=1) > (blows[:, :3] ** 2).sum(axis=1)
+    return np.where(harder[:, None], others, blows)

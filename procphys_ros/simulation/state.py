@@ -1,0 +1,383 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""State: everything of a simulation that changes, and nothing else."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.physics.dust import DustCloud
+from procphys_ros.physics.foliage import FallingLeaves
+from procphys_ros.physics.masonry import Fracture, FreeBodies, StressSolver
+from procphys_ros.physics.skyline import OPEN, Skyline
+from procphys_ros.physics.trees import Forest
+from procphys_ros.physics.wind import Wind
+from procphys_ros.physics.world import World
+from procphys_ros.scene import SceneObject
+from procphys_ros.simulation.contact_pairs import TreeBounds, TreeContacts
+from procphys_ros.simulation.events import EventLog
+from procphys_ros.simulation.ledger import MomentumLedger
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.naming import PartNames
+from procphys_ros.simulation.observer import Observer
+from procphys_ros.simulation.parts import Columns, columns_of, Owner, part_columns, RigidBodyMap
+from procphys_ros.simulation.pose_interpolator import PoseInterpolator
+from procphys_ros.simulation.standing_loads import StandingLoads
+from procphys_ros.simulation.tree_lod import LodScheduler
+
+_FALL_SEED, _DUST_SEED = 103, 104  # keep random streams apart that share the scene's seed
+
+@dataclass
+class TreeState:
+    """
+    What trees need beside the forest.
+
+    :ivar air: velocity of the air at every row [m/s], (S, 3).
+    :ivar still: whether there is no wind at all.
+    :ivar lod: scheduler of trees that nobody looks at; None = all trees are stepped alike.
+    :ivar faded_air: air that a row felt before its tree came back into view [m/s], (S, 3).
+    :ivar start_poses: of rows that are stepped ahead of time, (S, 7).
+    :ivar chosen: trees of the plan that go on in this step, (T,) bool.
+    :ivar age, quiet, down: seconds since a branch came off, lies still, is near the ground, by
+        its first row.
+    """
+
+    air: np.ndarray
+    still: bool = True
+    lod: LodScheduler | None = None
+    faded_air: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    start_poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
+    chosen: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    age: dict[int, float] = field(default_factory=dict)
+    quiet: dict[int, float] = field(default_factory=dict)
+    down: dict[int, float] = field(default_factory=dict)
+
+
+@dataclass
+class BranchLoads:
+    """
+    What branches press standing parts with.
+
+    :ivar parts: that are pressed, (K,).
+    :ivar mean: smoothed force on each [N], world, (K, 3).
+    :ivar given: force per part that the stress solver knows of [N].
+    """
+
+    parts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    mean: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    given: dict[int, np.ndarray] = field(default_factory=dict)
+
+
+@dataclass
+class Missile:
+    """A projectile: its part, body, shape, size [m] and mass [kg]."""
+
+    part: int
+    body: int
+    ball: bool
+    size: np.ndarray
+    mass: float
+
+
+@dataclass
+class Wave:
+    """A blast wave on its way: what it gives to which parts, sorted by arrival."""
+
+    parts: np.ndarray    # (K,)
+    linear: np.ndarray   # [N·s], (K, 3)
+    angular: np.ndarray  # [N·m·s], (K, 3)
+    arrival: np.ndarray  # simulated time [s], (K,)
+    pulse: np.ndarray    # duration [s], (K,)
+    done: int = 0        # rows delivered so far
+
+
+@dataclass
+class BlastState:
+    """
+    Blasts under way.
+
+    :ivar waves: that have not reached everything.
+    :ivar momentum: that waves gave to standing parts lately [N·s], world, (N, 3).
+    :ivar pulse: duration of the last wave at each part [s], (N,).
+    :ivar passed: when a wave last reached something [s].
+    :ivar single_left: bricks that may still fly singly.
+    """
+
+    momentum: np.ndarray
+    pulse: np.ndarray
+    waves: list[Wave] = field(default_factory=list)
+    passed: float = -np.inf
+    single_left: int = 0
+
+
+@dataclass
+class WallWindState:
+    """Wind pressure that standing walls feel; see `wall_wind`."""
+
+    next_look: float = 0.0
+    parts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    exposed: np.ndarray = field(default_factory=lambda: np.zeros((0, 6), bool))
+    structure: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    tops: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    applied: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+
+
+@dataclass
+class IntruderState:
+    """
+    The body that is moved from outside.
+
+    :ivar path: where it goes.
+    :ivar body: id in the world, -1 before it was placed.
+    :ivar start: where it was at the beginning of the step [m], (3,).
+    :ivar wrench: force and moment on it in the last step [N], [N·m], world, (6,).
+    :ivar smooth_wrench: the same through a low pass.
+    :ivar from_wall: what standing walls add to it in this step, (6,).
+    """
+
+    path: PoseInterpolator = field(default_factory=PoseInterpolator)
+    body: int = -1
+    start: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    smooth_wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    from_wall: np.ndarray = field(default_factory=lambda: np.zeros(6))
+
+
+@dataclass
+class RubbleState:
+    """
+    What rigid bodies did in the last step of the engine, and what still has to be judged.
+
+    :ivar velocities, poses: of all bodies just before that step, by id, (B, 6), (B, 7).
+    :ivar waiting: blows on pieces that are judged in the next step.
+    :ivar moving: smoothed wrench of moving bodies on standing parts [N], [N·m], (N, 6).
+    :ivar given: wrench of all bodies that the stress solver knows of, (N, 6).
+    :ivar since: time since that was last looked at [s].
+    """
+
+    moving: np.ndarray
+    given: np.ndarray
+    velocities: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
+    poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
+    waiting: list = field(default_factory=list)
+    since: float = 0.0
+
+
+@dataclass
+class GlassState:
+    """
+    Panes in loose pieces.
+
+    :ivar load: of each pane over what it bears, above 1 = cracked, (P,).
+    :ivar shards: bodies of shards that were awake when last looked at.
+    """
+
+    load: np.ndarray
+    shards: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+
+
+@dataclass
+class LeafState:
+    """
+    Leaves on their branches, in the air and on the ground.
+
+    :ivar fallen: leaves that came off.
+    :ivar attached: whether each is still on its branch, (L,) bool.
+    :ivar left: leaf area left on each part [m²], (N,).
+    :ivar next: place of the weakest leaf left in the queue of each row of the forest, (S,).
+    :ivar weakest: air speed that tears it off [m/s], (S,).
+    :ivar felt: air at each fallen leaf when it was last asked for [m/s], (K, 3).
+    :ivar turn: which share of the flying leaves asks next.
+    :ivar speed: of the air past each row, workspace [m/s], (S,).
+    :ivar skyline: that the fallen leaves were last lifted onto.
+    """
+
+    fallen: FallingLeaves
+    attached: np.ndarray
+    left: np.ndarray
+    next: np.ndarray
+    weakest: np.ndarray
+    speed: np.ndarray
+    felt: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    turn: int = 0
+    skyline: Skyline = OPEN
+
+
+@dataclass
+class DustState:
+    """
+    Dust in the air and on the ground.
+
+    :ivar cloud: all puffs; None = dust is switched off.
+    :ivar skyline: that the dust was last lifted onto.
+    :ivar seen, struck: break events and blows of projectiles that have made their dust.
+    :ivar watch: motion of fast bodies just before the step of the engine; None = none is fast.
+    """
+
+    cloud: DustCloud | None
+    skyline: Skyline = OPEN
+    seen: int = 0
+    struck: int = 0
+    watch: dict[str, np.ndarray] | None = None
+
+
+@dataclass
+class SkylineState:
+    """The skyline of what stands, and since when it is out of date."""
+
+    drawn: Skyline | None = None
+    standing: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    looked: float = -np.inf
+
+
+@dataclass
+class State:
+    """
+    Everything that changes.
+
+    Stages read and write it; nothing else remembers anything between two steps.
+
+    :ivar steps: number of steps made.
+    :ivar time: simulated [s].
+    :ivar parts: columns with a row per part, see `part_columns`.
+    :ivar objects: owners of names, in part order.
+    :ivar cue: number of the scene's next cue.
+    :ivar observer: who looks; None = nobody.
+    :ivar world: rigid bodies and the engine that moves them.
+    :ivar bodies: which of them carries which parts.
+    :ivar loose_bonds: bonds of what has left its wall or tree.
+    :ivar solver, fracture: stresses in what stands.
+    :ivar unjudged: time since the stresses were last judged [s].
+    :ivar loads: on what stands.
+    :ivar charges: armed: time [s], place [m] and radius [m] of each, by time.
+    :ivar wrenches: lasting force and torque per part [N], [N·m].
+    """
+
+    parts: Columns
+    objects: list[SceneObject]
+    names: PartNames
+    wind: Wind
+    world: World
+    loose_bonds: FreeBodies
+    solver: StressSolver
+    fracture: Fracture
+    loads: StandingLoads
+    forest: Forest
+    trees: TreeState
+    blasts: BlastState
+    rubble: RubbleState
+    glass: GlassState
+    leaves: LeafState
+    dust: DustState
+    tree_bounds: TreeBounds = field(default_factory=TreeBounds)
+    steps: int = 0
+    time: float = 0.0
+    cue: int = 0
+    unjudged: float = 0.0
+    observer: Observer | None = None
+    log: EventLog = field(default_factory=EventLog)
+    ledger: MomentumLedger = field(default_factory=MomentumLedger)
+    bodies: RigidBodyMap = field(default_factory=RigidBodyMap)
+    contacts: TreeContacts = field(default_factory=TreeContacts)
+    branch_loads: BranchLoads = field(default_factory=BranchLoads)
+    missiles: list[Missile] = field(default_factory=list)
+    wall_wind: WallWindState = field(default_factory=WallWindState)
+    intruder: IntruderState = field(default_factory=IntruderState)
+    charges: list[tuple[float, np.ndarray, float]] = field(default_factory=list)
+    wrenches: dict[int, np.ndarray] = field(default_factory=dict)
+    skyline: SkylineState = field(default_factory=SkylineState)
+    blueprints: list[Blueprint] = field(default_factory=list)
+
+    @classmethod
+    def initial(cls, model: Model) -> 'State':
+        """Put a scene at rest: everything whole, nothing known of the stresses yet."""
+        count, trees, leaves = len(model.blueprint), model.trees, model.leaves
+        forest = deepcopy(trees.forest)
+        graph = deepcopy(model.masonry.graph)
+        solver = StressSolver(graph, (0.0, 0.0, -model.gravity))
+        culling, dust = model.settings.culling, model.settings.dust
+        lod = LodScheduler(culling, forest) if culling.spares_trees else None
+        state = cls(
+            parts=part_columns(model), objects=list(model.objects),
+            names=PartNames(model.objects, model.blueprint), wind=deepcopy(model.wind),
+            world=World((0.0, 0.0, -model.gravity)), loose_bonds=deepcopy(model.loose_bonds),
+            solver=solver, fracture=Fracture(solver), loads=StandingLoads(count), forest=forest,
+            trees=TreeState(np.zeros((len(forest), 3)), lod=lod,
+                            faded_air=np.zeros((len(forest), 3)),
+                            start_poses=forest.poses.copy()),
+            blasts=BlastState(np.zeros((count, 3)), np.full(count, np.inf)),
+            rubble=RubbleState(np.zeros((count, 6)), np.zeros((count, 6))),
+            glass=GlassState(np.zeros(len(model.glass.parts))),
+            leaves=LeafState(
+                FallingLeaves(model.gravity, (_FALL_SEED << 64) + model.seed),
+                np.ones(len(model.blueprint.leaves), bool), model.blueprint.leaf_area.copy(),
+                leaves.first.copy(), leaves.queue_speed[leaves.first], np.zeros(len(forest))),
+            dust=DustState(DustCloud(dust.capacity, (_DUST_SEED << 64) + model.seed,
+                                     model.gravity) if dust.enabled else None))
+        state.blueprints.append(model.blueprint)
+        return state
+
+    @property
+    def standing(self) -> np.ndarray:
+        """Parts that stand frozen where they were built, (N,) bool."""
+        return self.parts.owner == Owner.STANDING
+
+    @property
+    def carrier(self) -> np.ndarray:
+        """Id of the rigid body that carries each part, -1 for none, (N,)."""
+        return np.where(self.parts.owner == Owner.BODY, self.parts.body, -1)
+
+    @property
+    def blueprint(self) -> Blueprint:
+        """All parts and bonds that there are by now."""
+        if len(self.blueprints) > 1:
+            self.blueprints = [chain(self.blueprints)]
+        return self.blueprints[0]
+
+    def shown_poses(self) -> np.ndarray:
+        """Give the poses of all parts as others see them, (N, 7); NaN = the part is gone."""
+        gone = self.parts.owner == Owner.GONE
+        if not gone.any():
+            return self.parts.poses
+        return np.where(gone[:, None], np.nan, self.parts.poses)
+
+    def append(self, model: Model, groups: Sequence[tuple[Blueprint, str]]) -> list[int]:
+        """
+        Let parts without bonds join behind all others; the caller gives them their bodies.
+
+        :param groups: parts and the name of the object that they make, once per step for all.
+        :returns: the first part of each object.
+        """
+        if not groups:
+            return []
+        taken = {known.name for known in self.objects}
+        firsts, first = [], len(self.parts)
+        for made, name in groups:
+            unique = model.shard.own(name)
+            while unique in taken:
+                unique += '_'
+            taken.add(unique)
+            self.objects.append(SceneObject(unique, first, len(made)))
+            firsts.append(first)
+            first += len(made)
+        joined = chain([made for made, _ in groups])
+        self.parts.append(**columns_of(joined), owner=Owner.BODY, row=-1)
+        self.blueprints.append(joined)
+        self.names.extend(self.objects[-len(groups):], joined)
+        return firsts

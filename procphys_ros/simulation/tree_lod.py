@@ -1,0 +1,218 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Level of detail of trees: which are stepped now, and how far, given who looks from where."""
+
+import numpy as np
+
+from procphys_ros.physics.trees import Forest
+from procphys_ros.physics.trees.state import Plan
+from procphys_ros.physics.wind import Wind
+from procphys_ros.scene.culling import CullingSettings
+from procphys_ros.simulation.observer import Observer
+
+REST_ENERGY = 5e-7  # [J/kg] of a tree that counts as quiet: 1 mm/s of its whole mass
+REST_TIME = 2.0     # [s] how long it must be quiet, half a period of the slowest trees
+BREEZE = 0.2        # [m/s] air that moves a tree less than this counts as still
+LINGER = 0.5        # [s] how long trees go on that have left the view, lest the edge flicker
+ROUSED = 10.0       # [s] how long at most an unseen tree goes on after it was hit
+_SWAY = 1.15        # room for sway in the spheres around trees
+_EDGES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0],
+                   [0.0, -1.0, 0.0]])  # of a sphere, where the wind of a sleeping tree is felt
+
+
+class LodScheduler:
+    """
+    Keeps, for every tree, the clocks that decide when it is stepped.
+
+    Columns follow the trees of the forest's plan; they are carried over when trees break.
+
+    :param settings: schemes in use.
+    :param forest: the trees at rest.
+
+    :ivar now: number of the step that comes.
+    :ivar due: step at which each tree goes on next, (T,) int.
+    :ivar steps: number of time steps that it last went in one, (T,) int.
+    :ivar asleep: whether it rests in still air, (T,) bool.
+    :ivar held: whether it stands still, asleep or unseen, (T,) bool.
+    :ivar roused: for how long it is simulated though unseen [s], (T,).
+    :ivar since: time since it came back into the view [s], (T,); infinite = it never left.
+    """
+
+    _START = {'due': 0, 'steps': 1, 'asleep': False, 'held': False, 'roused': 0.0,
+              'since': np.inf, 'unseen': 0.0, 'quiet': 0.0}
+
+    due: np.ndarray
+    steps: np.ndarray
+    asleep: np.ndarray
+    held: np.ndarray
+    roused: np.ndarray
+    since: np.ndarray
+    unseen: np.ndarray
+    quiet: np.ndarray
+
+    def __init__(self, settings: CullingSettings, forest: Forest):
+        self._settings = settings
+        self._plan: Plan | None = None
+        self.now = 0
+        self._roots = np.zeros(0, np.int64)
+        for name, value in self._START.items():
+            setattr(self, name, np.full(0, value))
+        self.update_trees(forest)
+
+    def update_trees(self, forest: Forest) -> None:
+        """Find out which trees there are, when branches have come off."""
+        plan = forest.plan
+        if plan is self._plan:
+            return
+        roots = plan.row[plan.start[:-1]]
+        old = np.searchsorted(self._roots, roots)
+        old[old == len(self._roots)] = 0
+        known = self._roots[old] == roots if len(self._roots) else np.zeros(len(roots), bool)
+        for name, value in self._START.items():
+            column = np.full(len(roots), value)
+            column[known] = getattr(self, name)[old[known]]
+            setattr(self, name, column)
+        self.due[~known] = self.now
+        self._plan, self._roots = plan, roots
+        self._free = forest.is_free(roots)
+        self._enclose(forest)
+
+    def of_rows(self, forest: Forest, rows: np.ndarray) -> np.ndarray:
+        """Give the trees that rows belong to, without those that are no trees any more."""
+        rows = rows[forest.active[rows]]
+        return np.unique(np.searchsorted(self._roots, forest.roots(rows)))
+
+    def wake(self, trees: np.ndarray) -> None:
+        """Simulate trees that were hit, seen or not, until they are quiet again."""
+        self.roused[trees] = ROUSED
+        self.asleep[trees] = False
+        self.quiet[trees] = 0.0
+
+    def choose(self, forest: Forest, observer: Observer | None, wind: Wind, time: float
+               ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """
+        Say what happens to which trees in this step.
+
+        :param forest: the trees.
+        :param observer: who looks; None = nobody, and all trees count as seen and near.
+        :param wind: wakes those that sleep.
+        :param time: [s].
+        :returns: trees that go on, those of them that stood still before though it was not
+            because they slept, and those that stop.
+        """
+        self.wake(self.of_rows(forest, forest.take_disturbed()))
+        slept = self.asleep.copy()
+        self._wake_in_wind(wind, time)
+        seen = self._free | self._seen(observer)
+        self.unseen[seen] = 0.0
+        moves = (seen | (self.unseen < LINGER) | (self.roused > 0.0)) & ~self.asleep
+        ready = self.due <= self.now
+        stops = np.flatnonzero(ready & ~moves & ~self.held)
+        back = np.flatnonzero(moves & self.held & ~(slept & (self.unseen < LINGER)))
+        self.held[stops] = True
+        self.held[moves] = False
+        self.since[back] = 0.0
+        self.due[stops], self.steps[stops] = self.now + 1, 1
+        return np.flatnonzero(ready & moves), back, stops
+
+    def stride(self, observer: Observer | None, trees: np.ndarray) -> np.ndarray:
+        """
+        Set how many time steps trees go now, spread so that as many are due at every step.
+
+        :param observer: who looks.
+        :param trees: that go on, (K,).
+        :returns: (K,) int.
+        """
+        most, interval = self._settings.far_interval, np.ones(len(trees), np.int64)
+        if observer is not None and most > 1:
+            away = observer.distance(self._centre[trees]) - self._radius[trees]
+            interval += (np.maximum(away, 0.0) // self._settings.far_distance).astype(np.int64)
+            np.minimum(interval, most, out=interval)
+            interval[(self.roused[trees] > 0.0) | self._free[trees]] = 1
+        self.steps[trees] = interval - (self.now + trees) % interval
+        self.due[trees] = self.now + self.steps[trees]
+        return self.steps[trees]
+
+    def elapse(self, forest: Forest, trees: np.ndarray, air: np.ndarray,
+               time_step: float) -> None:
+        """
+        Let a step pass, and see which of the trees that went on have come to rest.
+
+        :param forest: the trees.
+        :param trees: that went on.
+        :param air: at every row, (S, 3) [m/s].
+        :param time_step: [s].
+        """
+        self.now += 1
+        self.unseen += time_step
+        self.since += time_step
+        self.roused = np.maximum(self.roused - time_step, 0.0)
+        sleepy = self._settings.sleeping
+        if not sleepy:
+            trees = trees[self.roused[trees] > 0.0]
+        if not len(trees):
+            return
+        calm = self._calm(forest, trees, air)
+        judged = calm | (self.roused[trees] > 0.0)
+        trees, calm = trees[judged], calm[judged]
+        rests = forest.kinetic(trees) < REST_ENERGY
+        self.quiet[trees] = np.where(rests, self.quiet[trees] + self.steps[trees] * time_step, 0.0)
+        rests = self.quiet[trees] > REST_TIME - 1e-9
+        self.roused[trees[rests]] = 0.0
+        if sleepy:
+            self.asleep[trees[rests & calm & ~self._free[trees]]] = True
+
+    def shown_shares(self) -> tuple[np.ndarray, np.ndarray]:
+        """Give the trees whose shown poses change with this step, and how far they have come."""
+        begun = self.due - self.steps
+        trees = np.flatnonzero(self.due >= self.now)
+        return trees, (self.now - begun[trees]) / self.steps[trees]
+
+    def _seen(self, observer: Observer | None) -> np.ndarray:
+        if observer is None:
+            return np.ones(len(self._roots), bool)
+        return observer.sees(self._centre, self._radius)
+
+    def _wake_in_wind(self, wind: Wind, time: float) -> None:
+        """Wake the sleeping trees that feel a wind at their tops or edges."""
+        trees = np.flatnonzero(self.asleep)
+        if not len(trees) or not wind.enabled:
+            return
+        points = self._centre[trees, None] + self._radius[trees, None, None] * _EDGES
+        air = wind.velocity(points.reshape(-1, 3), time)
+        felt = (air ** 2).sum(axis=1).reshape(len(trees), -1).max(axis=1) > BREEZE ** 2
+        self.asleep[trees[felt]] = False
+        self.quiet[trees[felt]] = 0.0
+
+    def _calm(self, forest: Forest, trees: np.ndarray, air: np.ndarray) -> np.ndarray:
+        rows, plan = forest.rows_of(trees), forest.plan
+        square = np.einsum('ri,ri->r', air[rows], air[rows])
+        count = plan.start[trees + 1] - plan.start[trees]
+        first = np.cumsum(count) - count
+        return np.maximum.reduceat(square, first) <= BREEZE ** 2
+
+    def _enclose(self, forest: Forest) -> None:
+        """Put a sphere around each tree as it stands now."""
+        plan, poses = forest.plan, forest.poses[forest.plan.row, :3]
+        first = plan.start[:-1]
+        if not len(first):
+            self._centre, self._radius = np.zeros((0, 3)), np.zeros(0)
+            return
+        low, high = np.minimum.reduceat(poses, first), np.maximum.reduceat(poses, first)
+        self._centre = 0.5 * (low + high)
+        arm = poses - np.repeat(self._centre, np.diff(plan.start), axis=0)
+        reach = np.sqrt(np.einsum('ri,ri->r', arm, arm)) + forest.half_lengths[plan.row]
+        self._radius = _SWAY * np.maximum.reduceat(reach, first)

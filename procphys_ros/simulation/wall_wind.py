@@ -1,0 +1,92 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Wind pressure on standing walls, renewed only when the wind has changed noticeably."""
+
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.physics.air import AIR_DENSITY
+from procphys_ros.physics.loads import exposed_faces, wall_forces
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_INTERVAL = 0.25     # [s] between looks at the wind
+_BREEZE = 60.0       # [Pa] dynamic pressure, 10 m/s, which walls stand without being asked
+_CHANGE = 0.25       # of the dynamic pressure that was last applied
+_GONE = 0.02         # share of the standing parts whose loss calls for a new look at the faces
+_LAYER = 'wind'
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """
+    Press the wind on the outsides of buildings; writes `state.wall_wind` and loads.
+
+    Each building feels the air at its top as a whole (EN 1991-1-4, 7.2.2: the reference height of
+    walls no higher than wide; it overrates the lower storeys of towers). Eddies smaller than a
+    building press on parts of it at different times, which codes leave out as well. The air inside
+    keeps the pressure of the air at rest; in truth it lies between 0.2 and -0.3 of that of the
+    wind (7.2.9).
+    """
+    own = state.wall_wind
+    if state.time < own.next_look - 1e-9:
+        return
+    standing = state.standing[:len(model.blueprint)]
+    if not standing.any():
+        return
+    own.next_look = state.time + _INTERVAL
+    lost = bool(not len(own.parts)
+                or np.count_nonzero(standing) < (1.0 - _GONE) * len(own.parts))
+    if lost:
+        _survey(model, state, standing)
+    air = state.wind.velocity(own.tops, state.time)
+    now, before = _pressure(air), _pressure(own.applied)
+    if now.max(initial=0.0) < _BREEZE:
+        if before.any():
+            own.applied = np.zeros_like(air)
+            state.loads.remove_layer(_LAYER)
+        return
+    turned = AIR_DENSITY * np.sqrt(((air - own.applied) ** 2).sum(axis=1) * 2.0 * now
+                                   / AIR_DENSITY)
+    if lost or np.any(turned > _CHANGE * np.maximum(before, _BREEZE)):
+        own.applied = air
+        _press(model, state, standing)
+
+
+def _survey(model: Model, state: State, standing: np.ndarray) -> None:
+    """Find the outsides of what stands, and the top of each building."""
+    source, own = model.blueprint, state.wall_wind
+    own.parts = np.flatnonzero(standing & (source.shape == Shape.BOX))
+    poses = source.poses[own.parts]
+    own.exposed = exposed_faces(poses, source.size[own.parts])
+    _, own.structure = np.unique(state.solver.labels[own.parts], return_inverse=True)
+    count = np.bincount(own.structure)
+    own.tops = np.column_stack([np.bincount(own.structure, poses[:, axis]) / count
+                                for axis in range(3)])
+    np.maximum.at(own.tops[:, 2], own.structure, poses[:, 2])
+    own.applied = np.zeros_like(own.tops)
+
+
+def _press(model: Model, state: State, standing: np.ndarray) -> None:
+    source, own = model.blueprint, state.wall_wind
+    chosen = own.exposed.any(axis=1) & standing[own.parts]
+    parts = own.parts[chosen]
+    force, moment = wall_forces(source.poses[parts], source.size[parts], own.exposed[chosen],
+                                own.applied[own.structure[chosen]])
+    state.loads.set_layer(_LAYER, parts, np.hstack([force, moment]))
+
+
+def _pressure(air: np.ndarray) -> np.ndarray:
+    return 0.5 * AIR_DENSITY * np.einsum('ki,ki->k', air, air)
