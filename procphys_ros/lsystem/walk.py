@@ -49,6 +49,13 @@ FAULTS = {
 }
 
 
+@kernel(inline='always')
+def _copy(source, target):
+    """Copy numbers one by one: assigned slices take seconds to compile, for their errors."""
+    for k in range(len(source)):
+        target[k] = source[k]
+
+
 @kernel
 def _rotate(state, a, b, angle):
     """Turn the axis at a towards the axis at b by an angle [rad]."""
@@ -72,13 +79,17 @@ def _square_up(state, second, third):
     size = np.sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2)
     if not size > 1e-12:
         return False
-    state[3:6] /= size
-    state[second:second + 3] -= state[3:6] * (
-        state[3] * state[second] + state[4] * state[second + 1] + state[5] * state[second + 2])
+    for k in range(3, 6):
+        state[k] /= size
+    along = (state[3] * state[second] + state[4] * state[second + 1]
+             + state[5] * state[second + 2])
+    for k in range(3):
+        state[second + k] -= state[3 + k] * along
     size = np.sqrt(state[second] ** 2 + state[second + 1] ** 2 + state[second + 2] ** 2)
     if not size > 1e-9:
         return False
-    state[second:second + 3] /= size
+    for k in range(3):
+        state[second + k] /= size
     if third == UP:
         _cross(state, HEADING, LEFT, UP)
     else:
@@ -115,13 +126,17 @@ def _bend(state, target, elasticity, limited):
     between = np.arctan2(size, along)
     if size < 1e-12:
         if not limited and along < 0.0:  # straight back: any axis across will do
-            _turn_all(state, state[UP:UP + 3].copy(), np.pi)
+            for k in range(3):
+                axis[k] = state[UP + k]
+            _turn_all(state, axis, np.pi)
         return
     angle = between
     if limited:  # never past the target, nor, repelled, past its opposite
         angle = min(elasticity * size, between)
         angle = max(angle, between - np.pi)
-    _turn_all(state, axis / size, angle)
+    for k in range(3):
+        axis[k] /= size
+    _turn_all(state, axis, angle)
 
 
 @kernel
@@ -140,10 +155,14 @@ def _orient(state, given):
     if not size > 0.0:
         return False
     if len(given) == 3:
-        _bend(state, given / size, 1.0, False)
+        target = np.empty(3)
+        for k in range(3):
+            target[k] = given[k] / size
+        _bend(state, target, 1.0, False)
         return True
-    state[HEADING:LEFT] = given[:3] / size
-    state[UP:UP + 3] = given[3:6]
+    for k in range(3):
+        state[HEADING + k] = given[k] / size
+        state[UP + k] = given[3 + k]
     return _square_up(state, UP, LEFT)
 
 
@@ -176,7 +195,7 @@ def _record(rows, number, state, length, carrier, module):
     rows[number, 0] = carrier
     rows[number, 1] = module
     rows[number, 2] = length
-    rows[number, 3:] = state
+    _copy(state, rows[number, 3:])
 
 
 @kernel
@@ -190,7 +209,7 @@ def _corner(state, vertices, opened, filled):
     last = filled[CORNERS] - 1
     position = state[POSITION:POSITION + 3]
     if last < opened[filled[POLYGONS] - 1] or not _same(vertices[last], position):
-        vertices[filled[CORNERS]] = position
+        _copy(position, vertices[filled[CORNERS]])
         filled[CORNERS] += 1
 
 
@@ -205,9 +224,9 @@ def _fill(state, vertices, first, triangles, filled, module):
         triangle[0] = _carrier(state, filled[SEGMENTS])
         triangle[1] = module
         triangle[2] = state[_TEXTURE]
-        triangle[3:6] = vertices[first]
-        triangle[6:9] = vertices[corner]
-        triangle[9:12] = vertices[corner + 1]
+        _copy(vertices[first], triangle[3:6])
+        _copy(vertices[corner], triangle[6:9])
+        _copy(vertices[corner + 1], triangle[9:12])
         filled[TRIANGLES] += 1
     filled[CORNERS] = first
 
@@ -259,7 +278,8 @@ def _set(state, op, argument, given):
     elif op == _RATE:
         state[RATES + argument] = given[0]
     elif op == _TROPISM:
-        state[TROPISM:TROPISM + 4] = given
+        for k in range(4):
+            state[TROPISM + k] = given[k]
     elif op == _NEXT:
         state[_TEXTURE] += 1.0
     elif op == _LEVEL:
@@ -322,12 +342,12 @@ def walk(op, argument, starts, counts, values, state, depth, polygons, tables):
     for i in range(len(op)):
         code = op[i]
         if code == _PUSH:
-            stack[level] = state
+            _copy(state, stack[level])
             level += 1
             state[LATERAL] = 1.0 if state[PARENT] >= 0.0 else 0.0
         elif code == _POP:
             level -= 1
-            state[:] = stack[level]
+            _copy(stack[level], state)
             if level < cut:
                 cut = -1
         elif cut >= 0 or code == 0:

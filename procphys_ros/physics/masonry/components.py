@@ -66,6 +66,8 @@ def label(count: int, first: np.ndarray, second: np.ndarray,
     :returns: label of each part, the lowest part of its component, (N,) int32, and whether its
         component holds on to the ground, (N,) bool.
     """
+    if not len(first):
+        return np.arange(count, dtype=np.int32), np.zeros(count, bool)
     return _label(count, first, second, alive)
 
 

@@ -71,6 +71,7 @@ class StressSolver:
         self._search = np.zeros((3, count + 1, 6))  # z, p, q of the conjugate gradients
         self._blocks = np.empty((count, 6, 6))
         self._past = Superposition()
+        self._coarse: CoarseSpace | None = None
         self.state = self.problem = 0
         self.reset()
 
@@ -194,6 +195,8 @@ class StressSolver:
 
     def _bonds_changed(self, parts: np.ndarray) -> None:
         graph = self.graph
+        if not len(graph):  # trees only: nothing to compile for
+            return
         links.diagonal_inverses(parts, graph.start, graph.incident, graph.alive, graph.links,
                                 graph.first, self._blocks)
 
@@ -208,6 +211,10 @@ class StressSolver:
     def _look(self) -> None:
         """Find the islands out of equilibrium: the active parts and bonds."""
         graph = self.graph
+        self._stale_view = False
+        if self._coarse is None:  # nothing stands, so nothing is loaded
+            self.residual, self.working = 0.0, 0
+            return
         size = pcg.residual_sizes(self._residual, graph.reach)
         self.residual = float(size.max(initial=0.0))
         active = np.zeros(graph.count + 1, bool)
@@ -223,7 +230,6 @@ class StressSolver:
         reached = self._coarse.reached(parts[part[:-1]])
         self._islands = parts, bonds, self._coarse.factor.columns, part, bond, reached
         self._products = np.zeros(len(reached))
-        self._stale_view = False
         self.working = len(parts)
 
     @property
@@ -256,6 +262,7 @@ class StressSolver:
 
     def _run(self, limit: int, target: float) -> int:
         graph, coarse = self.graph, self._coarse
+        assert coarse is not None
         preconditioner = (self._blocks, coarse.owner, coarse.arm, coarse.factor.panels,
                           *np.empty((2, coarse.count, 6)))
         state = (self.displacement, self._residual, *self._search)
@@ -274,7 +281,8 @@ class StressSolver:
 
     def _refresh(self) -> None:
         """Aggregate anew what is connected now, and factor."""
-        self._coarse = CoarseSpace(self.graph, np.flatnonzero(self.supported), _AGGREGATE)
+        parts = np.flatnonzero(self.supported)
+        self._coarse = CoarseSpace(self.graph, parts, _AGGREGATE) if len(parts) else None
         self._coarse_fresh = True
         self._look()
 
