@@ -66,7 +66,7 @@ def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     :param known: the names that exist.
     :param limit: how many to offer.
     """
-    close = _close(name, tuple(known), limit)
+    close = [found for found in _close(name, tuple(known), limit) if found != name]
     return f'; did you mean {", ".join(close)}?' if close else ''
 
 

@@ -20,7 +20,7 @@ from procphys_ros.language.defines import read_overrides, resolve_defines
 from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
 from procphys_ros.language.place import Place
-from procphys_ros.language.syntax import check_length, read_text, syntax_error
+from procphys_ros.language.syntax import check_length, read_text, shorten, syntax_error
 
 __all__ = [
     'EXPRESSION_GRAMMAR',
@@ -33,5 +33,6 @@ __all__ = [
     'read_overrides',
     'read_text',
     'resolve_defines',
+    'shorten',
     'syntax_error',
 ]

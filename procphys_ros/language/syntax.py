@@ -16,7 +16,9 @@
 """Turn what lark could not read into an error in the user's words."""
 
 from collections.abc import Iterable, Mapping
+import os
 from pathlib import Path
+import stat
 
 from lark import Token
 from lark.exceptions import UnexpectedCharacters, UnexpectedEOF, UnexpectedInput, UnexpectedToken
@@ -47,17 +49,41 @@ def read_text(path: str | Path) -> str:
     """
     Read a grammar file, no further than a grammar is long.
 
-    :param path: of the file, UTF-8.
+    :param path: of the file, UTF-8 with or without the mark that editors of Windows put in front.
     :raises GrammarError: when there is no such text.
     """
+    source = shorten(str(path))
     try:
-        with open(path, encoding='utf-8-sig') as file:  # editors of Windows put a mark in front
-            text = file.read(LONGEST_TEXT + 1)
+        raw = _read_regular(path, 4 * LONGEST_TEXT + 4)  # [bytes] at most four per character
     except (OSError, ValueError) as problem:
-        raise GrammarError(f'cannot read the grammar: {problem}', str(path)) from None
+        reason = getattr(problem, 'strerror', None) or problem
+        raise GrammarError(f'cannot read the grammar: {reason}', source) from None
+    try:
+        text = raw.decode('utf-8-sig')
+    except UnicodeDecodeError as problem:
+        if len(raw) <= 4 * LONGEST_TEXT:
+            line = raw.count(b'\n', 0, problem.start) + 1
+            raise GrammarError('cannot read the grammar: this is no UTF-8 text', source,
+                               line) from None
+        text = ' ' * len(raw)  # cut in the middle of a character, but too long in any case
     if len(text) > LONGEST_TEXT:
-        raise GrammarError(f'the grammar has more than {LONGEST_TEXT} characters', str(path))
-    return text
+        raise GrammarError(f'the grammar has more than {LONGEST_TEXT} characters', source)
+    return text.replace('\r\n', '\n').replace('\r', '\n')
+
+
+def _read_regular(path: str | Path, most: int) -> bytes:
+    """Read a regular file, and nothing that may have no end or never begins, up to a length."""
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe without writer would wait
+    with open(handle, 'rb') as file:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise ValueError('it is not a regular file')
+        return file.read(most)
+
+
+def shorten(text: str, most: int = 200) -> str:
+    """Show a name that may be of any length, and hold characters that no screen shows."""
+    text = _shown(text)
+    return text if len(text) <= most else f'{text[:most]}… ({len(text)} characters)'
 
 
 def _shown(text: str) -> str:

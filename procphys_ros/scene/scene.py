@@ -74,23 +74,25 @@ class Scene:
         """
         parameters = read_yaml(Path(path))
         try:
-            return cls.from_parameters(parameters)
+            return cls.from_parameters(parameters, Path(path).absolute().parent)
         except SceneError as error:
             raise SceneError(f'{path}: {error}') from error
 
     @classmethod
-    def from_parameters(cls, parameters: Mapping[str, Any]) -> 'Scene':
+    def from_parameters(cls, parameters: Mapping[str, Any],
+                        beside: Path | None = None) -> 'Scene':
         """
         Build a scene from a nested mapping of parameters.
 
         :param parameters: as in the `ros__parameters` of a parameter file.
+        :param beside: folder of that file, where grammars are looked for first; None = unknown.
         :raises SceneError: naming the key and what is allowed.
         :raises GrammarError: when a grammar cannot be read or derived.
         """
         scene = cls(read_settings(parameters))
         scene.shard = read_shard(parameters)
         for number, spec in enumerate(read_objects(parameters)):
-            scene._add_object(spec, number)
+            scene._add_object(spec, number, beside)
         return scene
 
     @property
@@ -123,10 +125,10 @@ class Scene:
         self.objects.append(placed)
         return placed
 
-    def _add_object(self, spec: ObjectSpec, number: int) -> None:
+    def _add_object(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
         """Build and place all instances of one object; number makes its default seed its own."""
         key = f'{spec.name}.grammar'
-        grammar = (load_grammar(spec.grammar, key) if spec.grammar
+        grammar = (load_grammar(spec.grammar, key, beside) if spec.grammar
                    else parse_grammar(spec.grammar_text, f'{key}_text'))
         seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
         names = spec.instance_names

@@ -14,11 +14,14 @@
 
 """Find grammars, tell the two languages apart, and build blueprints from them."""
 
+import os
 from pathlib import Path
+import stat
 from typing import Protocol
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.language import check_length, shorten
 from procphys_ros.lsystem import LSystem
 from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import WallGrammar
@@ -34,19 +37,21 @@ class Grammar(Protocol):
     def build(self, seed: int = 0, **defines: float) -> Blueprint: ...
 
 
-def load_grammar(name: str, key: str) -> Grammar:
+def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
     """
     Read a grammar file.
 
-    :param name: file in the shared `grammars/` folder, a path, or package://procphys_ros/….
+    :param name: file beside the scene file or in the shared `grammars/` folder, a path, or
+        package://procphys_ros/….
     :param key: parameter that named the file, for error messages.
+    :param beside: folder of the scene file, looked into first; None = there is none.
     :raises SceneError: when there is no such file, or its ending names no language.
     :raises GrammarError: when its text cannot be read.
     """
-    path = _locate(name, key)
+    path = _locate(name, key, beside)
     language = _LANGUAGES.get(path.suffix)
     if language is None:
-        raise SceneError(f'{key}: "{name}" ends in "{path.suffix}"; '
+        raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; '
                          f'grammars end in {" or ".join(_LANGUAGES)}')
     return language.load(path)
 
@@ -59,24 +64,44 @@ def parse_grammar(text: str, key: str) -> Grammar:
     :param key: parameter that holds the text; errors name it as their source.
     :raises GrammarError: when the text cannot be read.
     """
+    check_length(text, key)
     words = (line.split('#')[0].split() for line in text.splitlines())
     is_wall = any(word and word[0] == 'building' for word in words)
+    text = text.removeprefix('\ufeff')  # the mark that editors of Windows put in front
     return (WallGrammar if is_wall else LSystem).parse(text, source=key)
 
 
-def _locate(name: str, key: str) -> Path:
-    if '\0' in name or not name.strip():
-        raise SceneError(f'{key}: {name!r} is not a file name')
+def _locate(name: str, key: str, beside: Path | None) -> Path:
+    if not name.strip() or not name.isprintable():
+        raise SceneError(f'{key}: "{shorten(name)}" is not a file name')
     if name.startswith('package://'):
         if not name.startswith(_PACKAGE):
-            raise SceneError(f'{key}: "{name}" lies in another package; use a plain path to it')
+            raise SceneError(f'{key}: "{shorten(name)}" lies in another package; use a plain path '
+                             'to it')
         candidates = [shared_folder() / name[len(_PACKAGE):]]
     else:
-        candidates = [shared_folder() / 'grammars' / name, Path(name).expanduser()]
+        candidates = [shared_folder() / 'grammars' / name, Path(os.path.expanduser(name))]
+        if beside is not None:
+            candidates.insert(0, beside / name)
     for path in candidates:
-        if path.is_file():
+        reason = _unreadable(path)
+        if reason is None:
             return path
+        if reason:
+            raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {reason}')
     known = sorted(p.name for p in (shared_folder() / 'grammars').glob('*')
                    if p.suffix in _LANGUAGES)
-    raise SceneError(f'{key}: there is no grammar "{name}"{nearest_names(name, known)} '
+    raise SceneError(f'{key}: there is no grammar "{shorten(name)}"{nearest_names(name, known)} '
                      f'(shipped: {", ".join(known)}; or give a path)')
+
+
+def _unreadable(path: Path) -> str | None:
+    """Say why there is no file to be read, '' = nothing is there; None when there is one."""
+    try:
+        mode = path.stat().st_mode
+    except OSError as problem:
+        gone = isinstance(problem, FileNotFoundError | NotADirectoryError)
+        return '' if gone else problem.strerror or str(problem)
+    if stat.S_ISDIR(mode):
+        return 'it is a folder'
+    return None if stat.S_ISREG(mode) else 'it is not a regular file'
