@@ -35,7 +35,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
-from procphys_ros.physics.world.bodies import State
+from procphys_ros.physics.world import State
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation

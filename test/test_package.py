@@ -138,3 +138,13 @@ def test_shared_files_are_found():
     """Find the grammars and the demo scene next to the code."""
     assert (shared_folder() / 'config' / 'demo.yaml').is_file()
     assert list((shared_folder() / 'grammars').glob('*.lsys'))
+
+
+def test_each_engine_is_imported_in_one_module():
+    """Keep the libraries of engines in their modules, and load none before it is chosen."""
+    for library, module in (('pybullet', 'bullet.py'),):
+        users = [path.relative_to(PACKAGE).as_posix() for path in MODULES
+                 if library in {name.split('.')[0] for name in imports(path)}]
+        assert users == [f'physics/world/{module}']
+        code = f'import sys, procphys_ros.simulation; sys.exit("{library}" in sys.modules)'
+        assert subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=False).returncode == 0

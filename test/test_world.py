@@ -21,7 +21,7 @@ import pytest
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.physics.world import expand, Pieces, rigid_sum, solid_inertia, State, World
-from procphys_ros.physics.world.engine import LINEAR_DAMPING
+from procphys_ros.physics.world.bullet import LINEAR_DAMPING
 
 
 def random_parts(rng, count):

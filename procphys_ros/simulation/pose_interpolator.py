@@ -18,7 +18,7 @@
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.physics.world.driven import velocity_between
+from procphys_ros.physics.world import velocity_between
 
 _STALE = 0.5      # [s] without a pose after which what arrives next is not part of one motion
 _FASTEST = 100.0  # [m/s] that a motion may have; what is farther away is put there

@@ -15,12 +15,15 @@
 """Everything that collides: ground, fragments, bricks, projectiles, and how they come to rest."""
 
 from procphys_ros.physics.world.assembly import axes_of, expand, rigid_sum, RigidSum
-from procphys_ros.physics.world.bodies import Bodies, State
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.body_table import BodyState as State
 from procphys_ros.physics.world.contacts import Contacts
+from procphys_ros.physics.world.engine import DEFAULT_ENGINE, ENGINES, installed_engines
+from procphys_ros.physics.world.kinematic import velocity_between
 from procphys_ros.physics.world.merging import merge_boxes
-from procphys_ros.physics.world.pieces import Pieces
-from procphys_ros.physics.world.population import solid_inertia
-from procphys_ros.physics.world.world import World
+from procphys_ros.physics.world.pieces import Pieces, solid_inertia
+from procphys_ros.physics.world.world import FRICTION, World
 
-__all__ = ['axes_of', 'Bodies', 'Contacts', 'expand', 'merge_boxes', 'Pieces', 'rigid_sum',
-           'RigidSum', 'solid_inertia', 'State', 'World']
+__all__ = ['axes_of', 'BodyState', 'BodyTable', 'Contacts', 'DEFAULT_ENGINE', 'ENGINES', 'expand',
+           'FRICTION', 'installed_engines', 'merge_boxes', 'Pieces', 'rigid_sum', 'RigidSum',
+           'solid_inertia', 'State', 'velocity_between', 'World']

@@ -71,3 +71,16 @@ class Contacts:
                         np.concatenate([self.distance, self.distance]),
                         np.concatenate([self.impulse, -self.impulse]),
                         np.concatenate([self.normal_impulse, self.normal_impulse]))
+
+
+def total_impulse(body: int, centre: np.ndarray, *tables: Contacts) -> np.ndarray:
+    """
+    Sum up what contacts gave a body: impulse [N·s] and its moment about a point [N·m·s], (6,).
+
+    :param body: id.
+    :param centre: the point, world [m], (3,).
+    :param tables: of one step.
+    """
+    touches = [table.on(body)[1:] for table in tables]
+    point, impulse = (np.concatenate(columns) for columns in zip(*touches))
+    return np.concatenate([impulse.sum(axis=0), np.cross(point - centre, impulse).sum(axis=0)])

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Merging: fewer, larger boxes for a block of bricks, so that it collides at a fraction."""
+"""Merge the bricks of a fragment into fewer, larger boxes, which collide much faster."""
 
 import numpy as np
 
@@ -39,7 +39,7 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = TOOTHIN
     :param poses: (P, 7).
     :param sizes: full extents [m], (P, 3).
     :param tolerance: how far the ends of courses that are stacked may be apart [m]; the mean is
-        taken. Toothed ends, if kept, wedge into each other and never come to rest.
+        taken. Toothed ends, if kept, interlock and never come to rest.
     :returns: poses (K, 7) and sizes (K, 3), K ≤ P.
     """
     frame = poses[0].copy()
@@ -121,7 +121,7 @@ def _close_joints(bounds: np.ndarray) -> None:
     """
     Stretch boxes over the joints to their neighbours, (K, 2, 3), in place.
 
-    The edge of another body that gets into an open joint would never come out again.
+    The edge of another body that gets into an open joint would be caught there.
     """
     for axis in range(3):
         low, high = bounds[:, 0], bounds[:, 1]

@@ -18,9 +18,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from procphys_ros.blueprint import Shape
+from procphys_ros import rotation
+from procphys_ros.blueprint import box_inertia, cylinder_inertia, Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.touch import overlap, piece_bounds
 from procphys_ros.physics.world.assembly import axes_of
+from procphys_ros.physics.world.ground_points import corners_outside
+from procphys_ros.physics.world.merging import merge_boxes
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 
@@ -33,21 +37,21 @@ class Pieces:
     :ivar shapes: `Shape`, (P,).
     :ivar sizes: as in `Blueprint.size` [m], (P, 3).
     :ivar local_poses: in the body's frame, (P, 7).
-    :ivar teeth: corners of the body's parts that stick out of these shapes and that only the
-        ground meets, in the body's frame [m], (T, 3).
+    :ivar ground_points: corners of the body's parts that stick out of these shapes, which only
+        the ground meets, in the body's frame [m], (Q, 3).
     """
 
     shapes: np.ndarray
     sizes: np.ndarray
     local_poses: np.ndarray
-    teeth: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    ground_points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def radius(self) -> float:
         """Give the radius of the sphere about the body's frame that holds all of it [m]."""
         own = np.where(self.shapes == Shape.BOX, 0.5 * np.linalg.norm(self.sizes, axis=1),
                        0.5 * self.sizes[:, [0, 2]].max(axis=1))
         bulk = float((np.linalg.norm(self.local_poses[:, :3], axis=1) + own).max())
-        return max(bulk, np.linalg.norm(self.teeth, axis=1).max(initial=0.0))
+        return max(bulk, np.linalg.norm(self.ground_points, axis=1).max(initial=0.0))
 
     def lowest(self, pose: np.ndarray) -> float:
         """
@@ -57,11 +61,11 @@ class Pieces:
 
         :param pose: of the body in the world, (7,).
         """
-        return _lowest(pose, self.shapes, self.sizes, self.local_poses, self.teeth)
+        return _lowest(pose, self.shapes, self.sizes, self.local_poses, self.ground_points)
 
 
 @kernel
-def _lowest(pose, shapes, sizes, local, teeth):
+def _lowest(pose, shapes, sizes, local, points):
     up = axes_of(pose[3:])[2].copy()  # the vertical in the body's axes
     height = np.inf
     for p in range(len(shapes)):
@@ -73,12 +77,74 @@ def _lowest(pose, shapes, sizes, local, teeth):
             reach = down[2] * max(size[2] - size[0], 0.0) + size[0]
         centre = pose[2] + up[0] * local[p, 0] + up[1] * local[p, 1] + up[2] * local[p, 2]
         height = min(height, centre - 0.5 * reach)
-    for t in range(len(teeth)):
-        height = min(height, pose[2] + (up * teeth[t]).sum())
+    for q in range(len(points)):
+        height = min(height, pose[2] + (up * points[q]).sum())
     return height
+
+
+def bounds_of(pieces: Pieces, pose: np.ndarray) -> np.ndarray:
+    """Give the axis-aligned bounds of a body in a pose, (7,): three minima, three maxima [m]."""
+    inside = place(pieces, pose)
+    still = np.zeros((len(inside), 6))
+    each = piece_bounds(pieces.shapes, inside, pieces.sizes, still, 0.0, 0.0)
+    return np.concatenate([each[:, :3].min(axis=0), each[:, 3:].max(axis=0)])
+
+
+def place(pieces: Pieces, pose: np.ndarray) -> np.ndarray:
+    """Give the poses of a body's pieces in the world, (P, 7)."""
+    return rotation.compose(pose, pieces.local_poses)
+
+
+def are_within(pieces: Pieces, pose: np.ndarray, others: Pieces, other_pose: np.ndarray,
+               distance: float) -> bool:
+    """
+    Tell whether two bodies are less than a distance [m] apart.
+
+    Capsules count as the boxes about them, and edges reach a little farther than they do.
+
+    :param pose: of the first body, (7,).
+    :param other_pose: of the second body, (7,).
+    """
+    poses, boxes = place(others, other_pose), _boxes(others)
+    room = _boxes(pieces) + 2.0 * distance
+    return any((overlap(False, at, size, poses, boxes)[0] > 0.0).any()
+               for at, size in zip(place(pieces, pose), room))
+
+
+def _boxes(pieces: Pieces) -> np.ndarray:
+    """Give the extents of the boxes about pieces [m], (P, 3)."""
+    length = np.where(pieces.shapes == Shape.BOX, pieces.sizes[:, 2],
+                      pieces.sizes[:, [0, 2]].max(axis=1))
+    return np.column_stack([pieces.sizes[:, :2], length])
 
 
 def single(shape: int, size: np.ndarray) -> Pieces:
     """Give the one piece of a plain box or capsule."""
     return Pieces(np.array([shape], np.int64), np.asarray(size, float)[None],
                   np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))
+
+
+def merge_pieces(pieces: Pieces, tolerance: float) -> Pieces:
+    """Merge boxes that lie end to end, see `merge_boxes`; capsules stay as they are."""
+    box = pieces.shapes == Shape.BOX
+    if np.count_nonzero(box) < 2:
+        return pieces
+    poses, sizes = merge_boxes(pieces.local_poses[box], pieces.sizes[box], tolerance)
+    return Pieces(np.concatenate([np.full(len(poses), Shape.BOX, np.int64), pieces.shapes[~box]]),
+                  np.concatenate([sizes, pieces.sizes[~box]]),
+                  np.concatenate([poses, pieces.local_poses[~box]]),
+                  corners_outside(pieces.local_poses[box], pieces.sizes[box], poses, sizes))
+
+
+def solid_inertia(shape: int, size: np.ndarray, mass: float) -> np.ndarray:
+    """
+    Give the principal moments of a solid box, cylinder or sphere [kg·m²], (3,).
+
+    :param size: as in `Blueprint.size` [m], (3,).
+    :param mass: [kg].
+    """
+    if shape == Shape.BOX:
+        return box_inertia(np.array([mass]), np.asarray(size)[None])[0]
+    if size[2] <= size[0]:
+        return np.full(3, 0.1 * mass * size[0] ** 2)
+    return cylinder_inertia(np.array([mass]), np.array([size[0]]), np.array([size[2]]))[0]

@@ -18,7 +18,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.world.bodies import Bodies, State
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts
 
 REST_SPEED = 0.15  # [m/s], slower than this in the mean at the centre of mass counts as quiet
@@ -28,13 +28,12 @@ JITTER_SPEED = 1.0  # [m/s] that the contact solver may leave a body that hardly
 JITTER_SPIN = 6.0  # [rad/s] a block of 40 t, bricks give way and are pushed back in every step
 JITTER_WAY = 0.01  # [m]
 REST_TIME = 0.5  # [s], how long a body is quiet before it comes to rest
-CHECK_INTERVAL = 0.1  # [s] between looks at the quiet bodies; reading contacts is dear
+CHECK_INTERVAL = 0.1  # [s] between looks at the quiet bodies: reading contacts is expensive
 STAY_REACH = 0.02  # [m], a body whose farthest point keeps within this stays where it is
 STAY_TIME = 1.0  # [s], how long a body stays, though it trembles, before it comes to rest
 STUCK_TIME = 4.0  # [s], a body that stays for so long is held by more than the check sees
 TREMBLE_TIME = 0.1  # [s], a body that stays for so long trembles and hits nothing; one that was
-#                     set free counts as such until it leaves, or wedged heaps wake each other
-WAKE_SPEED = 0.6  # [m/s], speed change by a hit that sets a resting body free: a fall of 2 cm
+#                     thawed counts as such until it leaves, or wedged heaps wake each other
 SUPPORT_SHIFT = 0.01  # [m], move of a support that sets free what rests on it
 SPARE = 0.1  # share of its contacts that a body may lose before, a large block of many
 _TOUCH = 2e-3  # [m], gap below which a contact counts as touching
@@ -62,11 +61,11 @@ class Supports:
         self.point = np.zeros((0, 3))
         self.share = np.zeros(0)
 
-    def add(self, bodies: Bodies, contacts: Contacts, rests: np.ndarray) -> None:
+    def add(self, bodies: BodyTable, contacts: Contacts, rests: np.ndarray) -> None:
         """Record what carries the bodies that come to rest now, (K,) ids."""
         chosen = np.zeros(len(bodies.state), bool)
         chosen[rests] = True
-        keep = (chosen[contacts.body_a] & (bodies.state[contacts.body_b] != State.GROUND)
+        keep = (chosen[contacts.body_a] & (bodies.state[contacts.body_b] != BodyState.GROUND)
                 & (contacts.normal[:, 2] > _BESIDE) & _touching(contacts))
         support, point = contacts.body_b[keep], contacts.point[keep]
         frame = bodies.poses[support]
@@ -81,7 +80,7 @@ class Supports:
 
     def drop(self, state: np.ndarray) -> None:
         """Forget what no longer rests."""
-        keep = state[self.resting] == State.RESTING
+        keep = state[self.resting] == BodyState.RESTING
         if not keep.all():
             self.support, self.resting = self.support[keep], self.resting[keep]
             self.local, self.point = self.local[keep], self.point[keep]
@@ -91,10 +90,10 @@ class Supports:
         """List the bodies that rest on any of the given ids."""
         return np.unique(self.resting[np.isin(self.support, support)])
 
-    def lost(self, bodies: Bodies) -> np.ndarray:
+    def lost(self, bodies: BodyTable) -> np.ndarray:
         """List the bodies whose supports have moved away: for most, any one of them."""
         state = bodies.state[self.support]
-        row = np.flatnonzero((state != State.RESTING) & (state != State.HELD))
+        row = np.flatnonzero((state != BodyState.RESTING) & (state != BodyState.FIXED))
         if not len(row):
             return row
         frame = bodies.poses[self.support[row]]
@@ -104,7 +103,7 @@ class Supports:
         return np.flatnonzero(lost > SPARE * np.bincount(self.resting, minlength=len(lost)))
 
 
-def count_quiet(bodies: Bodies, awake: np.ndarray, time_step: float) -> np.ndarray:
+def count_quiet(bodies: BodyTable, awake: np.ndarray, time_step: float) -> np.ndarray:
     """
     Keep the clocks of the loose bodies, and choose those that may have come to rest.
 
@@ -141,7 +140,7 @@ def _moved(start: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return way, 2.0 * np.arccos(np.minimum(same, 1.0))
 
 
-def at_rest(bodies: Bodies, quiet: np.ndarray, contacts: Contacts) -> np.ndarray:
+def at_rest(bodies: BodyTable, quiet: np.ndarray, contacts: Contacts) -> np.ndarray:
     """
     Choose the quiet bodies that can stand where they are.
 
@@ -195,60 +194,3 @@ def _stands(start, points, normals, centre):
                 widest = max(widest, angles[i] - angles[i - 1])
             result[k] = widest <= np.pi
     return result
-
-
-def about_to_be_hit(bodies: Bodies, resting: np.ndarray, moving: np.ndarray,
-                    moving_bounds: np.ndarray, time_step: float) -> np.ndarray:
-    """
-    List the resting bodies that a moving one may reach in this step and hit hard enough.
-
-    Freeing them *before* the step lets the contact solver share the momentum exactly; against an
-    immovable body it would be lost. Bounds of branches are mostly air: look closer at each pair.
-
-    :param moving: ids, (K,).
-    :param moving_bounds: their axis-aligned bounds now [m], (K, 6).
-    :param time_step: [s].
-    :returns: ids of a resting and of a moving body each, ascending, (P, 2).
-    """
-    velocity = bodies.velocities[moving]
-    shift = velocity[:, :3] * time_step
-    low = moving_bounds[:, :3] + np.minimum(shift, 0.0)
-    high = moving_bounds[:, 3:] + np.maximum(shift, 0.0)
-    mass = np.where(bodies.state[moving] == State.DRIVEN, np.inf, bodies.mass[moving])
-    order = np.argsort(low[:, 0], kind='stable')
-    pairs = _reached(low[order], high[order], rim_speed(bodies, moving)[order], mass[order],
-                     bodies.bounds[resting], bodies.mass[resting])
-    return np.column_stack([resting[pairs[:, 0]], moving[order][pairs[:, 1]]])
-
-
-def rim_speed(bodies: Bodies, ids: np.ndarray) -> np.ndarray:
-    """Give the speed that no point of a body exceeds [m/s], (K,)."""
-    velocity = bodies.velocities[ids]
-    return (np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
-            + np.sqrt((velocity[:, 3:] ** 2).sum(axis=1)) * bodies.radius[ids])
-
-
-@kernel
-def _reached(low, high, speed, mass, bounds, resting_mass):
-    """Pair resting boxes with the moving ones, sorted by their least x, that reach them."""
-    pairs = np.empty((64, 2), np.int64)
-    found = 0
-    width = 0.0
-    for m in range(len(low)):
-        width = max(width, high[m, 0] - low[m, 0])
-    for r in range(len(bounds)):
-        first = np.searchsorted(low[:, 0], bounds[r, 0] - width)
-        for m in range(first, len(low)):
-            if low[m, 0] > bounds[r, 3]:
-                break
-            if (high[m, 0] >= bounds[r, 0]
-                    and low[m, 1] <= bounds[r, 4] and high[m, 1] >= bounds[r, 1]
-                    and low[m, 2] <= bounds[r, 5] and high[m, 2] >= bounds[r, 2]
-                    and speed[m] > WAKE_SPEED * (1.0 + resting_mass[r] / mass[m])):
-                if found == len(pairs):
-                    more = np.empty((2 * found, 2), np.int64)
-                    more[:found] = pairs
-                    pairs = more
-                pairs[found, 0], pairs[found, 1] = r, m
-                found += 1
-    return pairs[:found]

@@ -14,75 +14,275 @@
 
 """The world in which everything that is loose collides, falls and comes to rest."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Self
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.physics.world import settling
-from procphys_ros.physics.world.bodies import State
-from procphys_ros.physics.world.contacts import Contacts
-from procphys_ros.physics.world.population import Population
-from procphys_ros.physics.world.registry import FRICTION, GRAVITY
-from procphys_ros.physics.world.teeth import press
+from procphys_ros.physics.world import kinematic, settling
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.contacts import Contacts, total_impulse
+from procphys_ros.physics.world.engine import DEFAULT_ENGINE, make_engine
+from procphys_ros.physics.world.ground import (
+    Correction,
+    lift_fallen,
+    lift_settled,
+    touch_with_points,
+)
+from procphys_ros.physics.world.merging import TOOTHING
+from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
+from procphys_ros.physics.world.waking import about_to_be_hit, sweep_fast
 
-_DEPTH = 0.02  # [m] under the ground from which a body is put back to where it touched it
-_SUNK = 0.01  # [m] under the ground from which a body that comes to rest is lifted out of it
-_OVERLAP = 1e-3  # [m] left when a body is put back: boxes that only touch have no contact
-_NEAR = 0.02  # [m] gap at which Bullet makes contacts, beyond the way of one step
-_FAST = 0.5  # way in one step, as a share of a body's least extent, above which it is swept
-_SWEEP = 0.45  # radius of the swept sphere as a share of the least extent
+GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
+FRICTION = 0.7  # dry brick on brick, broken mortar; also wood on earth
 
 
-class World(Population):
+class World:
     """
-    Bodies in time; several worlds may live side by side.
+    Rigid bodies over the ground z = 0, named by small integers.
+
+    Bodies at rest cost next to nothing: their poses are known without being read, and they do not
+    meet each other. All that changes is in a `BodyTable` and a few arrays beside it, see
+    `save_state`; the engine can be rebuilt from them. Several worlds may live side by side.
 
     :param gravity: [m/s²], (3,).
     :param friction: of the ground (as between two bodies that have this value).
+    :param engine: name of an engine, see `make_engine`.
+    :ivar ground: id of the ground.
     """
 
-    def __init__(self, gravity: Sequence[float] = GRAVITY, friction: float = FRICTION):
-        super().__init__(gravity, friction)
-        self._time_step = 1.0 / 60.0
+    ground = 0
+
+    def __init__(self, gravity: Sequence[float] = GRAVITY, friction: float = FRICTION,
+                 engine: str = DEFAULT_ENGINE):
+        self._gravity = np.array(gravity, float)
+        self._engine = make_engine(engine, self._gravity)
+        self._bodies = BodyTable()
+        self._supports = settling.Supports()
         self._contacts: Contacts | None = None
-        self._lifts = np.zeros((0, 13))
-        self._bites = np.zeros((0, 13))
+        self._lifts = self._point_contacts = np.zeros((0, 13))
         self._places = np.zeros((0, 3))
-        self._since_check = 0.0
+        self._time_step, self._since_check = 1.0 / 60.0, 0.0
+        self._engine.add(self._bodies, self._bodies.add_ground(friction))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Free the memory of the engine; nothing else may be called afterwards."""
+        self._engine.close()
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine."""
+        return self._engine.name
+
+    @property
+    def awake(self) -> np.ndarray:
+        """Ids of the bodies that move freely, ascending, (K,)."""
+        return np.flatnonzero(self._bodies.state == BodyState.AWAKE)
+
+    @property
+    def bodies(self) -> BodyTable:
+        """Columns of all bodies by id: poses, velocities, state; to be read, not written."""
+        return self._bodies
+
+    @property
+    def supports(self) -> settling.Supports:
+        """Who rests on whom; to be read, not written."""
+        return self._supports
+
+    def bounds(self, ids: np.ndarray) -> np.ndarray:
+        """Give axis-aligned bounds, three minima, three maxima [m], (K, 6); loose if turned."""
+        return self._engine.bounds(np.atleast_1d(ids))
+
+    def pieces(self, body: int) -> Pieces:
+        """Give the collision shapes of a body."""
+        return self._bodies.pieces(body)
+
+    def poses(self, ids: np.ndarray) -> np.ndarray:
+        """Give centres of mass and principal axes in the world, (K, 7)."""
+        return self._bodies.poses[ids]
+
+    def velocities(self, ids: np.ndarray) -> np.ndarray:
+        """Give velocities of centres of mass and spins, world axes, (K, 6)."""
+        return self._bodies.velocities[ids]
+
+    def add_body(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
+                 velocity: np.ndarray | None = None, inertia: np.ndarray | None = None,
+                 friction: float = FRICTION, restitution: float = 0.0,
+                 damped: bool = True) -> int:
+        """
+        Add one loose box or capsule (a capsule no longer than wide is a sphere).
+
+        :param size: as in `Blueprint.size` [m], (3,).
+        :param mass: [kg].
+        :param pose: of its centre of mass, (7,).
+        :param velocity: world axes, (6,); None = at rest.
+        :param inertia: principal moments in its axes [kg·m²], (3,); None = of a solid.
+        :param friction: against a body of the same kind.
+        :param restitution: against a body of the same kind; against the ground its root.
+        :param damped: whether the engine may damp its motion.
+        """
+        size = np.asarray(size, float)
+        if inertia is None:
+            inertia = solid_inertia(shape, size, mass)
+        return self._enter(self._bodies.add_body(
+            BodyState.AWAKE, single(shape, size), mass, inertia, pose, velocity, friction,
+            restitution, damped, plain=True))
+
+    def add_projectile(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
+                       velocity: np.ndarray, friction: float = FRICTION,
+                       restitution: float = 0.3) -> int:
+        """Add a loose body that flies without numerical drag; see `add_body`."""
+        return self.add_body(shape, size, mass, pose, velocity, None, friction, restitution,
+                             damped=False)
+
+    def add_fragment(self, shapes: np.ndarray, sizes: np.ndarray, local_poses: np.ndarray,
+                     mass: float, inertia: np.ndarray, pose: np.ndarray,
+                     velocity: np.ndarray | None = None, friction: float = FRICTION,
+                     restitution: float = 0.0, tolerance: float = TOOTHING,
+                     damped: bool = True) -> int:
+        """
+        Add a loose rigid body made of boxes and capsules; `assembly.rigid_sum` gives the values.
+
+        :param shapes: `Shape` of each part, (P,).
+        :param sizes: as in `Blueprint.size` [m], (P, 3).
+        :param local_poses: of the parts in the principal frame, (P, 7).
+        :param mass: [kg].
+        :param inertia: principal moments [kg·m²], (3,).
+        :param pose: of centre of mass and principal axes in the world, (7,).
+        :param velocity: world axes, (6,); None = at rest.
+        :param friction: against a body of the same kind.
+        :param restitution: against a body of the same kind.
+        :param tolerance: how far ends may be apart that `merge_boxes` makes one [m].
+        :param damped: whether the engine may damp its motion.
+        """
+        pieces = merge_pieces(Pieces(np.asarray(shapes, np.int64), np.asarray(sizes, float),
+                                     np.asarray(local_poses, float)), tolerance)
+        return self._enter(self._bodies.add_body(
+            BodyState.AWAKE, pieces, mass, inertia, pose, velocity, friction, restitution, damped,
+            plain=False))
+
+    def add_driven(self, shape: int, size: np.ndarray, pose: np.ndarray,
+                   friction: float = FRICTION) -> int:
+        """
+        Add a kinematic body: it goes where `drive` says, whatever is in its way but the fixed.
+
+        :param size: as in `Blueprint.size` [m], (3,).
+        :param pose: (7,).
+        :param friction: against a body of the same kind.
+        """
+        size = np.asarray(size, float)
+        inertia = solid_inertia(shape, size, kinematic.MASS)
+        return self._enter(self._bodies.add_body(
+            BodyState.KINEMATIC, single(shape, size), kinematic.MASS, inertia, pose, None,
+            friction, 0.0, damped=False, plain=True))
+
+    def add_bricks(self, poses: np.ndarray, sizes: np.ndarray, mass: np.ndarray,
+                   friction: float = FRICTION, restitution: float = 0.0) -> np.ndarray:
+        """
+        Add boxes that stand still until they are thawed.
+
+        :param poses: (K, 7).
+        :param sizes: full extents [m], (K, 3).
+        :param mass: [kg], (K,).
+        :param friction: against a body of the same kind.
+        :param restitution: against a body of the same kind.
+        :returns: ids, (K,).
+        """
+        ids = self._bodies.add_boxes(BodyState.FIXED, poses, sizes, mass, friction, restitution)
+        self._engine.add(self._bodies, ids)
+        self._bodies.bounds[ids] = self._engine.bounds(ids)
+        return ids
+
+    def _enter(self, body: int) -> int:
+        self._engine.add(self._bodies, np.array([body]))
+        return body
+
+    def remove(self, ids: np.ndarray) -> None:
+        """Take bodies out; what rested on them is set free. Their ids may be given again."""
+        ids = np.atleast_1d(ids)
+        carried = self._supports.carried_by(ids)
+        self._bodies.remove(ids)
+        self._supports.drop(self._bodies.state)
+        self._engine.remove(ids)
+        self.thaw(carried[self._bodies.state[carried] == BodyState.RESTING])
+
+    def drive(self, body: int, pose: np.ndarray) -> None:
+        """Say where a kinematic body is to be at the end of the next step, (7,)."""
+        self._bodies.target[body] = pose
+
+    def thaw(self, ids: np.ndarray, velocities: np.ndarray | None = None) -> None:
+        """
+        Set bodies free.
+
+        :param ids: (K,).
+        :param velocities: world axes, (K, 6); None = from rest.
+        """
+        ids = np.atleast_1d(np.asarray(ids, np.intp))
+        if not len(ids):
+            return
+        self._bodies.state[ids] = BodyState.AWAKE
+        self._bodies.restart_clocks(ids, settling.TREMBLE_TIME)
+        self._engine.thaw(self._bodies, ids)
+        self._supports.drop(self._bodies.state)
+        if velocities is not None:
+            self.set_velocities(ids, velocities)
+
+    def freeze(self, ids: np.ndarray) -> None:
+        """Hold bodies where they are until they are thawed, (K,) ids."""
+        self._hold(np.atleast_1d(np.asarray(ids, np.intp)), BodyState.FIXED)
+
+    def _hold(self, ids: np.ndarray, state: BodyState) -> None:
+        if not len(ids):
+            return
+        self._bodies.state[ids] = state
+        self._bodies.velocities[ids] = 0.0
+        self._engine.freeze(ids)
+        self._bodies.bounds[ids] = self._engine.bounds(ids)
+
+    def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
+        """Set the velocities of loose bodies, world axes, (K, 6)."""
+        ids = np.atleast_1d(ids)
+        self._bodies.velocities[ids] = velocities
+        self._engine.set_velocities(ids, self._bodies.velocities[ids])
+
+    def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
+        """Put bodies somewhere else, (K, 7)."""
+        ids = np.atleast_1d(ids)
+        self._bodies.poses[ids] = poses
+        self._engine.set_poses(ids, self._bodies.poses[ids])
+
+    def apply_impulse(self, body: int, impulse: np.ndarray, point: np.ndarray | None = None,
+                      angular: np.ndarray | None = None) -> None:
+        """
+        Change the velocity of a body at once; one that rests is set free.
+
+        :param impulse: [N·s], world, (3,).
+        :param point: where it acts, world [m], (3,); None = at the centre of mass.
+        :param angular: further angular impulse [N·m·s], world, (3,).
+        """
+        if self._bodies.state[body] in (BodyState.FIXED, BodyState.RESTING):
+            self.thaw(np.array([body]))
+        change = self._bodies.velocity_change(body, impulse, point, angular)
+        self.set_velocities(np.array([body]), self._bodies.velocities[[body]] + change)
 
     def contacts(self) -> Contacts:
         """Give the contacts of the last step; ask before bodies are changed."""
         if self._contacts is None:
-            moving = self._bodies.state >= State.LOOSE
+            moving = self._bodies.state >= BodyState.AWAKE
             table = self._engine.contacts() if moving.any() else np.zeros((0, 13))
-            table = np.concatenate([table, self._bites])
+            table = np.concatenate([table, self._point_contacts])
             self._contacts = Contacts.of(table, self._time_step)
         return self._contacts
 
     def lifts(self) -> Contacts:
         """Give what the ground did in the last step to bodies that were put back onto it."""
         return Contacts.of(self._lifts, self._time_step)
-
-    def step(self, time_step: float) -> None:
-        """
-        Let time pass: set free what is about to be hit, move and collide, bring to rest.
-
-        :param time_step: [s].
-        """
-        self._time_step = time_step
-        self._contacts = None
-        self._free_what_is_hit(time_step)
-        self._sweep_what_is_fast(time_step)
-        self._places = self._bodies.poses[:, :3].copy()
-        self._courses.start(time_step)
-        if (self._bodies.state >= State.LOOSE).any():  # what stands costs even while it sleeps
-            self._engine.step(time_step)
-        self._courses.finish()
-        self._read()
-        self._lift_to_ground(time_step)
-        self._press_teeth(time_step)
-        self._settle(time_step)
 
     def wrench(self, body: int) -> np.ndarray:
         """
@@ -94,120 +294,40 @@ class World(Population):
         """
         if body >= len(self._places):  # it has joined since
             return np.zeros(6)
-        point, impulse = (np.concatenate(columns) for columns in
-                          zip(self.contacts().on(body)[1:], self.lifts().on(body)[1:]))
-        arm = point - self._places[body]
-        return np.concatenate([impulse.sum(axis=0),
-                               np.cross(arm, impulse).sum(axis=0)]) / self._time_step
+        return total_impulse(body, self._places[body], self.contacts(),
+                             self.lifts()) / self._time_step
 
-    def _free_what_is_hit(self, time_step: float) -> None:
+    def step(self, time_step: float) -> None:
+        """
+        Let time pass: set free what is about to be hit, move and collide, bring to rest.
+
+        :param time_step: [s].
+        """
         bodies = self._bodies
-        resting = np.flatnonzero(bodies.state == State.RESTING)
-        moving = np.flatnonzero(bodies.state >= State.LOOSE)
-        if not len(resting) or not len(moving):
-            return
-        moving = moving[(bodies.stay[moving] < settling.TREMBLE_TIME)
-                        & (settling.rim_speed(bodies, moving) > settling.WAKE_SPEED)]
-        if not len(moving):
-            return
-        bounds = self._engine.bounds(moving.tolist())
-        pairs = settling.about_to_be_hit(bodies, resting, moving, bounds, time_step)
-        reach = settling.rim_speed(bodies, pairs[:, 1]) * time_step + _NEAR
-        hit: set[int] = set()
-        for (body, mover), far in zip(pairs.tolist(), reach.tolist()):
-            if body not in hit and self._engine.near(body, mover, far):
-                hit.add(body)
-        self.thaw(np.array(sorted(hit), np.intp))
-
-    def _sweep_what_is_fast(self, time_step: float) -> None:
-        """
-        Sweep plain bodies that move so far in a step that they could pass through a thin one.
-
-        Slower ones are not swept: Bullet ends a swept move where the other body *was*, so that a
-        body behind a moving one cannot catch up with it.
-        """
-        bodies, awake = self._bodies, self.awake
-        way = np.sqrt((bodies.velocities[awake, :3] ** 2).sum(axis=1)) * time_step
-        least = bodies.least[awake]
-        fast = (least > 0.0) & (way > _FAST * least)
-        for body in awake[fast != bodies.swept[awake]].tolist():
-            bodies.swept[body] = not bodies.swept[body]
-            self._engine.set_sweep(
-                body, float(_SWEEP * bodies.least[body]) if bodies.swept[body] else 0.0)
-
-    def _read(self) -> None:
+        self._time_step = time_step
+        self._contacts = None
+        self.thaw(about_to_be_hit(self._engine, bodies, time_step))
+        sweep_fast(self._engine, bodies, self.awake, time_step)
+        self._places = bodies.poses[:, :3].copy()
+        kinematic.set_out(self._engine, bodies, self._gravity, time_step)
+        if (bodies.state >= BodyState.AWAKE).any():  # what stands costs even while it sleeps
+            self._engine.step(time_step)
+        kinematic.arrive(self._engine, bodies)
         awake = self.awake
         if len(awake):
-            poses, velocities = self._engine.read(awake.tolist())
-            self._bodies.poses[awake] = poses
-            self._bodies.velocities[awake] = velocities
+            bodies.poses[awake], bodies.velocities[awake] = self._engine.read(awake)
+        self._lifts = self._correct(lift_fallen(
+            bodies, awake, self._places[awake, 2], self._gravity, time_step))
+        self._point_contacts = self._correct(touch_with_points(
+            bodies, awake, FRICTION, time_step))
+        self._settle(time_step)
 
-    def _lift_to_ground(self, time_step: float) -> None:
-        """
-        Put bodies that ran deep into the ground back to where they touched it.
-
-        They get the speed they had there, from the energy of the fall between, and of the spin
-        when an edge ran in; the next step's contact does the rest. Without this a fast body would
-        stay in the ground for a while, and what is squeezed from above for good.
-        What it loses of its speed by that is told by `lifts`.
-        """
-        self._lifts = np.zeros((0, 13))
-        bodies, awake = self._bodies, self.awake
-        height, radius = bodies.poses[awake, 2], bodies.radius[awake]
-        spin = np.sqrt((bodies.velocities[awake, 3:] ** 2).sum(axis=1))
-        down = self._places[awake, 2] - height + spin * radius * time_step
-        deep = (height < 0.0) | ((height < radius) & (down > _DEPTH))
-        if not deep.any():
-            return
-        chosen = awake[deep]
-        depth = np.array([-self._pieces[body].lowest(bodies.poses[body])
-                          for body in chosen.tolist()])
-        chosen, depth = chosen[depth > _DEPTH], depth[depth > _DEPTH]
-        if not len(chosen):
-            return
-        poses, velocities = bodies.poses[chosen], bodies.velocities[chosen]
-        before = velocities[:, 2].copy()
-        poses[:, 2] += depth - _OVERLAP
-        self._pay(chosen, velocities, depth)
-        self.set_poses(chosen, poses)
-        self.set_velocities(chosen, velocities)
-        force = bodies.mass[chosen] * (velocities[:, 2] - before) / time_step
-        self._lifts = np.zeros((len(chosen), 13))
-        self._lifts[:, 0], self._lifts[:, 1] = chosen, self.ground
-        self._lifts[:, 2:4], self._lifts[:, 7] = poses[:, :2], 1.0
-        self._lifts[:, 11], self._lifts[:, 12] = force, force
-
-    def _pay(self, ids: np.ndarray, velocities: np.ndarray, height: np.ndarray) -> None:
-        """Take what lifts bodies so high [m] from their fall, then from their spin, in place."""
-        bodies = self._bodies
-        owed = 2.0 * np.abs(self._gravity[2]) * height
-        fall = np.minimum(velocities[:, 2], 0.0) ** 2
-        velocities[:, 2] = np.where(velocities[:, 2] > 0.0, velocities[:, 2],
-                                    -np.sqrt(np.maximum(fall - owed, 0.0)))
-        turn = rotation.rotate(rotation.conjugate(bodies.poses[ids, 3:]), velocities[:, 3:])
-        spin = (bodies.inertia[ids] * turn ** 2).sum(axis=1) / bodies.mass[ids]
-        left = np.maximum(spin - np.maximum(owed - fall, 0.0), 0.0)
-        velocities[:, 3:] *= np.sqrt(left / np.maximum(spin, 1e-12))[:, None]
-
-    def _press_teeth(self, time_step: float) -> None:
-        """Let the ground meet the corners that stick out of the shapes of bodies."""
-        bodies, awake = self._bodies, self.awake
-        chosen = awake[bodies.toothed[awake] & (bodies.poses[awake, 2] < bodies.radius[awake])]
-        self._bites = np.zeros((0, 13))
-        if not len(chosen):
-            return
-        teeth = [self._pieces[body].teeth for body in chosen.tolist()]
-        start = np.cumsum([0, *(len(points) for points in teeth)])
-        poses, velocities = bodies.poses[chosen], bodies.velocities[chosen]
-        self._bites = press(start, np.concatenate(teeth), poses, velocities, bodies.mass[chosen],
-                            bodies.inertia[chosen], FRICTION, time_step)
-        if not len(self._bites):
-            return
-        moved = np.unique(self._bites[:, 0].astype(np.intp))
-        self._bites[:, 0] = chosen[self._bites[:, 0].astype(np.intp)]
-        self._bites[:, 1] = self.ground
-        self.set_poses(chosen[moved], poses[moved])
-        self.set_velocities(chosen[moved], velocities[moved])
+    def _correct(self, correction: Correction) -> np.ndarray:
+        """Move bodies as the ground does, and give its contacts with them."""
+        if len(correction.ids):
+            self.set_poses(correction.ids, correction.poses)
+            self.set_velocities(correction.ids, correction.velocities)
+        return correction.contacts
 
     def _settle(self, time_step: float) -> None:
         bodies = self._bodies
@@ -220,15 +340,59 @@ class World(Population):
                 rests = settling.at_rest(bodies, candidates, contacts)
                 self._take_out(rests)
                 self._supports.add(bodies, contacts, rests)
-                self._hold(rests, State.RESTING)
+                self._hold(rests, BodyState.RESTING)
         self.thaw(self._supports.lost(bodies))
 
-    def _take_out(self, ids: np.ndarray) -> None:
+    def _take_out(self, rests: np.ndarray) -> None:
         """Lift bodies that come to rest out of the ground; what lies on them settles anew."""
-        low = np.array([self._pieces[body].lowest(self._bodies.poses[body])
-                        for body in ids.tolist()])
-        ids, depth = ids[low < -_SUNK], -low[low < -_SUNK]
-        poses = self._bodies.poses[ids]
-        poses[:, 2] += depth - _OVERLAP
+        ids, poses = lift_settled(self._bodies, rests)
         self.set_poses(ids, poses)
         self.thaw(self._supports.carried_by(ids))
+
+    def save_state(self) -> dict[str, np.ndarray]:
+        """
+        Copy all that changes, as arrays.
+
+        An engine holds caches that cannot be read, so a world goes on from here like one that was
+        restored only after `rebuild`.
+        """
+        contacts = self.contacts()
+        arrays = {f'bodies.{name}': column for name, column in self._bodies.save().items()}
+        arrays |= {f'supports.{name}': column.copy()
+                   for name, column in vars(self._supports).items()}
+        arrays |= {f'contacts.{name}': column.copy() for name, column in vars(contacts).items()}
+        used = len(arrays['bodies.state'])
+        return arrays | {
+            'gravity': self._gravity.copy(), 'lifts': self._lifts.copy(),
+            'point_contacts': self._point_contacts.copy(), 'places': self._places[:used].copy(),
+            'clocks': np.array([self._time_step, self._since_check])}
+
+    @classmethod
+    def restore(cls, arrays: Mapping[str, np.ndarray], engine: str = DEFAULT_ENGINE) -> Self:
+        """
+        Build a world from what `save_state` gave, with any engine.
+
+        :param arrays: as saved; they are copied.
+        :param engine: name of an engine, see `make_engine`.
+        """
+        world = cls(arrays['gravity'].tolist(), engine=engine)
+        world._bodies = BodyTable.restore(_group(arrays, 'bodies.'))
+        vars(world._supports).update(_group(arrays, 'supports.'))
+        world._contacts = Contacts(**_group(arrays, 'contacts.'))
+        world._lifts, world._places = arrays['lifts'].copy(), arrays['places'].copy()
+        world._point_contacts = arrays['point_contacts'].copy()
+        world._time_step, world._since_check = arrays['clocks'].tolist()
+        world.rebuild()
+        return world
+
+    def rebuild(self) -> None:
+        """Rebuild the engine from the table: it then goes on as in any world restored from it."""
+        self.contacts()  # the engine forgets those of the last step
+        self._engine.clear()
+        self._engine.add(self._bodies, self._bodies.ids)
+
+
+def _group(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    """Copy the arrays whose names begin so, under the rest of their names."""
+    return {name.removeprefix(prefix): column.copy() for name, column in arrays.items()
+            if name.startswith(prefix)}

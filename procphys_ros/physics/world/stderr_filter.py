@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Quiet: a library that greets while it is imported must not."""
+"""Suppress the banner that a library prints when it is imported."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,18 +24,18 @@ import tempfile
 
 
 @contextmanager
-def without_greeting(beginning: str) -> Iterator[None]:
+def drop_stderr_lines(beginning: str) -> Iterator[None]:
     """
-    Keep lines off the standard error that begin with these words; all else gets through.
+    Drop lines of the standard error that begin with these words; all others get through.
 
-    C buffers what it prints for itself, so its buffers are emptied before and after, by
-    `fflush(NULL)` (ISO C 7.21.5.2).
+    C has buffers of its own, which are flushed before and after by `fflush(NULL)`
+    (ISO C 7.21.5.2).
 
     :param beginning: of the lines that are dropped.
     """
     try:
         kept = os.dup(2)
-    except OSError:  # there is no standard error, so nobody reads a greeting
+    except OSError:  # there is no standard error, so nobody reads a banner
         yield
         return
     _flush()

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Teeth: bricks that stick out of the boxes which a body collides with, on the ground.
+Ground contact points: corners of bricks that stick out of the merged boxes of a fragment.
 
-Boxes of a toothed edge end half way (`merging`), or broken walls would wedge into each other. The
-ground has no teeth, so there the true corners count.
+The merged boxes of a toothed edge end half way (`merging`), otherwise broken walls would interlock
+for good. The ground is flat, so against it the true corners count.
 """
 
 import numpy as np
@@ -25,16 +25,16 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.assembly import axes_of
 
 _OUT = 0.01  # [m] by which a corner must stick out to be kept
-_SLOP = 0.002  # [m] that a tooth at rest may sink, so that it stays in touch
-_RECOVERY = 0.5  # share of the depth that is taken back per step
-_SWEEPS = 12  # over the teeth of a body that touch
-_COLUMNS = 13  # of the engine's contact table
+_SLOP = 0.002  # [m] that a point at rest may sink, so that it stays in touch
+_RECOVERY = 0.5  # share of the depth that is corrected per step
+_ITERATIONS = 12  # over the points of a body that touch
+_COLUMNS = 13  # of the rows of `Engine.contacts`
 
 
-def corners_out(poses: np.ndarray, sizes: np.ndarray, merged_poses: np.ndarray,
-                merged_sizes: np.ndarray) -> np.ndarray:
+def corners_outside(poses: np.ndarray, sizes: np.ndarray, merged_poses: np.ndarray,
+                    merged_sizes: np.ndarray) -> np.ndarray:
     """
-    List the corners of boxes that lie outside of the boxes that stand for them.
+    List the corners of boxes that lie outside of the merged boxes.
 
     :param poses: (P, 7), in the body's frame.
     :param sizes: full extents [m], (P, 3).
@@ -43,11 +43,11 @@ def corners_out(poses: np.ndarray, sizes: np.ndarray, merged_poses: np.ndarray,
     :returns: points in the body's frame [m], (T, 3).
     """
     found = np.empty((8 * len(poses), 3))
-    return found[:_corners_out(poses, sizes, merged_poses, merged_sizes, found)].copy()
+    return found[:_corners_outside(poses, sizes, merged_poses, merged_sizes, found)].copy()
 
 
 @kernel
-def _corners_out(poses, sizes, merged_poses, merged_sizes, found):
+def _corners_outside(poses, sizes, merged_poses, merged_sizes, found):
     axes = np.empty((len(merged_poses), 3, 3))
     reach = np.empty(len(merged_poses))
     for k in range(len(merged_poses)):
@@ -99,30 +99,30 @@ def _is_inside(point, near, poses, sizes, axes):
 
 
 @kernel
-def press(start, teeth, poses, velocities, mass, inertia, friction, time_step):
+def resolve_ground_contacts(start, points, poses, velocities, mass, inertia, friction, time_step):
     """
-    Stop the teeth that have come into the ground, and take them out of it.
+    Stop the points that penetrate the ground, and move them out of it.
 
-    Perfectly plastic impulses with Coulomb friction at all teeth below z = 0 together, by
-    projected Gauss-Seidel; then the same in displacements for the depth that is left.
+    Perfectly plastic impulses with Coulomb friction at all points below z = 0 of a body together,
+    by projected Gauss-Seidel; then the same in displacements for the depth that is left.
 
-    :param start: first tooth of each body, one more at the end, (B + 1,) int.
-    :param teeth: in the bodies' frames [m], (T, 3).
+    :param start: first point of each body, one more at the end, (B + 1,) int.
+    :param points: in the bodies' frames [m], (Q, 3).
     :param poses: (B, 7), changed in place.
     :param velocities: world axes, (B, 6), changed in place.
     :param mass: [kg], (B,).
     :param inertia: principal moments [kg·m²], (B, 3).
     :param friction: of the bodies on the ground.
     :param time_step: [s].
-    :returns: row of the body and rows of the engine's contact table without their ids, (C, 13).
+    :returns: contacts as of `Engine.contacts`, with the row of the body for its id, (C, 13).
     """
-    table = np.zeros((len(teeth), _COLUMNS))
+    table = np.zeros((len(points), _COLUMNS))
     count = 0
     for b in range(len(poses)):
         axes = axes_of(poses[b, 3:])
         first = count
         for t in range(start[b], start[b + 1]):
-            arm = axes @ teeth[t]
+            arm = axes @ points[t]
             height = poses[b, 2] + arm[2]
             if height < 0.0:
                 table[count, 0] = b
@@ -133,17 +133,17 @@ def press(start, teeth, poses, velocities, mass, inertia, friction, time_step):
         if count > first:
             compliance = (axes / inertia[b]) @ axes.T
             rows, where = table[first:count], poses[b, :3].copy()
-            _stop(rows, velocities[b], mass[b], compliance, friction)
-            _raise(rows, poses[b], mass[b], compliance)
+            _solve_velocities(rows, velocities[b], mass[b], compliance, friction)
+            _solve_positions(rows, poses[b], mass[b], compliance)
             rows[:, 2:5] += where
             rows[:, 9:] /= time_step
     return table[:count]
 
 
 @kernel
-def _stop(rows, velocity, mass, compliance, friction):
-    """Bring the teeth to rest, impulses in columns 9 to 12."""
-    for _ in range(_SWEEPS):
+def _solve_velocities(rows, velocity, mass, compliance, friction):
+    """Bring the points to rest; impulses go to columns 9 to 12."""
+    for _ in range(_ITERATIONS):
         for row in rows:
             arm = row[2:5]
             for axis in (2, 0, 1):
@@ -163,11 +163,11 @@ def _stop(rows, velocity, mass, compliance, friction):
 
 
 @kernel
-def _raise(rows, pose, mass, compliance):
-    """Shift and turn the body until the teeth have taken back their share of the depth."""
+def _solve_positions(rows, pose, mass, compliance):
+    """Shift and turn the body until its points have recovered their share of the depth."""
     shift, turned = np.zeros(3), np.zeros(3)
     given = np.zeros(len(rows))
-    for _ in range(_SWEEPS):
+    for _ in range(_ITERATIONS):
         for i in range(len(rows)):
             arm = rows[i, 2:5]
             wanted = _RECOVERY * (-rows[i, 8] - _SLOP)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Compounds: the URDF text of a rigid body made of boxes and capsules."""
+"""URDF text of a rigid body made of boxes and capsules."""
 
 import numpy as np
 
@@ -32,7 +32,7 @@ _TAIL = '\n</link>\n</robot>\n'
 _SHORTEST = 1e-4  # [m], cylinder between the round ends of a capsule that is nearly a sphere
 
 
-def describe(mass: float, inertia: np.ndarray, pieces: Pieces) -> str:
+def write_urdf(mass: float, inertia: np.ndarray, pieces: Pieces) -> str:
     """
     Write a rigid body in its principal frame as URDF.
 

@@ -1,0 +1,301 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Everything that is known of the bodies of a world, as plain columns; row = id of a body."""
+
+from enum import IntEnum
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.physics.world.pieces import Pieces
+
+
+class BodyState(IntEnum):
+    """What a body does."""
+
+    GONE = 0       # there is no such body
+    GROUND = 1     # the ground, z <= 0
+    FIXED = 2      # immovable until it is thawed: a standing brick
+    RESTING = 3    # debris at rest: immovable until it is hit or loses its support
+    AWAKE = 4      # moves freely
+    KINEMATIC = 5  # follows prescribed poses and pushes what is in its way
+    HELD = FIXED
+    LOOSE = AWAKE
+    DRIVEN = KINEMATIC
+
+
+_COLUMNS: dict[str, tuple[type, int]] = {  # type and width; 0 = a single value per body
+    'state': (np.uint8, 0), 'mass': (float, 0), 'inertia': (float, 3), 'friction': (float, 0),
+    'restitution': (float, 0), 'damped': (bool, 0), 'radius': (float, 0), 'least': (float, 0),
+    'swept_radius': (float, 0), 'poses': (float, 7), 'velocities': (float, 6),
+    'target': (float, 7), 'quiet': (float, 0), 'mark': (float, 7), 'anchor': (float, 7),
+    'stay': (float, 0), 'bounds': (float, 6), 'first_piece': (np.int64, 0),
+    'piece_count': (np.int64, 0), 'first_point': (np.int64, 0), 'point_count': (np.int64, 0)}
+_PIECES: dict[str, tuple[type, int]] = {
+    'piece_shape': (np.int64, 0), 'piece_size': (float, 3), 'piece_pose': (float, 7)}
+_POINTS: dict[str, tuple[type, int]] = {'ground_point': (float, 3)}
+
+
+class BodyTable:
+    """
+    Columns of bodies, of their collision shapes and of their ground contact points.
+
+    Rows of removed bodies are given to later ones, the last one removed first. The columns have
+    room for more rows than are in use; those are `GONE`. All of it can be saved and restored as
+    arrays; there is no handle of an engine in it.
+
+    :ivar state: `BodyState`, (B,) uint8.
+    :ivar mass: [kg], also while immovable, (B,).
+    :ivar inertia: principal moments in the body's axes [kg·m²], (B, 3).
+    :ivar friction: Coulomb coefficient between two bodies that have this value, (B,).
+    :ivar restitution: coefficient of restitution between two such bodies, (B,).
+    :ivar damped: whether the engine damps its motion, (B,) bool.
+    :ivar radius: of the bounding sphere about the centre of mass [m], (B,).
+    :ivar least: least extent of a plain body [m], 0 for compounds, (B,).
+    :ivar swept_radius: of a sphere that is swept along each step [m], 0 = none, (B,).
+    :ivar poses: centre of mass and principal axes, world, (B, 7).
+    :ivar velocities: linear and angular, world axes, (B, 6).
+    :ivar target: pose of a kinematic body at the end of the next step, (B, 7).
+    :ivar quiet: how long the body has been slow [s], (B,).
+    :ivar mark: pose in which it began to be slow, (B, 7).
+    :ivar anchor: pose that the body has stayed near, (B, 7).
+    :ivar stay: how long it has [s], (B,).
+    :ivar bounds: axis-aligned bounds of immovable bodies [m], (B, 6).
+    :ivar first_piece: row of its first collision shape, (B,).
+    :ivar piece_count: number of its collision shapes, (B,).
+    :ivar first_point: row of its first ground contact point, (B,).
+    :ivar point_count: number of its ground contact points, (B,).
+    :ivar piece_shape: `Shape`, (P,).
+    :ivar piece_size: as in `Blueprint.size` [m], (P, 3).
+    :ivar piece_pose: in the body's frame, (P, 7).
+    :ivar ground_point: in the body's frame [m], (Q, 3).
+    """
+
+    state: np.ndarray
+    mass: np.ndarray
+    inertia: np.ndarray
+    friction: np.ndarray
+    restitution: np.ndarray
+    damped: np.ndarray
+    radius: np.ndarray
+    least: np.ndarray
+    swept_radius: np.ndarray
+    poses: np.ndarray
+    velocities: np.ndarray
+    target: np.ndarray
+    quiet: np.ndarray
+    mark: np.ndarray
+    anchor: np.ndarray
+    stay: np.ndarray
+    bounds: np.ndarray
+    first_piece: np.ndarray
+    piece_count: np.ndarray
+    first_point: np.ndarray
+    point_count: np.ndarray
+    piece_shape: np.ndarray
+    piece_size: np.ndarray
+    piece_pose: np.ndarray
+    ground_point: np.ndarray
+
+    def __init__(self) -> None:
+        for name, (kind, width) in (_COLUMNS | _PIECES | _POINTS).items():
+            setattr(self, name, np.zeros((0, width) if width else 0, kind))
+        self._free: list[int] = []
+        self._used = self._used_pieces = self._used_points = 0
+        self._views: dict[int, Pieces] = {}
+
+    @property
+    def ids(self) -> np.ndarray:
+        """Ids of all bodies there are, ascending, (K,)."""
+        return np.flatnonzero(self.state)
+
+    def add_ground(self, friction: float) -> np.ndarray:
+        """Add the ground, which must be the first body, and give its id as an array, (1,)."""
+        ids = self._add_rows(1, BodyState.GROUND)
+        self.mass[ids] = self.inertia[ids] = np.inf
+        self.friction[ids], self.restitution[ids] = friction, 1.0
+        self.damped[ids], self.poses[ids, 6] = True, 1.0
+        return ids
+
+    def add_body(self, state: BodyState, pieces: Pieces, mass: float, inertia: np.ndarray,
+                 pose: np.ndarray, velocity: np.ndarray | None, friction: float,
+                 restitution: float, damped: bool, plain: bool) -> int:
+        """
+        Add a body with the values of the columns of the same names, and give its id.
+
+        :param velocity: (6,); None = at rest.
+        :param plain: whether it is one piece in the body's own frame, and no compound.
+        """
+        ids = self._add_rows(1, state)
+        body = int(ids[0])
+        first = self._append(_PIECES, '_used_pieces', pieces.shapes, pieces.sizes,
+                             pieces.local_poses)
+        self.first_piece[body], self.piece_count[body] = first, len(pieces.shapes)
+        first = self._append(_POINTS, '_used_points', pieces.ground_points)
+        self.first_point[body], self.point_count[body] = first, len(pieces.ground_points)
+        self.radius[body] = pieces.radius()
+        self.least[body] = pieces.sizes[0].min() if plain else 0.0
+        self.mass[body], self.inertia[body] = mass, inertia
+        self.friction[body], self.restitution[body] = friction, restitution
+        self.damped[body], self.poses[body], self.target[body] = damped, pose, pose
+        self.velocities[body] = 0.0 if velocity is None else velocity
+        self.restart_clocks(ids, 0.0)
+        return body
+
+    def add_boxes(self, state: BodyState, poses: np.ndarray, sizes: np.ndarray,
+                  mass: np.ndarray | float, friction: float, restitution: float) -> np.ndarray:
+        """
+        Add plain boxes; those alike get neighbouring ids, for engines add such at once.
+
+        :param poses: (K, 7).
+        :param sizes: full extents [m], (K, 3).
+        :param mass: [kg], (K,).
+        :param friction: Coulomb coefficient.
+        :param restitution: coefficient of restitution.
+        :returns: ids, (K,).
+        """
+        keys = np.round(np.column_stack([sizes, poses[:, 3:]]), 6)
+        kind = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
+        ids = np.empty(len(poses), np.intp)
+        ids[np.argsort(kind, kind='stable')] = self._add_rows(len(poses), state)
+        first = self._append(_PIECES, '_used_pieces', np.full(len(ids), Shape.BOX), sizes,
+                             np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(ids), 1)))
+        self.first_piece[ids], self.piece_count[ids] = first + np.arange(len(ids)), 1
+        self.radius[ids] = 0.5 * np.linalg.norm(sizes, axis=1)
+        self.least[ids] = sizes.min(axis=1)
+        self.mass[ids] = mass
+        self.inertia[ids] = box_inertia(self.mass[ids], sizes)
+        self.friction[ids], self.restitution[ids] = friction, restitution
+        self.damped[ids], self.poses[ids] = True, poses
+        self.restart_clocks(ids, 0.0)
+        return ids
+
+    def remove(self, ids: np.ndarray) -> None:
+        """Take bodies out; their ids may be given again."""
+        self.state[ids] = BodyState.GONE
+        for body in ids.tolist():
+            self._free.append(body)
+            self._views.pop(body, None)
+
+    def pieces(self, body: int) -> Pieces:
+        """Give the collision shapes of a body; the same object until the body is removed."""
+        if body not in self._views:
+            first, point = self.first_piece[body], self.first_point[body]
+            own = slice(first, first + self.piece_count[body])
+            self._views[body] = Pieces(
+                self.piece_shape[own], self.piece_size[own], self.piece_pose[own],
+                self.ground_point[point:point + self.point_count[body]])
+        return self._views[body]
+
+    def velocity_change(self, body: int, impulse: np.ndarray, point: np.ndarray | None,
+                        angular: np.ndarray | None) -> np.ndarray:
+        """
+        Work out what an impulse does to the velocity of a free body, (6,).
+
+        :param impulse: [N·s], world, (3,).
+        :param point: where it acts, world [m], (3,); None = at the centre of mass.
+        :param angular: further angular impulse [N·m·s], world, (3,).
+        """
+        turn = np.zeros(3) if angular is None else np.array(angular, float)
+        if point is not None:
+            turn = turn + np.cross(np.asarray(point) - self.poses[body, :3], impulse)
+        attitude = self.poses[body, 3:]
+        spin = rotation.rotate(rotation.conjugate(attitude), turn) / self.inertia[body]
+        return np.concatenate([np.asarray(impulse) / self.mass[body],
+                               rotation.rotate(attitude, spin)])
+
+    def restart_clocks(self, ids: np.ndarray, stay: float) -> None:
+        """Start the clocks that tell when bodies have come to rest, see `stay` [s]."""
+        self.quiet[ids] = 0.0
+        self.stay[ids] = stay
+        self.mark[ids] = self.anchor[ids] = self.poses[ids]
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy the columns, shapes of bodies that are gone left out."""
+        self._compact()
+        saved = {name: getattr(self, name)[:self._used].copy() for name in _COLUMNS}
+        saved |= {name: getattr(self, name)[:self._used_pieces].copy() for name in _PIECES}
+        saved |= {name: getattr(self, name)[:self._used_points].copy() for name in _POINTS}
+        return saved | {'free': np.array(self._free, np.int64),
+                        'capacity': np.array(len(self.state))}
+
+    @classmethod
+    def restore(cls, saved: dict[str, np.ndarray]) -> 'BodyTable':
+        """Build a table from what `save` gave."""
+        table = cls()
+        for name, (kind, _) in (_COLUMNS | _PIECES | _POINTS).items():
+            setattr(table, name, np.array(saved[name], kind))
+        table._free = saved['free'].tolist()
+        table._used, table._used_pieces = len(table.state), len(table.piece_shape)
+        table._used_points = len(table.ground_point)
+        for name in _COLUMNS:  # the same room as before: sorts may depend on it
+            column = getattr(table, name)
+            room = np.zeros((int(saved['capacity']) - len(column), *column.shape[1:]))
+            setattr(table, name, np.concatenate([column, room.astype(column.dtype)]))
+        return table
+
+    def _add_rows(self, count: int, state: BodyState) -> np.ndarray:
+        """Give rows to new bodies; all their values but the state are zero."""
+        old = [self._free.pop() for _ in range(min(count, len(self._free)))]
+        end = self._used + count - len(old)
+        ids = np.array([*old, *range(self._used, end)], np.intp)
+        self._reserve(_COLUMNS, end)
+        self._used = end
+        for name in _COLUMNS:
+            getattr(self, name)[ids] = 0
+        self.state[ids] = state
+        return ids
+
+    def _append(self, columns: dict[str, tuple[type, int]], used: str,
+                *rows: np.ndarray) -> int:
+        """Write rows behind those in use, and give the number of the first."""
+        if getattr(self, used) + len(rows[0]) > len(getattr(self, next(iter(columns)))):
+            self._compact()
+        first = getattr(self, used)
+        self._reserve(columns, first + len(rows[0]))
+        for name, values in zip(columns, rows):
+            getattr(self, name)[first:first + len(values)] = values
+        setattr(self, used, first + len(rows[0]))
+        return first
+
+    def _reserve(self, columns: dict[str, tuple[type, int]], count: int) -> None:
+        for name in columns:
+            column = getattr(self, name)
+            if count > len(column):
+                more = max(count, 2 * len(column)) - len(column)
+                room = np.zeros((more, *column.shape[1:]), column.dtype)
+                setattr(self, name, np.concatenate([column, room]))
+
+    def _compact(self) -> None:
+        """Close the gaps that removed bodies left among shapes and points."""
+        ids = self.ids
+        for first, count, columns, used in (
+                ('first_piece', 'piece_count', _PIECES, '_used_pieces'),
+                ('first_point', 'point_count', _POINTS, '_used_points')):
+            starts, counts = getattr(self, first), getattr(self, count)
+            ends = np.cumsum(counts[ids])
+            rows = np.arange(ends[-1] if len(ids) else 0) + np.repeat(
+                starts[ids] - (ends - counts[ids]), counts[ids])
+            for name in columns:
+                column = getattr(self, name)
+                column = column.copy()  # what `pieces` gave out stays as it is
+                column[:len(rows)] = column[rows]
+                setattr(self, name, column)
+            starts[ids] = ends - counts[ids]
+            setattr(self, used, len(rows))
+        gone = np.setdiff1d(np.arange(len(self.state)), ids)
+        for name in ('first_piece', 'piece_count', 'first_point', 'point_count'):
+            getattr(self, name)[gone] = 0

@@ -1,0 +1,142 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ground beyond what an engine does: nothing sinks into it, and true corners stand on it."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.world.body_table import BodyTable
+from procphys_ros.physics.world.ground_points import resolve_ground_contacts
+
+OVERLAP = 1e-3  # [m] left when a body is lifted out: boxes that only touch have no contact
+_DEPTH = 0.02  # [m] under the ground from which a moving body is lifted out
+_SUNK = 0.01  # [m] under the ground from which a body that comes to rest is lifted out
+_GROUND = 0  # id of the ground
+
+
+class Correction(NamedTuple):
+    """
+    What the ground changes.
+
+    :ivar ids: bodies that it moves, (K,).
+    :ivar poses: new ones, (K, 7).
+    :ivar velocities: new ones, (K, 6).
+    :ivar contacts: rows as of `Engine.contacts`, (C, 13).
+    """
+
+    ids: np.ndarray
+    poses: np.ndarray
+    velocities: np.ndarray
+    contacts: np.ndarray
+
+
+_NOTHING = Correction(np.zeros(0, np.intp), np.zeros((0, 7)), np.zeros((0, 6)), np.zeros((0, 13)))
+
+
+def lift_fallen(table: BodyTable, awake: np.ndarray, heights: np.ndarray, gravity: np.ndarray,
+                time_step: float) -> Correction:
+    """
+    Put bodies that ran deep into the ground back to where they touched it.
+
+    They get the speed they had there, from the energy of the fall between, and of the spin when an
+    edge ran in; the contact of the next step does the rest. Without this a fast body would stay in
+    the ground for a while, and what is squeezed from above for good.
+
+    :param table: the bodies.
+    :param awake: ids, (K,).
+    :param heights: of their centres before the step [m], (K,).
+    :param gravity: [m/s²], (3,).
+    :param time_step: [s].
+    """
+    height, radius = table.poses[awake, 2], table.radius[awake]
+    spin = np.sqrt((table.velocities[awake, 3:] ** 2).sum(axis=1))
+    down = heights - height + spin * radius * time_step
+    deep = (height < 0.0) | ((height < radius) & (down > _DEPTH))
+    if not deep.any():
+        return _NOTHING
+    chosen = awake[deep]
+    depth = -lowest(table, chosen)
+    chosen, depth = chosen[depth > _DEPTH], depth[depth > _DEPTH]
+    if not len(chosen):
+        return _NOTHING
+    poses, velocities = table.poses[chosen], table.velocities[chosen]
+    before = velocities[:, 2].copy()
+    poses[:, 2] += depth - OVERLAP
+    _pay(table, chosen, velocities, 2.0 * np.abs(gravity[2]) * depth)
+    force = table.mass[chosen] * (velocities[:, 2] - before) / time_step
+    contacts = np.zeros((len(chosen), 13))
+    contacts[:, 0], contacts[:, 1] = chosen, _GROUND
+    contacts[:, 2:4], contacts[:, 7] = poses[:, :2], 1.0
+    contacts[:, 11], contacts[:, 12] = force, force
+    return Correction(chosen, poses, velocities, contacts)
+
+
+def _pay(table: BodyTable, ids: np.ndarray, velocities: np.ndarray, owed: np.ndarray) -> None:
+    """Take energy [J/kg, doubled] from the fall of bodies, then from their spin, in place."""
+    fall = np.minimum(velocities[:, 2], 0.0) ** 2
+    velocities[:, 2] = np.where(velocities[:, 2] > 0.0, velocities[:, 2],
+                                -np.sqrt(np.maximum(fall - owed, 0.0)))
+    turn = rotation.rotate(rotation.conjugate(table.poses[ids, 3:]), velocities[:, 3:])
+    spin = (table.inertia[ids] * turn ** 2).sum(axis=1) / table.mass[ids]
+    left = np.maximum(spin - np.maximum(owed - fall, 0.0), 0.0)
+    velocities[:, 3:] *= np.sqrt(left / np.maximum(spin, 1e-12))[:, None]
+
+
+def touch_with_points(table: BodyTable, awake: np.ndarray, friction: float,
+                      time_step: float) -> Correction:
+    """
+    Let the ground meet the corners that stick out of the collision shapes of bodies.
+
+    :param table: the bodies.
+    :param awake: ids, (K,).
+    :param friction: Coulomb coefficient.
+    :param time_step: [s].
+    """
+    chosen = awake[(table.point_count[awake] > 0)
+                   & (table.poses[awake, 2] < table.radius[awake])]
+    if not len(chosen):
+        return _NOTHING
+    points = [table.pieces(body).ground_points for body in chosen.tolist()]
+    start = np.cumsum([0, *(len(own) for own in points)])
+    poses, velocities = table.poses[chosen], table.velocities[chosen]
+    contacts = resolve_ground_contacts(start, np.concatenate(points), poses, velocities,
+                                       table.mass[chosen], table.inertia[chosen], friction,
+                                       time_step)
+    if not len(contacts):
+        return _NOTHING
+    rows = contacts[:, 0].astype(np.intp)
+    moved = np.unique(rows)
+    contacts[:, 0], contacts[:, 1] = chosen[rows], _GROUND
+    return Correction(chosen[moved], poses[moved], velocities[moved], contacts)
+
+
+def lift_settled(table: BodyTable, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Find bodies that came to rest in the ground, and where they are out of it.
+
+    :returns: ids, (K,), and poses, (K, 7).
+    """
+    low = lowest(table, ids)
+    sunk = low < -_SUNK
+    poses = table.poses[ids[sunk]]
+    poses[:, 2] += -low[sunk] - OVERLAP
+    return ids[sunk], poses
+
+
+def lowest(table: BodyTable, ids: np.ndarray) -> np.ndarray:
+    """Give the heights of the lowest points of bodies [m], (K,)."""
+    return np.array([table.pieces(body).lowest(table.poses[body]) for body in ids.tolist()])

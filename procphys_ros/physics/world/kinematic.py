@@ -1,0 +1,61 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Kinematic bodies: they follow prescribed poses, push what is in the way, and feel it."""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.engine import Engine
+
+MASS = 1e7  # [kg], so heavy that nothing in a scene pushes a kinematic body off its path
+
+
+def set_out(engine: Engine, table: BodyTable, gravity: np.ndarray, time_step: float) -> None:
+    """
+    Give kinematic bodies the velocities that lead to their targets in one step.
+
+    :param gravity: [m/s²], (3,); what the engine adds to the velocity of a body in a step.
+    :param time_step: [s].
+    """
+    for body in np.flatnonzero(table.state == BodyState.KINEMATIC):
+        velocity = velocity_between(table.poses[body], table.target[body], time_step)
+        table.velocities[body] = velocity
+        velocity = velocity.copy()
+        velocity[:3] -= gravity * time_step
+        engine.set_velocities(np.array([body]), velocity[None])
+
+
+def arrive(engine: Engine, table: BodyTable) -> None:
+    """Put kinematic bodies exactly where they were to go."""
+    ids = np.flatnonzero(table.state == BodyState.KINEMATIC)
+    if len(ids):
+        table.poses[ids] = table.target[ids]
+        engine.set_poses(ids, table.target[ids])
+
+
+def velocity_between(start: np.ndarray, end: np.ndarray, time_step: float) -> np.ndarray:
+    """
+    Give the constant velocity that leads from one pose to another, world axes, (6,).
+
+    :param start: (7,).
+    :param end: (7,).
+    :param time_step: [s].
+    """
+    turn = rotation.multiply(end[3:], rotation.conjugate(start[3:]))
+    turn = turn if turn[3] >= 0.0 else -turn
+    sine = float(np.linalg.norm(turn[:3]))
+    scale = 2.0 * np.arctan2(sine, turn[3]) / sine if sine > 1e-12 else 2.0
+    return np.concatenate([end[:3] - start[:3], scale * turn[:3]]) / time_step
