@@ -20,6 +20,7 @@ import json
 import os
 from pathlib import Path
 from queue import Queue
+import re
 import signal
 import subprocess
 import sys
@@ -40,6 +41,10 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 180.0  # [s] far more than is ever needed, also where a second's work takes a minute
 _COLD_START = 1200.0  # [s] a node that starts for the first time compiles kernels first
+# Lines of the log about nothing bad, the rest of the banner, and the status line; PyBullet greets
+# whoever imports it, and ROS cannot publish what is said while a signal ends it.
+_GOOD_NEWS = re.compile(r'\[(INFO|DEBUG)\]|  |t +\d|building the scene|pybullet build time'
+                        '|Failed to publish log message to rosout')
 _AGAIN = 10.0  # [s] after which a message or a subscription that had no effect is repeated
 SAPLING = """
 axiom: Width(0.08) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) F(1) [ +(40) F(0.8) ] F(1)
@@ -69,23 +74,23 @@ class NodeProcess:
             path = folder / 'scene.yaml'  # JSON is YAML
             path.write_text(json.dumps({'/**': {'ros__parameters': parameters}}), 'utf-8')
             command += ['--params-file', str(path)]
-        self._errors = folder / f'errors_{len(list(folder.iterdir()))}.txt'
-        with self._errors.open('w', encoding='utf-8') as errors:
-            self.process = subprocess.Popen(
-                command, cwd=ROOT, stdout=subprocess.PIPE, stderr=errors, text=True,
-                env={**os.environ, 'PYTHONUNBUFFERED': '1'})
+        self.process = subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            env={**os.environ, 'PYTHONUNBUFFERED': '1'})
         self._lines: Queue = Queue()
+        self._said: list[str] = []
         # Always read what it says: a pipe that is full would stop it.
-        Thread(target=self._read, daemon=True).start()
+        self._reader = Thread(target=self._read, daemon=True)
+        self._reader.start()
 
     def next_line(self, patience: float = PATIENCE) -> str:
-        """Give the next line that the node prints."""
+        """Give the next line that the node says."""
         line = self._lines.get(timeout=patience)
         assert line is not None, f'the node ended: {self.complaints()}'
         return line
 
     def wait_for_banner(self) -> str:
-        """Read what the node prints until it runs."""
+        """Read what the node says until it runs."""
         lines = [self.next_line(_COLD_START)]
         while 'Ctrl-C' not in lines[-1]:
             lines.append(self.next_line(_COLD_START))
@@ -95,7 +100,9 @@ class NodeProcess:
         """Send a signal, wait for the end, and give the exit code and what the node complained."""
         if how is not None:
             self.process.send_signal(how)
-        return self.process.wait(timeout=_COLD_START), self.complaints()
+        code = self.process.wait(timeout=_COLD_START)
+        self._reader.join()
+        return code, self.complaints()
 
     def kill(self) -> None:
         """End the process whatever it does."""
@@ -105,14 +112,13 @@ class NodeProcess:
 
     def _read(self) -> None:
         for line in self.process.stdout:
+            self._said.append(line)
             self._lines.put(line)
         self._lines.put(None)
 
     def complaints(self) -> str:
-        """Read what the node has written on its error stream so far."""
-        lines = self._errors.read_text('utf-8').splitlines(keepends=True)
-        return ''.join(line for line in lines  # PyBullet greets whoever imports it
-                       if not line.startswith('pybullet build time'))
+        """Give what the node has said so far that is not how it goes: warnings and worse."""
+        return ''.join(line for line in self._said if not _GOOD_NEWS.match(line))
 
 
 def serve(folder: Path, parameters: dict) -> Iterator[NodeProcess]:

@@ -43,6 +43,8 @@ PUBLISHED = {
     '/sim/markers': 'visualization_msgs/msg/MarkerArray',
     '/sim/scene_description': 'std_msgs/msg/String',
     '/sim/breaks': 'sensor_msgs/msg/PointCloud2',
+    '/sim/broken_bonds': 'sensor_msgs/msg/PointCloud2',
+    '/sim/ready': 'std_msgs/msg/Bool',
     '/sim/dust': 'sensor_msgs/msg/PointCloud2',
     '/sim/wind_info': 'geometry_msgs/msg/Vector3Stamped',
     '/sim/intruder_wrench': 'geometry_msgs/msg/WrenchStamped',
@@ -62,13 +64,14 @@ SERVICES = {
     **dict.fromkeys(
         (f'/sim/{name}' for name in (
             'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'clear_wrenches',
-            'step_simulation', 'reset_simulation', 'reload_scene')), 'std_srvs/srv/Trigger'),
+            'step_simulation', 'reset_simulation', 'reload_scene', 'cancel_reload')), 'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.
 DRAWN = {'rviz_default_plugins/MarkerArray': 'visualization_msgs/msg/MarkerArray',
          'rviz_default_plugins/PointCloud2': 'sensor_msgs/msg/PointCloud2',
          'rviz_default_plugins/PoseArray': 'geometry_msgs/msg/PoseArray'}
 ROOT = Path(__file__).resolve().parents[1]
+LATCHED = ('/sim/scene_description', '/sim/broken_bonds', '/sim/ready')
 OF_EVERY_NODE = ('/rosout', '/parameter_events')
 
 
@@ -112,7 +115,7 @@ def test_the_graph_shows_every_topic_and_service(client):
     assert seen() == (PUBLISHED, TAKEN, SERVICES)
 
 
-def test_all_topics_are_reliable_and_the_description_is_latched(client):
+def test_all_topics_are_reliable_and_what_lasts_is_latched(client):
     """Offer what both reliable and best-effort subscribers can hear."""
     for topic in PUBLISHED:
         client.spin_until(lambda topic=topic: client.node.get_publishers_info_by_topic(topic),
@@ -120,7 +123,7 @@ def test_all_topics_are_reliable_and_the_description_is_latched(client):
         offered = client.node.get_publishers_info_by_topic(topic)[0].qos_profile
         assert offered.reliability == ReliabilityPolicy.RELIABLE, topic
         assert offered.durability == (
-            DurabilityPolicy.TRANSIENT_LOCAL if topic == '/sim/scene_description'
+            DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED
             else DurabilityPolicy.VOLATILE), topic
 
 
@@ -141,7 +144,8 @@ def test_rviz_is_set_up_for_what_the_node_publishes(client):
     assert manager['Global Options']['Fixed Frame'] == frame
     displays = [d for d in manager['Displays'] if 'Topic' in d]
     shown = {d['Topic']['Value'] for d in displays}
-    assert shown == {name for name, kind in PUBLISHED.items() if kind in DRAWN.values()}
+    assert shown == {name for name, kind in PUBLISHED.items()
+                     if kind in DRAWN.values() and name not in LATCHED}
     for display in displays:
         topic = display['Topic']['Value']
         client.spin_until(lambda: client.node.get_publishers_info_by_topic(topic),  # noqa: B023
@@ -178,11 +182,12 @@ def test_quality_of_service_is_told_as_it_is(topic):
     """Say in the README and in the docstring with what quality each topic is published."""
     made = {}
     node = SimpleNamespace(
-        create_publisher=lambda kind, name, profile, **_: made.update({name: profile}),
+        create_publisher=lambda kind, name, profile, **_: (
+            made.update({name: profile}) or SimpleNamespace(publish=lambda message: None)),
         get_fully_qualified_name=lambda: '/sim')
     parameters = {row.name: row.default for row in GLOBAL}
     Publishers(node, 'world', parameters)
-    Diagnostics(node, None)
+    Diagnostics(node, None, None, None, None)
     name = topic.replace('/sim/', '~/')
     offered = made[name]
     depth = f'depth {offered.depth}'

@@ -15,13 +15,12 @@
 
 """Pacing of steps against a clock: how many are due, and what else is."""
 
-import math
 from types import SimpleNamespace
 
 import pytest
 
 from procphys_ros.ros.newcomers import Newcomers
-from procphys_ros.ros.pacing import Beat, Pacer
+from procphys_ros.ros.pacing import Beat, Pacer, Speedometer
 
 STEP = 1 / 60
 TICK = 1 / 30
@@ -55,7 +54,7 @@ def test_simulated_time_keeps_up_with_real_time():
     clock = FakeClock()
     pacer = Pacer(STEP, 1.0, TICK, clock)
     assert run(pacer, clock, 301, 0.001) == pytest.approx(600, abs=2)
-    assert pacer.measured == pytest.approx(1.0, abs=0.05)
+    assert pacer.simulated == pytest.approx(10.0, abs=0.05)
 
 
 @pytest.mark.parametrize('factor', [0.25, 0.5, 3.0])
@@ -71,8 +70,21 @@ def test_overload_slows_time_and_nothing_piles_up():
     clock = FakeClock()
     pacer = Pacer(STEP, 1.0, TICK, clock)
     assert run(pacer, clock, 100, 10 * STEP) == pytest.approx(100, abs=1)
-    assert pacer.measured == pytest.approx(0.1, abs=0.01)
     assert run(pacer, clock, 300, 0.0) <= 610
+
+
+def test_the_factor_is_that_of_the_last_second():
+    """Tell half speed as such, and a standstill at once, whatever was before."""
+    clock = FakeClock()
+    pacer = Pacer(STEP, 1.0, TICK, clock)
+    speed = Speedometer(pacer, clock)
+    run(pacer, clock, 30, 0.0)
+    assert speed.read() == pytest.approx(1.0, abs=0.1)
+    run(pacer, clock, 30, 2 * STEP)
+    assert speed.read() == pytest.approx(0.5, abs=0.05)
+    clock.now += 1.0
+    assert speed.read() == 0.0
+    assert speed.read() == 0.0
 
 
 def test_standstill_is_not_made_up():
@@ -88,7 +100,6 @@ def test_as_fast_as_possible_fills_the_budget_only():
     clock = FakeClock()
     pacer = Pacer(STEP, 0.0, TICK, clock)
     assert run(pacer, clock, 1, 0.01) == 4
-    assert math.isnan(pacer.measured)
 
 
 def test_beat_keeps_its_rate_and_makes_up_for_nothing():

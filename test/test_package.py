@@ -36,7 +36,8 @@ LONGEST = 400  # lines of a file
 
 # A module may import from its own layer's package and from layers with a smaller number.
 LAYERS = {
-    'errors': 0, 'rotation': 0, 'resources': 0, 'palette': 0, 'compilation': 0, '': 0,
+    'errors': 0, 'rotation': 0, 'resources': 0, 'palette': 0, 'progress': 0,
+    'compilation': 0.1, '': 0,
     'blueprint': 1, 'skeleton': 2,
     'physics.air': 2, 'physics.skyline': 2, 'language': 2, 'lsystem': 3, 'wallgrammar': 3,
     'physics': 3, 'physics.wind': 3, 'physics.trees': 3, 'physics.masonry': 3,

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from threading import Lock
 from time import monotonic
 
+from procphys_ros import progress
 from procphys_ros.errors import ProcPhysError
 
 CAPACITY = 10_000  # commands from topics that may wait for the next step
@@ -113,17 +114,23 @@ class CommandQueue:
         with self._lock:
             return self._calls.pop(command, None) is not None
 
-    def reject(self, name: str, why: str | Exception) -> str:
+    def take(self, name: str) -> None:
+        """Count a command that was carried out."""
+        with self._lock:
+            self.taken[name] += 1
+
+    def reject(self, name: str, why: str | Exception, note: str = '') -> str:
         """
         Count and report a command that is not carried out.
 
         :param name: of the command.
         :param why: the reason, or what was raised; anything but an error that is meant for users
             is a defect, and is reported as one.
+        :param note: goes behind the reason.
         :returns: the reason, shortened.
         """
         defect = why if isinstance(why, Exception) and not isinstance(why, ProcPhysError) else None
-        reason = shortened(describe(why) if isinstance(why, Exception) else why)
+        reason = shortened((describe(why) if isinstance(why, Exception) else why) + note)
         with self._lock:
             self.rejected[name] += 1
             self.last_rejection = f'{name}: {reason}'
@@ -161,12 +168,12 @@ class CommandQueue:
     def _carry_out(self, command: Command) -> None:
         self.under_way = command.name
         try:
-            message = command.carry_out()
+            with progress.stage(command.name):
+                message = command.carry_out()
         except Exception as error:  # whatever it is, the simulation goes on as it was
             command.answer(False, self.reject(command.name, error))
         else:
-            with self._lock:
-                self.taken[command.name] += 1
+            self.take(command.name)
             command.answer(True, message)
         finally:
             self.under_way = ''

@@ -19,7 +19,6 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 import math
-from time import monotonic
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
@@ -27,8 +26,9 @@ from rclpy.node import Node
 
 from procphys_ros.messages import stamp
 from procphys_ros.ros import qos
+from procphys_ros.ros.activity import Activity
 from procphys_ros.ros.commands import CommandQueue
-from procphys_ros.ros.pacing import Beat, Pacer
+from procphys_ros.ros.pacing import Beat, Pacer, Speedometer
 from procphys_ros.ros.session import REMEDY, Session
 
 _ON_TIME = 0.95  # share of the wanted real-time factor below which the node counts as overloaded
@@ -43,7 +43,6 @@ class Look:
 
     :ivar time: simulated [s].
     :ivar wanted: real-time factor asked for; 0 = as fast as possible.
-    :ivar measured: real-time factor reached; NaN = not known yet.
     :ivar paused: whether time stands still on demand.
     :ivar failure: what stopped the simulation; '' = nothing.
     :ivar stages: [ms] that each stage of a step took in the mean.
@@ -55,7 +54,6 @@ class Look:
 
     time: float
     wanted: float
-    measured: float
     paused: bool
     failure: str
     stages: Mapping[str, float]
@@ -64,24 +62,6 @@ class Look:
     broken: int
     wind: float
 
-    @property
-    def message(self) -> str:
-        """Say it in a few words."""
-        if self.failure:
-            return f'a step went wrong: {self.failure}; {REMEDY}'
-        if self.paused:
-            return 'paused'
-        if self.is_slow:
-            return f'overloaded: simulated time runs at {self.measured:.2f} of real time'
-        return 'running'
-
-    @property
-    def is_slow(self) -> bool:
-        """Say whether simulated time falls behind."""
-        if self.paused or self.failure or not self.wanted:
-            return False
-        return self.measured < _ON_TIME * self.wanted
-
 
 class Diagnostics:
     """
@@ -89,13 +69,22 @@ class Diagnostics:
 
     :param node: the node that publishes.
     :param commands: where commands are counted.
-    :ivar latest: what was seen last; None before the first look.
+    :param speed: measures the real-time factor.
+    :param work: what the thread that simulates does.
+    :param building: what the thread that builds scenes does.
+    :ivar latest: what was seen last; None before the first scene.
+    :ivar factor: real-time factor of the last second; NaN before that.
     """
 
-    def __init__(self, node: Node, commands: CommandQueue):
+    def __init__(self, node: Node, commands: CommandQueue, speed: Speedometer, work: Activity,
+                 building: Activity):
         self._publisher = qos.publisher(node, DiagnosticArray, '/diagnostics', qos.arrays())
         self._name = node.get_fully_qualified_name()
         self._commands = commands
+        self._speed = speed
+        self._work = work
+        self._building = building
+        self.factor = math.nan
         self._beat = Beat(_LOOKS)
         self._stages: Counter[str] = Counter()
         self._steps = 0
@@ -108,7 +97,7 @@ class Diagnostics:
 
     def look(self, session: Session, pacer: Pacer) -> None:
         """Look at the simulation, if that is due."""
-        if not self._beat.is_due():
+        if not session.has_scene or not self._beat.is_due():
             return
         simulation = session.simulation
         wind = np.linalg.norm(np.sum(simulation.wind.at_reference(simulation.time), axis=0))
@@ -118,71 +107,82 @@ class Diagnostics:
                       for stage, seconds in self._stages.items()}
             self._stages.clear()
             self._steps = 0
-        self.latest = Look(simulation.time, pacer.factor, pacer.measured, session.paused,
-                           session.failure, stages, len(simulation.poses), simulation.awake_bodies,
+        self.latest = Look(simulation.time, pacer.factor, session.paused, session.failure,
+                           stages, len(simulation.poses), simulation.awake_bodies,
                            simulation.bonds_broken, float(wind))
 
-    def publish(self, turn_began: float | None) -> None:
-        """
-        Publish the status.
-
-        :param turn_began: steady time at which the present step or command began [s].
-        """
+    def publish(self) -> None:
+        """Publish the status; to be called once a second."""
         look = self.latest
-        if look is None:
-            return
-        level, message = judge(look, self._busy(turn_began), self._commands.under_way)
+        self.factor = self._speed.read()
+        level, message = judge(look, self.factor, self._work, self._building)
+        array = DiagnosticArray(status=[DiagnosticStatus(
+            level=level, name=f'{self._name}: simulation', message=message,
+            hardware_id='procphys_ros',
+            values=[KeyValue(key=key, value=value) for key, value in self._values(look).items()])])
+        if look is not None:
+            array.header.stamp.sec, array.header.stamp.nanosec = stamp(look.time)
+        self._publisher.publish(array)
+
+    def _values(self, look: Look | None) -> dict[str, str]:
         taken, rejected = self._commands.counts()
-        values = {
+        shown = {} if look is None else {
             'simulation time [s]': f'{look.time:.3f}',
-            'real-time factor': f'{look.measured:.2f}',
+            'real-time factor': f'{self.factor:.2f}',
             'real-time factor wanted': f'{look.wanted:g}',
             **{f'{stage} [ms/step]': f'{milliseconds:.3f}'
                for stage, milliseconds in look.stages.items()},
             'parts': str(look.parts),
             'awake bodies': str(look.awake),
-            'bonds broken': str(look.broken),
+            'bonds broken': str(look.broken)}
+        return {
+            **shown,
+            'under way': '; '.join(filter(None, (self._work.now(), self._building.now()))),
             'commands waiting': str(len(self._commands)),
             'commands taken': str(sum(taken.values())),
             'commands rejected': str(sum(rejected.values())),
             'last rejection': self._commands.last_rejection,
             **{f'rejected {name}': str(count) for name, count in sorted(rejected.items())},
         }
-        status = DiagnosticStatus(
-            level=level, name=f'{self._name}: simulation', message=message,
-            hardware_id='procphys_ros',
-            values=[KeyValue(key=key, value=value) for key, value in values.items()])
-        array = DiagnosticArray(status=[status])
-        array.header.stamp.sec, array.header.stamp.nanosec = stamp(look.time)
-        self._publisher.publish(array)
-
-    @staticmethod
-    def _busy(turn_began: float | None) -> float:
-        return 0.0 if turn_began is None else monotonic() - turn_began
 
 
-def judge(look: Look, busy: float, command: str) -> tuple[bytes, str]:
+def judge(look: Look | None, factor: float, work: Activity, building: Activity
+          ) -> tuple[bytes, str]:
     """
     Give the level and the message of the status.
 
-    :param look: what was seen last.
-    :param busy: how long the simulation has been in one step or command [s].
-    :param command: what it carries out; '' = nothing.
+    :param look: what was seen last; None = there is no scene yet.
+    :param factor: real-time factor reached.
+    :param work: what the thread that simulates does.
+    :param building: what the thread that builds scenes does.
     """
-    if busy > _LONG_TURN:
-        return DiagnosticStatus.WARN, (f'busy with {command or "a step"} for {busy:.1f} s; time '
-                                       'stands still until it is done')
-    if look.failure:
-        return DiagnosticStatus.ERROR, look.message
-    return DiagnosticStatus.WARN if look.is_slow else DiagnosticStatus.OK, look.message
-
-
-def status_line(look: Look | None) -> str:
-    """Say how it goes, in one line for a terminal."""
     if look is None:
-        return 'starting'
+        return DiagnosticStatus.OK, building.now() or 'no scene yet'
+    level, message = DiagnosticStatus.OK, 'running'
+    if look.failure:
+        level, message = DiagnosticStatus.ERROR, f'a step went wrong: {look.failure}; {REMEDY}'
+    elif work.seconds > _LONG_TURN:
+        level, message = DiagnosticStatus.WARN, f'busy with {work.now()}; time stands still'
+    elif look.paused:
+        message = 'paused'
+    elif factor < _ON_TIME * look.wanted:
+        level = DiagnosticStatus.WARN
+        message = f'overloaded: simulated time runs at {factor:.2f} of real time'
+    building_now = building.now()
+    return level, f'{message}; {building_now}' if building_now else message
+
+
+def status_line(look: Look | None, factor: float, building: str) -> str:
+    """
+    Say how it goes, in one line for a terminal.
+
+    :param look: what was seen last; None = there is no scene yet.
+    :param factor: real-time factor reached.
+    :param building: what the thread that builds scenes does.
+    """
+    if look is None:
+        return building or 'starting'
     pace = ('stopped by an error' if look.failure else 'paused' if look.paused
-            else 'starting' if math.isnan(look.measured)
-            else f'real-time factor {look.measured:.2f}')
+            else f'real-time factor {factor:.2f}')
     return (f't {look.time:8.2f} s   {pace}   wind {look.wind:4.1f} m/s   '
-            f'{look.broken} broken')
+            f'{look.broken} broken' + (f'   {building}' if building else ''))

@@ -17,10 +17,12 @@
 
 from collections.abc import Callable
 from threading import Event, Thread
-from time import monotonic
 
 from rclpy.context import Context
 from rclpy.task import Future
+
+from procphys_ros import progress
+from procphys_ros.ros.activity import Activity
 
 
 class Loop:
@@ -32,18 +34,18 @@ class Loop:
 
     :param turn: what to call; gives the time until it wants to be called again [s].
     :param context: once it has been shut down, errors of the turn mean nothing any more.
-    :ivar ended: is done when the loop has ended; its result raises what went wrong.
-    :ivar turn_began: steady time at which the present turn began [s]; None between turns.
+    :ivar ended: is done when something went wrong that ends the node; its result raises it.
+    :ivar activity: what it does that takes long.
     """
 
     def __init__(self, turn: Callable[[], float], context: Context):
+        self.activity = Activity()
         self._turn = turn
         self._context = context
         self._woken = Event()
         self._stopped = False
         self._thread = Thread(target=self._run, name='simulation', daemon=True)
         self.ended = Future()
-        self.turn_began: float | None = None
 
     def start(self) -> None:
         """Begin to take turns."""
@@ -53,23 +55,25 @@ class Loop:
         """Begin the next turn now."""
         self._woken.set()
 
-    def stop(self) -> None:
-        """End after the present turn, and wait for that."""
+    def fail(self, error: Exception) -> None:
+        """End the node with an error."""
+        if not self.ended.done():
+            self.ended.set_exception(error)
+
+    def stop(self, patience: float) -> bool:
+        """End after the present turn, wait some time [s] for that, and say whether it has."""
         self._stopped = True
         self.wake()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(patience)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         try:
-            while not self._stopped:
-                self._woken.clear()
-                self.turn_began = monotonic()
-                pause = self._turn()
-                self.turn_began = None
-                self._woken.wait(pause)
+            with progress.reported_to(self.activity):
+                while not self._stopped:
+                    self._woken.clear()
+                    self._woken.wait(self._turn())
         except Exception as error:
             if self._context.ok():
-                self.ended.set_exception(error)
-                return
-        self.ended.set_result(None)
+                self.fail(error)

@@ -16,19 +16,24 @@
 """Node `sim`: parameters in, a simulation that keeps real time, poses and markers out."""
 
 from collections.abc import Callable
+import sys
 from traceback import format_exception
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from procphys_ros import progress
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.wind import WindSettings
 from procphys_ros.resources import shared_folder
 from procphys_ros.ros import simulation_interfaces
+from procphys_ros.ros.activity import LongWork
+from procphys_ros.ros.building import Builder
 from procphys_ros.ros.commands import Command, CommandQueue, describe
-from procphys_ros.ros.diagnostics import Diagnostics
+from procphys_ros.ros.diagnostics import Diagnostics, status_line
+from procphys_ros.ros.loading import Loading
 from procphys_ros.ros.loop import Loop
-from procphys_ros.ros.pacing import Beat, Pacer
+from procphys_ros.ros.pacing import Beat, Pacer, Speedometer
 from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.publishers import Publishers
@@ -40,6 +45,7 @@ from procphys_ros.scene.settings import read_settings
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics
 _LONGEST_TURN = 0.05  # [s] of steps before commands are looked at again
+_LAST_TURN = 0.5  # [s] that each thread may take to end
 _WARNING_PERIOD = 1.0  # [s] least time between warnings about rejected commands
 
 
@@ -68,10 +74,12 @@ class SimNode(Node):
             subscriber
         ~/scene_description (std_msgs/String, depth 1, latched): objects, parts, bonds as JSON
         ~/breaks (sensor_msgs/PointCloud2, depth 100): a row per broken bond
+        ~/broken_bonds (sensor_msgs/PointCloud2, depth 1, latched): all of them since the start
         ~/dust (sensor_msgs/PointCloud2, depth 1): dust of bursting mortar and impacts
         ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): wind at reference height, all included
         ~/intruder_wrench (geometry_msgs/WrenchStamped, depth 5): on the intruder, smoothed over
             0.1 s
+        ~/ready (std_msgs/Bool, depth 1, latched): whether a scene is there
         /clock (rosgraph_msgs/Clock, depth 1): simulation time
         /diagnostics (diagnostic_msgs/DiagnosticArray, depth 5): once a second
 
@@ -86,7 +94,7 @@ class SimNode(Node):
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
         ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/clear_wrenches,
-        ~/step_simulation, ~/reset_simulation, ~/reload_scene (std_srvs/Trigger)
+        ~/step_simulation, ~/reset_simulation, ~/reload_scene, ~/cancel_reload (std_srvs/Trigger)
         ~/simulation_interfaces/…, if that package is there: see `simulation_interfaces.py`
 
     Parameters (default; unit; range; when a change takes effect):
@@ -108,39 +116,61 @@ class SimNode(Node):
         self._beat = Beat(self.parameters['publish_rate'])
         self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
                            budget=self._longest_turn())
-        self.session = Session(self.parameters.nested(), self.pacer)
-        requests = Requests(self.parameters, self.session)
+        self.session = Session(self.pacer)
+        self.builder = Builder()
+        self._output = Publishers(self, self.parameters['world_frame'], self.parameters)
+        self.diagnostics = Diagnostics(self, self.commands, Speedometer(self.pacer),
+                                       self.loop.activity, self.builder.activity)
+        self._offer()
+        self.session.on_scene = self._start_scene
+        self.session.on_reset = self._output.reset
+        self.session.on_steps = lambda: self._output.publish(self.session.simulation, True)
+        self.session.on_wind = self.create_guard_condition(self._tell_wind).trigger
+        self.parameters.on_change(self._change)
+        self._moved = False
+        self._start()
+
+    def _offer(self) -> None:
+        """Take commands on topics and services."""
         frame = self.parameters['world_frame']
-        self._output = Publishers(self, frame, self.parameters)
-        self.diagnostics = Diagnostics(self, self.commands)
+        requests = Requests(self.parameters, self.session)
         self._topics = TopicCommands(self, self.commands, self.session, requests, frame)
         answers = Answers(self, self.commands, lambda: self.parameters['service_deadline'],
                           self.steady_clock)
-        create_services(self, answers, requests)
+        loading = Loading(self.builder, self.commands, self.parameters, self.session)
+        create_services(self, answers, requests, loading)
         simulation_interfaces.offer(self, answers, self.session)
-        self.session.on_scene = self._start_scene
-        self.session.on_reset = self._output.restart
-        self.session.on_steps = lambda: self._output.publish(self.session.simulation, True)
-        self.parameters.on_change(self._change)
-        self.create_timer(_STATUS_PERIOD, lambda: self.diagnostics.publish(self.loop.turn_began),
-                          clock=self.steady_clock)
+        self._loading = loading
+
+    def _start(self) -> None:
+        """Begin with everything that runs by itself."""
         self._warn_about_settings()
-        self._start_scene()
-        self._moved = False
-        self.pacer.restart()
+        say = self.get_logger().info
+        self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
+        self._clocks = 1
+        self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
         self._topics.start()
         self.loop.start()
+        self._loading.load_first(self.loop.fail)
 
-    def destroy_node(self) -> None:
-        """End the simulation, then the node."""
+    def destroy_node(self) -> bool:
+        """
+        End the simulation, then the node.
+
+        :returns: whether all threads have ended; one that computes cannot be made to.
+        """
         self._topics.stop()
-        self.loop.stop()
-        self.session.simulation.close()
-        super().destroy_node()
+        ended = [self.builder.stop(_LAST_TURN), self.loop.stop(_LAST_TURN)]
+        if all(ended):
+            self.session.close()
+            super().destroy_node()
+        return all(ended)
 
     def _turn(self) -> float:
         """Carry out commands, run the steps that are due, publish; say when to come again [s]."""
         self.commands.drain()
+        if not self.session.has_scene:
+            return _LONGEST_TURN
         self._guard('a step', self._advance)
         self._guard('publishing', self._publish)
         if len(self.commands) or self.pacer.is_behind and not self.session.stands:
@@ -171,11 +201,13 @@ class SimNode(Node):
                 self._log_traceback(error)
 
     def _step(self) -> None:
-        self.session.simulation.step()
+        with progress.stage('a step'):
+            self.session.simulation.step()
         self.diagnostics.note(self.session.simulation.timings)
 
     def _start_scene(self) -> None:
         self._output.start_scene(self.session.simulation)
+        self.get_logger().info(banner(self))
 
     def _longest_turn(self) -> float:
         return min(1.0 / self._beat.rate, _LONGEST_TURN)
@@ -193,9 +225,30 @@ class SimNode(Node):
             self.pacer.factor = self.parameters['real_time_factor']
             self.pacer.restart()
         self._output.apply(names)
-        if wind is not None:
+        if wind is not None and self.session.has_scene:
             self.session.change_wind(wind, names)
         return f'{", ".join(sorted(names))} changed'
+
+    def _tell_wind(self) -> None:
+        """Let the parameter say what blows, however that came about."""
+        velocity = list(self.session.mean_wind)
+        if self.parameters['wind.velocity'] != velocity:
+            self.parameters.tell('wind.velocity', velocity)
+
+    def _report(self) -> None:
+        """Say once a second how it goes."""
+        self.diagnostics.publish()
+        for work in self._watched:
+            work.look()
+        clocks = self._output.clocks
+        if clocks > max(self._clocks, 1):
+            self.get_logger().warning(f'{clocks} nodes publish /clock, time will jump for all '
+                                      'that use it; start all but one with publish_clock:=false')
+        self._clocks = clocks
+        status = self.parameters['status_line']
+        if status == 'on' or status == 'auto' and sys.stdout.isatty():
+            print(status_line(self.diagnostics.latest, self.diagnostics.factor,
+                              self.builder.activity.now()), flush=True)
 
     def report_defect(self, error: Exception) -> None:
         """Log what went wrong in the thread that talks to ROS, which goes on."""
@@ -218,5 +271,19 @@ class SimNode(Node):
         if self.get_parameter('use_sim_time').value:
             self.get_logger().warning('use_sim_time is set on the node that publishes /clock; '
                                       'it keeps its own time')
-        for name in self.parameters.unknown_overrides():
-            self.get_logger().warning(f'there is no parameter {name}')
+        for line in self.parameters.unused_overrides():
+            self.get_logger().warning(line)
+        if self.parameters.is_demo:
+            self.get_logger().info(f'no scene was given, this is the demo; give another with '
+                                   f'--ros-args --params-file {shared_folder()}/config/<scene>'
+                                   '.yaml')
+
+
+def banner(node: SimNode) -> str:
+    """Say what runs and where to look, with the names as they are after remapping."""
+    everywhere = ('/rosout', '/parameter_events')
+    sent, taken = (sorted(topic for topic, _ in topics if topic not in everywhere) for topics in (
+        node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace()),
+        node.get_subscriber_names_and_types_by_node(node.get_name(), node.get_namespace())))
+    return '\n'.join((node.session.summary(), f'  out  {" ".join(sent)}',
+                      f'  in   {" ".join(taken)}', '  stop with Ctrl-C'))

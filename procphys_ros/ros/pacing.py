@@ -18,7 +18,6 @@
 from collections.abc import Callable
 from time import monotonic
 
-_WINDOW = 1.0  # [s] of real time over which the real-time factor is measured
 _STANDSTILL = 0.25  # [s] between two calls; what goes beyond it is let go
 
 
@@ -32,7 +31,7 @@ class Pacer:
     :param factor: simulated seconds per second; 0 = as many steps as the budget allows.
     :param budget: real time that one call may spend on steps before it returns [s].
     :param clock: gives steady real time [s].
-    :ivar measured: real-time factor over the last second or so; NaN before the first.
+    :ivar simulated: time that all steps together have simulated [s].
     :ivar is_behind: whether the last call ran out of its budget.
     """
 
@@ -42,15 +41,14 @@ class Pacer:
         self.budget = budget
         self.time_step = time_step
         self._clock = clock
+        self.simulated = 0.0
         self.restart()
 
     def restart(self) -> None:
         """Start anew from now, owing nothing (after a pause, a reset, a slow command)."""
-        self._last = self._window_start = self._clock()
+        self._last = self._clock()
         self._owed = 0.0
-        self._window_steps = 0
         self.is_behind = False
-        self.measured = float('nan')
 
     def advance(self, step: Callable[[], None]) -> int:
         """
@@ -68,23 +66,36 @@ class Pacer:
             step()
             steps += 1
             self._owed -= self.time_step
+            self.simulated += self.time_step
         self.is_behind = self._is_due()
         if self.is_behind:
             self._owed = 0.0  # overloaded: slow down instead of catching up later
-        self._measure(steps)
         return steps
 
     def _is_due(self) -> bool:
         # The small share makes a clock that ticks just short of a step count as on time.
         return self.factor == 0.0 or self._owed >= 0.999 * self.time_step
 
-    def _measure(self, steps: int) -> None:
-        self._window_steps += steps
-        elapsed = self._clock() - self._window_start
-        if elapsed >= _WINDOW:
-            self.measured = self._window_steps * self.time_step / elapsed
-            self._window_start += elapsed
-            self._window_steps = 0
+
+class Speedometer:
+    """
+    Measures how fast simulated time passes.
+
+    :param pacer: simulates, in whatever thread.
+    :param clock: gives steady real time [s].
+    """
+
+    def __init__(self, pacer: Pacer, clock: Callable[[], float] = monotonic):
+        self._pacer = pacer
+        self._clock = clock
+        self._since, self._simulated = clock(), pacer.simulated
+
+    def read(self) -> float:
+        """Give simulated over real time since the last call; also while a step goes on."""
+        now, simulated = self._clock(), self._pacer.simulated
+        elapsed, passed = now - self._since, simulated - self._simulated
+        self._since, self._simulated = now, simulated
+        return passed / elapsed if elapsed > 0.0 else 0.0
 
 
 class Beat:

@@ -60,6 +60,11 @@ class Parameter:
     optional: bool = False
     any_length: bool = False
 
+    @property
+    def takes_any_length(self) -> bool:
+        """Say whether it is a list that may be of any length."""
+        return isinstance(self.default, list) and (self.any_length or not self.default)
+
     def read(self, value: Any, name: str = '') -> Any:
         """
         Check a value and give it the parameter's own type; integers pass for doubles.
@@ -78,9 +83,11 @@ class Parameter:
         if isinstance(self.default, str):
             return self._text(value, name)
         items = list(value) if _is_sequence(value) else None
+        if value is None and self.takes_any_length:  # as ROS reads an empty list of a file
+            items = []
         if self.any_length:
             return [self._number(item, name) for item in ([value] if items is None else items)]
-        if self.default and isinstance(self.default[0], float):
+        if not self.takes_any_length:
             if items is None or len(items) != len(self.default):
                 raise SceneError(f'{name} is {_short(value)}, it must be a list of '
                                  f'{len(self.default)} numbers')
@@ -135,6 +142,9 @@ GLOBAL = (
               read_only=True),
     Parameter('shard.count', 1, 'number of nodes that share the scene, each with another '
               'shard.index', '', 1, 1000, read_only=True),
+    Parameter('publish_clock', True, 'whether simulation time goes out on /clock', read_only=True),
+    Parameter('status_line', 'auto', 'a line each second on the standard output; auto = on a '
+              'terminal only', choices=('auto', 'on', 'off'), read_only=True),
     Parameter('publish_rate', 30.0, 'rate of ~/poses, ~/wind_info and /clock', 'Hz', 0.1, 240.0),
     Parameter('marker_rate', 30.0, 'highest rate of ~/markers', 'Hz', 0.1, 240.0),
     Parameter('marker_triangles', 40_000, 'most triangles of leaves and twigs in ~/markers; of a '
@@ -270,6 +280,12 @@ def find(name: str, objects: list[str]) -> Parameter | None:
     """
     owner, _, key = name.partition('.')
     return _GLOBAL.get(name) or (_OBJECT.get(key) if owner in objects else None)
+
+
+def is_of_an_object(name: str) -> bool:
+    """Say whether a full name is one that a parameter of some object could have."""
+    owner, _, key = name.partition('.')
+    return owner not in _GROUPS and key in _OBJECT
 
 
 def check_object_names(names: list[str]) -> None:

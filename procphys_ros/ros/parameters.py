@@ -15,7 +15,7 @@
 
 """Declare the parameters on a node, check every change, and hold their present values."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -28,16 +28,21 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from procphys_ros.errors import nearest_names
+from procphys_ros.resources import shared_folder
 from procphys_ros.ros.commands import describe, shortened
 from procphys_ros.ros.parameter_table import (
     check_object_names,
     find,
     GLOBAL,
+    is_of_an_object,
     nested,
     OBJECT,
     Parameter,
 )
 from procphys_ros.scene.settings import read_settings
+from procphys_ros.scene.yaml_file import read_yaml
+
+_OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')
 
 
 class Parameters:
@@ -49,6 +54,7 @@ class Parameters:
     whole, so another thread may read them at any time.
 
     :param node: the node that they are declared on.
+    :ivar is_demo: whether no scene was given, so that the parameters are those of the demo.
     :raises SceneError: when a value given at start is not allowed.
     """
 
@@ -57,10 +63,13 @@ class Parameters:
         self._values: dict[str, Any] = {}
         self._objects: list[str] = []
         self._on_change: Callable[[set[str]], None] = lambda names: None
+        self._defaults = {} if 'scene.objects' in node._parameter_overrides else demo()
+        self.is_demo = bool(self._defaults)
         for parameter in GLOBAL:
             self._declare(parameter, parameter.name)
         self._declare_objects()
         read_settings(self.nested())
+        node.add_pre_set_parameters_callback(self._type_empty_lists)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take_over)
 
@@ -75,16 +84,33 @@ class Parameters:
         """Give the present values as `Scene.from_parameters` reads them."""
         return nested(self._values, self._objects)
 
-    def unknown_overrides(self) -> list[str]:
-        """Say which values given at start belong to no parameter, with what may be meant."""
-        return [f'{name}{nearest_names(name, self._values)}'
-                for name in sorted(self._node._parameter_overrides)
-                if name not in self._values and name != 'use_sim_time'
-                and not name.startswith('qos_overrides.')]
+    def tell(self, name: str, value: Any) -> None:
+        """Give a parameter the value that already holds; nobody is called for it."""
+        on_change, self._on_change = self._on_change, lambda names: None
+        self._node.set_parameters([RosParameter(name, value=value)])
+        self._on_change = on_change
+
+    def unused_overrides(self) -> list[str]:
+        """Say in few lines which values given at start are those of no parameter."""
+        names = [name for name, given in sorted(self._node._parameter_overrides.items())
+                 if given.value is not None and name not in self._values and name not in _OF_EVERY_NODE
+                 and not name.startswith('qos_overrides.')]
+        absent = {name.partition('.')[0] for name in names if is_of_an_object(name)}
+        absent -= set(self._objects)
+        unknown = [f'{name}{nearest_names(name, self._values)}' for name in names
+                   if name.partition('.')[0] not in absent]
+        return [text for text, found in (
+            (f'parameters of {", ".join(sorted(absent))} are not used, scene.objects does not '
+             'name them', absent),
+            (f'there is no parameter {", no ".join(unknown)}', unknown)) if found]
 
     def _declare(self, parameter: Parameter, name: str) -> None:
-        declared = self._node.declare_parameter(name, parameter.default, _descriptor(parameter))
-        self._values = {**self._values, name: parameter.read(declared.value, name)}
+        default = self._defaults.get(name, parameter.default)
+        declared = self._node.declare_parameter(name, default, _descriptor(parameter))
+        value = parameter.read(declared.value, name)
+        self._values = {**self._values, name: value}
+        if not value and parameter.takes_any_length:  # rclpy cannot tell what it is a list of
+            self._node.set_parameters([_typed(parameter, name)])
 
     def _declare_objects(self) -> None:
         """Declare the parameters of objects that are new in `scene.objects`."""
@@ -94,6 +120,16 @@ class Parameters:
                 self._objects = [*self._objects, name]
                 for parameter in OBJECT:
                     self._declare(parameter, f'{name}.{parameter.name}')
+
+    def _type_empty_lists(self, changes: list[RosParameter]) -> list[RosParameter]:
+        """Let a list be emptied however that is said: tools send no value, or no type."""
+        typed = []
+        for change in changes:
+            parameter = find(change.name, self._objects)
+            empties = (parameter is not None and parameter.takes_any_length
+                       and (change.value is None or len(change.value) == 0))
+            typed.append(_typed(parameter, change.name) if empties and parameter else change)
+        return typed
 
     def _check(self, changes: list[RosParameter]) -> SetParametersResult:
         """Judge changes without any side effect; what is not ours is not refused."""
@@ -122,6 +158,27 @@ class Parameters:
             self._declare_objects()
         if names:
             self._on_change(names)
+
+
+def demo() -> dict[str, Any]:
+    """Give the parameters of the demo by their full names."""
+    flat: dict[str, Any] = {}
+
+    def flatten(prefix: str, group: Mapping[str, Any]) -> None:
+        for key, value in group.items():
+            if isinstance(value, Mapping):
+                flatten(f'{prefix}{key}.', value)
+            else:
+                flat[prefix + key] = value
+
+    flatten('', read_yaml(shared_folder() / 'config' / 'demo.yaml'))
+    return flat
+
+
+def _typed(parameter: Parameter, name: str) -> RosParameter:
+    """Make an empty list that knows what it is a list of."""
+    of_numbers, of_texts = RosParameter.Type.DOUBLE_ARRAY, RosParameter.Type.STRING_ARRAY
+    return RosParameter(name, of_numbers if parameter.any_length else of_texts, [])
 
 
 def _descriptor(parameter: Parameter) -> ParameterDescriptor:

@@ -22,11 +22,12 @@ import numpy as np
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
 from procphys_ros import messages
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
+from procphys_ros.messages.points import BREAK
 from procphys_ros.ros import qos
 from procphys_ros.ros.newcomers import Newcomers
 from procphys_ros.ros.pacing import Beat
@@ -34,7 +35,7 @@ from procphys_ros.ros.parameters import Parameters
 from procphys_ros.simulation import Simulation
 
 _EARLY = 0.2  # share of their period that markers may come early, for turns that jitter
-_DESCRIPTIONS = 2.0  # [Hz] highest rate of descriptions while parts come to the scene
+_DESCRIPTIONS = 2.0  # [Hz] highest rate of latched messages while they change
 
 
 class Publishers:
@@ -47,6 +48,7 @@ class Publishers:
     """
 
     def __init__(self, node: Node, frame: str, parameters: Parameters):
+        self._node = node
         self._parameters = parameters
         self._frame = frame
         self._new_to_poses, self._new_to_markers = Newcomers(), Newcomers()
@@ -60,23 +62,40 @@ class Publishers:
         self._wind_info = qos.publisher(node, Vector3Stamped, '~/wind_info', qos.arrays())
         self._intruder_wrench = qos.publisher(node, WrenchStamped, '~/intruder_wrench',
                                                       qos.arrays())
+        self._broken = qos.publisher(node, PointCloud2, '~/broken_bonds', qos.latched())
+        self._ready = qos.publisher(node, Bool, '~/ready', qos.latched())
+        self._ready.publish(Bool(data=False))
         # Time has one source, also when several nodes share a scene.
         self._clock = (qos.publisher(node, Clock, '/clock', qos.newest())
-                       if parameters['shard.index'] == 0 else None)
+                       if parameters['publish_clock'] and parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
         self._wants_whole = True
         self._marker_beat = Beat(parameters['marker_rate'], _EARLY)
         self._description_beat = Beat(_DESCRIPTIONS)
+        self._broken_beat = Beat(_DESCRIPTIONS)
+        self._forget_breaks()
         self._had_dust = False
+
+    @property
+    def clocks(self) -> int:
+        """Count the publishers of the topic that this one publishes time on."""
+        return (0 if self._clock is None
+                else len(self._node.get_publishers_info_by_topic(self._clock.topic_name)))
 
     def start_scene(self, simulation: Simulation) -> None:
         """Announce a scene that has been loaded; whoever watches gets all of it anew."""
         self._describer = SceneDescription(self._frame)
         self._describe(simulation)
+        self.reset()
+        self._ready.publish(Bool(data=True))
+
+    def reset(self) -> None:
+        """Begin anew, because time has jumped back."""
+        self._forget_breaks()
         self.restart()
 
     def restart(self) -> None:
-        """Send everything next, in place of what was shown (the time has jumped back)."""
+        """Send everything next, in place of what was shown."""
         if self._scene_markers is not None and self._style().shard:
             self._markers.publish(self._scene_markers.deletions((0, 0)))
         self._scene_markers = None
@@ -115,6 +134,11 @@ class Publishers:
                 and self._intruder_wrench.get_subscription_count()):
             self._publish_intruder_wrench(simulation, at)
 
+    def _forget_breaks(self) -> None:
+        self._broken_rows = np.empty(0, BREAK)
+        self._has_news_of_breaks = True
+        self._broken_beat.hasten()
+
     def _describe(self, simulation: Simulation) -> None:
         if len(simulation.blueprint) < self._describer.parts:  # late parts went with a reset
             self._describer = SceneDescription(self._frame)
@@ -149,9 +173,15 @@ class Publishers:
 
     def _publish_breaks(self, simulation: Simulation, at: messages.Stamp) -> None:
         events = simulation.log.take()
-        if len(events) and self._breaks.get_subscription_count():
+        if len(events):
             rows = messages.break_rows(events)
-            self._breaks.publish(messages.point_cloud(rows, at, self._frame))
+            self._broken_rows = np.concatenate([self._broken_rows, rows])
+            self._has_news_of_breaks = True
+            if self._breaks.get_subscription_count():
+                self._breaks.publish(messages.point_cloud(rows, at, self._frame))
+        if self._has_news_of_breaks and self._broken_beat.is_due():
+            self._broken.publish(messages.point_cloud(self._broken_rows, at, self._frame))
+            self._has_news_of_breaks = False
 
     def _publish_dust(self, simulation: Simulation, at: messages.Stamp) -> None:
         dust = simulation.dust

@@ -92,11 +92,6 @@ class Requests:
         """Put everything back to where it began."""
         return self._session.reset_simulation
 
-    def reload_scene(self) -> Act:
-        """Build the scene of the present parameters."""
-        parameters = self._parameters.nested()
-        return lambda: self._session.reload_scene(parameters)
-
     def _group(self, name: str, kind: Callable[..., Any]) -> Any:
         """Read a group of parameters as what it describes."""
         return kind(**{f.name: self._parameters[f'{name}.{f.name}']

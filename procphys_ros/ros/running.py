@@ -13,17 +13,20 @@
 # limitations under the License.
 
 
-"""Run the node as a process: start it, say what runs, end it cleanly."""
+"""Run the node as a process: start it, serve ROS, end it cleanly and soon."""
 
+import os
 import sys
 
 import rclpy
 from rclpy.exceptions import NotInitializedException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
 
 from procphys_ros.errors import ProcPhysError, SceneError
-from procphys_ros.ros.diagnostics import status_line
 from procphys_ros.ros.node import SimNode
+
+_SWITCH = 0.001  # [s] after which a thread that computes lets another run (Python: 0.005)
 
 
 def run(args: list[str] | None) -> int:
@@ -33,34 +36,42 @@ def run(args: list[str] | None) -> int:
     :param args: command line, with ROS arguments; None = the process's own.
     :returns: exit code: 0 when told to stop, 1 when the scene cannot be read.
     """
+    sys.setswitchinterval(_SWITCH)
+    code = 0
     try:
         _start_ros(args)
         _spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ProcPhysError, ParameterException) as error:
-        print(f'sim: {error}', file=sys.stderr)
-        return 1
+        code = _complain(error)
     except (RuntimeError, NotInitializedException):
         if rclpy.ok():
             raise  # else a signal has ended the context under the hands of whoever used it
     finally:
         rclpy.try_shutdown()
-    return 0
+    return code
 
 
 def _spin() -> None:
     executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
     node = SimNode()
-    print(banner(node), flush=True)
-    node.create_timer(1.0, lambda: print(status_line(node.diagnostics.latest), flush=True),
-                      clock=node.steady_clock)
     executor.add_node(node)
+    code = 0
     try:
         _serve(executor, node)
-        node.loop.ended.result()
-    finally:
-        node.destroy_node()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except ProcPhysError as error:
+        code = _complain(error)
+    if not node.destroy_node():
+        # A thread that compiles or computes cannot be told to end, and the interpreter must not
+        # be taken down around it.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    if code:
+        sys.exit(code)
 
 
 def _serve(executor: SingleThreadedExecutor, node: SimNode) -> None:
@@ -72,8 +83,18 @@ def _serve(executor: SingleThreadedExecutor, node: SimNode) -> None:
             raise
         except Exception as error:
             if not rclpy.ok():
-                raise
+                raise ExternalShutdownException from error
             node.report_defect(error)
+    node.loop.ended.result()
+
+
+def _complain(error: Exception) -> int:
+    """Say in one line why the node ends, and give the exit code."""
+    if rclpy.ok():
+        get_logger('sim').fatal(str(error))
+    else:
+        print(f'sim: {error}', file=sys.stderr)
+    return 1
 
 
 def _start_ros(args: list[str] | None) -> None:
@@ -85,16 +106,3 @@ def _start_ros(args: list[str] | None) -> None:
         hint = ('; write the numbers of a list alike, [1.0, 2.5, 0.0]'
                 if 'Sequence should be of same type' in reason else '')
         raise SceneError(reason.split(', at /')[0] + hint) from error
-
-
-def banner(node: SimNode) -> str:
-    """Say what runs and where to look."""
-    name = node.get_fully_qualified_name()
-    return '\n'.join((
-        f'procphys_ros: {node.session.summary()}',
-        f'  out  {name}/poses {name}/markers {name}/scene_description {name}/breaks '
-        f'{name}/dust {name}/wind_info {name}/intruder_wrench /clock '
-        '/diagnostics',
-        f'  in   {name}/wind {name}/impulse {name}/wrench {name}/explosion '
-        f'{name}/observer {name}/intruder',
-        '  stop with Ctrl-C'))

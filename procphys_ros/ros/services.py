@@ -32,6 +32,9 @@ _LOOK = 0.02  # [s] between looks at commands that wait
 BUSY = 'the simulation is busy'  # how the refusal of a command begins that was not come to
 
 
+Answer = Callable[[bool, str], None]
+
+
 class Actions(Protocol):
     """What the services ask for; each gives what is to be done, or raises ProcPhysError."""
 
@@ -55,11 +58,17 @@ class Actions(Protocol):
 
     def reset_simulation(self) -> Act: ...
 
-    def reload_scene(self) -> Act: ...
+
+class Scenes(Protocol):
+    """Loads scenes; each is told whom to answer."""
+
+    def reload(self, answer: Answer) -> None: ...
+
+    def cancel(self, answer: Answer) -> None: ...
 
 
 _TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish',
-             'clear_wrenches', 'step_simulation', 'reset_simulation', 'reload_scene')
+             'clear_wrenches', 'step_simulation', 'reset_simulation')
 _SWITCHES = ('set_wind_enabled', 'set_pause')
 
 
@@ -97,6 +106,22 @@ class Answers:
         :param prepare: called now; gives what is to be done, or raises what refuses it.
         :returns: whether it was carried out, and what happened or why not.
         """
+        def begin(answer: Answer) -> None:
+            command = Command(name, prepare(), answer)
+            self._waiting.append((self._now() + self._deadline(), command))
+            if self._timer.is_canceled():
+                self._timer.reset()
+            self._queue.call(command)
+        return await self.wait_for(name, begin)
+
+    async def wait_for(self, name: str, begin: Callable[[Answer], None]) -> tuple[bool, str]:
+        """
+        Begin with something, and wait until it is answered for, however long that takes.
+
+        :param name: of the service.
+        :param begin: called now with the function to answer with, in whatever thread; or raises.
+        :returns: as `ask`.
+        """
         future = Future()
 
         def answer(success: bool, message: str) -> None:
@@ -106,13 +131,9 @@ class Answers:
                 executor.wake()
 
         try:
-            command = Command(name, prepare(), answer)
+            begin(answer)
         except Exception as error:
             return False, self._queue.reject(name, error)
-        self._waiting.append((self._now() + self._deadline(), command))
-        if self._timer.is_canceled():
-            self._timer.reset()
-        self._queue.call(command)
         return await future
 
     def look(self) -> None:
@@ -133,16 +154,20 @@ class Answers:
             self._timer.cancel()
 
 
-def create_services(node: Node, answers: Answers, actions: Actions) -> None:
+def create_services(node: Node, answers: Answers, actions: Actions, scenes: Scenes) -> None:
     """
     Offer all services.
 
     :param node: the node that offers them.
     :param answers: waits for what becomes of a command.
     :param actions: say what is to be done.
+    :param scenes: loads scenes.
     """
     for name in _TRIGGERS:
         node.create_service(Trigger, f'~/{name}', _trigger(answers, name, getattr(actions, name)),
+                            callback_group=answers.group)
+    for name, begin in (('reload_scene', scenes.reload), ('cancel_reload', scenes.cancel)):
+        node.create_service(Trigger, f'~/{name}', _long_trigger(answers, name, begin),
                             callback_group=answers.group)
     for name in _SWITCHES:
         node.create_service(SetBool, f'~/{name}', _switch(answers, name, getattr(actions, name)),
@@ -152,6 +177,13 @@ def create_services(node: Node, answers: Answers, actions: Actions) -> None:
 def _trigger(answers: Answers, name: str, prepare: Callable[[], Act]):
     async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success, response.message = await answers.ask(name, prepare)
+        return response
+    return serve
+
+
+def _long_trigger(answers: Answers, name: str, begin: Callable[[Answer], None]):
+    async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success, response.message = await answers.wait_for(name, begin)
         return response
     return serve
 

@@ -15,18 +15,15 @@
 
 """Session: the simulation that runs at the moment, and what may be done to it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
-from procphys_ros.errors import CommandError, ProcPhysError
+from procphys_ros.errors import CommandError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.ros.pacing import Pacer
-from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation import Simulation
 
-_STAYS = 'the scene stays as it was'
 REMEDY = 'time stands still until ~/reset_simulation or ~/reload_scene'
 
 
@@ -34,38 +31,71 @@ class Session:
     """
     Owns the simulation and does to it what commands ask for; in the thread that simulates.
 
-    :param parameters: nested mapping that describes the first scene.
     :param pacer: told when time does not pass as usual.
-    :ivar simulation: the simulation of the moment; another one after `reload_scene`.
     :ivar paused: whether time stands still.
     :ivar failure: what stopped the simulation, '' = nothing; a reset or a reload ends it.
     :ivar on_scene: called when another scene has been loaded.
     :ivar on_reset: called when time has jumped back.
     :ivar on_steps: called when steps were run on demand.
-    :raises ProcPhysError: when the first scene cannot be built.
+    :ivar mean_wind: that blows at the reference height [m/s], (3,).
+    :ivar on_wind: called when another mean wind blows.
     """
 
-    def __init__(self, parameters: Mapping[str, Any], pacer: Pacer):
+    def __init__(self, pacer: Pacer):
         self._pacer = pacer
         self.paused = False
         self.failure = ''
         self.on_scene: Callable[[], None] = lambda: None
         self.on_reset: Callable[[], None] = lambda: None
         self.on_steps: Callable[[], None] = lambda: None
-        self.simulation = self._build(parameters)
+        self.on_wind: Callable[[], None] = lambda: None
+        self.mean_wind: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self._simulation: Simulation | None = None
+
+    @property
+    def has_scene(self) -> bool:
+        """Say whether there is a simulation."""
+        return self._simulation is not None
+
+    @property
+    def simulation(self) -> Simulation:
+        """
+        Give the simulation of the moment; `adopt` puts another in its place.
+
+        :raises CommandError: when there is none yet.
+        """
+        if self._simulation is None:
+            raise CommandError('the first scene is still being built')
+        return self._simulation
+
+    def adopt(self, simulation: Simulation) -> str:
+        """Go over to another simulation, and say what it holds."""
+        self.close()
+        self._simulation = simulation
+        self._pacer.time_step = simulation.time_step
+        self._blow(simulation.wind.settings.velocity)
+        self._recover()
+        self.on_scene()
+        return self.summary()
+
+    def close(self) -> None:
+        """Free what the simulation holds."""
+        if self._simulation is not None:
+            self._simulation.close()
+            self._simulation = None
 
     def set_wind(self, velocity: Sequence[float]) -> str:
         """Change the mean wind [m/s], (3,)."""
         self.simulation.set_wind(velocity)
-        self._mean_wind = tuple(velocity)
+        self._blow(velocity)
         return f'mean wind {list(velocity)} m/s'
 
     def change_wind(self, wind: WindSettings, names: set[str]) -> None:
         """Go over to other settings of the wind, of which those named have changed."""
         if 'wind.velocity' not in names:
-            wind = replace(wind, velocity=self._mean_wind)
-        self._mean_wind = tuple(wind.velocity)
+            wind = replace(wind, velocity=self.mean_wind)
         self.simulation.wind.change(wind, self.simulation.time)
+        self._blow(wind.velocity)
 
     def set_wind_enabled(self, enabled: bool) -> str:
         """Switch the wind on or off."""
@@ -144,24 +174,10 @@ class Session:
         except Exception as error:
             self.fail(error)
             raise
-        self._mean_wind = tuple(self.simulation.wind.settings.velocity)
+        self._blow(self.simulation.wind.settings.velocity)
         self._recover()
         self.on_reset()
         return 'back at 0 s'
-
-    def reload_scene(self, parameters: Mapping[str, Any]) -> str:
-        """Build another scene; on an error the old one stays."""
-        try:
-            simulation = self._build(parameters)
-        except ProcPhysError as error:
-            raise CommandError(f'{error}; {_STAYS}') from error
-        except Exception as error:
-            raise RuntimeError(f'{type(error).__name__}: {error}; {_STAYS}') from error
-        self.simulation.close()
-        self.simulation = simulation
-        self._recover()
-        self.on_scene()
-        return self.summary()
 
     def fail(self, error: Exception) -> None:
         """
@@ -183,6 +199,10 @@ class Session:
         return (f'{len(simulation.scene.objects)} objects, {len(simulation.poses)} parts, '
                 f'{len(simulation.blueprint.bonds)} bonds')
 
+    def _blow(self, velocity: Sequence[float]) -> None:
+        self.mean_wind = tuple(velocity)
+        self.on_wind()
+
     def _recover(self) -> None:
         self.failure = ''
         self._pacer.restart()
@@ -190,10 +210,3 @@ class Session:
     def _refuse_after_failure(self) -> None:
         if self.failure:
             raise CommandError(f'a step went wrong ({self.failure}); {REMEDY}')
-
-    def _build(self, parameters: Mapping[str, Any]) -> Simulation:
-        scene = Scene.from_parameters(parameters)
-        simulation = Simulation(scene)
-        self._pacer.time_step = simulation.time_step
-        self._mean_wind = tuple(scene.settings.wind.velocity)
-        return simulation

@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.errors import SceneError
+from procphys_ros.progress import stage
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.settings import read_settings, Settings
@@ -137,8 +138,10 @@ class Scene:
         variants = min(spec.variants or len(names), len(names))
         mine = self.shard.members(self._instances, len(names))
         self._instances += len(names)
-        built = {i: grammar.build(seed=seed + i, **spec.numbers)
-                 for i in sorted({i % variants for i in mine})}
+        built = {}
+        for i in sorted({i % variants for i in mine}):
+            with stage('growing objects', f'{names[i]}, {i + 1} of {variants}'):
+                built[i] = grammar.build(seed=seed + i, **spec.numbers)
         turn = np.array([[np.cos(spec.yaw), np.sin(spec.yaw)],
                          [-np.sin(spec.yaw), np.cos(spec.yaw)]])
         for i in mine:

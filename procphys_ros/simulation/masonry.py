@@ -24,6 +24,7 @@ from procphys_ros.physics.masonry import Resistance
 from procphys_ros.physics.masonry.capacity import bond_resistance
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.physics.masonry.links import pulls
+from procphys_ros.progress import staged
 from procphys_ros.simulation import fragments
 from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
@@ -162,6 +163,7 @@ def is_stable(state: State) -> bool:
     return not len(state.solver.graph) or state.fracture.stable
 
 
+@staged('settling stresses')
 def settle(model: Model, state: State) -> None:
     """Find the stresses under weight alone, as they are when the mortar has set."""
     _let_go(model, state, _advance(model, state, _SETTLING)[0])

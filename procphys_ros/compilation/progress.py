@@ -1,0 +1,36 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tells of every kernel that is compiled: dozens of them take a minute at a first start."""
+
+from typing import Any
+
+from numba.core import event
+
+from procphys_ros import progress
+
+COMPILING = 'compiling kernels'
+
+
+class _Reporter(event.Listener):
+    """Passes numba's own events on."""
+
+    def on_start(self, event: Any) -> None:
+        progress.begin(COMPILING, event.data['dispatcher'].py_func.__name__.lstrip('_'))
+
+    def on_end(self, event: Any) -> None:
+        progress.end()
+
+
+event.register('numba:compile', _Reporter())

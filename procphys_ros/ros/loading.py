@@ -1,0 +1,90 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Loading: has scenes built and handed to the thread that simulates."""
+
+from collections.abc import Callable
+
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.ros.building import Builder
+from procphys_ros.ros.commands import Command, CommandQueue, describe
+from procphys_ros.ros.parameters import Parameters
+from procphys_ros.ros.session import Session
+from procphys_ros.simulation import Simulation
+
+RELOAD = 'reload_scene'
+_STAYS = '; the scene stays as it was'
+
+
+class Loading:
+    """
+    Loads the first scene, and others in its place.
+
+    :param builder: builds them.
+    :param queue: hands them over between two steps.
+    :param parameters: describe them, as they are when it begins.
+    :param session: takes them.
+    """
+
+    def __init__(self, builder: Builder, queue: CommandQueue, parameters: Parameters,
+                 session: Session):
+        self._builder = builder
+        self._queue = queue
+        self._parameters = parameters
+        self._session = session
+
+    def load_first(self, failed: Callable[[Exception], None]) -> None:
+        """
+        Begin to load the first scene.
+
+        :param failed: called with ProcPhysError, in another thread, when it cannot be built.
+        """
+        def fail(error: Exception) -> None:
+            lasting = SceneError(describe(error))
+            lasting.__cause__ = error
+            failed(lasting)
+
+        self._builder.build(self._parameters.nested(), self._hand_over, fail)
+
+    def reload(self, answer: Callable[[bool, str], None]) -> None:
+        """
+        Begin to load the scene of the present parameters; on an error the old one stays.
+
+        :param answer: told, in another thread, whether it runs now, and what it holds or why not.
+        :raises CommandError: when another is being loaded.
+        """
+        def hand_over(simulation: Simulation) -> None:
+            self._hand_over(simulation, answer)
+
+        def fail(error: Exception) -> None:
+            answer(False, self._queue.reject(RELOAD, error, _STAYS))
+
+        self._builder.build(self._parameters.nested(), hand_over, fail)
+
+    def cancel(self, answer: Callable[[bool, str], None]) -> None:
+        """
+        Give up what is being loaded.
+
+        :raises CommandError: when nothing is.
+        """
+        if not self._session.has_scene:
+            raise CommandError('the first scene cannot be cancelled; end the node instead')
+        self._builder.cancel()
+        self._queue.take('cancel_reload')
+        answer(True, 'cancelled' + _STAYS)
+
+    def _hand_over(self, simulation: Simulation,
+                   answer: Callable[[bool, str], None] = lambda success, message: None) -> None:
+        self._queue.call(Command(RELOAD, lambda: self._session.adopt(simulation), answer))
