@@ -24,6 +24,7 @@ answers to services take and what became of the commands. Run: python bench/node
 import json
 import os
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -60,10 +61,11 @@ def start(scene: dict, folder: str) -> tuple[subprocess.Popen, str]:
     path.write_text(json.dumps({'/**': {'ros__parameters': scene}}), 'utf-8')
     process = subprocess.Popen(
         [sys.executable, '-m', 'procphys_ros.ros.sim', '--ros-args', '--params-file', str(path)],
-        cwd=_ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        cwd=_ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     for line in process.stdout:
-        if line.startswith('procphys_ros:'):
-            return process, line.partition(': ')[2].strip()
+        found = re.search(r'\d+ objects, \d+ parts, \d+ bonds', line)
+        if found:
+            return process, found[0]
     raise SystemExit('the node did not start')
 
 

@@ -18,6 +18,8 @@ from collections.abc import Iterable
 import difflib
 from functools import lru_cache
 
+_LONGEST_NAME = 200  # [characters] of names worth comparing; longer ones take seconds
+
 
 class ProcPhysError(Exception):
     """Base of every error caused by input; `str(error)` is fit to be shown to a user."""
@@ -66,7 +68,9 @@ def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     :param known: the names that exist.
     :param limit: how many to offer.
     """
-    close = [found for found in _close(name, tuple(known), limit) if found != name]
+    if len(name) > _LONGEST_NAME:
+        return ''
+    close = [other for other in _close(name, tuple(known), limit + 1) if other != name][:limit]
     return f'; did you mean {", ".join(close)}?' if close else ''
 
 

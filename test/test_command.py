@@ -57,10 +57,12 @@ def say(tmp_path_factory):
 @pytest.mark.parametrize('words, answer', [
     ('wind 4 0 0', 'wind [4, 0, 0] m/s'),
     ('wind off', 'wind off'),
-    ('impulse sapling_0/2 0 -3 0', 'on sapling_0/2'),
+    ('impulse sapling_0/2 0 -3 0', 'sent on ~/impulse'),
     ('wrench sapling_1/segment_2 5 0 0', 'sent'),
     ('clear', 'ended'),
     ('explode 0 30 1 --charge 0.5', '0.5 kg TNT'),
+    ('explode 0 40 1', 'sent on ~/explosion'),
+    ('set scene.cues []', 'scene.cues  []'),
     ('launch --shape box --size 0.2 0.2 0.1 --mass 2 --from 40 0 3 --velocity 1 0 0', 'flies'),
     ('gust --amplitude 3 --duration 2 --direction 1 0 0', 'gust of 3 m/s for 2 s'),
     ('set gust.duration 4', 'gust.duration  4'),
@@ -85,6 +87,8 @@ def test_what_is_said_happens(node, say, words, answer):
     ('set gust.duration long', 'not a number'),
     ('set shard.count 2', ''),
     ('list nothing', 'no object'),
+    ('impulse 999999999999999999999 1 0 0', 'no part 999'),
+    ('impulse sapling_0 1 0 0', 'object/index'),
 ])
 def test_what_is_refused_ends_with_one(node, say, words, reason):
     """Print the reason on the error stream, in one line, and nothing else."""
@@ -149,3 +153,6 @@ def test_completion_and_help_need_no_node(say):
     assert code == 0 and '__complete' in out and 'complete -F' in out
     assert say('--help')[0] == 0
     assert say('impulse')[0] == 2
+    for name in ('bad-name!', '/', '9', '/sim/', '//sim'):
+        code, _, errors = say(f'--node {name} pause')
+        assert code == 2 and 'cannot name a node' in errors, name

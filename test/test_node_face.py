@@ -64,7 +64,8 @@ SERVICES = {
     **dict.fromkeys(
         (f'/sim/{name}' for name in (
             'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'clear_wrenches',
-            'step_simulation', 'reset_simulation', 'reload_scene', 'cancel_reload')), 'std_srvs/srv/Trigger'),
+            'step_simulation', 'reset_simulation', 'reload_scene', 'cancel_reload')),
+        'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.
 DRAWN = {'rviz_default_plugins/MarkerArray': 'visualization_msgs/msg/MarkerArray',

@@ -24,6 +24,7 @@ from typing import Any
 from procphys_ros.errors import CommandError, nearest_names
 
 _WILD = '*?['
+_MOST_DIGITS = 18  # of an index
 
 
 class Description:
@@ -83,6 +84,25 @@ class Description:
             size = ' x '.join(f'{edge:.3g}' for edge in parts['size'][i])
             yield (f'{parts["name"][i]:{width}}  {_mass(parts["mass"][i])}  '
                    f'{parts["material"][i]}, {parts["shape"][i]} {size} m')
+
+    def check_part(self, name: str) -> None:
+        """
+        Make sure that a name or an index means one part.
+
+        :raises CommandError: when it means none; the message offers what there is.
+        """
+        total = len(self._content['parts']['name'])
+        if name.isascii() and name.isdigit():
+            if len(name) > _MOST_DIGITS or int(name) >= total:
+                raise CommandError(f'there is no part {name[:_MOST_DIGITS]}; indices go from 0 to '
+                                   f'{total - 1}')
+            return
+        owner, slash, part = name.partition('/')
+        if owner not in self._ranges or not part:
+            near = nearest_names(owner, self.objects)
+            raise CommandError(f'there is no part "{name[:99]}"{near}; parts are called '
+                               f'object/index, such as {next(iter(self.objects), "oak_0")}/0')
+        next(self.listing(name))
 
     def _matching(self, owner: str, part: str) -> Iterator[int]:
         """Find the parts of an object that a kind, a name, an index or wildcards mean."""

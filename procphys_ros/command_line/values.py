@@ -23,14 +23,17 @@ from procphys_ros.errors import CommandError
 _TRUTH = {'true': True, 'on': True, 'yes': True, 'false': False, 'off': False, 'no': False}
 
 
-def parse(words: Sequence[str], present: Any) -> Any:
+def parse(words: Sequence[str], present: Any, of_texts: bool = False) -> Any:
     """
     Read a value in the type of the present one.
 
     :param words: as typed; lists word by word.
     :param present: value that it replaces; None = of any type.
+    :param of_texts: whether that is a list of texts: then each word is one, whatever it holds.
     :raises CommandError: when it cannot be such a value.
     """
+    if of_texts:
+        return [] if words in ([''], ['[]']) else list(words)
     words = [word for text in words for word in text.strip('[]').replace(',', ' ').split()] \
         if isinstance(present, list) else [' '.join(words)]
     if isinstance(present, list):

@@ -117,7 +117,7 @@ def _writer(path: Path) -> Writer:
         if not (error.name or '').startswith('pxr'):
             raise
         raise ExportError(f'"{path}": USD needs the package usd-core: '
-                          'pip install "procphys_ros[usd]"') from error
+                          'pip install usd-core') from error
 
 
 def _check(name: str, value: float, least: float, most: float, unit: str) -> None:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Render: pictures of scenes without a display; needs `pip install procphys_ros[render]`."""
+"""Render: pictures of scenes without a display; needs PyVista (`pip install pyvista`)."""
 
 from procphys_ros.render.backend import RenderUnavailableError
 from procphys_ros.render.picture import draw

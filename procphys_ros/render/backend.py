@@ -18,7 +18,7 @@
 import os
 from types import ModuleType
 
-_NO_PYVISTA = 'drawing needs PyVista: pip install procphys_ros[render]'
+_NO_PYVISTA = 'drawing needs PyVista: pip install pyvista'
 _NO_OPENGL = ('drawing without a display needs OpenGL software rendering: '
               'apt-get install libegl1 libgl1 libgl1-mesa-dri')
 

@@ -29,7 +29,7 @@ from procphys_ros.command_line.values import parse, show
 from procphys_ros.errors import CommandError, nearest_names
 
 _DONE, _REFUSED, _NOT_FOUND = 0, 1, 3  # argparse itself ends with 2
-_SENT = 'sent; ~/wrench is a topic and gives no answer, "watch" shows rejections'
+_SENT = 'sent on ~/{topic}, which gives no answer; "watch" shows rejections'
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -103,26 +103,22 @@ def _with_parameters(service: str, prefix: str, *names: str) -> Callable:
     return carry_out
 
 
-def _impulse(remote: Any, said: argparse.Namespace) -> None:
-    remote.change({'impulse.target': said.part, 'impulse.linear': [said.x, said.y, said.z],
-                   'impulse.angular': list(said.angular)})
-    print(remote.trigger('apply_impulse'))
-
-
-def _wrench(remote: Any, said: argparse.Namespace) -> None:
-    description = _described(remote, said)
-    owner, _, part = said.part.partition('/')
-    if not said.part.isdigit():
-        next(description.listing(f'{owner}/{part}' if part else owner))
-    remote.push(said.part, (said.x, said.y, said.z), said.angular)
-    print(_SENT)
+def _on_part(topic: str) -> Callable:
+    """Send a wrench or an impulse to a part, in one message: other clients cannot mix with it."""
+    def carry_out(remote: Any, said: argparse.Namespace) -> None:
+        _described(remote, said).check_part(said.part)
+        remote.push(topic, said.part, (said.x, said.y, said.z), said.angular)
+        print(_SENT.format(topic=topic))
+    return carry_out
 
 
 def _explode(remote: Any, said: argparse.Namespace) -> None:
-    values: dict[str, Any] = {'explosion.position': [said.x, said.y, said.z]}
-    if said.charge is not None:
-        values['explosion.charge'] = said.charge
-    remote.change(values)
+    place = (said.x, said.y, said.z)
+    if said.charge is None:
+        remote.explode(place)
+        print(_SENT.format(topic='explosion'))
+        return
+    remote.change({'explosion.position': place, 'explosion.charge': said.charge})
     print(remote.trigger('explode'))
 
 
@@ -146,7 +142,7 @@ def _set(remote: Any, said: argparse.Namespace) -> None:
     known = remote.parameters()
     if said.name not in known:
         raise CommandError(f'there is no parameter "{said.name}"{nearest_names(said.name, known)}')
-    value = parse(said.value, remote.values([said.name])[0])
+    value = parse(said.value, remote.values([said.name])[0], remote.holds_texts(said.name))
     remote.change({said.name: value})
     print(f'{said.name}  {show(value)}')
 
@@ -179,7 +175,8 @@ def _switch(service: str, on: bool) -> Callable:
 
 _ARGUMENTS = {'position': 'from_'}
 _VERBS: dict[str, Callable] = {
-    'wind': _wind, 'impulse': _impulse, 'wrench': _wrench, 'explode': _explode, 'step': _step,
+    'wind': _wind, 'impulse': _on_part('impulse'), 'wrench': _on_part('wrench'),
+    'explode': _explode, 'step': _step,
     'gust': _with_parameters('gust', 'gust', 'amplitude', 'duration', 'direction'),
     'launch': _with_parameters('launch_projectile', 'projectile', 'shape', 'size', 'mass',
                                'position', 'velocity'),

@@ -93,8 +93,8 @@ class Parameters:
     def unused_overrides(self) -> list[str]:
         """Say in few lines which values given at start are those of no parameter."""
         names = [name for name, given in sorted(self._node._parameter_overrides.items())
-                 if given.value is not None and name not in self._values and name not in _OF_EVERY_NODE
-                 and not name.startswith('qos_overrides.')]
+                 if given.value is not None and name not in self._values
+                 and name not in _OF_EVERY_NODE and not name.startswith('qos_overrides.')]
         absent = {name.partition('.')[0] for name in names if is_of_an_object(name)}
         absent -= set(self._objects)
         unknown = [f'{name}{nearest_names(name, self._values)}' for name in names

@@ -21,7 +21,7 @@ from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Vector3, WrenchStamped
+from geometry_msgs.msg import Point, PointStamped, Vector3, WrenchStamped
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 import rclpy
@@ -106,6 +106,11 @@ class Remote:
         if not result.successful:
             raise CommandError(result.reason)
 
+    def holds_texts(self, name: str) -> bool:
+        """Say whether a parameter is a list of texts, also when that is empty."""
+        answer = self._call(GetParameters, 'get_parameters', GetParameters.Request(names=[name]))
+        return answer.values[0].type == ParameterType.PARAMETER_STRING_ARRAY
+
     def values(self, names: Sequence[str]) -> list[Any]:
         """Read parameters; None for one that is not set."""
         answer = self._call(GetParameters, 'get_parameters', GetParameters.Request(names=names))
@@ -116,24 +121,25 @@ class Remote:
         answer = self._call(ListParameters, 'list_parameters', ListParameters.Request())
         return sorted(answer.result.names)
 
-    def push(self, part: str, force: Sequence[float], torque: Sequence[float]) -> None:
+    def push(self, topic: str, part: str, force: Sequence[float], torque: Sequence[float]) -> None:
         """
-        Let a lasting force act on a part.
+        Strike a part, or let a lasting force act on it.
 
+        :param topic: 'impulse' [N·s], [N·m·s] or 'wrench' [N], [N·m].
         :param part: name or index.
-        :param force: [N], world axes.
-        :param torque: [N·m].
-        :raises CommandError: when the node does not listen.
+        :param force: or impulse, world axes.
+        :param torque: or angular impulse.
+        :raises NoNodeError: when the node does not listen.
         """
-        publisher = self._node.create_publisher(WrenchStamped, f'{self.name}/wrench',
-                                                qos.commands())
-        self._spin_until(publisher.get_subscription_count, self._patience)
         message = WrenchStamped()
         message.header.frame_id = part
         message.wrench.force = Vector3(**dict(zip('xyz', force)))
         message.wrench.torque = Vector3(**dict(zip('xyz', torque)))
-        publisher.publish(message)
-        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=self._patience))
+        self._send(topic, message)
+
+    def explode(self, place: Sequence[float]) -> None:
+        """Set off `explosion.charge` at a place [m], (3,); else as `push`."""
+        self._send('explosion', PointStamped(point=Point(**dict(zip('xyz', place)))))
 
     def description(self) -> str:
         """Give the JSON of the scene that is simulated now."""
@@ -153,6 +159,14 @@ class Remote:
     def spin(self) -> None:
         """Handle what arrives for a moment."""
         self._executor.spin_once(timeout_sec=_TURN)
+
+    def _send(self, topic: str, message: Any) -> None:
+        """Publish a command, and wait until the node has it."""
+        publisher = self._node.create_publisher(type(message), f'{self.name}/{topic}',
+                                                qos.commands())
+        self._spin_until(publisher.get_subscription_count, self._patience)
+        publisher.publish(message)
+        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=self._patience))
 
     def _call(self, kind: type, service: str, request: Any) -> Any:
         client = self._node.create_client(kind, f'{self.name}/{service}')

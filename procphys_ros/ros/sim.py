@@ -19,14 +19,34 @@ import os
 import signal
 import sys
 
+from procphys_ros import __version__
+
+_USAGE = """\
+usage: sim [--help] [--version] [--ros-args ...]
+
+Simulate a scene of trees and buildings, and show it on ROS topics.
+
+  sim                                                    the demo
+  sim --ros-args --params-file config/garden.yaml        another scene
+  sim --ros-args --params-file FILE -p wind.velocity:='[12.0, 0.0, 0.0]'
+  sim --ros-args --params-file FILE -r __node:=east --log-level debug
+
+All topics, services and parameters are in README.md; a running node lists them
+to `ros2 node info /sim` and `ros2 param describe /sim NAME`, or to `command`.
+exit codes: 0 told to stop, 1 the scene cannot be read, 2 invalid usage
+"""
+
 
 def main(args: list[str] | None = None) -> int:
     """
     Run the node until it is told to stop.
 
     :param args: command line, with ROS arguments; None = the process's own.
-    :returns: exit code: 0 when told to stop, 1 when the scene cannot be read.
+    :returns: exit code: 0 when told to stop, 1 when the scene cannot be read, 2 for invalid usage.
     """
+    words = _own_words(sys.argv[1:] if args is None else args)
+    if words:
+        return _answer(words)
     # rclpy handles signals once it is started. Importing takes a second or more, and a signal
     # must end the process as cleanly in that time; so the imports come after this. Nothing is
     # open yet, and an exception might be swallowed by whatever it comes across.
@@ -36,6 +56,30 @@ def main(args: list[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     signal.signal(signal.SIGINT, signal.default_int_handler)
     return run(args)
+
+
+def _own_words(words: list[str]) -> list[str]:
+    """Leave out what is for ROS: what stands between --ros-args and -- or the end."""
+    own, is_for_ros = [], False
+    for word in words:
+        if word in ('--ros-args', '--'):
+            is_for_ros = word == '--ros-args'
+        elif not is_for_ros:
+            own.append(word)
+    return own
+
+
+def _answer(words: list[str]) -> int:
+    """Answer what needs no node, and refuse the rest."""
+    if words[0] in ('-h', '--help'):
+        print(_USAGE, end='')
+        return 0
+    if words[0] == '--version':
+        print(f'procphys_ros {__version__}')
+        return 0
+    print(f'sim: it takes no argument "{words[0]}"; a scene is given with --ros-args '
+          '--params-file FILE (--help says more)', file=sys.stderr)
+    return 2
 
 
 if __name__ == '__main__':
