@@ -222,11 +222,6 @@ class Blueprint:
     def __len__(self) -> int:
         return len(self.shape)
 
-    @property
-    def part_names(self) -> list[str]:
-        """Names of the parts inside their object, `<kind>_<index>`."""
-        return [f'{self.kinds[kind]}_{i}' for i, kind in enumerate(self.kind)]
-
     def solid_size(self, parts: np.ndarray) -> np.ndarray:
         """
         Give what parts are to others [m], (K, 3), as `size`.

@@ -111,6 +111,28 @@ def test_the_books_of_blows_add_up_and_stay_small():
     assert books.recent.maxlen is not None
 
 
+def test_a_load_given_in_a_step_acts_in_that_step():
+    """Load a wall by a stage of one's own: the bonds carry it in the same step."""
+    simulation = simulate(wall(3, 3))
+    state, push = simulation.state, np.array([[0.0, 0.0, -500.0, 0.0, 0.0, 0.0]])
+    names = [stage.name for stage in STAGES]
+    def weigh():
+        graph = state.solver.graph
+        feet = graph.grounded()
+        return (np.einsum('kij,kj->ki', graph.axes[feet], state.solver.wrenches()[feet, :3])
+                 * np.where(graph.first[feet] == graph.count, -1.0, 1.0)[:, None])[:, 2].sum()
+    before = weigh()
+    for name in ('cues', 'contact', 'branches'):
+        place = names.index(name) + 1
+        load = Stage('load', lambda model, state, dt: state.loads.set_layer('x', [8], push))
+        simulation.stages = (*STAGES[:place], load, *STAGES[place:])
+        simulation.step(1)
+        assert weigh() - before == pytest.approx(500.0, rel=0.02), name
+        state.loads.remove_layer('x')
+        simulation.stages = STAGES
+        simulation.step(20)
+
+
 def test_every_stage_says_what_it_does():
     """Describe each stage where it stands, and time each by its name."""
     for stage in STAGES:
