@@ -60,6 +60,10 @@ class CommandError(ProcPhysError):
     """A command that is refused (unknown part, NaN, paused): the simulation is unchanged."""
 
 
+class SnapshotError(CommandError):
+    """A snapshot that cannot be restored: damaged, or of another scene or version."""
+
+
 def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     """
     Say which known names look most like the one given, for use inside an error message.

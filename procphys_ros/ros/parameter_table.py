@@ -215,6 +215,8 @@ GLOBAL = (
               takes_effect='reload'),
     Parameter('intruder.size', [1.0, 1.0, 1.0], 'its diameter, or three edges', 'm', 1e-3, 50.0,
               takes_effect='reload', any_length=True),
+    Parameter('state.file', '', 'that ~/save_state writes and ~/restore_state reads',
+              takes_effect='use'),
     Parameter('impulse.target', '', 'part that ~/apply_impulse hits, as oak_0/17 or an index',
               takes_effect='use'),
     Parameter('impulse.linear', [0.0, 0.0, 0.0], 'impulse at its centre of mass', 'N·s',

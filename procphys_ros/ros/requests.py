@@ -17,8 +17,10 @@
 
 from collections.abc import Callable
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
+from procphys_ros.errors import CommandError
 from procphys_ros.ros.conversions import Act, part_name, Triple
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
@@ -91,6 +93,22 @@ class Requests:
     def reset_simulation(self) -> Act:
         """Put everything back to where it began."""
         return self._session.reset_simulation
+
+    def save_state(self) -> Act:
+        """Write the whole state to the file `state.file`."""
+        path = self._state_file()
+        return lambda: self._session.save_state(path)
+
+    def restore_state(self) -> Act:
+        """Go back to the state in the file `state.file`."""
+        path = self._state_file()
+        return lambda: self._session.restore_state(path)
+
+    def _state_file(self) -> Path:
+        name = self._parameters['state.file']
+        if not name:
+            raise CommandError('state.file is empty, it must name a file')
+        return Path(name)
 
     def _group(self, name: str, kind: Callable[..., Any]) -> Any:
         """Read a group of parameters as what it describes."""

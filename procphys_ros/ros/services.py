@@ -58,6 +58,10 @@ class Actions(Protocol):
 
     def reset_simulation(self) -> Act: ...
 
+    def save_state(self) -> Act: ...
+
+    def restore_state(self) -> Act: ...
+
 
 class Scenes(Protocol):
     """Loads scenes; each is told whom to answer."""
@@ -68,7 +72,8 @@ class Scenes(Protocol):
 
 
 _TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish',
-             'clear_wrenches', 'step_simulation', 'reset_simulation')
+             'clear_wrenches', 'step_simulation', 'reset_simulation', 'save_state',
+             'restore_state')
 _SWITCHES = ('set_wind_enabled', 'set_pause')
 
 

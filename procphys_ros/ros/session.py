@@ -17,10 +17,12 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
-from procphys_ros.errors import CommandError
+from procphys_ros.errors import CommandError, SnapshotError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.ros.pacing import Pacer
+from procphys_ros.ros.state_file import read_state, write_state
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation import Simulation
 
@@ -178,6 +180,24 @@ class Session:
         self._recover()
         self.on_reset()
         return 'back at 0 s'
+
+    def save_state(self, path: Path) -> str:
+        """Write the whole state to a file; one that is there is replaced when all is written."""
+        self._refuse_after_failure()
+        data = self.simulation.save()
+        write_state(path, data)
+        return f'{self.simulation.time:.3f} s saved in {path}, {len(data) / 1e6:.1f} MB'
+
+    def restore_state(self, path: Path) -> str:
+        """Go back, or forward, to the state in a file."""
+        try:
+            self.simulation.restore(read_state(path))
+        except SnapshotError as error:
+            raise CommandError(f'state.file: {path}: {error}') from error
+        self._blow(self.simulation.wind.mean_velocity(self.simulation.time))
+        self._recover()
+        self.on_reset()
+        return f'back at {self.simulation.time:.3f} s'
 
     def fail(self, error: Exception) -> None:
         """

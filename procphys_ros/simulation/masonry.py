@@ -41,7 +41,7 @@ _FEWEST = 3      # ... fewer on large buildings, lest they fall behind real time
 _WORK = 45_000   # ... parts times iterations that take about a third of a step of 1/60 s
 _PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
 #                  periods of walls and floors long
-_SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
+SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
 _CAUSES = np.array([Cause.TENSION, Cause.TENSION, Cause.SHEAR, Cause.COMPRESSION,
                     Cause.TENSION], np.uint8)  # by `physics.masonry.Cause`
 
@@ -166,7 +166,7 @@ def is_stable(state: State) -> bool:
 @staged('settling stresses')
 def settle(model: Model, state: State) -> None:
     """Find the stresses under weight alone, as they are when the mortar has set."""
-    _let_go(model, state, _advance(model, state, _SETTLING)[0])
+    _let_go(model, state, _advance(model, state, SETTLING)[0])
 
 
 def update_stresses(model: Model, state: State, dt: float) -> None:

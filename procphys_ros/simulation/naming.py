@@ -69,7 +69,7 @@ class PartNames:
         owner, slash, local = part.partition('/')
         found = self._objects.get(owner)
         if found is None or not slash:
-            raise CommandError(f'there is no part "{part}"{self._hint(owner)}; '
+            raise CommandError(f'there is no part "{part}"{self.nearest(owner)}; '
                                'parts are called object/index, such as '
                                f'"{next(iter(self._objects), "oak_0")}/0"')
         return self._local(found, local, part)
@@ -103,5 +103,6 @@ class PartNames:
             raise CommandError(f'there is no part "{part}"; indices go from 0 to {count - 1}')
         return index
 
-    def _hint(self, owner: str) -> str:
+    def nearest(self, owner: str) -> str:
+        """Say which objects are called alike, for use inside an error message."""
         return nearest_names(owner, self._objects)

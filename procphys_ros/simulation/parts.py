@@ -119,10 +119,15 @@ def part_columns(model: Model) -> Columns:
     step. `row` is the part's row of the forest, -1 for none.
     """
     source = model.blueprint
-    owner = np.full(len(source), Owner.BODY, np.uint8)
+    return Columns(**columns_of(source), owner=owners(model), row=model.trees.row)
+
+
+def owners(model: Model) -> np.ndarray:
+    """Give who moves each part at rest: mortar makes it stand, a hinge makes it a tree, (N,)."""
+    owner = np.full(len(model.blueprint), Owner.BODY, np.uint8)
     owner[model.masonry.members] = Owner.STANDING
     owner[model.trees.row >= 0] = Owner.TREE
-    return Columns(**columns_of(source), owner=owner, row=model.trees.row)
+    return owner
 
 
 def columns_of(source: Blueprint) -> dict[str, np.ndarray]:

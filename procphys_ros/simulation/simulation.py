@@ -16,8 +16,9 @@
 """Simulation: a scene in time."""
 
 from collections.abc import Sequence
+from copy import copy
 from time import perf_counter
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from procphys_ros.physics.foliage import Flutter
 from procphys_ros.physics.wind import Gust, Wind
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation import commands, foliage, fragments, masonry
+from procphys_ros.simulation import additions, commands, foliage, fragments, masonry, snapshot
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import Impact, MomentumLedger
 from procphys_ros.simulation.model import compile_model, Model
@@ -67,6 +68,7 @@ class Simulation:
             settings.time_step if time_step is None else float(time_step),
             settings.seed if seed is None else seed)
         self._flutter: Flutter | None = None
+        self._scene_model = self.model  # without what is added while it runs
         self.state = _at_rest(self.model)
 
     @property
@@ -180,6 +182,7 @@ class Simulation:
         """
         wind, observer = self.state.wind, self.state.observer
         self.close()
+        self.model, self._flutter = self._scene_model, None
         self.state = _at_rest(self.model)
         if wind.settings != self.state.wind.settings:
             self.state.wind.change(wind.settings, 0.0)
@@ -188,6 +191,62 @@ class Simulation:
     def close(self) -> None:
         """Free what lives outside Python; `reset` would make it anew."""
         self.state.world.close()
+
+    def save(self) -> bytes:
+        """
+        Write the whole state down.
+
+        What goes on from here and what goes on from the snapshot stay the same to the bit: the
+        engine is built anew from the state, because its inner caches cannot be saved.
+        """
+        data = snapshot.dump(self._scene_model, self.model, self.state)
+        self.state.world.rebuild()
+        return data
+
+    def restore(self, data: bytes) -> None:
+        """
+        Go back, or forward, to a saved state of the same scene.
+
+        :param data: from `save`, of this or another simulation of the scene, in any process.
+        :raises SnapshotError: when it is no snapshot, damaged, or of another scene or version;
+            the present state stays.
+        """
+        model, state = snapshot.load(self._scene_model, data)
+        self.close()
+        self.model, self.state, self._flutter = model, state, None
+
+    def fork(self) -> Self:
+        """Make a second simulation that goes on from here, the same if told the same."""
+        other = copy(self)
+        other.timings = {}
+        other.state = snapshot.clone(self.model, self.state)
+        self.state.world.rebuild()
+        return other
+
+    def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
+            yaw: float = 0.0, name: str = '') -> SceneObject:
+        """
+        Place an object into the running scene, at rest; `reset` takes it out again.
+
+        :param blueprint: what to place; it is not changed.
+        :param position: where its origin goes [m], (3,), world.
+        :param yaw: turn about the vertical [rad].
+        :param name: unique name, `object_<n>` when left out.
+        :returns: its name and parts, which are behind all others.
+        :raises CommandError: when the name is or was taken, or the place is not finite.
+        """
+        name = name or f'object_{len(self.state.objects)}'
+        self.model = additions.add(self.model, self.state, blueprint, position, yaw, name)
+        self._flutter = None
+        return self.state.objects[-1]
+
+    def remove(self, name: str) -> None:
+        """
+        Take an object out of the running scene, wherever its parts are by now.
+
+        :raises CommandError: when there is no such object.
+        """
+        additions.remove(self.model, self.state, name)
 
     def step(self, n: int = 1) -> None:
         """

@@ -80,6 +80,16 @@ class StandingLoads:
         """End a layer, if there is one."""
         self._changed |= self._layers.pop(source, None) is not None
 
+    def resize(self, count: int) -> None:
+        """Make room for parts that join behind all others; give how many there are then."""
+        more = np.zeros((count - self._count, 6))
+        self._count = count
+        if self._waiting is not None:
+            self._waiting = np.concatenate([self._waiting, more])
+        if self._blows is not None:
+            self._blows = np.concatenate([self._blows, more])
+        self._changed = True  # the solver is another one
+
     def add_blow(self, parts: np.ndarray, wrenches: np.ndarray) -> None:
         """
         Let blows act until the stresses under them have been judged.

@@ -16,7 +16,7 @@
 """State: everything of a simulation that changes, and nothing else."""
 
 from collections.abc import Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -315,7 +315,7 @@ class State:
         lod = LodScheduler(culling, forest) if culling.spares_trees else None
         state = cls(
             parts=part_columns(model), objects=list(model.objects),
-            names=PartNames(model.objects, model.blueprint), wind=deepcopy(model.wind),
+            names=PartNames(model.objects, model.blueprint), wind=_still_to_come(model.wind),
             world=World((0.0, 0.0, -model.gravity)), loose_bonds=deepcopy(model.loose_bonds),
             solver=solver, fracture=Fracture(solver), loads=StandingLoads(count), forest=forest,
             trees=TreeState(np.zeros((len(forest), 3)), lod=lod,
@@ -381,3 +381,10 @@ class State:
         self.blueprints.append(joined)
         self.names.extend(self.objects[-len(groups):], joined)
         return firsts
+
+
+def _still_to_come(wind: Wind) -> Wind:
+    """Copy a wind without its commands; the eddies, which never change, are shared."""
+    fresh = copy(wind)
+    fresh.reset()
+    return fresh

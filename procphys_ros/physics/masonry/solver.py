@@ -92,6 +92,31 @@ class StressSolver:
         self._past.forget(self.labels)
         self._refresh()
 
+    def adopt(self, other: 'StressSolver', first: int, bonds: np.ndarray) -> None:
+        """
+        Go on from where a solver of some of these parts is; call `resume` after the last one.
+
+        :param other: of parts that follow each other here, and of all their bonds.
+        :param first: its first part here.
+        :param bonds: rows here of its bonds, (M,).
+        """
+        self.graph.adopt(other.graph, np.arange(len(other.graph)), bonds)
+        rows = slice(first, first + other.graph.count)
+        for mine, theirs in ((self.displacement, other.displacement),
+                             (self._given, other._given), (self._sudden, other._sudden),
+                             (self._residual, other._residual)):
+            mine[rows] = theirs[:-1]
+        self.iterations[rows] = other.iterations
+
+    def resume(self) -> None:
+        """Take note that others' states were adopted."""
+        self._bonds_changed(np.arange(self.graph.count))
+        self._relabel()
+        self._past.forget(self.labels)
+        self._refresh()
+        self.state += 1
+        self.problem += 1
+
     def set_loads(self, force: np.ndarray, moment: np.ndarray | None = None) -> None:
         """
         Replace the loads that act besides the weight: wind, blast, impacts, what rests on parts.

@@ -171,6 +171,14 @@ class Forest:
         """List the rows of some trees of `plan`, tree by tree."""
         return subset.rows_of(self.plan, trees)
 
+    def adopt(self, other: 'Forest') -> None:
+        """Go on from where another forest is, whose rows are the first ones here."""
+        columns = ((*f._state, f._model.joint, f._model.body, f.parents, f.active, f._disturbed)
+                   for f in (self, other))
+        for mine, theirs in zip(*columns):
+            mine[:len(other)] = theirs
+        self._time_step, self._stale = other._time_step, True
+
     def hold(self, trees: np.ndarray) -> None:
         """Stop some trees of `plan` dead, bent as they are, and drop what pushed them."""
         subset.hold(self.rows_of(trees), self._state)

@@ -108,6 +108,10 @@ class Wind:
         if not self._stretches or self._stretches[-1].velocity != velocity:
             self._stretches.append(_Stretch(time, velocity, travelled))
 
+    def mean_velocity(self, time: float) -> tuple[float, ...]:
+        """Give the mean wind at the reference height, whether it is switched on or not [m/s]."""
+        return self._stretch(time).velocity
+
     def start_gust(self, gust: Gust, time: float) -> None:
         """
         Let a gust go: its front starts upwind of the scene and travels through it.

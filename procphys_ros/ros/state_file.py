@@ -1,0 +1,65 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Files of saved states: written whole or not at all, read only when they are plain files."""
+
+import os
+from pathlib import Path
+import stat
+from tempfile import NamedTemporaryFile
+
+from procphys_ros.errors import CommandError
+
+_LARGEST = 2 << 30  # [bytes] of a file that is read
+
+
+def write_state(path: Path, data: bytes) -> None:
+    """
+    Write a file such that a reader sees all of it or what was there before.
+
+    :raises CommandError: when it cannot be written; nothing has changed then.
+    """
+    try:
+        with NamedTemporaryFile(dir=path.parent, prefix='.', delete=False) as file:
+            try:
+                file.write(data)
+                file.close()
+                os.replace(file.name, path)
+            except OSError:
+                os.unlink(file.name)
+                raise
+    except (OSError, ValueError) as error:
+        raise CommandError(f'state.file: {path} cannot be written: {_reason(error)}') from error
+
+
+def read_state(path: Path) -> bytes:
+    """
+    Read a plain file.
+
+    :raises CommandError: when there is none, it is no plain file, or too large.
+    """
+    try:
+        about = path.stat()
+        if not stat.S_ISREG(about.st_mode):
+            raise CommandError(f'state.file: {path} is not a regular file')
+        if about.st_size > _LARGEST:
+            raise CommandError(f'state.file: {path} is larger than {_LARGEST >> 30} GiB')
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise CommandError(f'state.file: {path} cannot be read: {_reason(error)}') from error
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return getattr(error, 'strerror', None) or str(error)

@@ -1,0 +1,164 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Additions: objects that join or leave a scene while it runs, without touching the rest."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.errors import CommandError
+from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.scene import SceneObject
+from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation.contact_pairs import TreeBounds
+from procphys_ros.simulation.model import compile_model, Model
+from procphys_ros.simulation.parts import columns_of, Owner, owners
+from procphys_ros.simulation.state import State
+
+
+def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[float], yaw: float,
+        name: str) -> Model:
+    """
+    Place an object into a running scene, at rest and with its stresses settled.
+
+    :param blueprint: what to place; it is not changed.
+    :param position: where its origin goes [m], (3,), world.
+    :param yaw: turn about the vertical [rad].
+    :param name: that no object has or had.
+    :returns: the model of the enlarged scene; the state has grown to it.
+    :raises CommandError: when the name is taken, or the place is not finite.
+    """
+    if any(known.name == name for known in state.objects):
+        raise CommandError(f'there is, or was, an object called "{name}"; choose another name')
+    if not np.all(np.isfinite([*position, yaw])):
+        raise CommandError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
+    placed = blueprint.placed(position, yaw)
+    added = SceneObject(name, len(state.parts), len(placed))
+    enlarged = compile_model(
+        model.settings, model.shard, chain([state.blueprint, placed]), [*state.objects, added],
+        model.time_step, model.seed, model.wind)
+    grow(enlarged, state, _settled(placed, model.gravity))
+    state.objects.append(added)
+    state.names.extend([added], placed)
+    return enlarged
+
+
+def remove(model: Model, state: State, name: str) -> None:
+    """
+    Take an object out of the scene, wherever its parts are by now.
+
+    :raises CommandError: when there is no such object, or it has been removed.
+    """
+    found = next((known for known in state.objects if known.name == name), None)
+    parts = np.arange(found.first, found.first + found.count) if found else np.zeros(0, np.intp)
+    owner = state.parts.owner[parts]
+    if (owner == Owner.GONE).all():
+        raise CommandError(f'there is no object "{name}"{state.names.nearest(name)}')
+    standing = parts[owner == Owner.STANDING]
+    if len(standing):
+        rows = state.solver.graph.rows[state.solver.remove_parts(standing)]
+        state.loose_bonds.graph.cut(rows)
+        state.world.remove(state.parts.body[standing])
+    rows = state.parts.row[parts[owner == Owner.TREE]]
+    for root in rows[state.forest.parents[rows] < 0].tolist():
+        state.forest.detach(root)
+    for body in np.unique(state.parts.body[parts[owner == Owner.BODY]]).tolist():
+        fragments.split(state, body, [])
+    fragments.vanish(state, parts)
+
+
+def grow(model: Model, state: State, settled: StressSolver) -> None:
+    """
+    Let a state take in the last object of an enlarged model.
+
+    :param model: of which the state is a part so far.
+    :param settled: stresses in the new object alone, broken as far as its weight breaks it.
+    """
+    first, bonds = len(state.parts), len(state.blueprint.bonds)
+    source = model.blueprint
+    fresh = np.arange(first, len(source))
+    columns = columns_of(source)
+    state.parts.append(**{name: column[fresh] for name, column in columns.items()},
+                       owner=owners(model)[fresh], row=model.trees.row[fresh])
+    state.blueprints[:] = [source]
+    _grow_masonry(model, state, settled, first, bonds)
+    forest = deepcopy(model.trees.forest)
+    forest.adopt(state.forest)
+    state.forest = forest
+    _grow_columns(model, state)
+    stands = fresh[state.parts.owner[fresh] == Owner.STANDING]
+    if len(stands):
+        state.parts.body[stands] = state.world.add_bricks(
+            source.poses[stands], source.size[stands], source.mass[stands])
+    for part in fresh[state.parts.owner[fresh] == Owner.BODY]:
+        fragments.make_body(state, np.array([part]), source.poses[[part]], np.zeros((1, 6)))
+
+
+def _settled(blueprint: Blueprint, gravity: float) -> StressSolver:
+    """Find the stresses of an object by itself, as they are when its mortar has set."""
+    solver = StressSolver(BondGraph(blueprint), (0.0, 0.0, -gravity))
+    if len(solver.graph):
+        Fracture(solver).advance(masonry.SETTLING)
+    return solver
+
+
+def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,
+                  bonds: int) -> None:
+    """Join the stresses of a new object, parts from `first` and bonds from `bonds` on."""
+    graph = deepcopy(model.masonry.graph)
+    solver = StressSolver(graph, (0.0, 0.0, -model.gravity))
+    known = len(state.solver.graph)
+    solver.adopt(state.solver, 0, np.arange(known))
+    solver.adopt(settled, first, np.arange(known, len(graph)))
+    solver.resume()
+    state.solver, state.fracture = solver, Fracture(solver)
+    loose = deepcopy(model.loose_bonds)
+    loose.graph.adopt(state.loose_bonds.graph, np.arange(bonds), np.arange(bonds))
+    state.loose_bonds = loose
+    state.loads.resize(graph.count)
+
+
+def _grow_columns(model: Model, state: State) -> None:
+    """Make room in everything that has a row per part, segment, pane or leaf."""
+    count, rows = len(model.blueprint), len(state.forest)
+    blasts, rubble, leaves, trees = state.blasts, state.rubble, state.leaves, state.trees
+    blasts.momentum, blasts.pulse = _padded(blasts.momentum, count), _padded(
+        blasts.pulse, count, np.inf)
+    rubble.moving, rubble.given = _padded(rubble.moving, count), _padded(rubble.given, count)
+    load = np.zeros(len(model.glass.parts))
+    load[:len(state.glass.load)] = state.glass.load
+    state.glass.load = load
+    trees.air, trees.faded_air = _padded(trees.air, rows), _padded(trees.faded_air, rows)
+    before = len(trees.start_poses)
+    trees.start_poses = np.concatenate([trees.start_poses, state.forest.poses[before:]])
+    queue = model.leaves
+    leaves.attached = np.concatenate([
+        leaves.attached, np.ones(len(model.blueprint.leaves) - len(leaves.attached), bool)])
+    leaves.left = np.concatenate([leaves.left, model.blueprint.leaf_area[len(leaves.left):]])
+    leaves.next = np.concatenate([leaves.next, queue.first[len(leaves.next):]])
+    leaves.weakest = queue.queue_speed[leaves.next]
+    leaves.speed = np.zeros(rows)
+    state.tree_bounds = TreeBounds()
+    state.wall_wind.parts = state.wall_wind.parts[:0]  # what is exposed is looked for anew
+    state.skyline.drawn = None
+
+
+def _padded(column: np.ndarray, count: int, value: float = 0.0) -> np.ndarray:
+    """Give a column with rows behind its own, (count, ...)."""
+    more = np.full((count - len(column), *column.shape[1:]), value, column.dtype)
+    return np.concatenate([column, more])

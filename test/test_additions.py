@@ -1,0 +1,121 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Objects that join a running scene and leave it again."""
+
+from grown_trees import bush
+from masonry_walls import bonded, wall
+import numpy as np
+import pytest
+
+from procphys_ros.errors import CommandError
+from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
+
+
+def stand(*blueprints):
+    """Simulate objects beside each other."""
+    scene = Scene()
+    for i, blueprint in enumerate(blueprints):
+        scene.add(blueprint, (6.0 * i, 0.0, 0.0), 0.0, f'thing_{i}')
+    return Simulation(scene)
+
+
+def test_a_wall_that_joins_stands_and_breaks_like_others():
+    """Add a wall while a ball flies: its bonds carry its weight, and a second ball breaks it."""
+    simulation = stand(wall(8, 10), bush(30, seed=1, damping_ratio=0.1))
+    simulation.launch(Projectile('sphere', 0.3, 40.0, (0.9, -3.0, 0.4), (0.0, 25.0, 0.0)))
+    simulation.step(20)
+    broken, count = simulation.bonds_broken, len(simulation.poses)
+    before = simulation.poses.copy()
+    added = simulation.add(wall(6, 8), (0.0, 8.0, 0.0), name='later')
+    assert added.first == count and len(simulation.poses) == count + added.count
+    np.testing.assert_array_equal(simulation.poses[:count], before)
+    solver = simulation.state.solver
+    graph = solver.graph
+    foot = np.where(graph.first == graph.count, graph.second, graph.first)
+    feet = graph.grounded() & (foot >= added.first)
+    push = np.einsum('kij,kj->ki', graph.axes[feet], solver.wrenches()[feet, :3])
+    sign = np.where(graph.first[feet] == graph.count, -1.0, 1.0)
+    weight = 9.81 * simulation.blueprint.mass[added.first:].sum()
+    assert sign @ push[:, 2] == pytest.approx(weight, rel=0.02)
+    simulation.step(60)
+    own = slice(added.first, added.first + added.count)
+    assert simulation.state.standing[own].all()
+    simulation.launch(Projectile('sphere', 0.3, 40.0, (0.7, 6.0, 0.4), (0.0, 25.0, 0.0)))
+    simulation.step(30)
+    assert not simulation.state.standing[own].all() and simulation.bonds_broken > broken
+
+
+def test_a_tree_that_joins_sways_with_the_others():
+    """Add a tree to one like it in the wind: it takes up the wind, and the old one goes on."""
+    tree = bush(30, seed=1, damping_ratio=0.1)
+    simulation, alone = stand(tree), stand(tree)
+    for run in (simulation, alone):
+        run.set_wind((8.0, 0.0, 0.0))
+        run.step(30)
+    simulation.add(tree, (0.0, 20.0, 0.0), name='later')
+    for run in (simulation, alone):
+        run.step(60)
+    np.testing.assert_array_equal(simulation.poses[:30], alone.poses)
+    moved = np.linalg.norm(simulation.poses[:, :3] - simulation.blueprint.poses[:, :3], axis=1)
+    assert moved[30:].max() > 0.3 * moved[:30].max() > 0.0
+
+
+def test_what_joins_answers_by_its_name_and_leaves_by_it():
+    """Strike an added object by name, and take it out, in pieces or not."""
+    simulation = stand(wall(4, 4))
+    simulation.add(bush(30, seed=2, damping_ratio=0.1), (5.0, 0.0, 0.0), name='bush')
+    simulation.add(bonded([[0.0, 3.0, 1.0]], (0.2, 0.1, 0.1), ground=False), name='brick')
+    simulation.apply_impulse('bush/3', (2.0, 0.0, 0.0))
+    simulation.step(5)
+    for name in ('bush', 'brick', 'thing_0'):
+        found = next(o for o in simulation.objects if o.name == name)
+        simulation.remove(name)
+        parts = np.arange(found.first, found.first + found.count)
+        assert not simulation.exists[parts].any()
+        with pytest.raises(CommandError, match='no object'):
+            simulation.remove(name)
+    simulation.step(30)
+    assert simulation.awake_bodies == 0 and not simulation.velocities.any()
+
+
+def test_names_do_not_collide_and_bad_objects_change_nothing():
+    """Refuse a name that is or was taken, and a place that is none."""
+    simulation = stand(wall(4, 4))
+    for name, place in (('thing_0', (5.0, 0.0, 0.0)), ('new', (np.nan, 0.0, 0.0))):
+        with pytest.raises(CommandError):
+            simulation.add(wall(3, 3), place, name=name)
+    assert len(simulation.poses) == len(wall(4, 4)) and len(simulation.objects) == 1
+    with pytest.raises(CommandError, match='did you mean thing_0'):
+        simulation.remove('thing_1')
+
+
+def test_snapshots_and_resets_know_what_joined():
+    """Restore an enlarged scene in a fresh simulation; a reset takes the addition out."""
+    simulation = stand(wall(4, 4), bush(30, seed=1, damping_ratio=0.1))
+    simulation.set_wind((9.0, 0.0, 0.0))
+    simulation.add(wall(5, 6), (0.0, 5.0, 0.0), 0.3, 'later')
+    simulation.step(10)
+    data = simulation.save()
+    simulation.step(20)
+    other = stand(wall(4, 4), bush(30, seed=1, damping_ratio=0.1))
+    other.restore(data)
+    other.step(20)
+    np.testing.assert_array_equal(simulation.poses, other.poses)
+    assert [o.name for o in other.objects] == ['thing_0', 'thing_1', 'later']
+    other.reset()
+    assert len(other.poses) == len(wall(4, 4)) + 30
