@@ -48,6 +48,15 @@ class GrammarError(ProcPhysError):
         super().__init__(f'{place}: {message}')
 
 
+class GrammarWarning(UserWarning):
+    """
+    Something legal in a grammar that is mostly a slip; the text begins with its place.
+
+    Given through Python's `warnings`, so that a library user can filter it and a node can log it
+    (`warnings.catch_warnings(record=True)` around the reading of a grammar).
+    """
+
+
 class SceneError(ProcPhysError):
     """A scene that cannot be built: an unknown key, a missing file, a value out of range."""
 

@@ -95,6 +95,11 @@ def look(name: str) -> Look:
     return LOOKS[max(inside, key=len)] if inside else _UNKNOWN
 
 
+def is_known(name: str) -> bool:
+    """Say whether a texture has a look of its own: its name is in the table, or contains one."""
+    return any(known in name for known in LOOKS)
+
+
 def rgba(name: str) -> tuple[float, float, float, float]:
     """
     Give the plain colour of a texture, each channel 0 to 1.

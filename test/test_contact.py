@@ -266,7 +266,8 @@ def test_what_cannot_move_takes_no_impulse():
     response[1] = np.eye(3)
     velocity = np.tile([0.0, 0.0, -2.0], (2, 1))
     ones = np.ones(2, np.intp)
-    impulse = resolve(np.tile([0.0, 0.0, 1.0], (2, 1)), np.zeros(2), np.full(2, 0.5), partners,
+    impulse = resolve(np.tile([0.0, 0.0, 1.0], (2, 1)), np.zeros(2), np.ones(2),
+                      np.full(2, 0.5), partners,
                       velocity, np.arange(2), 0 * ones, ones, response)
     np.testing.assert_allclose(impulse, [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], atol=1e-9)
 

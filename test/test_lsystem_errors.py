@@ -18,7 +18,7 @@
 import numpy as np
 import pytest
 
-from procphys_ros.errors import GrammarError, ProcPhysError
+from procphys_ros.errors import GrammarError, GrammarWarning, ProcPhysError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.resources import shared_folder
 
@@ -41,7 +41,9 @@ from procphys_ros.resources import shared_folder
     ('axiom: @Q A', 1, 8, 'unknown module "@Q"'),
     ('axiom: Trunk(1)', 1, 8, 'unknown module "Trunk"; names longer than one letter'),
     ('axiom: Widht(0.3) F', 1, 8, 'unknown module "Widht"; did you mean Width'),
-    ('axiom: A2', 1, 8, 'unknown module "A2"'),
+    ('axiom: A_2', 1, 8, 'unknown module "A_2"'),
+    ('axiom: A\nrules:\nA -> B', 2, 1, 'unknown section "rules:"'),
+    ('axiom: F\ntextures: bark, oka', 2, 17, 'unknown texture "oka"; did you mean oak'),
     ('axiom: A\nproduction:\nA -> Foo(1)', 3, 6, 'unknown module "Foo"'),
     ('axiom: Width(0.3, 2) F', 1, 8, 'Width takes 1 parameter, found 2'),
     ('axiom: F(1, 2)', 1, 8, 'F takes 0 or 1 parameters, found 2'),
@@ -94,6 +96,35 @@ def test_garbage():
             LSystem.parse(''.join(text), max_modules=20_000).draw(2)
         except ProcPhysError as error:
             assert str(error)
+
+
+@pytest.mark.parametrize('text, words', [
+    ('axiom: F X X', 'tree.lsys:1:10: no rule and no meaning for the module X'),
+    ('axiom: A2\nproduction:\nA -> F', 'tree.lsys:1:8: no rule and no meaning for the module 2'),
+    ('axiom: A(1)\nproduction:\nA(l, w) -> F(l)',
+     'tree.lsys:3:1: this rule never applies: it takes A with 2 parameters, which is written '
+     'with 1 only')])
+def test_slips_are_warned_of(text, words):
+    """Warn once, with the place, of what is legal but mostly a slip."""
+    with pytest.warns(GrammarWarning) as caught:
+        LSystem.parse(text, 'tree.lsys')
+    assert [str(warning.message)[:len(words)] for warning in caught] == [words]
+
+
+@pytest.mark.parametrize('text', [
+    'axiom: S F\nproduction:\nS < F -> F F', 'module: X\naxiom: F X',
+    'axiom: A(1)\nproduction:\nA(l) -> A(l, 2)\nA(l, w) -> F(l)'])
+def test_what_a_rule_knows_is_not_warned_of(text, recwarn):
+    """Leave marks in contexts, declared names and rules that come to apply alone."""
+    LSystem.parse(text)
+    assert not list(recwarn)
+
+
+@pytest.mark.parametrize('path', sorted((shared_folder() / 'grammars').glob('*.lsys')))
+def test_shipped_grammars_hold_no_slips(path, recwarn):
+    """Read every shipped tree without a warning."""
+    LSystem.load(path)
+    assert not list(recwarn)
 
 
 def test_missing_file(tmp_path):

@@ -65,6 +65,12 @@ def test_an_impulse_moves_the_named_part_and_dies_out():
     assert np.abs(simulation.poses - rest).max() < 1e-3
 
 
+def test_time_does_not_run_backwards():
+    """Refuse a negative number of steps."""
+    with pytest.raises(CommandError, match='is -1, it must be 0 or more'):
+        grow().step(-1)
+
+
 def test_parts_go_by_index_or_name():
     """Take 'tree_1/2', 'tree_1/segment_2' and the plain index for the same part."""
     results = []

@@ -166,14 +166,14 @@ def _world_corners(drawing):
 
 def test_polygon():
     """Fill polygons as a fan, carried by the segment that they grow from."""
-    drawing = _draw('F(2)[+(90){.f(1).-(90)f(1).-(90)f(1).}]F', 'textures: a, b')
+    drawing = _draw('F(2)[+(90){.f(1).-(90)f(1).-(90)f(1).}]F', 'textures: bark, leaf')
     assert drawing.ornaments.part.tolist() == [0] * 2  # corners given twice count once
     corners = _world_corners(drawing)
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0],
                                          corners[:, 2] - corners[:, 0]), axis=1).sum()
     assert area == pytest.approx(1.0)
     assert corners[..., 2].min() == pytest.approx(2) and corners[..., 2].max() == pytest.approx(3)
-    assert drawing.textures == ('a', 'b')
+    assert drawing.textures == ('bark', 'leaf')
 
 
 def test_polygon_edges():

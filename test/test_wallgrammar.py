@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from procphys_ros.errors import GrammarError
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar import WallGrammar
 from procphys_ros.wallgrammar.derivation import Deriver
@@ -82,9 +83,11 @@ def test_floating_part_without_room_is_dropped():
     assert sizes((absolute(2), floating(1), absolute(3)), 5.0) == pytest.approx([2, 3])
 
 
-def test_overflow_is_clipped():
-    """Cut the last part off at the end of the scope."""
-    assert sizes((absolute(3), floating(1), absolute(4)), 5.0) == pytest.approx([3, 2])
+def test_parts_that_do_not_fit_are_refused():
+    """Say what parts of a fixed size need, and what there is; rounding fits."""
+    with pytest.raises(GrammarError, match='need 7 m and do not fit into 5 m'):
+        sizes((absolute(3), floating(1), absolute(4)), 5.0)
+    assert sizes((absolute(3), absolute(2.00001)), 5.0) == pytest.approx([3, 2])
 
 
 def test_repeat_takes_the_nearest_whole_count():

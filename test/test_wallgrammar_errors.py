@@ -81,7 +81,10 @@ def test_the_unspoilt_grammar_builds():
     ('storey_height: 3', 'storey_height: 3 roof: hip(40)', 1, 'longer than wide'),
     ('storey_height: 3', 'storey_height: 3 partitions: halves', 4, 'takes 1'),
     # splits
-    ('-> wall', '-> split(x) { 9: wall | 2: wall }', 5, 'does not fit'),
+    ('-> wall', '-> split(x) { 9: wall | 2: wall }', 5, 'need 11 m and do not fit into 4 m'),
+    ('-> wall', "-> split(x) { 3.9: wall | '0.1: wall }", 5, 'need 4.3 m and do not fit'),
+    ('-> wall', '-> split(x) { { 5: wall }* }', 5, 'do not fit'),
+    ('panel wall', 'material brick { texture: brik }\npanel wall', 7, 'did you mean brick'),
     ('-> wall', '-> split(x) { { 0: wall }* }', 5, 'greater than 0'),
     ('-> wall', '-> split(x) { { ~0.000001: wall }* }', 5, 'repeats are too many'),
     ('-> wall', '-> insert(5, 1) { window | wall }', 5, 'does not fit'),

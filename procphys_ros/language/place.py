@@ -16,10 +16,11 @@
 """Place: where in a grammar text something stands, to be named in errors."""
 
 from typing import NamedTuple
+import warnings
 
 from lark import Token, Tree
 
-from procphys_ros.errors import GrammarError
+from procphys_ros.errors import GrammarError, GrammarWarning
 
 
 class Place(NamedTuple):
@@ -49,6 +50,11 @@ class Place(NamedTuple):
         if line is None:  # an empty piece has no position of its own
             return cls(source, first_line, 0)
         return cls(source, line + first_line - 1, spot.column)
+
+    def warn(self, message: str) -> None:
+        """Warn of what is legal at this place, but mostly a slip."""
+        text = str(GrammarError(message, self.source, self.line, self.column))
+        warnings.warn(GrammarWarning(text), stacklevel=2)
 
     def error(self, message: str) -> GrammarError:
         """Make the error that names this place."""

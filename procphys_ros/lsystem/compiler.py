@@ -22,7 +22,7 @@ from typing import NamedTuple
 from lark import Tree
 import numpy as np
 
-from procphys_ros.errors import GrammarError
+from procphys_ros.errors import GrammarError, nearest_names
 from procphys_ros.language import compile_expression, Expression, Place
 from procphys_ros.lsystem.derivation import Derivation
 from procphys_ros.lsystem.modules import Vocabulary
@@ -31,6 +31,7 @@ from procphys_ros.lsystem.rules import Produced, Rule, RuleCompiler
 from procphys_ros.lsystem.statements import RULE_SECTIONS, split_statements, Statement
 from procphys_ros.lsystem.symbols import arity_message, SYMBOLS
 from procphys_ros.lsystem.syntax import parse_statement
+from procphys_ros.palette import is_known, LOOKS
 
 
 class Grammar(NamedTuple):
@@ -90,6 +91,14 @@ class _Reader:
                 for tree, line in self.trees(section) for token in tree.children
                 if token is not None]
 
+    def textures(self) -> tuple[str, ...]:
+        words = self.words('textures')
+        for name, place in words:
+            if not is_known(name):
+                raise place.error(f'unknown texture "{name}"{nearest_names(name, LOOKS)} '
+                                  f'(textures contain one of: {", ".join(LOOKS)})')
+        return tuple(name for name, _ in words)
+
     def defines(self) -> list[tuple[str, Expression]]:
         result: list[tuple[str, Expression]] = []
         for tree, line in self.trees('define'):
@@ -144,7 +153,7 @@ def compile_grammar(text: str, source: str, max_modules: int) -> Grammar:
     return Grammar(
         source, reader.name(), defines, reader.value('derivation length', names),
         reader.value('angle', names), reader.value('maximum depth', names),
-        tuple(name for name, _ in reader.words('textures')),
+        reader.textures(),
         Derivation(start, compiler.vocabulary, *sets), compiler.origins)
 
 
@@ -188,3 +197,30 @@ def _check_meanings(compiler: RuleCompiler, axiom: tuple[Produced, ...],
         if symbol and piece.key not in replaced and arity not in symbol.arities:
             place, name = compiler.origins[piece.origin]
             raise place.error(f'{name} {arity_message(symbol, arity)}')
+    _warn_of_strangers(compiler, axiom, rules)
+
+
+def _warn_of_strangers(compiler: RuleCompiler, axiom: tuple[Produced, ...],
+                       rules: dict[str, list[Rule]]) -> None:
+    """Warn of single letters without a meaning, and of rules that no module ever fits."""
+    vocabulary = compiler.vocabulary
+    every = [rule for section in RULE_SECTIONS for rule in rules[section]]
+    written = [*axiom, *(piece for rule in every for piece in rule.successor)]
+    counts: dict[str, set[int]] = {}
+    for piece in written:
+        counts.setdefault(vocabulary.names[piece.key], set()).add(vocabulary.arities[piece.key])
+    matched = {vocabulary.names[key] for rule in every
+               for key in (rule.predecessor, *rule.left, *rule.right) if key >= 0}
+    strangers = [compiler.origins[piece.origin] for piece in written
+                 if len(vocabulary.names[piece.key]) == 1
+                 and vocabulary.names[piece.key] not in compiler.declared]
+    for name, place in {name: place for place, name in reversed(strangers)}.items():
+        if name not in SYMBOLS and name not in matched:
+            place.warn(f'no rule and no meaning for the module {name}; declare it, '
+                       f'"module: {name}", if it is only a mark')
+    for rule in every:
+        name, arity = vocabulary.names[rule.predecessor], vocabulary.arities[rule.predecessor]
+        if arity not in counts.get(name, {arity}):
+            found = ' or '.join(map(str, sorted(counts[name])))
+            rule.place.warn(f'this rule never applies: it takes {name} with {arity} parameters, '
+                            f'which is written with {found} only')

@@ -239,7 +239,7 @@ class RuleCompiler:
         text = str(token)
         place = Place.of(token, self.source, line)
         long_names = {*self.declared, *LONG_NAMES}
-        if not text[0].isalpha() or text in long_names:
+        if not text[0].isalnum() or text in long_names:
             if text not in SYMBOLS and text not in long_names:
                 raise place.error(f'unknown module "{text}"{nearest_names(text, SYMBOLS)}')
             return [text]
@@ -247,7 +247,7 @@ class RuleCompiler:
         while text:
             size = max((len(n) for n in long_names if text.startswith(n)), default=1)
             piece, text = text[:size], text[size:]
-            if not piece[0].isalpha():
+            if not piece[0].isalnum():
                 raise self._undeclared(str(token), place)
             pieces.append(piece)
         if sum(len(piece) == 1 for piece in pieces) > 2:

@@ -95,7 +95,7 @@ def _check_header(line: str, section: str, place: Place) -> None:
     found = _LOOKS_LIKE_HEADER.match(line)
     if found and not _ARROW.search(line):
         near = nearest_names(found[1].strip().lower(), _HEADERS)
-        if near or not section:
+        if near or section not in RULE_SECTIONS:
             raise place.error(f'unknown section "{found[1].strip()}:"{near} '
                               f'(sections: {", ".join(_HEADERS)})')
     if not section:

@@ -43,7 +43,7 @@ definition: NAME "=" expression
 value: expression
 
 ARROW.4: /-{1,2}>/
-WORD: /[A-Za-z][A-Za-z0-9_]*/
+WORD: /[A-Za-z0-9][A-Za-z0-9_]*/
 SYMBOL: /@[A-Za-z]*|[-+&^\\\/|$!%.'~{}]/
 ANYTHING: "*"
 BRACKET.3: "[" | "]" | "=]"

@@ -23,6 +23,7 @@ from typing import Any, Self
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import CommandError
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.foliage import Flutter
 from procphys_ros.physics.wind import Gust, Wind
@@ -253,7 +254,10 @@ class Simulation:
         Let time pass.
 
         :param n: number of time steps.
+        :raises CommandError: when it is negative.
         """
+        if n < 0:
+            raise CommandError(f'the number of steps is {n}, it must be 0 or more')
         model, state, dt = self.model, self.state, self.model.time_step
         self.timings = {stage.name: 0.0 for stage in self.stages}
         for _ in range(n):

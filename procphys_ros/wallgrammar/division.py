@@ -25,6 +25,9 @@ _MOST_REPEATS = 100_000
 _LARGEST = 1e6  # [m], share or weight: more than the longest facade
 
 
+_ROUNDING = 1e-4  # [m] by which parts may be longer than what they fill
+
+
 @dataclass(frozen=True)
 class Share:
     """
@@ -119,7 +122,11 @@ def divide(shares: 'tuple[Share | Repeated, ...]', length: int) -> list[tuple[in
     parts = unroll(shares, metres)
     sizes = np.array([_size(p, metres) for p in parts], float)
     floating = np.array([p.kind == 'floating' for p in parts], bool)
-    left = max(metres - sizes[~floating].sum(), 0.0)
+    taken = sizes[~floating].sum()
+    if taken > metres + _ROUNDING:
+        raise parts[int(np.argmax(~floating))].place.error(
+            f'the parts of this split need {taken:g} m and do not fit into {metres:g} m')
+    left = max(metres - taken, 0.0)
     weight = sizes[floating].sum()
     if weight > 0.0:
         sizes[floating] *= left / weight

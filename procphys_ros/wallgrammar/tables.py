@@ -20,6 +20,7 @@ import numpy as np
 
 from procphys_ros.errors import nearest_names
 from procphys_ros.language import Expression, Place
+from procphys_ros.palette import is_known, LOOKS
 from procphys_ros.wallgrammar.bonds import BONDS, Layout
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.materials import DEFAULTS, Material, NUMBERS
@@ -62,7 +63,7 @@ def read_materials(spec: Spec) -> dict[str, Material]:
             if not low <= value <= high:
                 raise entries[key].place.error(f'the {key} of "{name}" must be from {low:g} to '
                                                f'{high:g}, found {value:g}')
-        texture = _name(entries['texture']) if 'texture' in entries else base.texture
+        texture = _texture(entries['texture']) if 'texture' in entries else base.texture
         materials[name] = replace(base, **values, texture=texture)
     return materials
 
@@ -166,6 +167,14 @@ def _number(entry: Entry) -> float:
     if len(entry.values) != 1:
         raise entry.place.error(f'expected one number, found {len(entry.values)} values')
     return _value(entry.values[0], entry.place)
+
+
+def _texture(entry: Entry) -> str:
+    name = _name(entry)
+    if not is_known(name):
+        raise entry.place.error(f'unknown texture "{name}"{nearest_names(name, LOOKS)} '
+                                f'(textures contain one of: {", ".join(LOOKS)})')
+    return name
 
 
 def _name(entry: Entry) -> str:

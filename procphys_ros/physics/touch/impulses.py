@@ -59,12 +59,14 @@ class Partners(NamedTuple):
 
 
 @kernel
-def resolve(normal, least, friction, partners, velocity, first, place, count, response):
+def resolve(normal, least, mass, friction, partners, velocity, first, place, count, response):
     """
     Find the impulses of all contacts.
 
     :param normal: from the partner to the tree, (C, 3).
     :param least: normal velocity that each contact must have at the end [m/s], (C,).
+    :param mass: most that a contact may show [kg], (C,). Close to a joint a tree shows ever more,
+        and what moves on there is let in slowly rather than turned by such an impulse.
     :param friction: Coulomb coefficient, (C,).
     :param velocity: of the points on trees without contact [m/s], (E, 3), the points of a tree
         one after the other; changed to that with.
@@ -72,17 +74,20 @@ def resolve(normal, least, friction, partners, velocity, first, place, count, re
     :returns: impulses on the trees [N·s], (C, 3).
     """
     total = np.zeros_like(normal)
+    soft = np.empty(len(normal))
+    friction = friction.copy()
     yielding = np.empty(len(normal))
     sliding = np.empty(len(normal))
     for c in range(len(normal)):
-        _prepare(c, normal[c], partners, first, place, count, response, yielding, sliding)
+        _prepare(c, normal[c], partners, first, place, count, response, 1.0 / mass[c],
+                 yielding, sliding, soft, friction)
     island = _islands(partners, place, len(velocity))
     order = np.argsort(island, kind='mergesort')
     begin = 0
     for n in range(1, len(order) + 1):
         if n == len(order) or island[order[n]] != island[order[begin]]:
             _resolve_island(order[begin:n], normal, least, friction, partners, velocity, first,
-                            place, count, response, yielding, sliding, total)
+                            place, count, response, yielding, sliding, soft, total)
             begin = n
     return total
 
@@ -118,7 +123,7 @@ def _first_of(c, island):
 
 @kernel
 def _resolve_island(chosen, normal, least, friction, partners, velocity, first, place, count,
-                    response, yielding, sliding, total):
+                    response, yielding, sliding, soft, total):
     """Correct the chosen contacts in turns until none of them changes by much."""
     fastest = 0.0
     for c in chosen:
@@ -127,8 +132,8 @@ def _resolve_island(chosen, normal, least, friction, partners, velocity, first, 
     for _ in range(_ITERATIONS):
         worst = 0.0
         for c in chosen:
-            x, y, z = _correct(c, normal, least[c], friction[c], yielding[c], sliding[c], total,
-                               _slip(c, partners, velocity))
+            x, y, z = _correct(c, normal, least[c], friction[c], yielding[c], sliding[c], soft[c],
+                               total, _slip(c, partners, velocity))
             if x == 0.0 and y == 0.0 and z == 0.0:
                 continue
             softest = max(yielding[c], sliding[c] if sliding[c] < np.inf else 0.0)
@@ -142,12 +147,12 @@ def _resolve_island(chosen, normal, least, friction, partners, velocity, first, 
 
 
 @kernel
-def _correct(c, normal, least, friction, yielding, sliding, total, slip):
+def _correct(c, normal, least, friction, yielding, sliding, soft, total, slip):
     """Give the change of an impulse that corrects its contact, within the cone of friction."""
     nx, ny, nz = normal[c, 0], normal[c, 1], normal[c, 2]
     before = _along(normal, c, (total[c, 0], total[c, 1], total[c, 2]))
     closing = _along(normal, c, slip)
-    push = max(0.0, before + (least - closing) / yielding)
+    push = max(0.0, before + (least - closing - soft * before) / yielding)
     if push == 0.0:
         return -total[c, 0], -total[c, 1], -total[c, 2]
     x = total[c, 0] - before * nx - (slip[0] - closing * nx) / sliding
@@ -213,12 +218,15 @@ def _move(end, x, y, z, velocity, first, place, count, response):
 
 
 @kernel
-def _prepare(c, n, partners, first, place, count, response, yielding, sliding):
+def _prepare(c, n, partners, first, place, count, response, floor, yielding, sliding, soft,
+             friction):
     """
     Work out how a contact yields along its normal, and at most across it [1/kg].
 
     Both are infinite where nothing moves, so that no impulse is tried in vain: a straight pole
-    that is pushed along its axis, for example.
+    that is pushed along its axis, for example. Responses below the floor count as the floor; what
+    is missing makes the contact soft. Friction that would press the contact together faster than
+    its normal impulse opens it has no solution (Painlevé's paradox), and is limited to half of it.
     """
     full = np.zeros((3, 3))
     for end in (partners.end[c], partners.other[c]):
@@ -243,3 +251,8 @@ def _prepare(c, n, partners, first, place, count, response, yielding, sliding):
         yielding[c] = np.inf
     if not sliding[c] > least:
         sliding[c] = np.inf
+    jam = np.sqrt((t * (full @ n)).sum() ** 2 + (s * (full @ n)).sum() ** 2)
+    friction[c] = min(friction[c], 0.5 * yielding[c] / max(jam, 1e-300))
+    soft[c] = max(floor - yielding[c], 0.0)
+    yielding[c] = max(yielding[c], floor)
+    sliding[c] = max(sliding[c], floor)
