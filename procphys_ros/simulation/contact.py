@@ -31,6 +31,7 @@ _SLOP = 0.002    # [m] overlap that is left alone, so that what rests keeps touc
 _RECOVERY = 0.2  # share of a deeper overlap that is undone per step
 _PUSH_OUT = 0.5  # [m/s] speed at most that this gives
 _WAKE = 0.3      # [m/s] change of speed that sets a resting body free, as in the world's settling
+_SHOWN = 100.0   # masses of a tree at most that it may show at a contact
 _ROUNDS = 3      # of solving, while what is hit gives way
 
 
@@ -113,10 +114,21 @@ def _solve(model: Model, state: State, pairs: Pairs,
     partners, bodies = _partners(model, state, pairs, end, other, dt)
     free = partners.motion.copy()
     impulse = resolve(pairs.normal, _least_speed(pairs, look, end, other, dt),
-                      np.full(len(end), _FRICTION), partners, look.velocity, look.first,
-                      look.place, look.count, look.response)
+                      _SHOWN * _tree_mass(state, pairs), np.full(len(end), _FRICTION), partners,
+                      look.velocity, look.first, look.place, look.count, look.response)
     return (TreeContacts(pairs.row, pairs.other, pairs.body, pairs.part, pairs.point, impulse),
             partners.motion - free, bodies)
+
+
+def _tree_mass(state: State, pairs: Pairs) -> np.ndarray:
+    """Give the mass of the heavier tree of each contact [kg], (C,)."""
+    forest = state.forest
+    rows = forest.plan.row
+    total = np.bincount(forest.roots(rows), state.blueprint.mass[forest.parts[rows]])
+    mass = total[forest.roots(pairs.row)]
+    both = np.flatnonzero(pairs.other >= 0)
+    mass[both] = np.maximum(mass[both], total[forest.roots(pairs.other[both])])
+    return mass
 
 
 def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: np.ndarray,
