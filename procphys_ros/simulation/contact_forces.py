@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.world import axes_of
+from procphys_ros.rotation_kernels import matrix
 
 _FLAT = 0.03    # [m] off the plane of contact: what is nearer takes part of the pressure
 _AROUND = 0.06  # [m] outside of the points of contact: likewise
@@ -133,7 +133,7 @@ def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
     axes = np.empty((count, 3, 3))
     for n in range(count):
         p = near[n]
-        axes[n] = axes_of(poses[p, 3:])
+        axes[n] = matrix(poses[p, 3:])
         arm = middle - poses[p, :3]
         reach = 0.0
         aside[n] = 0.0
@@ -161,7 +161,7 @@ def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
         arm = inner @ ((middle if n == nearest else spot[n]) - poses[p, :3])
         for k in range(3):  # a merged outline may touch where no part is: act on its surface
             arm[k] = min(max(arm[k], -0.5 * sizes[p, k]), 0.5 * sizes[p, k])
-        back = axes_of(rest[p, 3:])
+        back = matrix(rest[p, 3:])
         push = share[n] * (back @ (inner @ force))
         arm = back @ arm
         out[p, :3] += push

@@ -23,7 +23,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.physics.dust import motion_energy
 from procphys_ros.physics.masonry import Breakage
-from procphys_ros.physics.world import axes_of, Contacts
+from procphys_ros.physics.world import Contacts
 from procphys_ros.physics.world import State as BodyState
 from procphys_ros.simulation import debris_loads, fragments, glass
 from procphys_ros.simulation.contact_forces import BodyContacts, spread
@@ -213,7 +213,7 @@ def _contacts_of(state: State, body: int, rows: np.ndarray, contacts: Contacts) 
     rows = rows % len(contacts)
     sign = np.where(first, 1.0, -1.0)[:, None]
     start = state.rubble.poses[body]
-    axes = axes_of(start[3:])
+    axes = rotation.to_matrix(start[3:])
     return BodyContacts(
         (contacts.point[rows] - start[:3]) @ axes,
         (sign * contacts.normal[rows]) @ axes,

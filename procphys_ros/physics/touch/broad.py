@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.rotation_kernels import matrix_rows
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 _CELLS = 64  # along x and along y at most; a finer grid takes longer to clear
@@ -56,10 +57,7 @@ def piece_bounds(shapes, poses, sizes, velocities, reach, margin):
     """Give the same for boxes and capsules, (P, 6); all columns have P rows."""
     out = np.empty((len(shapes), 6))
     for p in range(len(shapes)):
-        x, y, z, w = poses[p, 3], poses[p, 4], poses[p, 5], poses[p, 6]
-        turn = ((1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
-                (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
-                (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)))
+        turn = matrix_rows(poses[p, 3:])
         for c in range(3):
             if shapes[p] == _BOX:
                 room = 0.5 * (abs(turn[c][0]) * sizes[p, 0] + abs(turn[c][1]) * sizes[p, 1]

@@ -18,7 +18,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.touch.geometry import turn_of
+from procphys_ros.rotation_kernels import matrix
 
 
 def overlap(ball: bool, pose: np.ndarray, size: np.ndarray, poses: np.ndarray,
@@ -41,9 +41,9 @@ def overlap(ball: bool, pose: np.ndarray, size: np.ndarray, poses: np.ndarray,
 def _overlap(ball, pose, size, poses, sizes):
     depth, normal = np.zeros(len(poses)), np.zeros((len(poses), 3))
     point = np.zeros((len(poses), 3))
-    mine = turn_of(pose[3:])
+    mine = matrix(pose[3:])
     for i in range(len(poses)):
-        turn, half = turn_of(poses[i, 3:]), 0.5 * sizes[i]
+        turn, half = matrix(poses[i, 3:]), 0.5 * sizes[i]
         arm = pose[:3] - poses[i, :3]
         inside = turn.T @ arm
         if ball:

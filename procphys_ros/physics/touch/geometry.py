@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.rotation_kernels import matrix
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 _AHEAD = 1.5      # steps looked ahead: this one, and what joints lag behind in the next
@@ -152,7 +153,7 @@ def _meet_ground(rows, both, poses, sizes, velocities, dt):
                                                        + abs(velocities[i, 4]))) + _NEAR:
             continue
         half, radius = 0.5 * max(sizes[i, 2] - sizes[i, 0], 0.0), 0.5 * sizes[i, 0]
-        axis = turn_of(poses[i, 3:])[:, 2]
+        axis = matrix(poses[i, 3:])[:, 2]
         for end in range(2 if both[n] else 1):
             arm = (half if end == 0 else -half) * axis
             fall = velocities[i, 2] + velocities[i, 3] * arm[1] - velocities[i, 4] * arm[0]
@@ -173,17 +174,6 @@ def _note(count, x, y, z, qx, qy, qz, gap, point, normal):
 
 
 @kernel
-def turn_of(q):
-    """Turn a quaternion xyzw into a matrix."""
-    x, y, z, w = q[0], q[1], q[2], q[3]
-    m = np.empty((3, 3))
-    m[0, 0], m[0, 1], m[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
-    m[1, 0], m[1, 1], m[1, 2] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
-    m[2, 0], m[2, 1], m[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
-    return m
-
-
-@kernel
 def _nearest(centre, attitude, size, at, shape, pose, extent):
     """
     Give gap, place on the segment's axis from 0 to 1, normal, and nearest point of the piece.
@@ -191,8 +181,8 @@ def _nearest(centre, attitude, size, at, shape, pose, extent):
     :param at: place on the axis that is asked for; -1 = the nearest.
     """
     half, radius = 0.5 * max(size[2] - size[0], 0.0), 0.5 * size[0]
-    axis = turn_of(attitude)[:, 2].copy()
-    turn = turn_of(pose[3:])
+    axis = matrix(attitude)[:, 2].copy()
+    turn = matrix(pose[3:])
     begin = centre + (2.0 * max(at, 0.0) - 1.0) * half * axis
     long = 2.0 * half if at < 0.0 else 0.0
     if shape == _BOX:
@@ -227,8 +217,8 @@ def _nearest(centre, attitude, size, at, shape, pose, extent):
 def _span(pose, size, shape, other, extent, t):
     """Give the places between which a segment lies along a piece, both t if it does not."""
     half = 0.5 * max(size[2] - size[0], 0.0)
-    axis = turn_of(pose[3:])[:, 2].copy()
-    turn = turn_of(other[3:])
+    axis = matrix(pose[3:])[:, 2].copy()
+    turn = matrix(other[3:])
     begin, way = pose[:3] - half * axis, 2.0 * half * axis
     if half < 1e-6:
         return t, t

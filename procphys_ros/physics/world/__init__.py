@@ -14,7 +14,7 @@
 
 """Everything that collides: ground, fragments, bricks, projectiles, and how they come to rest."""
 
-from procphys_ros.physics.world.assembly import axes_of, expand, rigid_sum, RigidSum
+from procphys_ros.physics.world.assembly import expand, rigid_sum, RigidSum
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.body_table import BodyState as State
 from procphys_ros.physics.world.contacts import Contacts
@@ -24,6 +24,6 @@ from procphys_ros.physics.world.merging import merge_boxes
 from procphys_ros.physics.world.pieces import Pieces, solid_inertia
 from procphys_ros.physics.world.world import FRICTION, World
 
-__all__ = ['axes_of', 'BodyState', 'BodyTable', 'Contacts', 'DEFAULT_ENGINE', 'ENGINES', 'expand',
+__all__ = ['BodyState', 'BodyTable', 'Contacts', 'DEFAULT_ENGINE', 'ENGINES', 'expand',
            'FRICTION', 'installed_engines', 'merge_boxes', 'Pieces', 'rigid_sum', 'RigidSum',
            'solid_inertia', 'State', 'velocity_between', 'World']

@@ -20,6 +20,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.compilation import kernel
+from procphys_ros.rotation_kernels import matrix
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def _collect(mass, inertia, poses, velocities):
     drift /= total
     tensor = np.zeros((3, 3))
     for p in range(len(mass)):
-        axes = axes_of(poses[p, 3:])
+        axes = matrix(poses[p, 3:])
         own = np.zeros((3, 3))
         for i in range(3):
             for j in range(3):
@@ -100,16 +101,6 @@ def _collect(mass, inertia, poses, velocities):
 
 
 @kernel
-def axes_of(q):
-    """Give the rotation matrix of one unit quaternion."""
-    x, y, z, w = q
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
-
-
-@kernel
 def relative_rows(frame, poses):
     """
     Express many poses in one frame: `rotation.relative`, ten times faster for a few dozen rows.
@@ -118,7 +109,7 @@ def relative_rows(frame, poses):
     :param poses: (P, 7).
     """
     out = np.empty((len(poses), 7))
-    axes = axes_of(frame[3:])
+    axes = matrix(frame[3:])
     ax, ay, az, aw = -frame[3], -frame[4], -frame[5], frame[6]
     for p in range(len(poses)):
         arm = poses[p, :3] - frame[:3]
@@ -145,7 +136,7 @@ def aligned_extents(poses, sizes, tolerance):
     aligned = np.ones(len(poses), np.bool_)
     extents = np.zeros((len(poses), 3))
     for p in range(len(poses)):
-        axes = axes_of(poses[p, 3:])
+        axes = matrix(poses[p, 3:])
         for i in range(3):
             for j in range(3):
                 whole = np.round(axes[i, j])

@@ -22,7 +22,7 @@ for good. The ground is flat, so against it the true corners count.
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.world.assembly import axes_of
+from procphys_ros.rotation_kernels import matrix
 
 _OUT = 0.01  # [m] by which a corner must stick out to be kept
 _SLOP = 0.002  # [m] that a point at rest may sink, so that it stays in touch
@@ -51,12 +51,12 @@ def _corners_outside(poses, sizes, merged_poses, merged_sizes, found):
     axes = np.empty((len(merged_poses), 3, 3))
     reach = np.empty(len(merged_poses))
     for k in range(len(merged_poses)):
-        axes[k] = axes_of(merged_poses[k, 3:])
+        axes[k] = matrix(merged_poses[k, 3:])
         reach[k] = _diagonal(merged_sizes[k]) + 2.0 * _OUT
     near = np.empty(len(merged_poses), np.int64)
     count = 0
     for p in range(len(poses)):
-        own = axes_of(poses[p, 3:])
+        own = matrix(poses[p, 3:])
         far = _diagonal(sizes[p])
         many = 0
         for k in range(len(merged_poses)):
@@ -119,7 +119,7 @@ def resolve_ground_contacts(start, points, poses, velocities, mass, inertia, fri
     table = np.zeros((len(points), _COLUMNS))
     count = 0
     for b in range(len(poses)):
-        axes = axes_of(poses[b, 3:])
+        axes = matrix(poses[b, 3:])
         first = count
         for t in range(start[b], start[b + 1]):
             arm = axes @ points[t]

@@ -22,9 +22,9 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, cylinder_inertia, Shape
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.touch import overlap, piece_bounds
-from procphys_ros.physics.world.assembly import axes_of
 from procphys_ros.physics.world.ground_points import corners_outside
 from procphys_ros.physics.world.merging import merge_boxes
+from procphys_ros.rotation_kernels import matrix
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 
@@ -66,10 +66,10 @@ class Pieces:
 
 @kernel
 def _lowest(pose, shapes, sizes, local, points):
-    up = axes_of(pose[3:])[2].copy()  # the vertical in the body's axes
+    up = matrix(pose[3:])[2].copy()  # the vertical in the body's axes
     height = np.inf
     for p in range(len(shapes)):
-        down = np.abs(up @ axes_of(local[p, 3:]))
+        down = np.abs(up @ matrix(local[p, 3:]))
         size = sizes[p]
         if shapes[p] == _BOX:
             reach = down[0] * size[0] + down[1] * size[1] + down[2] * size[2]

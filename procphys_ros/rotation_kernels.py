@@ -1,0 +1,40 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Rotation matrices inside kernels; `rotation` has the same for arrays of quaternions."""
+
+import numpy as np
+
+from procphys_ros.compilation import kernel
+
+
+@kernel
+def matrix_rows(q):
+    """Turn a quaternion xyzw into the rows of a matrix, as tuples that need no memory."""
+    x, y, z, w = q[0], q[1], q[2], q[3]
+    return ((1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
+            (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
+            (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)))
+
+
+@kernel
+def matrix(q):
+    """Turn a quaternion xyzw into a matrix, (3, 3); its columns are the turned axes."""
+    rows = matrix_rows(q)
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = rows[i][j]
+    return out
