@@ -25,8 +25,8 @@ ONE_LINE = ('name', 'derivation length', 'angle', 'maximum depth')
 _SEVERAL_LINES = ('axiom', 'define', 'module', 'ignore', 'consider', 'textures')
 RULE_SECTIONS = ('production', 'decomposition', 'interpretation')
 _SYNONYMS = {'homomorphism': 'interpretation'}
-_HEADERS = (*ONE_LINE, *_SEVERAL_LINES, *RULE_SECTIONS, *_SYNONYMS)
-_HEADER = re.compile(r'^\s*(' + '|'.join(_HEADERS) + r')\s*:', re.IGNORECASE)
+HEADERS = (*ONE_LINE, *_SEVERAL_LINES, *RULE_SECTIONS, *_SYNONYMS)
+_HEADER = re.compile(r'^\s*(' + '|'.join(HEADERS) + r')\s*:', re.IGNORECASE)
 _LOOKS_LIKE_HEADER = re.compile(r'^\s*([A-Za-z][A-Za-z_ ]{2,})\s*:')
 _ARROW = re.compile(r'-{1,2}>')
 _CARRIES_ON = re.compile(r'^\s*(-{1,2}>|[:<>])')
@@ -94,13 +94,13 @@ def _close(statements: list[Statement], section: str, buffer: list[str], start: 
 def _check_header(line: str, section: str, place: Place) -> None:
     found = _LOOKS_LIKE_HEADER.match(line)
     if found and not _ARROW.search(line):
-        near = nearest_names(found[1].strip().lower(), _HEADERS)
+        near = nearest_names(found[1].strip().lower(), HEADERS)
         if near or section not in RULE_SECTIONS:
             raise place.error(f'unknown section "{found[1].strip()}:"{near} '
-                              f'(sections: {", ".join(_HEADERS)})')
+                              f'(sections: {", ".join(HEADERS)})')
     if not section:
         raise place.error(f'found "{line.strip()[:20]}" outside any section; '
-                          f'begin with one of: {", ".join(_HEADERS)}')
+                          f'begin with one of: {", ".join(HEADERS)}')
 
 
 def _starts_rule(lines: list[str], index: int, buffer: list[str]) -> bool:
