@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
-from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, Impulses, Sight
+from procphys_ros.physics.loads import blast_boxes, blast_capsules, Impulses, Sight
 from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation import glass, masonry
@@ -69,16 +69,13 @@ def explode(model: Model, state: State, explosion: Explosion) -> None:
                                            sight=sight)))
     if not found:
         return
-    hit, linear, angular, arrival = (np.concatenate(column) for column in zip(*(
-        (rows, gift.linear, gift.angular, gift.arrival) for rows, gift in found)))
+    hit, linear, angular, arrival, pulse = (np.concatenate(column) for column in zip(*(
+        (rows, gift.linear, gift.angular, gift.arrival, gift.duration) for rows, gift in found)))
     speed = np.linalg.norm(linear, axis=1) / parts.mass[hit]
     felt = np.flatnonzero(speed > _LEAST)
     felt = felt[np.argsort(arrival[felt], kind='stable')]
-    scale = air_blast.effective_charge(charge, float(point[2])) ** (1.0 / 3.0)
-    away = np.linalg.norm(parts.poses[hit[felt], :3] - np.asarray(point, float), axis=1)
     state.blasts.waves.append(Wave(hit[felt], linear[felt], angular[felt],
-                                   arrival[felt] + state.time,
-                                   scale * air_blast.duration(away / scale)))
+                                   arrival[felt] + state.time, pulse[felt]))
 
 
 def step(model: Model, state: State, dt: float) -> None:

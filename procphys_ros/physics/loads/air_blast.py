@@ -12,62 +12,76 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 Air blast of a charge of TNT: pressure, duration, impulse, arrival.
 
-Fits of Kinney & Graham, *Explosive Shocks in Air*, 2nd ed. 1985, chapter 6, for a free spherical
-charge, over the scaled distance Z = R / W^(1/3) [m/kg^(1/3)]. Their pressures are in atmospheres,
-read here as bar as is usual (1.3 % less). Times and impulses of W kg are W^(1/3) those of 1 kg.
+Curves of Kingery & Bulmash (`kingery_bulmash`) over the scaled distance Z = R / W^(1/3)
+[m/kg^(1/3)] for a spherical charge in free air and a hemispherical one on the ground. Times and
+impulses of W kg are W^(1/3) those of 1 kg. `ground` is 0 for the one, 1 for the other; between
+them logarithms are taken in proportion.
 """
 
 import numpy as np
 
-AMBIENT = 1e5            # [Pa]
+from procphys_ros.physics.loads import kingery_bulmash as fits
+
+AMBIENT = 101_325.0      # [Pa]
 _SOUND = 340.3           # [m/s] at 15 °C
-_BAR = 1e5               # [Pa]
-_CHARGE_SURFACE = 0.053  # [m/kg^(1/3)] radius of 1 kg of TNT at 1600 kg/m³, the least distance
-_ON_GROUND = 1.8         # effective charge of a burst on the ground over the charge, UFC 3-340-02
 _FREE_AIR = 1.0          # [m/kg^(1/3)] scaled height from which a burst counts as free
+_FAR_PRESSURE = -1.4066  # exponents of Z beyond the range of the fits: those of Swisdak 1994 for
+_FAR_IMPULSE = -1.062    # the last part of it
 
 
-def overpressure(z: np.ndarray) -> np.ndarray:
+def _curve(air: fits.Fit, ground_fit: fits.Fit, z: np.ndarray, ground: float,
+           unit: float) -> np.ndarray:
+    z = np.asarray(z, float)
+    return unit * (fits.evaluate(air, z) ** (1.0 - ground)
+                   * fits.evaluate(ground_fit, z) ** ground)
+
+
+def _beyond(z: np.ndarray) -> np.ndarray:
+    """Give how many times further than the fits go a distance is, at least 1."""
+    return np.maximum(np.asarray(z, float) / fits.MOST, 1.0)
+
+
+def overpressure(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
     """
     Compute the peak side-on overpressure [Pa].
 
     :param z: scaled distance [m/kg^(1/3)].
+    :param ground: share of a burst on the ground.
     """
-    z = np.maximum(z, _CHARGE_SURFACE)
-    return _BAR * 808.0 * (1.0 + (z / 4.5) ** 2) / np.sqrt(
-        (1.0 + (z / 0.048) ** 2) * (1.0 + (z / 0.32) ** 2) * (1.0 + (z / 1.35) ** 2))
+    return _beyond(z) ** _FAR_PRESSURE * _curve(
+        fits.PRESSURE_AIR, fits.PRESSURE_GROUND, z, ground, fits.PRESSURE_UNIT)
 
 
-def duration(z: np.ndarray) -> np.ndarray:
-    """Compute the duration of the positive phase [s/kg^(1/3)] at scaled distances."""
-    z = np.maximum(z, _CHARGE_SURFACE)
-    return 0.98 * (1.0 + (z / 0.54) ** 10) / (
-        (1.0 + (z / 0.02) ** 3) * (1.0 + (z / 0.74) ** 6) * np.sqrt(1.0 + (z / 6.9) ** 2))
+def reflected(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
+    """Compute the peak overpressure on a wall square to the wave [Pa]."""
+    return _beyond(z) ** _FAR_PRESSURE * _curve(
+        fits.REFLECTED_AIR, fits.REFLECTED_GROUND, z, ground, fits.PRESSURE_UNIT)
 
 
-def impulse(z: np.ndarray) -> np.ndarray:
-    """
-    Compute the side-on impulse of the positive phase [Pa·s/kg^(1/3)] at scaled distances.
-
-    Over (peak · duration / 2) this is the factor of the wave form: 0.45 at Z = 1, where the
-    pressure drops steeply, 1 near Z = 4; beyond, the two fits disagree by up to 15 %.
-    """
-    z = np.maximum(z, _CHARGE_SURFACE)
-    return 1e-3 * _BAR * 0.067 * np.sqrt(1.0 + (z / 0.23) ** 4) / (
-        z ** 2 * np.cbrt(1.0 + (z / 1.55) ** 3))
+def impulse(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
+    """Compute the side-on impulse of the positive phase [Pa·s/kg^(1/3)]."""
+    return _beyond(z) ** _FAR_IMPULSE * _curve(
+        fits.IMPULSE_AIR, fits.IMPULSE_GROUND, z, ground, fits.IMPULSE_UNIT)
 
 
-def reflection(pressure: np.ndarray) -> np.ndarray:
-    """
-    Compute reflected over side-on overpressure at normal incidence, 2 (weak) to 8 (strong).
+def reflected_impulse(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
+    """Compute the impulse of the positive phase on a wall square to the wave [Pa·s/kg^(1/3)]."""
+    return _beyond(z) ** _FAR_IMPULSE * _curve(
+        fits.REFLECTED_IMPULSE_AIR, fits.REFLECTED_IMPULSE_GROUND, z, ground, fits.IMPULSE_UNIT)
 
-    From the shock relations of an ideal gas (Kinney & Graham 1985, chapter 4).
-    """
-    return 2.0 * (7.0 * AMBIENT + 4.0 * pressure) / (7.0 * AMBIENT + pressure)
+
+def duration(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
+    """Compute the duration of the positive phase [s/kg^(1/3)]."""
+    return _curve(fits.DURATION_AIR, fits.DURATION_GROUND, z, ground, fits.TIME_UNIT)
+
+
+def arrival(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
+    """Compute when the front arrives [s/kg^(1/3)]."""
+    beyond = np.maximum(np.asarray(z, float) - fits.MOST, 0.0) / _SOUND
+    return beyond + _curve(fits.ARRIVAL_AIR, fits.ARRIVAL_GROUND, z, ground, fits.TIME_UNIT)
 
 
 def dynamic_pressure(pressure: np.ndarray) -> np.ndarray:
@@ -80,22 +94,13 @@ def shock_speed(pressure: np.ndarray) -> np.ndarray:
     return _SOUND * np.sqrt(1.0 + 6.0 * pressure / (7.0 * AMBIENT))
 
 
-def arrival(z: np.ndarray) -> np.ndarray:
-    """Compute when the front arrives [s/kg^(1/3)]: the integral of dR over the shock's speed."""
-    nodes = np.geomspace(_CHARGE_SURFACE, 1000.0, 600)
-    slowness = 1.0 / shock_speed(overpressure(nodes))
-    times = np.cumsum(0.5 * (slowness[1:] + slowness[:-1]) * np.diff(nodes))
-    return np.interp(z, nodes, np.concatenate([[0.0], times]))
-
-
-def effective_charge(charge: float, height: float) -> float:
+def ground_share(charge: float, height: float) -> float:
     """
-    Compute the free charge [kg] that does the same, counting what the ground throws back.
+    Say how far a burst is one on the ground, 1, rather than free in the air, 0.
 
-    The blend between a burst on the ground and a free one is a straight line.
+    The straight line between them stands for Mach stems, which the curves do not know.
 
     :param charge: mass of TNT [kg].
     :param height: of the charge above ground [m].
     """
-    share = max(0.0, 1.0 - max(height, 0.0) / (_FREE_AIR * charge ** (1.0 / 3.0)))
-    return charge * (1.0 + (_ON_GROUND - 1.0) * share)
+    return max(0.0, 1.0 - max(height, 0.0) / (_FREE_AIR * charge ** (1.0 / 3.0)))

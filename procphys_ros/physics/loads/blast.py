@@ -38,11 +38,13 @@ class Impulses:
     :ivar linear: (N, 3) [N·s], world.
     :ivar angular: about the centre, (N, 3) [N·m·s], world.
     :ivar arrival: when the front comes to the centre [s] after the explosion, (N,).
+    :ivar duration: of the positive phase there [s], (N,).
     """
 
     linear: np.ndarray
     angular: np.ndarray
     arrival: np.ndarray
+    duration: np.ndarray
 
     def points(self, centres: np.ndarray) -> np.ndarray:
         """Return where the linear impulses would have to act, (N, 3), world."""
@@ -56,7 +58,7 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     """
     Compute the impulses on boxes; faces that cannot see the charge get none.
 
-    The pressure on a face seen under the angle of incidence i is that of ConWep (TM 5-855-1):
+    The impulse on a face seen under the angle of incidence i is that of ConWep (TM 5-855-1):
     reflected · cos² i + side-on · (1 - cos i)²; near grazing the second term fades, since it
     soon acts on the far side too. Diffraction behind bodies is left out.
 
@@ -68,7 +70,7 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     :param sight: the boxes as already listed for rays; None = list them now.
     :raises CommandError: when point or charge are out of range.
     """
-    place, scale = _check(point, charge)
+    place, scale, ground = _check(point, charge)
     poses = np.asarray(poses, float)
     sizes = np.asarray(sizes, float)
     patches = faces.cut(poses, sizes, faces.facing(poses, sizes, place))
@@ -80,10 +82,10 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
     z = distance / scale
-    per_area = scale * air_blast.impulse(z) * incidence_factor(z, cosine)
+    per_area = scale * face_impulse(z, cosine, ground)
     linear, angular = faces.gather(
         patches, -(per_area * patches.area)[:, None] * patches.normal, poses)
-    return Impulses(linear, angular, _arrival(place, scale, poses))
+    return Impulses(linear, angular, *_times(place, scale, ground, poses))
 
 
 def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,
@@ -101,7 +103,7 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
     :param sight: boxes that shield; None = nothing does.
     :raises CommandError: when point or charge are out of range.
     """
-    place, scale = _check(point, charge)
+    place, scale, ground = _check(point, charge)
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     away = poses[:, :3] - place
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
@@ -111,32 +113,36 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
     shadow = (diameter * (length - diameter) * np.sqrt(np.maximum(1.0 - along ** 2, 0.0))
               + 0.25 * np.pi * diameter ** 2)
     z = distance / scale
-    peak = air_blast.overpressure(z)
-    reflected = peak * air_blast.reflection(peak)
-    passing = 0.5 * reflected * diameter / air_blast.shock_speed(peak)
-    drag = CYLINDER_DRAG * air_blast.dynamic_pressure(peak) * scale * air_blast.duration(z) / 3
-    ceiling = scale * air_blast.impulse(z) * air_blast.reflection(peak)
+    peak = air_blast.overpressure(z, ground)
+    passing = 0.5 * air_blast.reflected(z, ground) * diameter / air_blast.shock_speed(peak)
+    drag = (CYLINDER_DRAG * air_blast.dynamic_pressure(peak)
+            * scale * air_blast.duration(z, ground) / 3)
+    ceiling = scale * air_blast.reflected_impulse(z, ground)
     size = np.minimum(passing + drag, ceiling) * shadow
     if sight is not None:
         size *= sight.clear(poses[:, :3], place, np.full(len(poses), -1))
     return Impulses(size[:, None] * away, np.zeros((len(poses), 3)),
-                    _arrival(place, scale, poses))
+                    *_times(place, scale, ground, poses))
 
 
-def incidence_factor(z: np.ndarray, cosine: np.ndarray) -> np.ndarray:
+def face_impulse(z: np.ndarray, cosine: np.ndarray, ground: float = 0.0) -> np.ndarray:
     """
-    Return pressure on a face over side-on pressure.
+    Return the impulse of the positive phase on a face [Pa·s/kg^(1/3)].
 
     :param z: scaled distance [m/kg^(1/3)].
     :param cosine: of the angle between the face's normal and the direction of the charge.
+    :param ground: see `air_blast`.
     """
     graze = 1.0 - cosine
-    return (air_blast.reflection(air_blast.overpressure(z)) * cosine ** 2
-            + graze * np.minimum(graze, cosine))
+    return (air_blast.reflected_impulse(z, ground) * cosine ** 2
+            + air_blast.impulse(z, ground) * graze * np.minimum(graze, cosine))
 
 
-def _arrival(point: np.ndarray, scale: float, poses: np.ndarray) -> np.ndarray:
-    return scale * air_blast.arrival(np.linalg.norm(poses[:, :3] - point, axis=1) / scale)
+def _times(point: np.ndarray, scale: float, ground: float,
+           poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give when the front arrives at bodies and how long it lasts there [s], (N,) each."""
+    z = np.linalg.norm(poses[:, :3] - point, axis=1) / scale
+    return scale * air_blast.arrival(z, ground), scale * air_blast.duration(z, ground)
 
 
 def _axes(poses: np.ndarray) -> np.ndarray:
@@ -144,12 +150,13 @@ def _axes(poses: np.ndarray) -> np.ndarray:
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
 
 
-def _check(point: Sequence[float], charge: float) -> tuple[np.ndarray, float]:
-    """Return the place and W^(1/3) of the charge, what the ground throws back included."""
+def _check(point: Sequence[float], charge: float) -> tuple[np.ndarray, float, float]:
+    """Return the place and W^(1/3) of the charge, and how far it is one on the ground."""
     place = np.asarray(point, float)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise CommandError(f'explosion.position is {list(point)}, it must be three finite numbers')
     if not (math.isfinite(charge) and 0.0 < charge <= _LARGEST):
         raise CommandError(f'explosion.charge is {charge:g} kg TNT, it must lie above 0 and not '
                            f'exceed {_LARGEST:g}')
-    return place, air_blast.effective_charge(charge, float(place[2])) ** (1.0 / 3.0)
+    ground = air_blast.ground_share(charge, float(place[2]))
+    return place, charge ** (1.0 / 3.0), ground
