@@ -177,7 +177,7 @@ def test_bricks_are_instances_of_few_shapes(standing):
 def test_textures_are_found(standing):
     """Bind materials whose images lie beside the file."""
     stage, content = standing
-    for name in (content.full_names[0] + '/bark', content.full_names[-1]):
+    for name in (content.full_names[0] + '/bark', content.full_names[-1] + '/visual'):
         material = UsdShade.MaterialBindingAPI(
             stage.GetPrimAtPath(f'/World/{name}')).ComputeBoundMaterial()[0]
         surface = material.ComputeSurfaceSource()[0]

@@ -134,16 +134,14 @@ def _hinges(layer: Layer, content: Content, joints: Articulation, paths: list[st
 def _bricks(layer: Layer, materials: Materials, content: Content, joints: Articulation,
             paths: list[str], report: Report) -> None:
     """Write all parts that are no branches as instances of their shapes."""
-    shapes = Prototypes(layer, _PROTOTYPES, content)
+    shapes = Prototypes(layer, _PROTOTYPES, content, materials)
     mine = content.exists.copy()
     mine[joints.part] = False
     parts = np.flatnonzero(mine)
     for done, part in enumerate(parts.tolist(), 1):
-        spec = layer.prim(paths[part], 'Xform', ['MaterialBindingAPI'])
-        refer(spec, shapes.path(part))
+        spec = layer.prim(paths[part], 'Xform')
+        refer(spec, shapes.path(part), instance=True)
         place(spec, content.poses[part])
-        texture = content.textures[content.blueprint.texture[part]]
-        relate(spec, 'material:binding', [materials.path(texture)])
         report(done, len(parts))
 
 

@@ -107,10 +107,15 @@ def relate(spec: Sdf.PrimSpec, name: str, targets: Iterable[str]) -> None:
         relationship.targetPathList.explicitItems.append(target)
 
 
-def refer(spec: Sdf.PrimSpec, prototype: str) -> None:
-    """Make a prim an instance of another one in the same layer."""
-    spec.referenceList.prependedItems.append(Sdf.Reference('', prototype))
-    spec.SetInfo('instanceable', True)
+def refer(spec: Sdf.PrimSpec, other: str, instance: bool = False) -> None:
+    """
+    Let a prim be what another one in the same layer is.
+
+    :param instance: whether all that do so share it, and none changes it.
+    """
+    spec.referenceList.prependedItems.append(Sdf.Reference('', other))
+    if instance:
+        spec.SetInfo('instanceable', True)
 
 
 def place(spec: Sdf.PrimSpec, pose: np.ndarray, scale: np.ndarray | None = None) -> None:

@@ -24,7 +24,15 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.export import images
 from procphys_ros.export.content import Content
 from procphys_ros.export.surfaces import local_part
-from procphys_ros.export.usd_layer import Layer, numbers, place, put, relate, vectors
+from procphys_ros.export.usd_layer import (
+    Layer,
+    numbers,
+    place,
+    put,
+    refer,
+    relate,
+    vectors,
+)
 from procphys_ros.palette import look
 from procphys_ros.render import mesh, texture
 from procphys_ros.render.mesh import Mesh
@@ -97,16 +105,15 @@ def identifier(name: str) -> str:
     return out if out and not out[0].isdigit() else f'_{out}'
 
 
-def add_mesh(layer: Layer, path: str, shape: Mesh, material: str = '',
-             leaf: bool = False) -> None:
+def add_mesh(layer: Layer, path: str, shape: Mesh, material: str, leaf: bool = False) -> None:
     """
     Write a mesh.
 
     :param shape: in the frame of the parent prim.
-    :param material: path of what is bound to it; '' = inherited.
+    :param material: path of what is bound to it.
     :param leaf: whether it is seen from both sides.
     """
-    spec = layer.prim(path, 'Mesh', ['MaterialBindingAPI'] if material else [])
+    spec = layer.prim(path, 'Mesh', ['MaterialBindingAPI'])
     put(spec, 'point3f[]', 'points', vectors(shape.points))
     put(spec, 'int[]', 'faceVertexCounts', numbers(np.full(len(shape.triangles), 3)))
     put(spec, 'int[]', 'faceVertexIndices', numbers(shape.triangles.ravel()))
@@ -119,8 +126,7 @@ def add_mesh(layer: Layer, path: str, shape: Mesh, material: str = '',
     put(spec, 'token', 'subdivisionScheme', 'none', uniform=True)
     if leaf:
         put(spec, 'bool', 'doubleSided', True, uniform=True)
-    if material:
-        relate(spec, 'material:binding', [material])
+    relate(spec, 'material:binding', [material])
 
 
 def add_collider(layer: Layer, path: str, content: Content, part: int) -> None:
@@ -150,24 +156,30 @@ class Prototypes:
     :param layer: where they are written.
     :param root: path of the class that holds them.
     :param content: the parts.
+    :param materials: of the scene.
     """
 
-    def __init__(self, layer: Layer, root: str, content: Content):
+    def __init__(self, layer: Layer, root: str, content: Content, materials: Materials):
         self._layer, self._root, self._content = layer, root, content
-        size, mass = content.blueprint.visual_size, content.blueprint.mass
-        self._keys = np.round(np.column_stack([size, mass]), 9)
+        self._materials, blueprint = materials, content.blueprint
+        self._keys = np.round(np.column_stack([
+            blueprint.visual_size, blueprint.mass, blueprint.shape, blueprint.texture]), 9)
         self._known: dict[tuple[float, ...], str] = {}
         layer.prim(root, specifier=Sdf.SpecifierClass)
 
     def path(self, part: int) -> str:
         """Give the path of a part's prototype, which is written when first asked for."""
-        key = (*self._keys[part].tolist(), float(self._content.blueprint.shape[part]))
+        key = tuple(self._keys[part].tolist())
         if key not in self._known:
             path = f'{self._root}/shape_{len(self._known)}'
             self._known[key] = path
             spec = self._layer.prim(path, 'Xform', ['PhysicsRigidBodyAPI', 'PhysicsMassAPI'])
             weigh(spec, self._content, part)
-            add_mesh(self._layer, f'{path}/visual', local_part(self._content, part))
+            # What is bound must lie below the instance, or importers do not find it.
+            name = self._content.textures[self._content.blueprint.texture[part]]
+            refer(self._layer.prim(f'{path}/material', 'Material'), self._materials.path(name))
+            add_mesh(self._layer, f'{path}/visual', local_part(self._content, part),
+                     f'{path}/material')
             add_collider(self._layer, f'{path}/collider', self._content, part)
         return self._known[key]
 
