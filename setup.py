@@ -53,9 +53,11 @@ setup(
         'wheels': ['ros-rclpy[fastrtps]~=7.1.6', 'ros-jazzy-common-interfaces'],
         'render': ['pyvista'],
         'usd': ['usd-core'],
+        'record': ['mcap>=1.6'],
         'test': ['pytest', 'ruff', 'mypy', 'types-PyYAML', 'ros-ament-flake8', 'ros-ament-pep257',
-                 # readers of what is exported, none of them ours
-                 'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow'],
+                 # readers of what is exported and recorded, none of them ours
+                 'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
+                 'mcap>=1.6', 'mcap-ros2-support', 'rosbags'],
     },
     entry_points={
         'console_scripts': [
@@ -63,6 +65,8 @@ setup(
             'command = procphys_ros.ros.command:main',
             'render = procphys_ros.render.command:main',
             'export = procphys_ros.export.command:main',
+            'record = procphys_ros.ros.record:main',
+            'replay = procphys_ros.ros.replay:main',
         ],
     },
 )

@@ -65,6 +65,10 @@ class ExportError(ProcPhysError):
     """A file that cannot be written: an unknown format, a missing package, no room on the disk."""
 
 
+class RecordingError(ProcPhysError):
+    """A recording that cannot be written or read: no package, no room, a damaged file."""
+
+
 class CommandError(ProcPhysError):
     """A command that is refused (unknown part, NaN, paused): the simulation is unchanged."""
 

@@ -1,0 +1,145 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Writer: messages into an MCAP file, for as long as there is room on the disk."""
+
+from pathlib import Path
+import shutil
+from typing import Self
+
+from procphys_ros.errors import RecordingError
+from procphys_ros.recording.definitions import definition
+from procphys_ros.recording.library import load_mcap
+
+# Holds several frames of a large scene: what stands still in it costs nothing.
+_CHUNK = 4 * 1024 * 1024   # [bytes] before compression
+RESERVE = 32 * 1024 * 1024  # [bytes] of free disk at which a recording ends, with its index whole
+_CHECK_EVERY = _CHUNK       # [bytes] written between two looks at the disk
+
+
+class Writer:
+    """
+    Writes messages with their definitions, compressed with zstd.
+
+    :param path: file to write; an old one is replaced.
+    :ivar messages: number written so far.
+    :raises RecordingError: when it cannot be written, or the package mcap is missing.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path, self.messages = Path(path), 0
+        check_target(self.path)
+        mcap = load_mcap()
+        try:
+            self._file = self.path.open('wb')
+        except OSError as error:
+            raise RecordingError(f'"{path}" cannot be written: {error.strerror}') from error
+        self._open, self._unchecked = True, 0
+        self._writer = mcap.Writer(self._file, chunk_size=_CHUNK,
+                                   compression=mcap.CompressionType.ZSTD)
+        self._writer.start(profile='ros2', library='procphys_ros')
+        self._schemas: dict[str, int] = {}
+        self._channels: dict[str, int] = {}
+        self._sequence: dict[str, int] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def write(self, topic: str, kind: str, data: bytes, at: int, published: int | None = None,
+              ) -> None:
+        """
+        Write a message.
+
+        :param topic: its full name.
+        :param kind: its type, one of `definitions.KINDS`.
+        :param data: CDR with its encapsulation.
+        :param at: time by which it will be found [ns].
+        :param published: time that it speaks of [ns]; None = the same.
+        :raises RecordingError: when the disk is full; the recording has ended then, and what was
+            written before can be read.
+        """
+        if not self._open:
+            raise RecordingError(f'"{self.path}" has ended')
+        try:
+            if self._unchecked >= _CHECK_EVERY:
+                self._unchecked = 0
+                _check_room(self.path)
+            self._sequence[topic] = self._sequence.get(topic, -1) + 1
+            self._writer.add_message(self._channel(topic, kind), at, data,
+                                     at if published is None else published,
+                                     self._sequence[topic])
+        except RecordingError:
+            self.close()
+            raise
+        except OSError as error:
+            self._abandon(error)
+        self._unchecked += len(data)
+        self.messages += 1
+
+    def close(self) -> None:
+        """
+        Write the index and close the file; again is harmless.
+
+        :raises RecordingError: when there is no room for the index.
+        """
+        if not self._open:
+            return
+        try:
+            self._writer.finish()
+            self._open = False
+            self._file.close()
+        except OSError as error:
+            self._abandon(error)
+
+    def _channel(self, topic: str, kind: str) -> int:
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(kind, 'ros2msg',
+                                                               definition(kind).encode())
+        if topic not in self._channels:
+            self._channels[topic] = self._writer.register_channel(topic, 'cdr',
+                                                                  self._schemas[kind])
+        return self._channels[topic]
+
+    def _abandon(self, error: OSError) -> None:
+        """End at once, without an index."""
+        self._open = False
+        try:
+            self._file.close()
+        except OSError:
+            pass  # the same once more: what Python still held is lost
+        raise RecordingError(f'"{self.path}" cannot be written any further: {error.strerror}; '
+                             '"mcap recover" makes it readable') from error
+
+
+def check_target(path: Path) -> None:
+    """
+    Say what is wrong with a file to record into, before anything is done for it.
+
+    :raises RecordingError: when its suffix is another, its folder missing, or its disk full.
+    """
+    if path.suffix != '.mcap':
+        raise RecordingError(f'"{path}": a recording must end in .mcap')
+    if not path.parent.is_dir():
+        raise RecordingError(f'"{path}": there is no folder "{path.parent}"')
+    _check_room(path)
+
+
+def _check_room(path: Path) -> None:
+    free = shutil.disk_usage(path.parent).free
+    if free < RESERVE:
+        raise RecordingError(f'the disk of "{path}" is full: {free / 1e6:.0f} MB are left, and a '
+                             f'recording leaves {RESERVE / 1e6:.0f} MB')

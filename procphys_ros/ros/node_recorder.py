@@ -1,0 +1,127 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Node recorder: writes the bytes that a node publishes as they arrive."""
+
+import argparse
+from collections.abc import Callable, Sequence
+import os
+from time import monotonic, time_ns
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from procphys_ros.errors import RecordingError
+from procphys_ros.recording.marker_state import MarkerState
+from procphys_ros.recording.recording import FULL_EVERY
+from procphys_ros.recording.writer import Writer
+from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
+
+_TURN = 0.05  # [s] between looks at the clock
+
+
+class NodeRecorder:
+    """
+    Subscribes to all that a node publishes, and writes whole frames once a second.
+
+    :param node: subscribes.
+    :param source: absolute name of the node that publishes.
+    :param writer: takes the messages.
+    :ivar failure: why the recording has ended; None = it goes on.
+    """
+
+    def __init__(self, node: Node, source: str, writer: Writer):
+        self._writer, self._source = writer, source
+        self._markers = MarkerState()
+        self._poses = b''
+        self._full_due = monotonic()
+        self.failure: RecordingError | None = None
+        for topic, (kind, profile) in TOPICS.items():
+            node.create_subscription(kind, self._name(topic), self._taker(topic), profile,
+                                     raw=True)
+        node.create_timer(FULL_EVERY, self._fill)
+
+    def _name(self, topic: str) -> str:
+        return topic if topic.startswith('/') else f'{self._source}/{topic}'
+
+    def _taker(self, topic: str) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            self._write(topic, data)
+            if topic == 'poses':
+                self._poses = data
+            elif topic == 'markers':
+                self._markers.update(data)
+                if monotonic() >= self._full_due:
+                    self._fill()
+        return take
+
+    def _fill(self) -> None:
+        """Write whole frames, so that whoever opens the file here sees everything."""
+        self._full_due = monotonic() + FULL_EVERY
+        if len(self._markers):
+            self._write('markers', self._markers.whole())
+        if self._poses:
+            self._write('poses', self._poses)
+
+    def _write(self, topic: str, data: bytes) -> None:
+        if self.failure is None:
+            try:
+                self._writer.write(self._name(topic), KIND_NAMES[TOPICS[topic][0]], data,
+                                   time_ns())
+            except RecordingError as error:
+                self.failure = error
+
+
+def record(said: argparse.Namespace, ros_words: Sequence[str], ended: Callable[[], bool]) -> str:
+    """
+    Record a node until told to end.
+
+    :param said: `out`, `node`, `seconds` and `timeout`.
+    :param ros_words: arguments for ROS.
+    :param ended: says when to end.
+    :returns: what was recorded, in one line.
+    :raises RecordingError: when the file cannot be written (any further).
+    :raises LookupError: when the node is not found.
+    """
+    rclpy.init(args=['record', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node(f'record_{os.getpid()}', start_parameter_services=False)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        source = '/' + said.node.strip('/')
+        _find(node, executor, source, said.timeout, ended)
+        started = monotonic()
+        with Writer(said.out) as writer:
+            recorder = NodeRecorder(node, source, writer)
+            while not (ended() or recorder.failure
+                       or (said.seconds and monotonic() - started > said.seconds)):
+                executor.spin_once(timeout_sec=_TURN)
+        if recorder.failure is not None:
+            raise recorder.failure
+        return (f'{said.out}: {writer.messages} messages in {monotonic() - started:.1f} s, '
+                f'{said.out.stat().st_size / 1e6:.1f} MB')
+    finally:
+        rclpy.try_shutdown()
+
+
+def _find(node: Node, executor: SingleThreadedExecutor, source: str, timeout: float,
+          ended: Callable[[], bool]) -> None:
+    end = monotonic() + timeout
+    while not node.count_publishers(f'{source}/scene_description') and not ended():
+        if monotonic() > end:
+            raise LookupError(f'nothing publishes {source}/scene_description; is the node '
+                              'running? --node names another one')
+        executor.spin_once(timeout_sec=_TURN)

@@ -1,0 +1,70 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Executable `record`: what a running node publishes, into a file."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import signal
+import sys
+
+from procphys_ros.errors import RecordingError
+
+_DONE, _FAILED, _NOT_FOUND = 0, 1, 3  # argparse itself ends with 2
+_TIMEOUT = 10.0  # [s]
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """
+    Record until Ctrl-C, until the time is up, or until the disk is full.
+
+    :param words: behind the command's name; None = the process's own.
+    :returns: exit code: 0 done, 1 the file cannot be written, 2 invalid usage, 3 no node found.
+    """
+    words = sys.argv[1:] if words is None else list(words)
+    said, others = _parser().parse_known_args(words)
+    if others and '--ros-args' not in others:
+        _parser().error(f'unrecognized arguments: {" ".join(others)}')
+    ended: list[int] = []
+    # Late, because it takes seconds that help and mistakes need not wait for.
+    try:
+        from procphys_ros.recording.writer import check_target
+        check_target(said.out)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda signum, _: ended.append(signum))
+        from procphys_ros.ros import node_recorder
+        print(node_recorder.record(said, others, lambda: bool(ended)))
+    except RecordingError as error:
+        print(f'record: {error}', file=sys.stderr)
+        return _FAILED
+    except LookupError as error:
+        print(f'record: {error.args[0]}', file=sys.stderr)
+        return _NOT_FOUND
+    return _DONE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='record', description='Record what a running node publishes, until Ctrl-C.')
+    parser.add_argument('--out', required=True, type=Path, help='file to write (.mcap)')
+    parser.add_argument('--node', default='/sim', help='the node (default /sim)')
+    parser.add_argument('--seconds', type=float, help='when to stop [s]; not given = never')
+    parser.add_argument('--timeout', type=float, default=_TIMEOUT,
+                        help=f'how long to look for the node [s] (default {_TIMEOUT:g})')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

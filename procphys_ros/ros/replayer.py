@@ -1,0 +1,100 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Replayer: publishes recorded messages when they are due."""
+
+import argparse
+from collections.abc import Callable, Iterable, Sequence
+import sys
+from time import monotonic, sleep
+
+import rclpy
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+
+from procphys_ros.recording.recording import Message, Recording
+from procphys_ros.ros import qos
+from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
+
+_NAP = 0.05    # [s], longest sleep, after which signals are looked at
+_HELLO = 0.5   # [s] for subscribers to find the publishers before the first message
+_PATIENCE = 1.0  # [s] for the last messages to arrive
+_CLASSES = {name: kind for kind, name in KIND_NAMES.items()}
+
+
+def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[str],
+           ended: Callable[[], bool]) -> None:
+    """
+    Publish a recording.
+
+    :param said: `file`, `start` [s], `rate` and `loop`.
+    :param ros_words: arguments for ROS.
+    :param ended: says when to end early.
+    :raises RecordingError: when the file is damaged.
+    """
+    rclpy.init(args=['replay', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node('replay', start_parameter_services=False)
+        publishers = _publishers(node, recording)
+        print(f'{said.file}: {recording.duration:.1f} s, from {said.start:g} s at {said.rate:g} '
+              'times the speed; Ctrl-C ends it', flush=True)
+        sleep(_HELLO)
+        while not ended():
+            for message in recording.state_at(said.start):
+                _send(publishers, message)
+            _pass(recording.messages(said.start), publishers,
+                  recording.start + round(said.start * 1e9), said.rate, ended)
+            if not said.loop:
+                break
+        for publisher in publishers.values():
+            publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=_PATIENCE))
+    finally:
+        recording.close()
+        rclpy.try_shutdown()
+
+
+def _publishers(node: Node, recording: Recording) -> dict[str, Publisher]:
+    """Make a publisher for each topic; say which are left out, or published by others as well."""
+    sleep(_HELLO)
+    publishers = {}
+    for topic, kind in recording.topics.items():
+        if kind not in _CLASSES:
+            print(f'replay: {topic} is left out: {kind} is none of the messages of this package',
+                  file=sys.stderr)
+            continue
+        if node.count_publishers(topic):
+            print(f'replay: somebody else publishes {topic}, too', file=sys.stderr)
+        own = next((name for name in TOPICS if topic.endswith(f'/{name.lstrip("/")}')), None)
+        profile = TOPICS[own][1] if own else qos.arrays()
+        publishers[topic] = node.create_publisher(_CLASSES[kind], topic, profile)
+    return publishers
+
+
+def _pass(messages: Iterable[Message], publishers: dict[str, Publisher], start: int, rate: float,
+          ended: Callable[[], bool]) -> None:
+    """Publish messages when they are due."""
+    began = monotonic()
+    for message in messages:
+        due = began + (message.at - start) * 1e-9 / rate
+        while (left := due - monotonic()) > 0.0 and not ended():
+            sleep(min(left, _NAP))
+        if ended():
+            return
+        _send(publishers, message)
+
+
+def _send(publishers: dict[str, Publisher], message: Message) -> None:
+    if message.topic in publishers:
+        publishers[message.topic].publish(message.data)

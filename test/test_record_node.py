@@ -1,0 +1,223 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The executables `record` and `replay`, with a real node."""
+
+from pathlib import Path
+import resource
+import signal
+import subprocess
+import sys
+
+from geometry_msgs.msg import PoseArray
+from node_process import Client, PARTS, ROOT, SCENE, serve
+import numpy as np
+import pytest
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+from visualization_msgs.msg import MarkerArray
+
+from procphys_ros.messages import pose_array
+from procphys_ros.recording.recording import Recording
+from procphys_ros.recording.writer import Writer
+from procphys_ros.ros import qos, record, replay
+
+pytest.importorskip('mcap')
+read_ros2_messages = pytest.importorskip('mcap_ros2.reader').read_ros2_messages
+_LONGEST = 600  # [s] for a process to end, on a machine however busy
+_WINDY = {**SCENE, 'wind': {'velocity': [8.0, 0.0, 0.0]}}
+
+
+@pytest.fixture(scope='module')
+def node(tmp_path_factory):
+    """Run a node in which trees sway."""
+    yield from serve(tmp_path_factory.mktemp('node'), _WINDY)
+
+
+@pytest.fixture
+def client(node):
+    """Talk to the node."""
+    made = Client()
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope='module')
+def start():
+    """Give a function that starts an executable; `limit` is the largest file it may write [B]."""
+    running: list[subprocess.Popen] = []
+
+    def begin(module: str, *words: str, limit: int | None = None) -> subprocess.Popen:
+        def restrict() -> None:
+            if limit is not None:
+                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+        running.append(subprocess.Popen(
+            [sys.executable, '-m', f'procphys_ros.ros.{module}', *words], cwd=ROOT, text=True,
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=restrict))
+        return running[-1]
+    yield begin
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+def finish(process: subprocess.Popen, how: signal.Signals | None = None) -> tuple[int, str, str]:
+    """Send a signal, and give exit code, output and complaints."""
+    if how is not None:
+        process.send_signal(how)
+    out, err = process.communicate(timeout=_LONGEST)
+    return process.returncode, out, err
+
+
+@pytest.fixture(scope='module')
+def recorded(node, start, tmp_path_factory) -> Path:
+    """Record for some simulated seconds, then end it with Ctrl-C as a user does."""
+    path = tmp_path_factory.mktemp('record') / 'run.mcap'
+    watcher = Client()
+    process = start('record', '--out', str(path))
+    watcher.spin_until(lambda: watcher.node.count_subscribers('/sim/markers'), 'the recorder')
+    clock = watcher.listen(Clock, '/clock')
+    watcher.spin_until(lambda: clock and clock[-1].clock.sec > clock[0].clock.sec + 3, 'a run')
+    watcher.close()
+    code, out, err = finish(process, signal.SIGINT)
+    assert (code, err) == (0, '')
+    assert str(path) in out and 'messages in' in out
+    return path
+
+
+def test_recording_holds_what_the_node_publishes(recorded):
+    """Decode every message by the definitions inside; trees sway in the poses."""
+    seen: dict[str, list] = {}
+    for message in read_ros2_messages(str(recorded)):
+        seen.setdefault(message.channel.topic, []).append(message.ros_msg)
+    assert {'/sim/poses', '/sim/markers', '/sim/scene_description', '/sim/wind_info',
+            '/clock'} <= set(seen)
+    assert {len(message.poses) for message in seen['/sim/poses']} == {PARTS}
+    tips = {round(message.poses[3].position.x, 9) for message in seen['/sim/poses']}
+    assert len(tips) > 3
+    assert '"sapling_0"' in seen['/sim/scene_description'][0].data
+
+
+def test_every_moment_has_all_markers(recorded):
+    """Find whole sets again and again, not the changes alone."""
+    whole = [message for message in read_ros2_messages(str(recorded), topics=['/sim/markers'])
+             if message.ros_msg.markers[0].action == 3]
+    assert len(whole) >= 2
+    for message in whole:
+        names = {(m.ns, m.id) for m in message.ros_msg.markers[1:]
+                 if m.ns.startswith(('sapling', 'post'))}
+        assert len(names) == PARTS
+
+
+def test_recording_ends_when_its_time_is_up(node, start, tmp_path):
+    """Finish the file after a given time: exit code 0, and a file with its index."""
+    path = tmp_path / 'run.mcap'
+    code, _, err = finish(start('record', '--out', str(path), '--seconds', '1'))
+    assert (code, err) == (0, '')
+    Recording(path).close()
+
+
+def test_full_disk_ends_the_recording_not_the_node(node, client, start, tmp_path):
+    """Say why in one line, exit with 1; the node goes on."""
+    code, _, err = finish(start('record', '--out', str(tmp_path / 'run.mcap'), '--seconds', '1',
+                                limit=100))
+    assert code == 1
+    assert 'cannot be written any further' in err and len(err.splitlines()) == 1
+    first = client.next_message(Clock, '/clock')
+    later = client.next_message(Clock, '/clock', fits=lambda m: m.clock != first.clock)
+    assert later.clock.sec >= first.clock.sec
+    assert node.process.poll() is None
+
+
+def test_missing_node_is_said(node, start, tmp_path):
+    """Name what nobody publishes, exit with 3, and leave no file."""
+    code, _, err = finish(start('record', '--out', str(tmp_path / 'x.mcap'), '--node', '/nobody',
+                                '--timeout', '0.5'))
+    assert code == 3 and err.startswith('record: nothing publishes /nobody/scene_description')
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize('run, words, code, complaint', [
+    (record.main, ['--out', 'x.bag'], 1, 'record: "x.bag": a recording must end in .mcap'),
+    (record.main, ['--out', 'no/x.mcap'], 1, 'record: "no/x.mcap": there is no folder "no"'),
+    (record.main, [], 2, 'required: --out'),
+    (record.main, ['--out', 'x.mcap', '--sconds', '3'], 2, 'unrecognized arguments: --sconds 3'),
+    (replay.main, ['absent.mcap'], 1, 'replay: "absent.mcap" cannot be read'),
+    (replay.main, ['absent.mcap', '--rate', '0'], 2, '0 is not above 0'),
+    (replay.main, ['tape.mcap', '--from', '9'], 1,
+     'replay: --from is 9 s, the recording lasts 2.0 s')])
+def test_mistakes_are_said(tape, monkeypatch, capsys, run, words, code, complaint):
+    """Say what is wrong before a node is looked for."""
+    monkeypatch.chdir(tape.parent)
+    try:
+        ended = run(words)
+    except SystemExit as end:
+        ended = end.code
+    assert ended == code and complaint in capsys.readouterr().err
+    assert list(tape.parent.iterdir()) == [tape]
+
+
+@pytest.fixture
+def tape(tmp_path) -> Path:
+    """Write a recording of another node: one pose that moves by a metre each quarter second."""
+    path = tmp_path / 'tape.mcap'
+    with Writer(path) as writer:
+        for number in range(9):
+            pose = np.array([[float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+            writer.write('/tape/poses', 'geometry_msgs/msg/PoseArray',
+                         pose_array(pose, (number, 0), 'world'), number * 250_000_000)
+            if number == 0:
+                text = b'described\0'
+                data = b'\0\1\0\0' + len(text).to_bytes(4, 'little') + text
+                writer.write('/tape/scene_description', 'std_msgs/msg/String', data, 0)
+    return path
+
+
+def places(poses: list) -> str:
+    """List where the pose of the tape was, a digit each."""
+    return ''.join(f'{m.poses[0].position.x:.0f}' for m in poses)
+
+
+def test_replay_publishes_again_in_order(client, start, tape):
+    """Hear every pose of a loop, and the latched description however late."""
+    poses = client.listen(PoseArray, '/tape/poses', qos.changes())
+    process = start('replay', str(tape), '--loop', '--rate', '2')
+    client.spin_until(lambda: '8012345678' in places(poses), 'a whole loop')
+    described = client.next_message(String, '/tape/scene_description', qos.latched())
+    assert described.data == 'described'
+    assert poses[0].header.frame_id == 'world'
+    assert all(m.header.stamp.sec == m.poses[0].position.x for m in poses)
+    code, out, err = finish(process, signal.SIGINT)
+    assert (code, err) == (0, '') and '2.0 s, from 0 s at 2 times' in out
+
+
+def test_replay_begins_in_the_middle(client, start, tape):
+    """Show what holds at the moment first; nothing older than a whole frame's time."""
+    poses = client.listen(PoseArray, '/tape/poses', qos.changes())
+    process = start('replay', str(tape), '--from', '1.9', '--loop')
+    client.spin_until(lambda: '82345678' in places(poses), 'two loops')
+    assert not set('01') & set(places(poses))
+    assert finish(process, signal.SIGTERM)[0] == 0
+
+
+def test_replay_of_a_node_is_its_run(client, start, recorded, node):
+    """Publish the markers of a recorded node on its topics, and say that it is there itself."""
+    process = start('replay', str(recorded), '--loop')
+    assert 'Ctrl-C' in process.stdout.readline()
+    client.spin_until(lambda: client.node.count_publishers('/sim/markers') > 1, 'the second one')
+    markers = client.listen(MarkerArray, '/sim/markers', qos.changes())
+    client.spin_until(lambda: sum(m.markers[0].action == 3 for m in markers) > 3, 'whole sets')
+    code, _, err = finish(process, signal.SIGINT)
+    assert code == 0
+    assert 'somebody else publishes /sim/markers, too' in err
