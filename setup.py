@@ -52,9 +52,11 @@ setup(
         # On a ROS machine these come with ROS itself, so they are no hard requirements.
         'wheels': ['ros-rclpy[fastrtps]~=7.1.6', 'ros-jazzy-common-interfaces'],
         'render': ['pyvista'],
+        'rapier': ['rapier3d'],  # the other engine of rigid bodies
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],
-        'test': ['pytest', 'ruff', 'mypy', 'types-PyYAML', 'ros-ament-flake8', 'ros-ament-pep257',
+        'test': ['pytest', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
+                 'ros-ament-flake8', 'ros-ament-pep257',
                  # readers of what is exported and recorded, none of them ours
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
                  'mcap>=1.6', 'mcap-ros2-support', 'rosbags'],

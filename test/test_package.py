@@ -142,7 +142,7 @@ def test_shared_files_are_found():
 
 def test_each_engine_is_imported_in_one_module():
     """Keep the libraries of engines in their modules, and load none before it is chosen."""
-    for library, module in (('pybullet', 'bullet.py'),):
+    for library, module in (('pybullet', 'bullet.py'), ('rapier3d', 'rapier.py')):
         users = [path.relative_to(PACKAGE).as_posix() for path in MODULES
                  if library in {name.split('.')[0] for name in imports(path)}]
         assert users == [f'physics/world/{module}']

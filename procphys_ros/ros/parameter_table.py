@@ -137,6 +137,8 @@ GLOBAL = (
               takes_effect='reload'),
     Parameter('gravity', 9.81, 'downward acceleration', 'm/s²', 0.0, 100.0,
               takes_effect='reload'),
+    Parameter('engine', 'bullet', 'library that moves rigid bodies',
+              choices=('bullet', 'rapier'), takes_effect='reload'),
     Parameter('world_frame', 'world', 'frame of everything published', read_only=True),
     Parameter('shard.index', 0, 'which share of the objects this node simulates', '', 0, 1000,
               read_only=True),

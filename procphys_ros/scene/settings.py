@@ -22,6 +22,7 @@ from typing import Any, TypeVar
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.physics.wind.settings import check_number
+from procphys_ros.physics.world import DEFAULT_ENGINE, ENGINES
 from procphys_ros.scene.cues import Cue, read_cues
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.intruder import IntruderSettings
@@ -38,6 +39,7 @@ class Settings:
     :ivar seed: seed of everything random.
     :ivar time_step: [s].
     :ivar gravity: downward acceleration [m/s²].
+    :ivar engine: of rigid bodies, 'bullet' or 'rapier'.
     :ivar wind: mean wind and turbulence.
     :ivar gust: what `gust` starts when nothing else is said.
     :ivar cues: what happens by itself, and when.
@@ -51,6 +53,7 @@ class Settings:
     seed: int = 0
     time_step: float = 1.0 / 60.0
     gravity: float = 9.81
+    engine: str = DEFAULT_ENGINE
     wind: WindSettings = field(default_factory=WindSettings)
     gust: Gust = field(default_factory=Gust)
     cues: tuple[Cue, ...] = ()
@@ -65,6 +68,8 @@ class Settings:
             raise SceneError(f'seed is {self.seed!r}, it must be a whole number from 0 to 2^62')
         check_number('time_step', self.time_step, 1e-4, 0.1)
         check_number('gravity', self.gravity, 0.0, 100.0)
+        if self.engine not in ENGINES:
+            raise SceneError(f'engine is {self.engine!r}, it must be one of {", ".join(ENGINES)}')
 
 
 def read_settings(parameters: Mapping[str, Any]) -> Settings:
@@ -74,7 +79,8 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
     :param parameters: nested mapping as a ROS parameter file holds it.
     :raises SceneError: naming the key, the value and what is allowed.
     """
-    own = {key: parameters[key] for key in ('seed', 'time_step', 'gravity') if key in parameters}
+    own = {key: parameters[key] for key in ('seed', 'time_step', 'gravity', 'engine')
+           if key in parameters}
     return Settings(**own, wind=_group(parameters, 'wind', WindSettings),
                     gust=_group(parameters, 'gust', Gust), cues=read_cues(parameters),
                     leaves=_group(parameters, 'leaves', LeafSettings),

@@ -17,6 +17,7 @@
 
 from collections.abc import Sequence
 from copy import copy
+from dataclasses import replace
 from time import perf_counter
 from typing import Any, Self
 
@@ -52,15 +53,17 @@ class Simulation:
     :ivar timings: wall time of each stage of the last call of `step` [s].
     """
 
-    def __init__(self, scene: Scene, time_step: float | None = None, seed: int | None = None):
+    def __init__(self, scene: Scene, time_step: float | None = None, seed: int | None = None,
+                 engine: str | None = None):
         """
         Set a scene up at rest.
 
         :param scene: what to simulate.
         :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
         :param seed: of the wind and all else that is random; None = the scene's own.
+        :param engine: of rigid bodies, 'bullet' or 'rapier'; None = the scene's own.
         """
-        settings = scene.settings
+        settings = scene.settings if engine is None else replace(scene.settings, engine=engine)
         self.scene = scene
         self.timings: dict[str, float] = {}
         self.stages = STAGES

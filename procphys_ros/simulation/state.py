@@ -316,7 +316,8 @@ class State:
         state = cls(
             parts=part_columns(model), objects=list(model.objects),
             names=PartNames(model.objects, model.blueprint), wind=_still_to_come(model.wind),
-            world=World((0.0, 0.0, -model.gravity)), loose_bonds=deepcopy(model.loose_bonds),
+            world=World((0.0, 0.0, -model.gravity), engine=model.settings.engine),
+            loose_bonds=deepcopy(model.loose_bonds),
             solver=solver, fracture=Fracture(solver), loads=StandingLoads(count), forest=forest,
             trees=TreeState(np.zeros((len(forest), 3)), lod=lod,
                             faded_air=np.zeros((len(forest), 3)),

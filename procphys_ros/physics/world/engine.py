@@ -27,7 +27,7 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 
 _LOG = logging.getLogger(__name__)
 
-ENGINES = {'bullet': 'pybullet'}  # and the library that each one needs
+ENGINES = {'bullet': 'pybullet', 'rapier': 'rapier3d'}  # and the library that each one needs
 DEFAULT_ENGINE = 'bullet'
 
 # Collision groups and masks: two bodies meet when the mask of each has the group of the other.

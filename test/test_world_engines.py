@@ -1,0 +1,207 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What every engine that is installed must do alike: closed forms of bodies in contact."""
+
+from loose_bricks import at, BRICK, BRICK_MASS, DT, G
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.errors import SceneError
+from procphys_ros.physics.world import BodyState, FRICTION, installed_engines, rigid_sum, World
+from procphys_ros.scene import Scene
+from procphys_ros.scene.settings import Settings
+from procphys_ros.simulation import Simulation
+
+pytestmark = pytest.mark.parametrize('engine', installed_engines())
+
+
+def run(world, steps):
+    """Step so many times."""
+    for _ in range(steps):
+        world.step(DT)
+
+
+def slid(engine, slope):
+    """Give how far a brick slides in 1 s down a slope of this tangent [m]; gravity is turned."""
+    angle = np.arctan(slope)
+    with World((G * np.sin(angle), 0.0, -G * np.cos(angle)), engine=engine) as world:
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.5 * BRICK[2]))
+        run(world, 60)
+        return world.poses([brick])[0, 0]
+
+
+def test_bricks_slide_above_the_friction_angle_only(engine):
+    """Put a brick on slopes 2 % below and above the coefficient of friction."""
+    assert slid(engine, 0.98 * FRICTION) < 1e-3
+    assert slid(engine, 1.02 * FRICTION) > 5e-3
+
+
+@pytest.mark.parametrize('restitution', [0.0, 0.3, 0.6])
+def test_balls_part_with_their_restitution(engine, restitution):
+    """Let two balls collide: they part with the stated share of their speed, momentum kept."""
+    with World((0.0, 0.0, 0.0), engine=engine) as world:
+        balls = [world.add_projectile(Shape.CAPSULE, np.full(3, 0.2), mass, at(x, 0, 1),
+                                      [speed, 0, 0, 0, 0, 0], restitution=restitution)
+                 for mass, x, speed in ((1.0, 0.0, 5.0), (2.0, 1.0, 0.0))]
+        run(world, 40)
+        first, second = world.velocities(balls)[:, 0]
+        assert second - first == pytest.approx(5.0 * restitution, abs=0.01)
+        assert first + 2.0 * second == pytest.approx(5.0, rel=1e-5)
+
+
+def test_the_ground_takes_the_root_of_the_restitution(engine):
+    """Throw a ball at the ground, whose own restitution is one."""
+    with World(engine=engine) as world:
+        ball = world.add_projectile(Shape.CAPSULE, np.full(3, 0.4), 1.0, at(0, 0, 1.3),
+                                    [0, 0, -10, 0, 0, 0], restitution=0.25)
+        speeds = []
+        for _ in range(20):
+            world.step(DT)
+            speeds.append(world.velocities([ball])[0, 2])
+        assert max(speeds) / -min(speeds) == pytest.approx(0.5, abs=0.06)
+
+
+def test_undamped_fall_takes_the_way_of_the_closed_form(engine):
+    """Fall for 3 s; an Euler step of 1/60 s may be ahead by half a step, 0.6 %."""
+    with World(engine=engine) as world:
+        body = world.add_projectile(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 100), np.zeros(6))
+        run(world, 180)
+        assert 100.0 - world.poses([body])[0, 2] == pytest.approx(4.5 * G, rel=0.006)
+
+
+@pytest.mark.parametrize(('overhang', 'stands'), [(0.47, True), (0.57, False)])
+def test_a_corbelled_brick_stands_up_to_half_its_length(engine, overhang, stands):
+    """Lay a loose brick over the end of a fixed one."""
+    with World(engine=engine) as world:
+        world.add_bricks(at(0, 0, 0.0325)[None], BRICK[None], np.array([BRICK_MASS]))
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(overhang * BRICK[0], 0, 0.0975))
+        run(world, 180)
+        assert (world.poses([brick])[0, 2] > 0.09) == stands
+
+
+def test_contact_impulses_carry_the_weight(engine):
+    """Stack a box on another: the mean force between them, and on the ground, is the weight."""
+    with World(engine=engine) as world:
+        low = world.add_body(Shape.BOX, [0.5, 0.4, 0.3], 20.0, at(0, 0, 0.15))
+        high = world.add_body(Shape.BOX, [0.3, 0.3, 0.3], 10.0, at(0.02, 0, 0.45))
+        forces = []
+        for step in range(28):
+            world.step(DT)
+            if step >= 20:
+                on_ground = -world.contacts().on(world.ground)[2].sum(axis=0)[2] / DT
+                forces.append([world.wrench(high)[2], on_ground])
+        np.testing.assert_allclose(np.mean(forces, axis=0), [10.0 * G, 30.0 * G], rtol=0.01)
+        assert world.wrench(low)[2] == pytest.approx(20.0 * G, rel=0.02)
+
+
+def test_contacts_tell_the_friction(engine):
+    """Let a brick slide: the contacts name all that it loses, μ m g against its way."""
+    with World(engine=engine) as world:
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.5 * BRICK[2]),
+                               [3.0, 4.0, 0, 0, 0, 0], damped=False)
+        run(world, 5)
+        lost = np.zeros(3)
+        before = world.velocities([brick])[0, :3]
+        for _ in range(12):
+            world.step(DT)
+            lost += world.contacts().on(brick)[2].sum(axis=0) + [0, 0, -BRICK_MASS * G * DT]
+        change = BRICK_MASS * (world.velocities([brick])[0, :3] - before)
+        np.testing.assert_allclose(lost, change, atol=0.01 * BRICK_MASS)
+        assert np.linalg.norm(change) == pytest.approx(0.2 * FRICTION * BRICK_MASS * G, rel=0.1)
+
+
+def test_collisions_of_loose_bodies_keep_momentum(engine):
+    """Throw a ball into a stack of bricks without gravity."""
+    with World((0.0, 0.0, 0.0), engine=engine) as world:
+        bodies = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1 + 0.066 * i),
+                                 damped=False) for i in range(5)]
+        bodies.append(world.add_projectile(Shape.CAPSULE, np.full(3, 0.15), 4.0,
+                                           at(-1, 0.02, 1.1), [9, 0, 0, 0, 0, 0]))
+        run(world, 40)
+        momentum = world.bodies.mass[bodies] @ world.velocities(bodies)[:, :3]
+        np.testing.assert_allclose(momentum, [36.0, 0.0, 0.0], atol=2e-4)
+        assert np.linalg.norm(world.velocities(bodies[:5]), axis=1).min() > 0.0
+
+
+def test_compounds_have_their_own_inertia(engine):
+    """Give a compound an angular impulse about each principal axis, and let it turn."""
+    size = np.array([[1.0, 0.2, 0.2], [0.2, 0.2, 0.6]])
+    mass = np.array([40.0, 20.0])
+    total = rigid_sum(mass, box_inertia(mass, size), np.array([at(0, 2, 1), at(0.4, 2, 1.4)]))
+    for axis in range(3):
+        with World((0.0, 0.0, 0.0), engine=engine) as world:
+            body = world.add_fragment(np.full(2, Shape.BOX), size, total.local_poses, total.mass,
+                                      total.inertia, total.pose, damped=False)
+            spin = rotation.to_matrix(total.pose[None, 3:])[0][:, axis]
+            world.apply_impulse(body, np.zeros(3), angular=2.0 * spin)
+            run(world, 30)
+            want = 2.0 * spin / total.inertia[axis]
+            np.testing.assert_allclose(world.velocities([body])[0, 3:], want, atol=2e-3)
+
+
+def test_frozen_bodies_do_not_move_and_thawed_ones_do(engine):
+    """Freeze a flying brick, hit it, thaw it: it stays to the last bit, then falls."""
+    with World(engine=engine) as world:
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 2), [1, 0, 0, 0, 0, 3])
+        run(world, 6)
+        world.freeze([brick])
+        before = world.poses([brick]).copy()
+        world.add_projectile(Shape.CAPSULE, np.full(3, 0.1), 1.0, at(-1, 0, before[0, 2]),
+                             [20, 0, 0, 0, 0, 0])
+        run(world, 20)
+        np.testing.assert_array_equal(world.poses([brick]), before)
+        assert world.bodies.state[brick] == BodyState.FIXED
+        world.thaw([brick], np.array([[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]]))
+        run(world, 30)
+        assert world.poses([brick])[0, 2] < before[0, 2] - 1.5
+
+
+def test_a_heap_of_bricks_comes_to_rest(engine):
+    """Drop three layers of bricks: nothing moves in the end, sinks in, or stands on air."""
+    rng = np.random.default_rng(0)
+    with World(engine=engine) as world:
+        ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                              at(*(np.array([0.25, 0.15]) * (i % 3, i // 3 % 3)
+                                   + rng.uniform(0, 0.02, 2)), 0.2 + i // 9 * 0.12))
+               for i in range(27)]
+        run(world, 300)
+        assert not len(world.awake)
+        height = world.poses(ids)[:, 2]
+        assert height.min() > 0.5 * BRICK[2] - 0.012
+        assert height.max() < 3.5 * BRICK[1]
+
+
+def test_same_calls_give_identical_poses(engine):
+    """Run the same collisions twice."""
+    ends = []
+    for _ in range(2):
+        with World(engine=engine) as world:
+            ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.03 * i, 0, 0.1 + 0.1 * i))
+                   for i in range(12)]
+            run(world, 90)
+            ends.append(world.poses(ids))
+    np.testing.assert_array_equal(*ends)
+
+
+def test_a_scene_may_choose_its_engine(engine):
+    """Name the engine in a scene or for a simulation; refuse others in one line."""
+    with pytest.raises(SceneError, match="engine is 'jolt', it must be one of bullet, rapier"):
+        Settings(engine='jolt')
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'engine': engine})
+    for simulation in (Simulation(scene), Simulation(Scene(), engine=engine)):
+        assert simulation.state.world.engine == engine
+        simulation.close()
