@@ -30,6 +30,7 @@ from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 
 _NAP = 0.05    # [s], longest sleep, after which signals are looked at
 _HELLO = 0.5   # [s] for subscribers to find the publishers before the first message
+_GLANCE = 0.5  # [s] between two looks for others that publish the same
 _PATIENCE = 1.0  # [s] for the last messages to arrive
 _CLASSES = {name: kind for kind, name in KIND_NAMES.items()}
 
@@ -50,12 +51,13 @@ def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[s
         publishers = _publishers(node, recording)
         print(f'{said.file}: {recording.duration:.1f} s, from {said.start:g} s at {said.rate:g} '
               'times the speed; Ctrl-C ends it', flush=True)
+        rivals = _Rivals(node, list(publishers))
         sleep(_HELLO)
         while not ended():
             for message in recording.state_at(said.start):
                 _send(publishers, message)
             _pass(recording.messages(said.start), publishers,
-                  recording.start + round(said.start * 1e9), said.rate, ended)
+                  recording.start + round(said.start * 1e9), said.rate, ended, rivals.look)
             if not said.loop:
                 break
         for publisher in publishers.values():
@@ -65,17 +67,38 @@ def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[s
         rclpy.try_shutdown()
 
 
+class _Rivals:
+    """
+    Says once of each topic when somebody else publishes it, too.
+
+    :param node: of the replay.
+    :param topics: those that it publishes.
+    """
+
+    def __init__(self, node: Node, topics: Sequence[str]):
+        self._node, self._topics = node, set(topics)
+        self._due = monotonic()
+
+    def look(self) -> None:
+        """Look, if it is time to."""
+        if monotonic() < self._due:
+            return
+        self._due = monotonic() + _GLANCE
+        for topic in sorted(self._topics):
+            if self._node.count_publishers(topic) > 1:
+                self._topics.remove(topic)
+                print(f'replay: somebody else publishes {topic}, too', file=sys.stderr,
+                      flush=True)
+
+
 def _publishers(node: Node, recording: Recording) -> dict[str, Publisher]:
-    """Make a publisher for each topic; say which are left out, or published by others as well."""
-    sleep(_HELLO)
+    """Make a publisher for each topic; say which are left out."""
     publishers = {}
     for topic, kind in recording.topics.items():
         if kind not in _CLASSES:
             print(f'replay: {topic} is left out: {kind} is none of the messages of this package',
                   file=sys.stderr)
             continue
-        if node.count_publishers(topic):
-            print(f'replay: somebody else publishes {topic}, too', file=sys.stderr)
         own = next((name for name in TOPICS if topic.endswith(f'/{name.lstrip("/")}')), None)
         profile = TOPICS[own][1] if own else qos.arrays()
         publishers[topic] = node.create_publisher(_CLASSES[kind], topic, profile)
@@ -83,10 +106,11 @@ def _publishers(node: Node, recording: Recording) -> dict[str, Publisher]:
 
 
 def _pass(messages: Iterable[Message], publishers: dict[str, Publisher], start: int, rate: float,
-          ended: Callable[[], bool]) -> None:
+          ended: Callable[[], bool], meanwhile: Callable[[], None]) -> None:
     """Publish messages when they are due."""
     began = monotonic()
     for message in messages:
+        meanwhile()
         due = began + (message.at - start) * 1e-9 / rate
         while (left := due - monotonic()) > 0.0 and not ended():
             sleep(min(left, _NAP))
