@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Time the world of loose bodies, side by side with a joint per mortar bond.
+Time the world of loose bodies, with each engine, side by side with a joint per mortar bond.
 
 The baseline is the way of Baxter et al. (2010) in PyBullet: one fixed constraint per bond.
 Run with `python bench/world.py`.
@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.world import rigid_sum, World
+from procphys_ros.physics.world import installed_engines, rigid_sum, World
 
 DT = 1.0 / 60.0
 BRICK = np.array([0.215, 0.1025, 0.065])
@@ -58,11 +58,11 @@ def neighbours(columns, rows):
     return bonds
 
 
-def standing(columns, rows, walls, steps=120):
+def standing(columns, rows, walls, engine, steps=120):
     """Time a step of bricks that stand [ms]; give it with the time to make one brick [µs]."""
     poses = wall(columns, rows, walls)
     start = time.perf_counter()
-    with World() as world:
+    with World(engine=engine) as world:
         world.add_bricks(poses, np.tile(BRICK, (len(poses), 1)), np.full(len(poses), MASS))
         made = (time.perf_counter() - start) / len(poses) * 1e6
         times = [timed(world.step, DT) for _ in range(steps)]
@@ -108,11 +108,11 @@ def settle(world, seconds):
     return seconds / times.sum(), 1.0 / worst, len(world.awake)
 
 
-def loose_bricks(count, seconds=8.0):
+def loose_bricks(count, engine, seconds=8.0):
     """Drop single bricks on a heap."""
     rng = np.random.default_rng(0)
     side = int(np.sqrt(count / 10)) + 1
-    with World() as world:
+    with World(engine=engine) as world:
         for i in range(count):
             spot = [i % side * 0.25 + rng.uniform(0, 0.02), i // side % side * 0.15,
                     0.2 + i // side ** 2 * 0.12]
@@ -128,7 +128,7 @@ def building(columns, rows):
     return np.concatenate([rotation.compose(corner, side) for corner in corners])
 
 
-def demolition(columns, rows, count, seconds=8.0):
+def demolition(columns, rows, count, engine, seconds=8.0):
     """
     Let a building fall as cells round random points, all but its eight lowest courses.
 
@@ -142,7 +142,7 @@ def demolition(columns, rows, count, seconds=8.0):
     loose = np.flatnonzero(poses[:, 2] > 8 * PITCH[2])
     foot = np.flatnonzero(poses[:, 2] <= 8 * PITCH[2])
     cell = cKDTree(poses[rng.choice(loose, count, replace=False), :3]).query(poses[loose, :3])[1]
-    with World() as world:
+    with World(engine=engine) as world:
         world.add_bricks(poses[foot], size[foot], mass[foot])
         start = time.perf_counter()
         for i in range(count):
@@ -155,27 +155,33 @@ def demolition(columns, rows, count, seconds=8.0):
         return (len(poses), *settle(world, seconds), made)
 
 
+def report(engine):
+    """Print the figures of one engine."""
+    standing(10, 10, 1, engine)
+    loose_bricks(20, engine, 1.0)
+    step, made = standing(131, 29, 4, engine)
+    print(f'{engine}: 15,196 bricks standing: {step:.2f} ms/step, made in {made:.0f} µs each')
+    for count in (500, 1000, 2000):
+        overall, worst, awake = loose_bricks(count, engine)
+        print(f'{engine}: {count} loose bricks fall and settle: real-time factor {overall:.1f} '
+              f'over 8 s, {worst:.2f} in the worst second, {awake} still move', flush=True)
+    for columns, rows, count in ((14, 36, 100), (22, 57, 200), (38, 100, 300)):
+        bricks, overall, worst, awake, made = demolition(columns, rows, count, engine)
+        print(f'{engine}: {bricks} bricks fall as {count} fragments: real-time factor '
+              f'{overall:.1f} over 8 s, {worst:.2f} in the worst second, {awake} still move, '
+              f'made in {made:.2f} ms each', flush=True)
+
+
 def main():
     """Print all figures."""
-    standing(10, 10, 1)
-    loose_bricks(20, 1.0)
     for columns, rows, iterations in ((20, 25, 10), (20, 25, 50), (20, 50, 50)):
-        ours, _ = standing(columns, rows, 1)
+        ours, _ = standing(columns, rows, 1, 'bullet')
         theirs, sag = jointed(columns, rows, iterations)
         print(f'{columns * rows} bricks standing: {ours:.3f} ms/step; with a joint per bond '
               f'({iterations} iterations) {theirs:.1f} ms/step, sagging {sag * 1e3:.0f} mm: '
               f'{theirs / ours:.0f} times faster, and exactly still')
-    step, made = standing(131, 29, 4)
-    print(f'15,196 bricks standing: {step:.2f} ms/step, made in {made:.0f} µs each')
-    for count in (500, 1000, 2000):
-        overall, worst, awake = loose_bricks(count)
-        print(f'{count} loose bricks fall and settle: real-time factor {overall:.1f} over 8 s, '
-              f'{worst:.2f} in the worst second, {awake} still move')
-    for columns, rows, count in ((14, 36, 100), (22, 57, 200), (38, 100, 300)):
-        bricks, overall, worst, awake, made = demolition(columns, rows, count)
-        print(f'{bricks} bricks fall as {count} fragments: real-time factor {overall:.1f} over '
-              f'8 s, {worst:.2f} in the worst second, {awake} still move, made in {made:.2f} ms '
-              'each')
+    for engine in installed_engines():
+        report(engine)
 
 
 if __name__ == '__main__':

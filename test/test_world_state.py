@@ -165,3 +165,15 @@ def test_unknown_and_missing_engines_are_refused_in_one_line(monkeypatch):
     monkeypatch.setattr(engine_module, 'installed_engines', list)
     with pytest.raises(SceneError, match='"bullet", but pybullet is not installed: pip install'):
         World(engine='bullet')
+
+
+def test_rapier_stands_in_where_pybullet_is_missing(monkeypatch, caplog):
+    """Take the engine that is there, and say so once."""
+    if 'rapier' not in installed_engines():
+        pytest.skip('rapier3d is not installed')
+    monkeypatch.setattr(engine_module, 'installed_engines', lambda: ['rapier'])
+    for _ in range(2):
+        with World() as world:
+            assert world.engine == 'rapier'
+    assert [record.getMessage() for record in caplog.records] == [
+        'pybullet is not installed: engine is rapier instead']
