@@ -17,6 +17,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 from lark import Tree
@@ -25,10 +26,11 @@ import numpy as np
 from procphys_ros.errors import GrammarError, nearest_names
 from procphys_ros.language import compile_expression, Expression, Place
 from procphys_ros.lsystem.derivation import Derivation
+from procphys_ros.lsystem.inclusion import gather_statements
 from procphys_ros.lsystem.modules import Vocabulary
 from procphys_ros.lsystem.rewriting import RuleSet
 from procphys_ros.lsystem.rules import Produced, Rule, RuleCompiler
-from procphys_ros.lsystem.statements import RULE_SECTIONS, split_statements, Statement
+from procphys_ros.lsystem.statements import RULE_SECTIONS, Statement
 from procphys_ros.lsystem.symbols import arity_message, SYMBOLS
 from procphys_ros.lsystem.syntax import parse_statement
 from procphys_ros.palette import is_known, LOOKS
@@ -70,12 +72,12 @@ class _Reader:
     source: str
     statements: list[Statement]
 
-    def trees(self, section: str) -> Iterable[tuple[Tree, int]]:
+    def trees(self, section: str) -> Iterable[tuple[Tree, Statement]]:
         for statement in self.statements:
             if statement.section == section:
-                yield parse_statement(statement, self.source), statement.line
+                yield parse_statement(statement), statement
 
-    def single(self, section: str) -> tuple[Tree, int] | None:
+    def single(self, section: str) -> tuple[Tree, Statement] | None:
         found = [s for s in self.statements if s.section == section]
         if len(found) > 1:
             raise Place(self.source, found[1].line, 1).error(
@@ -87,8 +89,8 @@ class _Reader:
         return names[0] if names else ''
 
     def words(self, section: str) -> list[tuple[str, Place]]:
-        return [(str(token), Place.of(token, self.source, line))
-                for tree, line in self.trees(section) for token in tree.children
+        return [(str(token), Place.of(token, at.source, at.line))
+                for tree, at in self.trees(section) for token in tree.children
                 if token is not None]
 
     def textures(self) -> tuple[str, ...]:
@@ -100,37 +102,42 @@ class _Reader:
         return tuple(name for name, _ in words)
 
     def defines(self) -> list[tuple[str, Expression]]:
+        """Compile the defines, those of included files last; a define of the text itself wins."""
+        found = [(child.children, at) for tree, at in self.trees('define')
+                 for child in tree.children if child is not None]
         result: list[tuple[str, Expression]] = []
-        for tree, line in self.trees('define'):
-            for child in filter(None, tree.children):
-                name, value = child.children
-                if name in _RESERVED:
-                    raise Place.of(name, self.source, line).error(
-                        f'"{name}" cannot be a define: it names an argument of derive')
-                if str(name) in dict(result):
-                    raise Place.of(name, self.source, line).error(f'"{name}" is defined twice')
-                known = [defined for defined, _ in result]
-                result.append((str(name), compile_expression(value, self.source, line, known)))
+        for (name, value), at in sorted(found, key=lambda define: define[1].source != self.source):
+            place = Place.of(name, at.source, at.line)
+            if at.source != self.source and str(name) in dict(result):
+                continue
+            if name in _RESERVED:
+                raise place.error(f'"{name}" cannot be a define: it names an argument of derive')
+            if str(name) in dict(result):
+                raise place.error(f'"{name}" is defined twice')
+            known = [defined for defined, _ in result]
+            result.append((str(name), compile_expression(value, at.source, at.line, known)))
         return result
 
     def value(self, section: str, known: list[str]) -> Expression | None:
         found = self.single(section)
         if found is None:
             return None
-        tree, line = found
-        return compile_expression(tree.children[0], self.source, line, known)
+        tree, at = found
+        return compile_expression(tree.children[0], at.source, at.line, known)
 
 
-def compile_grammar(text: str, source: str, max_modules: int) -> Grammar:
+def compile_grammar(text: str, source: str, max_modules: int,
+                    folder: Path | None = None) -> Grammar:
     """
     Compile a whole grammar.
 
     :param text: of the grammar.
     :param source: its name, for errors.
     :param max_modules: longest string that it may derive.
+    :param folder: where included files are looked for first.
     :raises GrammarError: for anything that cannot be read or that contradicts itself.
     """
-    reader = _Reader(source, split_statements(text, source))
+    reader = _Reader(source, gather_statements(text, source, folder))
     defines = reader.defines()
     names = [name for name, _ in defines]
     declared = {name for name, _ in reader.words('module')}
@@ -139,10 +146,11 @@ def compile_grammar(text: str, source: str, max_modules: int) -> Grammar:
     if axiom is None:
         raise GrammarError('the section "axiom:" is missing; it gives the first string, '
                            'for example "axiom: A(1)"', source)
-    tree, line = axiom
-    start = compiler.produced(tree.children[0], line, names)
-    rules = {section: [compiler.rule(tree, line) for tree, line in reader.trees(section)]
-             for section in RULE_SECTIONS}
+    tree, at = axiom
+    start = compiler.produced(tree.children[0], at.line, names)
+    rules = {section: [compiler.of(at.source).rule(tree, at.line)
+                       for tree, at in reader.trees(section)] for section in RULE_SECTIONS}
+    compiler.of(source)
     _check_contexts(rules)
     skipped = _skipped_names(reader, compiler)
     _check_meanings(compiler, start, rules)
@@ -159,10 +167,10 @@ def compile_grammar(text: str, source: str, max_modules: int) -> Grammar:
 
 def _skipped_names(reader: _Reader, compiler: RuleCompiler):
     """Make the test for names that contexts skip."""
-    ignored = [name for tree, line in reader.trees('ignore')
-               for name in compiler.names(tree, line)]
-    considered = [name for tree, line in reader.trees('consider')
-                  for name in compiler.names(tree, line)]
+    ignored = [name for tree, at in reader.trees('ignore')
+               for name in compiler.names(tree, at.line)]
+    considered = [name for tree, at in reader.trees('consider')
+                  for name in compiler.names(tree, at.line)]
     if ignored and considered:
         raise GrammarError('give either "ignore:" or "consider:", not both', reader.source)
     if considered:

@@ -111,6 +111,11 @@ class RuleCompiler:
     origins: list[tuple[Place, str]] = field(default_factory=list)
     words: list[tuple[str, Place]] = field(default_factory=list)
 
+    def of(self, source: str) -> 'RuleCompiler':
+        """Go on with another text."""
+        self.source = source
+        return self
+
     def rule(self, tree: Tree, line: int) -> Rule:
         """
         Compile one production.

@@ -22,7 +22,7 @@ from procphys_ros.errors import nearest_names
 from procphys_ros.language import Place
 
 ONE_LINE = ('name', 'derivation length', 'angle', 'maximum depth')
-_SEVERAL_LINES = ('axiom', 'define', 'module', 'ignore', 'consider', 'textures')
+_SEVERAL_LINES = ('include', 'axiom', 'define', 'module', 'ignore', 'consider', 'textures')
 RULE_SECTIONS = ('production', 'decomposition', 'interpretation')
 _SYNONYMS = {'homomorphism': 'interpretation'}
 HEADERS = (*ONE_LINE, *_SEVERAL_LINES, *RULE_SECTIONS, *_SYNONYMS)
@@ -39,11 +39,13 @@ class Statement(NamedTuple):
     :ivar section: which section it stands in.
     :ivar text: without header and comments; columns are those of the file.
     :ivar line: line of the file on which the text begins.
+    :ivar source: name of the file.
     """
 
     section: str
     text: str
     line: int
+    source: str
 
 
 def split_statements(text: str, source: str) -> list[Statement]:
@@ -64,31 +66,32 @@ def split_statements(text: str, source: str) -> list[Statement]:
     for number, line in enumerate(lines, 1):
         header = _HEADER.match(line)
         if header:
-            _close(statements, section, buffer, start)
+            _close(statements, section, buffer, start, source)
             found = _SYNONYMS.get(header[1].lower(), header[1].lower())
             buffer, start = [' ' * header.end() + line[header.end():]], number
             if found in ONE_LINE:  # rules may go on below `maximum depth:`
-                _close(statements, found, buffer, start)
+                _close(statements, found, buffer, start, source)
                 section, buffer = section if section in RULE_SECTIONS else '', ['']
             else:
                 section = found
         elif line.strip():
             _check_header(line, section, Place(source, number, 1))
             if section in RULE_SECTIONS and _starts_rule(lines, number - 1, buffer):
-                _close(statements, section, buffer, start)
+                _close(statements, section, buffer, start, source)
                 buffer, start = [line], number
             else:
                 buffer.append(line)
         else:
             buffer.append('')
-    _close(statements, section, buffer, start)
+    _close(statements, section, buffer, start, source)
     return statements
 
 
-def _close(statements: list[Statement], section: str, buffer: list[str], start: int) -> None:
+def _close(statements: list[Statement], section: str, buffer: list[str], start: int,
+           source: str) -> None:
     text = '\n'.join(buffer).rstrip()
     if section and (text.strip() or section not in RULE_SECTIONS):
-        statements.append(Statement(section, text, start))
+        statements.append(Statement(section, text, start, source))
 
 
 def _check_header(line: str, section: str, place: Place) -> None:

@@ -69,15 +69,14 @@ def _parser() -> Lark:
                 maybe_placeholders=True, start=sorted(set(_START.values())))
 
 
-def parse_statement(statement: Statement, source: str) -> Tree:
+def parse_statement(statement: Statement) -> Tree:
     """
     Read one statement.
 
     :param statement: cut from the text by `split_statements`.
-    :param source: name of the text.
     :raises GrammarError: saying what was found and what was expected.
     """
     try:
         return _parser().parse(statement.text, start=_START[statement.section])
     except UnexpectedInput as problem:
-        raise syntax_error(problem, source, statement.line, _WORDS) from None
+        raise syntax_error(problem, statement.source, statement.line, _WORDS) from None

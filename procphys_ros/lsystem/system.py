@@ -43,18 +43,19 @@ class LSystem:
     grammar: Grammar
 
     @classmethod
-    def parse(cls, text: str, source: str = '<text>',
-              max_modules: int = MAX_MODULES) -> 'LSystem':
+    def parse(cls, text: str, source: str = '<text>', max_modules: int = MAX_MODULES,
+              folder: Path | None = None) -> 'LSystem':
         """
         Read a grammar.
 
         :param text: in the language of `grammars/*.lsys`.
         :param source: what to call it in errors.
         :param max_modules: longest string that it may derive.
+        :param folder: where included files are looked for first; then among the shipped ones.
         :raises GrammarError: when the text is not an L-system, or very long.
         """
         check_length(text, source)
-        return cls(compile_grammar(text, source, max_modules))
+        return cls(compile_grammar(text, source, max_modules, folder))
 
     @classmethod
     def load(cls, path: str | Path, max_modules: int = MAX_MODULES) -> 'LSystem':
@@ -65,7 +66,7 @@ class LSystem:
         :param max_modules: longest string that it may derive.
         :raises GrammarError: when the file cannot be read or is not an L-system.
         """
-        return cls.parse(read_text(path), str(path), max_modules)
+        return cls.parse(read_text(path), str(path), max_modules, Path(path).absolute().parent)
 
     @property
     def name(self) -> str:

@@ -56,18 +56,19 @@ class WallGrammar:
     most_parts: int = MOST_PARTS
 
     @classmethod
-    def parse(cls, text: str, source: str = '<text>',
-              most_parts: int = MOST_PARTS) -> 'WallGrammar':
+    def parse(cls, text: str, source: str = '<text>', most_parts: int = MOST_PARTS,
+              folder: Path | None = None) -> 'WallGrammar':
         """
         Read a grammar.
 
         :param text: the grammar.
         :param source: name for errors.
         :param most_parts: bound on the parts of the building.
+        :param folder: where included files are looked for first; then among the shipped ones.
         :raises GrammarError: where the text does not fit the language.
         """
         check_length(text, source)
-        spec = parse(text, source)
+        spec = parse(text, source, folder)
         references.check(spec)
         materials = read_materials(spec)
         layouts = read_layouts(spec, materials)
@@ -84,7 +85,7 @@ class WallGrammar:
         :param most_parts: bound on the parts of the building.
         :raises GrammarError: when the file cannot be read or does not fit the language.
         """
-        return cls.parse(read_text(path), str(path), most_parts)
+        return cls.parse(read_text(path), str(path), most_parts, Path(path).absolute().parent)
 
     def build(self, seed: int = 0, **defines: float) -> Blueprint:
         """

@@ -18,7 +18,8 @@ from procphys_ros.language import EXPRESSION_GRAMMAR
 
 # A name with a colon behind it is a key, where a key may stand: that ends the values before it.
 WALL_GRAMMAR = r"""
-start: (building | rule | panel | material | layout)+
+start: (include | building | rule | panel | material | layout)+
+include: "include" FILE
 building: "building" NAME [_OPEN [parameter (_COMMA parameter)*] _CLOSE] entry*
 parameter: NAME _EQUALS expression
 entry: KEY _COLON value*
@@ -42,6 +43,7 @@ _parts: part (_BAR part)*
     | _TILDE expression _COLON successor -> floating
     | "{" _parts "}" _TIMES -> repeat
 
+FILE: /"[^"\n]*"/
 KEY.2: /[A-Za-z_][A-Za-z0-9_]*(?=[ \t]*:)/
 _COLON: ":"
 _ARROW.2: "->"
@@ -57,6 +59,7 @@ _EQUALS: "="
 WALL_WORDS = {
     'KEY': 'a key with ":"', '_COLON': '":"', '_ARROW': '"->"', '_BAR': '"|"', '_QUOTE': '"\'"',
     '_TILDE': '"~"', '_EQUALS': '"="', 'LBRACE': '"{"', 'RBRACE': '"}"',
+    'FILE': 'a file name in quotes', 'INCLUDE': '"include"',
     'BUILDING': '"building"', 'RULE': '"rule"', 'PANEL': '"panel"', 'MATERIAL': '"material"',
     'LAYOUT': '"layout"', 'SPLIT': '"split"', 'BORDER': '"border"', 'GRID': '"grid"',
     'EXTRUDE': '"extrude"', 'INSERT': '"insert"',

@@ -16,13 +16,21 @@
 
 from collections.abc import Collection
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from lark import Lark
 from lark.exceptions import UnexpectedInput
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.language import compile_expression, Expression, Place, syntax_error
+from procphys_ros.language import (
+    compile_expression,
+    Expression,
+    Place,
+    read_include,
+    shorten,
+    syntax_error,
+)
 from procphys_ros.wallgrammar.grammar import WALL_GRAMMAR, WALL_WORDS
 from procphys_ros.wallgrammar.spec import (
     Border,
@@ -54,19 +62,46 @@ def _lark() -> Lark:
     return Lark(WALL_GRAMMAR, parser='lalr', propagate_positions=True, maybe_placeholders=True)
 
 
-def parse(text: str, source: str) -> Spec:
+def parse(text: str, source: str, folder: Path | None = None) -> Spec:
     """
     Read a grammar text.
 
     :param text: the grammar.
     :param source: name for errors.
+    :param folder: where included files are looked for first; None = among the shipped ones only.
     :raises GrammarError: where the text does not fit the language.
     """
+    reader = _Reader(source, _tree(text, source))
+    spec = reader.spec()
+    _include(spec, reader, folder, {Path(shorten(source)).resolve()})
+    return spec
+
+
+def _tree(text: str, source: str) -> Node:
     try:
-        tree = _lark().parse(text)
+        return _lark().parse(text)
     except UnexpectedInput as problem:
         raise syntax_error(problem, source, words=WALL_WORDS) from None
-    return _Reader(source, tree).spec()
+
+
+def _include(spec: Spec, reader: '_Reader', folder: Path | None, seen: set[Path]) -> None:
+    """Take in materials, layouts and panels of other files; those that exist already win."""
+    for node in reader.trees['include']:
+        found = read_include(str(node.children[0])[1:-1], folder, reader.place(node), seen)
+        if found is None:
+            continue
+        path, text = found
+        seen.add(path)
+        inner = _Reader(str(path), _tree(text, str(path)), included=True)
+        other = Spec(spec.building)
+        inner.tables(other)
+        for name, panel in other.panels.items():
+            if name not in spec.rules:
+                spec.panels.setdefault(name, panel)
+        spec.materials.update({**other.materials, **spec.materials})
+        spec.layouts.update({**other.layouts, **spec.layouts})
+        spec.places.update({**other.places, **spec.places})
+        _include(spec, inner, path.parent, seen)
 
 
 class _Reader:
@@ -76,12 +111,15 @@ class _Reader:
     :ivar known: names that expressions in rules may use beside the rule's own parameters.
     """
 
-    def __init__(self, source: str, tree: Node):
+    def __init__(self, source: str, tree: Node, included: bool = False):
         self.source = source
         self.trees: dict[str, list[Node]] = {kind: [] for kind in (
-            'building', 'rule', 'panel', 'material', 'layout')}
+            'include', 'building', 'rule', 'panel', 'material', 'layout')}
         for child in tree.children:
             self.trees[child.data].append(child)
+        self.known: set[str] = set()
+        if included:
+            return
         buildings = self.trees['building']
         if len(buildings) != 1:
             place = self.place(buildings[1]) if buildings else Place(source)
@@ -101,6 +139,11 @@ class _Reader:
         for node in self.trees['rule']:
             rule = self.rule(node)
             spec.rules.setdefault(rule.name, []).append(rule)
+        self.tables(spec)
+        return spec
+
+    def tables(self, spec: Spec) -> None:
+        """Read panels, materials and layouts into a spec."""
         for node in self.trees['panel']:
             panel = self.panel(node)
             self.new(panel.name, {**spec.panels, **spec.rules}, 'panel or rule', panel.place)
@@ -111,7 +154,6 @@ class _Reader:
                 self.new(name, table, kind, place)
                 table[name] = self.entries(node.children[1:])
                 spec.places[f'{kind} {name}'] = place
-        return spec
 
     def new(self, name: str, table: dict, kind: str, place: Place) -> None:
         if name in table:

@@ -1,0 +1,58 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Includes: find and read the grammars that a grammar takes definitions from."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.language.place import Place
+from procphys_ros.language.syntax import read_text, shorten
+from procphys_ros.resources import shared_folder
+
+MOST_INCLUDES = 32  # files that one grammar may take in, however indirectly
+
+
+def read_include(name: str, folder: Path | None, place: Place,
+                 seen: Collection[Path]) -> tuple[Path, str] | None:
+    """
+    Read a file that a grammar includes.
+
+    :param name: of the file, as written.
+    :param folder: of the grammar that names it, where it is looked for first; None = unknown.
+    :param place: where it is named.
+    :param seen: files that were taken in already; each is taken in once.
+    :returns: path and text; None when it was taken in before.
+    :raises GrammarError: when there is no such text, or there are too many.
+    """
+    if not name.strip() or not name.isprintable():
+        raise place.error(f'"{shorten(name)}" is not a file name')
+    folders = [*([] if folder is None else [folder]), shared_folder() / 'grammars']
+    for path in (one / name for one in folders):
+        try:
+            found = path.resolve(strict=True)
+        except OSError:
+            continue
+        if found in seen:
+            return None
+        if len(seen) >= MOST_INCLUDES:
+            raise place.error(f'more than {MOST_INCLUDES} files are included')
+        try:
+            return found, read_text(found)
+        except GrammarError as error:
+            raise place.error(f'"{shorten(name)}": {error.message}') from None
+    looked = ' and '.join(str(one) for one in folders)
+    raise place.error(f'there is no "{shorten(name)}" to include in {shorten(looked)}')
