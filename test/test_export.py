@@ -114,11 +114,11 @@ def test_mistakes_are_one_line(scene_file, tmp_path, monkeypatch, capsys, words,
 
 
 def test_missing_package_is_named(tmp_path, monkeypatch):
-    """Name the extra that brings what is missing."""
+    """Say how to install what is missing."""
     def gone(name):
         raise ModuleNotFoundError("No module named 'pxr'", name='pxr')
     monkeypatch.setattr(formats, 'import_module', gone)
-    with pytest.raises(ExportError, match=r'procphys_ros\[usd\]'):
+    with pytest.raises(ExportError, match='pip install usd-core'):
         export(scene_of(), tmp_path / 'x.usda')
 
 

@@ -269,9 +269,9 @@ def test_places_that_cannot_be_written(tmp_path, path, complaint):
 
 
 def test_missing_package_is_named(tmp_path, monkeypatch):
-    """Name the extra that brings it."""
+    """Say how to install it."""
     def gone(name):
         raise ImportError(name)
     monkeypatch.setattr(library, 'import_module', gone)
-    with pytest.raises(RecordingError, match=r'procphys_ros\[record\]'):
+    with pytest.raises(RecordingError, match='pip install mcap'):
         Writer(tmp_path / 'run.mcap')

@@ -31,7 +31,6 @@ def load_mcap() -> SimpleNamespace:
         writer, reader, errors = (import_module(f'mcap.{name}')
                                   for name in ('writer', 'reader', 'exceptions'))
     except ImportError as error:
-        raise RecordingError('recordings need the package mcap: '
-                             'pip install "procphys_ros[record]"') from error
+        raise RecordingError('recordings need the package mcap: pip install mcap') from error
     return SimpleNamespace(Writer=writer.Writer, CompressionType=writer.CompressionType,
                            make_reader=reader.make_reader, McapError=errors.McapError)
