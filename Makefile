@@ -1,4 +1,5 @@
-# make run: the node on the demo scene.  make test: lint, types, tests.  make bench: figures.
+# make run: the node on the demo scene.  make warm: compile all kernels.  make test: lint, types,
+# tests.  make bench: figures.
 # PYTHON chooses the interpreter of the virtual environment (3.11 or 3.12).
 PYTHON ?= python3
 VENV := .venv
@@ -7,10 +8,14 @@ BIN := $(VENV)/bin
 SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts config grammars -type f \
   -not -name '*.pyc' -not -name '*.nb?')
 
-.PHONY: run test lint types pytest bench clean
+.PHONY: run warm test lint types pytest bench clean
 
-run: $(VENV)/.installed-run
+run: warm
 	$(VENV)/lib/procphys_ros/sim --ros-args --params-file $(SCENE)
+
+# Compiles nothing when the user's cache folder has everything.
+warm: $(VENV)/.installed-run
+	$(BIN)/python -m procphys_ros.warm
 
 test: lint types pytest
 
@@ -20,7 +25,9 @@ lint: $(VENV)/.installed-test
 types: $(VENV)/.installed-test
 	$(BIN)/mypy procphys_ros
 
+# Kernels first, on all cores: else every node that a test starts would begin to compile them.
 pytest: $(VENV)/.installed-test
+	$(BIN)/python -m procphys_ros.warm
 	$(BIN)/python -m pytest
 
 bench: $(VENV)/.installed-test

@@ -43,10 +43,11 @@ setup(
         # pip ignores setup.cfg's install_scripts; `ros2 run` looks here in both installs.
         (f'lib/{PACKAGE}', sorted(glob('scripts/*'))),
     ],
+    package_data={f'{PACKAGE}.compilation': ['overloads.json']},
     zip_safe=False,
     python_requires='>=3.11',
     # numba: compilation/cache.py replaces its cache of kernels, tested with these versions.
-    install_requires=['setuptools', 'numpy', 'numba>=0.60,<0.69', 'scipy', 'lark', 'pybullet',
+    install_requires=['setuptools', 'numpy', 'numba>=0.58,<0.69', 'scipy', 'lark', 'pybullet',
                       'pyyaml'],
     extras_require={
         # On a ROS machine these come with ROS itself, so they are no hard requirements.

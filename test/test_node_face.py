@@ -188,7 +188,7 @@ def test_quality_of_service_is_told_as_it_is(topic):
         get_fully_qualified_name=lambda: '/sim')
     parameters = {row.name: row.default for row in GLOBAL}
     Publishers(node, 'world', parameters)
-    Diagnostics(node, None, None, None, None)
+    Diagnostics(node, None, None, None, None, None)
     name = topic.replace('/sim/', '~/')
     offered = made[name]
     depth = f'depth {offered.depth}'

@@ -150,6 +150,9 @@ def _add_looks(group) -> None:
                          help='name, with * and ? for anything; a part by kind or index')
     watch = group.add_parser('watch', help='follow time, speed, wind and breaks until Ctrl-C')
     watch.add_argument('--seconds', type=_positive, metavar='S', help='stop after so long')
+    group.add_parser('warm', help='compile all kernels of this installation beforehand',
+                     description='Compile all kernels beforehand, so that no node of this '
+                                 'installation waits for them; needs no running node.')
     completion = group.add_parser('completion', help='print what makes the TAB key work',
                                   epilog='in ~/.bashrc: eval "$(command completion bash)", with '
                                          'the path of this command')

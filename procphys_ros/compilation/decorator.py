@@ -23,6 +23,9 @@ from numba import config, njit
 
 from procphys_ros.compilation.cache import KernelCache
 
+KERNELS: dict[str, Any] = {}
+"""Every kernel that has been imported, by its dotted name."""
+
 
 def kernel(function: Callable | None = None, /, **options: Any) -> Any:
     """
@@ -36,4 +39,5 @@ def kernel(function: Callable | None = None, /, **options: Any) -> Any:
     dispatcher = njit(**options)(function)
     if not config.DISABLE_JIT:  # else it is the function itself
         dispatcher._cache = KernelCache(function)
+    KERNELS[f'{function.__module__}.{function.__qualname__}'] = dispatcher
     return dispatcher

@@ -58,7 +58,7 @@ def module_folder(module: str) -> Path:
 
     :param module: dotted name of an imported module.
     """
-    environment = cache_folder() / _environment()
+    environment = environment_folder()
     folder = environment / f'{module}-{source_digest(module)}'
     for used in (environment, folder):
         try:
@@ -80,7 +80,7 @@ def prepare(folder: Path) -> None:
     """
     if folder.is_dir():
         return
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     module = folder.name.rpartition('-')[0]
     versions = [path for path in folder.parent.iterdir()
                 if path.name.rpartition('-')[0] == module]
@@ -99,10 +99,10 @@ def _last_use(path: Path) -> float:
 
 
 @cache
-def _environment() -> str:
-    """Name what machine code depends on beside sources."""
+def environment_folder() -> Path:
+    """Find the folder of all kernels for this numba, this Python and this CPU."""
     settings = [str(getattr(config, name, None)) for name in _SETTINGS]
     cpu = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
     facts = [__version__, numba.__version__, llvmlite.__version__, sys.version, *cpu, *settings]
     digest = hashlib.sha256('\n'.join(facts).encode()).hexdigest()[:16]
-    return f'numba-{numba.__version__}-{sys.implementation.cache_tag}-{digest}'
+    return cache_folder() / f'numba-{numba.__version__}-{sys.implementation.cache_tag}-{digest}'

@@ -50,6 +50,9 @@ def main(words: Sequence[str] | None = None) -> int:
         program = os.environ.get('PROCPHYS_COMMAND') or str(Path(sys.argv[0]).resolve())
         print(script(said.shell, program), end='')
         return _DONE
+    if said.verb == 'warm':
+        from procphys_ros.warm import main as warm
+        return warm([])
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: sys.exit(_DONE if said.verb == 'watch' else 130))
     return _talk(said)

@@ -27,6 +27,7 @@ from rclpy.node import Node
 from procphys_ros.messages import stamp
 from procphys_ros.ros import qos
 from procphys_ros.ros.activity import Activity
+from procphys_ros.ros.background_compilation import BackgroundCompilation
 from procphys_ros.ros.commands import CommandQueue
 from procphys_ros.ros.pacing import Beat, Pacer, Speedometer
 from procphys_ros.ros.session import REMEDY, Session
@@ -72,18 +73,20 @@ class Diagnostics:
     :param speed: measures the real-time factor.
     :param work: what the thread that simulates does.
     :param building: what the thread that builds scenes does.
+    :param compilation: what is compiled beforehand.
     :ivar latest: what was seen last; None before the first scene.
     :ivar factor: real-time factor of the last second; NaN before that.
     """
 
     def __init__(self, node: Node, commands: CommandQueue, speed: Speedometer, work: Activity,
-                 building: Activity):
+                 building: Activity, compilation: BackgroundCompilation):
         self._publisher = qos.publisher(node, DiagnosticArray, '/diagnostics', qos.arrays())
         self._name = node.get_fully_qualified_name()
         self._commands = commands
         self._speed = speed
         self._work = work
         self._building = building
+        self._compilation = compilation
         self.factor = math.nan
         self._beat = Beat(_LOOKS)
         self._stages: Counter[str] = Counter()
@@ -138,6 +141,7 @@ class Diagnostics:
         return {
             **shown,
             'under way': '; '.join(filter(None, (self._work.now(), self._building.now()))),
+            'compiling beforehand': self._compilation.progress,
             'commands waiting': str(len(self._commands)),
             'commands taken': str(sum(taken.values())),
             'commands rejected': str(sum(rejected.values())),

@@ -28,6 +28,7 @@ from procphys_ros.physics.wind import WindSettings
 from procphys_ros.resources import shared_folder
 from procphys_ros.ros import simulation_interfaces
 from procphys_ros.ros.activity import LongWork
+from procphys_ros.ros.background_compilation import BackgroundCompilation
 from procphys_ros.ros.building import Builder
 from procphys_ros.ros.commands import Command, CommandQueue, describe
 from procphys_ros.ros.diagnostics import Diagnostics, status_line
@@ -117,10 +118,12 @@ class SimNode(Node):
         self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
                            budget=self._longest_turn())
         self.session = Session(self.pacer)
+        self._compilation = BackgroundCompilation(self.get_logger().info)
         self.builder = Builder()
         self._output = Publishers(self, self.parameters['world_frame'], self.parameters)
         self.diagnostics = Diagnostics(self, self.commands, Speedometer(self.pacer),
-                                       self.loop.activity, self.builder.activity)
+                                       self.loop.activity, self.builder.activity,
+                                       self._compilation)
         self._offer()
         self.session.on_scene = self._start_scene
         self.session.on_reset = self._output.reset
@@ -160,6 +163,7 @@ class SimNode(Node):
         :returns: whether all threads have ended; one that computes cannot be made to.
         """
         self._topics.stop()
+        self._compilation.close()
         ended = [self.builder.stop(_LAST_TURN), self.loop.stop(_LAST_TURN)]
         if all(ended):
             self.session.close()

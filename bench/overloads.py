@@ -1,0 +1,183 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Record which overloads of kernels simulations call from Python: `compilation/overloads.json`.
+
+Run `python bench/overloads.py` after kernels or their arguments have changed; `python -m
+procphys_ros.warm` compiles what the list names. With `--check` the scenes run for a fifth of the
+time, and what the list lacks is printed.
+"""
+
+from collections.abc import Callable, Iterator
+import json
+import sys
+from typing import Any
+
+from numba.core import event
+import numpy as np
+
+from procphys_ros.compilation.cache import KernelCache
+from procphys_ros.compilation.overloads import SHIPPED
+from procphys_ros.compilation.signatures import to_text
+from procphys_ros.errors import CommandError
+from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
+from procphys_ros.recording.marker_state import find_markers
+from procphys_ros.resources import shared_folder
+from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
+
+_CONFIG = shared_folder() / 'config'
+# Scenes beside the demo, and how many steps of each.
+_CHECKED = 0.2  # share of the steps
+_SCENES = {'figure_1.yaml': 240, 'tree_on_house.yaml': 240, 'felled_by_wind.yaml': 200,
+           'palms_in_a_gust.yaml': 120, 'vehicle_on_wall.yaml': 150}
+
+
+# Rules with contexts, and trees that are culled, which no shipped scene has.
+_CULLED: dict[str, Any] = {
+    'scene': {'objects': ['sapling']}, 'wind': {'velocity': [20.0, 0.0, 0.0]},
+    'culling': {'distance': 60.0, 'sleeping': True, 'far_distance': 10.0, 'far_interval': 2},
+    'sapling': {'count': 9, 'spacing': 0.6, 'grammar_text': """
+axiom: Width(0.05) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) A B F(1)
+derivation length: 2
+production:
+A < B -> F(0.5)
+A > F -> F(0.5)
+"""}}
+
+
+def show(simulation: Simulation) -> None:
+    """Write all messages twice, as for a new and for an old subscriber."""
+    markers = SceneMarkers(simulation.blueprint, simulation.objects, 'world',
+                           MarkerStyle(40_000, '', ''))
+    for write in (markers.whole, markers.changes):
+        leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
+        data = write(simulation.poses, stamp(simulation.time), leaves, simulation.dust)
+        if data is not None:
+            find_markers(bytes(data))
+    pose_array(simulation.poses, stamp(simulation.time), 'world')
+
+
+def stand(name: str) -> Simulation:
+    """Load a scene and show its first poses."""
+    simulation = Simulation(Scene.from_yaml(_CONFIG / name))
+    simulation.step()
+    show(simulation)
+    return simulation
+
+
+def damage(simulation: Simulation) -> None:
+    """Do to a scene what commands can do."""
+    blueprint = simulation.blueprint
+    low = int(np.argmin(blueprint.poses[:, 2]))
+    x, y, z = blueprint.poses[len(blueprint) // 2, :3]
+    simulation.set_observer((x - 30.0, y, 2.0))
+    simulation.set_wind((8.0, 2.0, 0.0))
+    simulation.gust()
+    simulation.apply_impulse(low, (50.0, 0.0, 0.0))
+    simulation.apply_wrench(len(blueprint) - 1, (20.0, 0.0, 0.0))
+    simulation.explode((x + 1.0, y, z), 5.0)
+    simulation.launch(Projectile('sphere', (0.5,), 60.0, (x - 10.0, y, z + 1.0), (25.0, 0.0, 0.0)))
+    simulation.step(40)
+    if simulation.scene.settings.intruder is not None:
+        simulation.place_intruder((x, y, z, 0.0, 0.0, 0.0, 1.0))
+    try:
+        simulation.demolish()
+    except CommandError:
+        pass  # nothing stands that could be
+    simulation.step(40)
+    show(simulation)
+
+
+def exercise(share: float) -> Iterator[None]:
+    """Run that share of all scenes; yield after the first poses of the demo, and at the end."""
+    demo = stand('demo.yaml')
+    yield
+    culled = Simulation(Scene.from_parameters(_CULLED))
+    culled.set_observer((-8.0, 0.0, 1.0))
+    culled.step(20)
+    simulations = [stand(name) for name in _SCENES]
+    demo.step(int(200 * share))
+    damage(demo)
+    for simulation, steps in zip(simulations, _SCENES.values()):
+        simulation.step(int(steps * share))
+        damage(simulation)
+    yield
+
+
+class Recorder(event.Listener):
+    """
+    Notes which overloads Python calls, whether they are compiled or come from the cache.
+
+    :ivar rows: module, name and types of the arguments of each, in the order of first use.
+    """
+
+    def __init__(self) -> None:
+        self._seen: dict[str, list] = {}
+        self._compiling = 0  # callees are looked up while their callers are compiled
+        load = KernelCache.load_overload
+
+        def note(cache: KernelCache, sig: Any, target_context: Any) -> Any:
+            if not self._compiling:
+                self._note(cache._function, sig)
+            return load(cache, sig, target_context)
+
+        KernelCache.load_overload = note  # type: ignore[method-assign]
+        event.register('numba:compile', self)
+
+    @property
+    def rows(self) -> list[list]:
+        """List what was seen so far."""
+        return list(self._seen.values())
+
+    def on_start(self, event: Any) -> None:
+        """Go one level of callees down."""
+        self._compiling += 1
+
+    def on_end(self, event: Any) -> None:
+        """Come back up."""
+        self._compiling -= 1
+
+    def _note(self, function: Callable, sig: Any) -> None:
+        row = [function.__module__, function.__qualname__, [to_text(kind) for kind in sig]]
+        self._seen.setdefault(json.dumps(row), row)
+
+
+def write(standing: list[list], rest: list[list]) -> None:
+    """Write the list, a line each."""
+    groups = (',\n'.join(map(json.dumps, group)) for group in (standing, rest))
+    SHIPPED.write_text('{{"standing": [\n{}\n],\n"rest": [\n{}\n]}}\n'.format(*groups), 'utf-8')
+    print(f'{SHIPPED}: {len(standing)} to stand, {len(rest)} more')
+
+
+def main() -> int:
+    """Record all, or check a fifth of it."""
+    recorder = Recorder()
+    if sys.argv[1:] != ['--check']:
+        count, _ = [len(recorder.rows) for _ in exercise(1.0)]
+        write(recorder.rows[:count], recorder.rows[count:])
+        return 0
+    known = json.loads(SHIPPED.read_text('utf-8'))
+    for _ in exercise(_CHECKED):
+        pass
+    missing = [row for row in recorder.rows if row not in known['standing'] + known['rest']]
+    print(*missing, sep='\n')
+    return 1 if missing else 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,145 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""All kernels compiled beforehand: the list of overloads is whole and fits the kernels."""
+
+import importlib
+import inspect
+import json
+import os
+from pathlib import Path
+import pkgutil
+import subprocess
+import sys
+from time import monotonic, sleep
+from typing import Any, NamedTuple
+
+from numba import types
+import numpy as np
+import pytest
+
+import procphys_ros
+from procphys_ros.compilation.decorator import KERNELS
+from procphys_ros.compilation.overloads import shipped
+from procphys_ros.compilation.signatures import from_text, to_text
+from procphys_ros.ros.background_compilation import BackgroundCompilation
+
+ROOT = Path(__file__).resolve().parents[1]
+REMEDY = 'run python bench/overloads.py'
+PATIENCE = 300.0  # [s] far more than a machine under load needs
+
+
+class Pair(NamedTuple):
+    """A named tuple as kernels take them."""
+
+    first: np.ndarray
+    second: float
+
+
+def all_kernels() -> dict[str, Any]:
+    """Import the whole package, and give its kernels by name."""
+    for module in pkgutil.walk_packages(procphys_ros.__path__, 'procphys_ros.'):
+        if not module.name.startswith(('procphys_ros.render', 'procphys_ros.ros')):
+            importlib.import_module(module.name)
+    return {name: kernel for name, kernel in KERNELS.items() if name.startswith('procphys_ros.')}
+
+
+def callees(kernel: Any) -> set[str]:
+    """Name the kernels that a kernel calls, also as members of modules."""
+    function = kernel.py_func
+    scopes = [function.__globals__, *(value.__dict__ for value in function.__globals__.values()
+                                      if inspect.ismodule(value))]
+    found = [scope[name] for name in function.__code__.co_names for scope in scopes
+             if name in scope]
+    return {f'{value.py_func.__module__}.{value.py_func.__qualname__}' for value in found
+            if hasattr(value, 'py_func')}
+
+
+def test_no_kernel_is_forgotten():
+    """Reach every kernel of the package from those that are compiled beforehand."""
+    kernels = all_kernels()
+    waiting = {f'{overload.module}.{overload.name}' for group in shipped() for overload in group}
+    reached: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        reached.add(name)
+        waiting |= callees(kernels[name]) - reached
+    assert kernels.keys() - reached == set(), REMEDY
+
+
+def test_list_fits_the_kernels():
+    """Name kernels that exist, with as many arguments as they take, and none twice."""
+    kernels = all_kernels()
+    overloads = [overload for group in shipped() for overload in group]
+    assert len({(str(o), json.dumps(o.arguments)) for o in overloads}) == len(overloads)
+    for overload in overloads:
+        kernel = kernels[f'{overload.module}.{overload.name}']
+        assert len(overload.arguments) == len(inspect.signature(kernel.py_func).parameters), (
+            f'{overload}: {REMEDY}')
+        for argument in overload.arguments:
+            assert to_text(from_text(argument)) == argument
+
+
+@pytest.mark.parametrize('kind', [
+    types.float64, types.boolean, types.Array(types.float64, 2, 'C'),
+    types.Array(types.int32, 1, 'A', readonly=True),
+    types.UniTuple(types.Array(types.uint8, 3, 'C'), 2),
+    types.Tuple((types.int64, types.float64)),
+    types.NamedTuple((types.Array(types.float64, 1, 'C'), types.float64), Pair),
+    types.NamedUniTuple(types.float64, 2, Pair), types.Omitted(0.5)], ids=str)
+def test_types_survive_as_text(kind):
+    """Write the type of an argument as JSON, and read the same type again."""
+    assert from_text(json.loads(json.dumps(to_text(kind)))) == kind
+
+
+def test_unknown_type_is_refused():
+    """Say which type has no text."""
+    with pytest.raises(ValueError, match='unicode'):
+        to_text(types.List(types.unicode_type))
+
+
+def test_background_fills_the_cache(tmp_path, monkeypatch):
+    """Compile in a child that tells how far it is, and end it with its owner."""
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
+    monkeypatch.setattr('procphys_ros.ros.background_compilation.is_complete', lambda: False)
+    said: list[str] = []
+    background = BackgroundCompilation(said.append)
+    end = monotonic() + PATIENCE
+    while not background.progress.startswith('1/'):
+        assert monotonic() < end
+        sleep(0.05)
+    background.close()
+    assert list(tmp_path.rglob('*.nbc'))
+    assert 'background' in said[0]
+
+
+def test_complete_cache_needs_no_child(monkeypatch):
+    """Start nothing when everything is there."""
+    monkeypatch.setattr('procphys_ros.ros.background_compilation.is_complete', lambda: True)
+    said: list[str] = []
+    background = BackgroundCompilation(said.append)
+    background.close()
+    assert (background.progress, said) == ('', [])
+
+
+def test_overload_compiles_once(tmp_path, monkeypatch):
+    """Say whether an overload had to be compiled."""
+    shortest = min(shipped()[0], key=lambda overload: len(str(overload.arguments)))
+    code = ('from procphys_ros.compilation.overloads import Overload; '
+            f'print(Overload(*{[shortest.module, shortest.name, shortest.arguments]}).compile())')
+    answers = [subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, check=True,
+                              env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
+                              capture_output=True).stdout.strip() for _ in range(2)]
+    assert answers == ['True', 'False']
