@@ -353,7 +353,7 @@ def test_dust_hides_what_is_behind_it(tmp_path):
 
 
 @pytest.mark.parametrize(('group', 'words'), [
-    ({'capacity': 0}, ['dust.capacity', '1 to 1000000']),
+    ({'capacity': 0}, ['dust.capacity', '1 to 1e+06']),
     ({'capacity': 2.5}, ['dust.capacity', 'whole number']),
     ({'enabled': 'yes'}, ['dust.enabled', 'true or false']),
     ({'size': 3}, ['dust.size', 'capacity']),

@@ -18,11 +18,12 @@
 from dataclasses import fields
 import math
 from pathlib import Path
+import re
 
 import numpy as np
 import pytest
 
-from procphys_ros.errors import SceneError
+from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.physics.wind import Gust, GUST_KINDS, PROFILES, SPECTRA, WindSettings
 from procphys_ros.ros.parameter_table import (
     check_object_names,
@@ -33,10 +34,16 @@ from procphys_ros.ros.parameter_table import (
     OBJECT,
     Parameter,
 )
+from procphys_ros.scene.cues import Blow
+from procphys_ros.scene.culling import CullingSettings
+from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.layout import LAYOUTS
-from procphys_ros.scene.objects import OBJECT_KEYS, ObjectSpec
+from procphys_ros.scene.objects import OBJECT_KEYS, ObjectSpec, read_objects
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.settings import read_settings, Settings
+from procphys_ros.scene.shards import Shard
+from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.schema import parameters
 
 TABLE = {p.name: p for p in GLOBAL}
 DEFAULTS = {p.name: p.default for p in GLOBAL}
@@ -73,9 +80,8 @@ def test_choices_and_object_defaults_are_those_of_the_scene():
     assert TABLE['wind.profile'].choices == PROFILES
     assert TABLE['wind.spectrum'].choices == SPECTRA
     assert TABLE['gust.kind'].choices == GUST_KINDS
-    spec = ObjectSpec('oak')
     for parameter in OBJECT:
-        default = getattr(spec, parameter.name)
+        default = next(f.default for f in fields(ObjectSpec) if f.name == parameter.name)
         assert parameter.default == (list(default) if isinstance(default, tuple) else default)
     assert next(p for p in OBJECT if p.name == 'layout').choices == LAYOUTS
 
@@ -145,6 +151,41 @@ def test_rows_are_found_by_full_name():
     assert find('oak.count', ['oak']).name == 'count'
     assert find('oak.count', []) is None
     assert find('oak.counts', ['oak']) is None
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('yaw', 2000.0), ('spacing', 2e5), ('origin', [0.0, 2e6, 0.0]), ('count', 2.0),
+    ('seed', 2**63), ('layout', 'ring'), ('defines', 'n=3')])
+def test_the_library_refuses_what_the_node_refuses(name, value):
+    """Check objects that are made in Python by the same declaration."""
+    row = next(p for p in OBJECT if p.name == name)
+    for refuse in (lambda: row.read(value, f'oak.{name}'),
+                   lambda: ObjectSpec('oak', grammar='oak.lsys', **{name: value}),
+                   lambda: read_objects({'scene': {'objects': ['oak']},
+                                         'oak': {'grammar': 'oak.lsys', name: value}})):
+        with pytest.raises(SceneError, match=f'oak.{name}'):
+            refuse()
+
+
+@pytest.mark.parametrize('kind, group', [
+    (Settings, ''), (WindSettings, 'wind'), (Gust, 'gust'), (LeafSettings, 'leaves'),
+    (DustSettings, 'dust'), (CullingSettings, 'culling'), (IntruderSettings, 'intruder'),
+    (Blow, 'impulse'), (Projectile, 'projectile'), (Explosion, 'explosion'),
+    (Demolition, 'demolition'), (Shard, 'shard')])
+def test_every_number_of_every_setting_is_checked(kind, group):
+    """Refuse what is just outside of the range that is declared, also in Python."""
+    rows = parameters(kind, group)
+    assert rows
+    for row in rows:
+        name = row.name.rpartition('.')[2]
+        items = row.default if isinstance(row.default, list) else [row.default]
+        numbers = [v for v in items if isinstance(v, (int, float)) and not isinstance(v, bool)]
+        if not numbers and not row.any_length:
+            continue
+        for bad in (row.low - 1, row.high + 1, math.nan):
+            value = [bad] * max(len(items), 1) if isinstance(row.default, list) else bad
+            with pytest.raises(ProcPhysError, match=re.escape(row.name)):
+                kind(**{name: value})
 
 
 def test_readme_shows_the_table():

@@ -53,7 +53,7 @@ def test_the_shares_together_are_the_whole_scene(count):
 
 @pytest.mark.parametrize(('shard', 'word'), [
     ({'index': 2, 'count': 2}, 'shard.index'), ({'index': -1, 'count': 2}, 'shard.index'),
-    ({'index': 0, 'count': 0}, 'shard.index'), ({'index': 'x', 'count': 2}, 'shard.index'),
+    ({'index': 0, 'count': 0}, 'shard.count'), ({'index': 'x', 'count': 2}, 'shard.index'),
     ({'index': 0.5, 'count': 2}, 'shard.index'), ({'share': 1}, 'shard'), (7, 'shard'),
 ])
 def test_shares_that_cannot_be_are_named(shard, word):

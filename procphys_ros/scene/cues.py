@@ -23,6 +23,7 @@ from typing import Any
 from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
 from procphys_ros.physics.wind import Gust
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.schema import check, declared
 
 _LATEST = 1e6  # [s]
 _FORM = '"<seconds> <verb> name=value …", such as "2.5 launch mass=300 velocity=0,20,0"'
@@ -36,11 +37,16 @@ class Blow:
     :ivar target: name or index of the part.
     :ivar linear: [N·s], (3,), world axes.
     :ivar angular: [N·m·s], (3,).
+    :raises SceneError: when a value is none; the message names it.
     """
 
-    target: str = ''
-    linear: Sequence[float] = (0.0, 0.0, 0.0)
-    angular: Sequence[float] = (0.0, 0.0, 0.0)
+    target: str = declared('', 'part that ~/apply_impulse hits, as oak_0/17 or an index')
+    linear: Sequence[float] = declared(
+        (0.0, 0.0, 0.0), 'impulse at its centre of mass', 'N·s')
+    angular: Sequence[float] = declared((0.0, 0.0, 0.0), 'angular impulse', 'N·m·s')
+
+    def __post_init__(self) -> None:
+        check(self, 'impulse')
 
 
 _VERBS: dict[str, tuple[str, Callable[..., Any]]] = {

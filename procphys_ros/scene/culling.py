@@ -16,14 +16,10 @@
 """Settings of the level of detail: what is simulated less, because nobody looks closely."""
 
 from dataclasses import dataclass
-import math
-import numbers
 
-from procphys_ros.errors import SceneError
-from procphys_ros.physics.wind.settings import check_number
+from procphys_ros.schema import check, declared
 
 _MOST_STEPS = 4  # longer ones smooth the sway of small branches away
-_WIDEST = 0.5 * math.pi
 
 
 @dataclass(frozen=True)
@@ -47,30 +43,23 @@ class CullingSettings:
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
-    distance: float = 0.0
-    frustum: bool = False
-    field_of_view: float = 1.0
-    aspect: float = 16.0 / 9.0
-    widening: float = 0.15
-    sleeping: bool = False
-    far_distance: float = 40.0
-    far_interval: int = 1
-    debris_distance: float = 0.0
+    distance: float = declared(
+        0.0, 'trees further from ~/observer stand still; 0 = none do', 'm', 0.0, 1e6)
+    frustum: bool = declared(False, 'whether trees outside the widened view stand still')
+    field_of_view: float = declared(1.0, 'vertical opening of the view', 'rad', 0.01, 3.13)
+    aspect: float = declared(16.0 / 9.0, 'width over height of the picture', '', 0.1, 10.0)
+    widening: float = declared(
+        0.15, 'by which the view is opened on each side', 'rad', 0.0, 1.57)
+    sleeping: bool = declared(False, 'whether trees at rest in still air stop being stepped')
+    far_distance: float = declared(40.0, 'where trees count as far', 'm', 1.0, 1e6)
+    far_interval: int = declared(
+        1, 'far trees go on once in so many steps; 1 = in every one', '', 1, _MOST_STEPS)
+    debris_distance: float = declared(
+        0.0, 'what falls further from ~/observer breaks into few large pieces; 0 = nowhere', 'm',
+        0.0, 1e6)
 
     def __post_init__(self) -> None:
-        for name in ('frustum', 'sleeping'):
-            value = getattr(self, name)
-            if not isinstance(value, bool):
-                raise SceneError(f'culling.{name} is {value!r}, it must be true or false')
-        for name, low, high in (('distance', 0.0, 1e6), ('field_of_view', 0.01, math.pi - 0.01),
-                                ('aspect', 0.1, 10.0), ('widening', 0.0, _WIDEST),
-                                ('far_distance', 1.0, 1e6), ('debris_distance', 0.0, 1e6)):
-            check_number(f'culling.{name}', getattr(self, name), low, high)
-        steps = self.far_interval
-        if isinstance(steps, bool) or not isinstance(steps, numbers.Integral) \
-                or not 1 <= steps <= _MOST_STEPS:
-            raise SceneError(f'culling.far_interval is {steps!r}, it must be a whole number from '
-                             f'1 to {_MOST_STEPS}')
+        check(self, 'culling')
 
     @property
     def spares_trees(self) -> bool:

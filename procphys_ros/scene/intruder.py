@@ -21,7 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.errors import SceneError
-from procphys_ros.scene.solids import edges_of
+from procphys_ros.scene.solids import edges_of, SHAPES
+from procphys_ros.schema import check, declared
 
 _LARGEST = 50.0  # [m]
 
@@ -36,10 +37,12 @@ class IntruderSettings:
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
-    shape: str = 'box'
-    size: float | Sequence[float] = (1.0, 1.0, 1.0)
+    shape: str = declared('box', 'of the body that ~/intruder moves', choices=SHAPES)
+    size: float | Sequence[float] = declared(
+        (1.0, 1.0, 1.0), 'its diameter, or three edges', 'm', 1e-3, _LARGEST, any_length=True)
 
     def __post_init__(self) -> None:
+        check(self, 'intruder')
         object.__setattr__(self, 'size', tuple(self.edges.tolist()))  # however it was written
 
     @property

@@ -17,12 +17,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 import math
-import numbers
 import re
 from typing import Any
 
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.scene.layout import LAYOUTS
+from procphys_ros.schema import check, declared
 
 MAX_COUNT = 100_000  # instances of one object; beyond it no machine would hold the parts
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
@@ -45,19 +45,39 @@ class ObjectSpec:
     :ivar yaw: heading of every instance about the vertical [rad].
     :ivar seed: seed of the first instance; -1 = from the seed of the scene.
     :ivar variants: number of different individuals among the instances; 0 = all differ.
+    :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     name: str
-    grammar: str = ''
-    grammar_text: str = ''
-    defines: tuple[str, ...] = ()
-    count: int = 0
-    layout: str = 'grid'
-    spacing: float = 8.0
-    origin: tuple[float, ...] = (0.0, 0.0, 0.0)
-    yaw: float = 0.0
-    seed: int = -1
-    variants: int = 0
+    grammar: str = declared('', 'file in grammars/, a path, or package://procphys_ros/…')
+    grammar_text: str = declared('', 'the grammar itself, instead of a file')
+    defines: tuple[str, ...] = declared(
+        (), 'values that override the grammar\'s own, as "name=number"')
+    count: int = declared(0, 'instances, called oak_0, oak_1, …; 0 = one, called oak', '',
+                          0, MAX_COUNT)
+    layout: str = declared('grid', 'how instances are placed', choices=LAYOUTS)
+    spacing: float = declared(8.0, 'distance between instances', 'm', 1e-3, 1e5)
+    origin: tuple[float, ...] = declared(
+        (0.0, 0.0, 0.0), 'where the layout is centred', 'm', -1e6, 1e6)
+    yaw: float = declared(0.0, 'heading of every instance about the vertical', 'rad', -1e3, 1e3)
+    seed: int = declared(-1, 'seed of the first instance; -1 = from the seed of the scene', '',
+                         -1, 2**62)
+    variants: int = declared(0, 'different individuals among the instances; 0 = all differ', '',
+                             0, MAX_COUNT)
+
+    def __post_init__(self) -> None:
+        check(self, self.name)
+        for text in self.defines:
+            match = _DEFINE.match(text)
+            try:
+                valid = match is not None and math.isfinite(float(match[2]))
+            except ValueError:
+                valid = False
+            if not valid:
+                raise SceneError(f'{self.name}.defines: {text!r} is not of the form name=number')
+        if bool(self.grammar) == bool(self.grammar_text):
+            raise SceneError(f'{self.name}: give either {self.name}.grammar (a file) or '
+                             f'{self.name}.grammar_text (the grammar itself)')
 
     @property
     def instance_names(self) -> list[str]:
@@ -100,86 +120,9 @@ def _read_object(name: str, given: Any) -> ObjectSpec:
     if not isinstance(given, Mapping):
         raise SceneError(f'{name}: {given!r} is not a group of parameters '
                          f'({", ".join(OBJECT_KEYS)})')
-    values = {}
-    for key, value in given.items():
-        if key not in _READERS:
+    for key in given:
+        if key not in OBJECT_KEYS:
             raise SceneError(f'{name}.{key}: there is no such key'
                              f'{nearest_names(str(key), OBJECT_KEYS)} '
                              f'(known: {", ".join(OBJECT_KEYS)})')
-        values[key] = _READERS[key](f'{name}.{key}', value)
-    spec = ObjectSpec(name=name, **values)
-    if bool(spec.grammar) == bool(spec.grammar_text):
-        raise SceneError(f'{name}: give either {name}.grammar (a file) or {name}.grammar_text '
-                         '(the grammar itself)')
-    return spec
-
-
-def _text(key: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise SceneError(f'{key}: {value!r} is not a text')
-    return value
-
-
-def _number(key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or not math.isfinite(value):
-        raise SceneError(f'{key}: {value!r} is not a finite number')
-    return float(value)
-
-
-def _positive(key: str, value: Any) -> float:
-    number = _number(key, value)
-    if number <= 0:
-        raise SceneError(f'{key}: {number:g} is not above 0')
-    return number
-
-
-def _whole(lowest: int, highest: int):
-    def read(key: str, value: Any) -> int:
-        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-            raise SceneError(f'{key}: {value!r} is not a whole number')
-        if not lowest <= int(value) <= highest:
-            raise SceneError(f'{key}: {value} lies outside {lowest} … {highest}')
-        return int(value)
-    return read
-
-
-def _vector(key: str, value: Any) -> tuple[float, ...]:
-    items = list(value) if isinstance(value, (list, tuple)) or hasattr(value, 'tolist') else []
-    if len(items) != 3:
-        raise SceneError(f'{key}: {value!r} is not three numbers [x, y, z] in metres')
-    return tuple(_number(key, item) for item in items)
-
-
-def _defines(key: str, value: Any) -> tuple[str, ...]:
-    items = value if isinstance(value, (list, tuple)) else None
-    if items is None or not all(isinstance(item, str) for item in items):
-        raise SceneError(f'{key}: {value!r} is not a list of texts such as ["storeys=3"]')
-    for item in items:
-        match = _DEFINE.match(item)
-        try:
-            valid = match is not None and math.isfinite(float(match[2]))
-        except ValueError:
-            valid = False
-        if item and not valid:
-            raise SceneError(f'{key}: {item!r} is not of the form name=number')
-    return tuple(item for item in items if item)
-
-
-def _layout(key: str, value: Any) -> str:
-    if value not in LAYOUTS:
-        raise SceneError(f'{key}: {value!r} is not known; use one of {", ".join(LAYOUTS)}')
-    return value
-
-
-_READERS = {
-    'grammar': _text,
-    'grammar_text': _text,
-    'defines': _defines,
-    'count': _whole(0, MAX_COUNT),
-    'layout': _layout,
-    'spacing': _positive,
-    'origin': _vector,
-    'yaw': _number,
-    'seed': _whole(-1, 2**62),
-    'variants': _whole(0, MAX_COUNT),
-}
+    return ObjectSpec(name=name, **given)

@@ -15,13 +15,9 @@
 """Settings of what is small and light: leaves on their petioles and off, and dust."""
 
 from dataclasses import dataclass
-import numbers
 
-from procphys_ros.errors import SceneError
 from procphys_ros.physics.foliage import SHEDDING_SPEED
-from procphys_ros.physics.wind.settings import check_number
-
-_MOST_PUFFS = 1_000_000
+from procphys_ros.schema import check, declared
 
 
 @dataclass(frozen=True)
@@ -36,14 +32,13 @@ class LeafSettings:
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
-    flutter: bool = True
-    shedding: bool = True
-    shedding_speed: float = SHEDDING_SPEED
+    flutter: bool = declared(True, 'whether leaves move finely about their petioles')
+    shedding: bool = declared(True, 'whether strong wind tears leaves off')
+    shedding_speed: float = declared(SHEDDING_SPEED, 'least local wind that takes a leaf', 'm/s',
+                                     0.5, 150.0)
 
     def __post_init__(self) -> None:
-        _check_switch('leaves.flutter', self.flutter)
-        _check_switch('leaves.shedding', self.shedding)
-        check_number('leaves.shedding_speed', self.shedding_speed, 0.5, 150.0)
+        check(self, 'leaves')
 
 
 @dataclass(frozen=True)
@@ -56,17 +51,9 @@ class DustSettings:
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
-    enabled: bool = True
-    capacity: int = 20_000
+    enabled: bool = declared(True, 'whether mortar and impacts raise dust')
+    capacity: int = declared(20_000, 'puffs of dust; beyond it the oldest are forgotten', '',
+                             1, 1_000_000)
 
     def __post_init__(self) -> None:
-        _check_switch('dust.enabled', self.enabled)
-        if isinstance(self.capacity, bool) or not isinstance(self.capacity, numbers.Integral) \
-                or not 1 <= self.capacity <= _MOST_PUFFS:
-            raise SceneError(f'dust.capacity is {self.capacity!r}, it must be a whole number from '
-                             f'1 to {_MOST_PUFFS}')
-
-
-def _check_switch(name: str, value: bool) -> None:
-    if not isinstance(value, bool):
-        raise SceneError(f'{name} is {value!r}, it must be true or false')
+        check(self, 'dust')

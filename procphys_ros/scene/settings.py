@@ -16,17 +16,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-import numbers
 from typing import Any, TypeVar
 
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.wind import Gust, WindSettings
-from procphys_ros.physics.wind.settings import check_number
 from procphys_ros.physics.world import DEFAULT_ENGINE, ENGINES
 from procphys_ros.scene.cues import Cue, read_cues
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
+from procphys_ros.schema import check, declared
+from procphys_ros.schema import parameters as declarations
 
 _Group = TypeVar('_Group')
 
@@ -50,10 +50,10 @@ class Settings:
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
-    seed: int = 0
-    time_step: float = 1.0 / 60.0
-    gravity: float = 9.81
-    engine: str = DEFAULT_ENGINE
+    seed: int = declared(0, 'seed of everything random', '', 0, 2**62)
+    time_step: float = declared(1.0 / 60.0, 'length of one simulation step', 's', 1e-4, 0.1)
+    gravity: float = declared(9.81, 'downward acceleration', 'm/s²', 0.0, 100.0)
+    engine: str = declared(DEFAULT_ENGINE, 'library that moves rigid bodies', choices=ENGINES)
     wind: WindSettings = field(default_factory=WindSettings)
     gust: Gust = field(default_factory=Gust)
     cues: tuple[Cue, ...] = ()
@@ -63,13 +63,7 @@ class Settings:
     intruder: IntruderSettings = field(default_factory=IntruderSettings)
 
     def __post_init__(self) -> None:
-        if isinstance(self.seed, bool) or not isinstance(self.seed, numbers.Integral) \
-                or not 0 <= self.seed < 2**62:
-            raise SceneError(f'seed is {self.seed!r}, it must be a whole number from 0 to 2^62')
-        check_number('time_step', self.time_step, 1e-4, 0.1)
-        check_number('gravity', self.gravity, 0.0, 100.0)
-        if self.engine not in ENGINES:
-            raise SceneError(f'engine is {self.engine!r}, it must be one of {", ".join(ENGINES)}')
+        check(self)
 
 
 def read_settings(parameters: Mapping[str, Any]) -> Settings:
@@ -79,8 +73,7 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
     :param parameters: nested mapping as a ROS parameter file holds it.
     :raises SceneError: naming the key, the value and what is allowed.
     """
-    own = {key: parameters[key] for key in ('seed', 'time_step', 'gravity', 'engine')
-           if key in parameters}
+    own = {p.name: parameters[p.name] for p in declarations(Settings) if p.name in parameters}
     return Settings(**own, wind=_group(parameters, 'wind', WindSettings),
                     gust=_group(parameters, 'gust', Gust), cues=read_cues(parameters),
                     leaves=_group(parameters, 'leaves', LeafSettings),

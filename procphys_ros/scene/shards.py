@@ -16,10 +16,10 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-import numbers
 from typing import Any
 
 from procphys_ros.errors import SceneError
+from procphys_ros.schema import check, declared
 
 
 @dataclass(frozen=True)
@@ -35,14 +35,12 @@ class Shard:
     :raises SceneError: when there is no such share.
     """
 
-    index: int = 0
-    count: int = 1
+    index: int = declared(0, 'which share of the objects this node simulates', '', 0, 1000)
+    count: int = declared(
+        1, 'number of nodes that share the scene, each with another shard.index', '', 1, 1000)
 
     def __post_init__(self) -> None:
-        for name in ('index', 'count'):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-                raise SceneError(f'shard.{name} is {value!r}, it must be a whole number')
+        check(self, 'shard')
         if not 0 <= self.index < self.count:
             raise SceneError(f'shard.index is {self.index}, it must lie from 0 to '
                              f'{self.count - 1}, one less than shard.count ({self.count})')

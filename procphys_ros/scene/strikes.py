@@ -18,12 +18,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 
 from procphys_ros.errors import CommandError
-from procphys_ros.scene.solids import edges_of
+from procphys_ros.scene.solids import edges_of, SHAPES
+from procphys_ros.schema import check, declared
 
 _FASTEST = 400.0     # [m/s], beyond it air and wall answer with shock waves
 _LARGEST = 20.0      # [m] edge of a projectile
@@ -48,20 +48,23 @@ class Projectile:
     :raises CommandError: when a value is out of its range; the message names it and the range.
     """
 
-    shape: str = 'sphere'
-    size: float | Sequence[float] = 0.3
-    mass: float = 30.0
-    position: Sequence[float] = (0.0, -10.0, 2.0)
-    velocity: Sequence[float] = (0.0, 20.0, 0.0)
+    shape: str = declared('sphere', 'of what ~/launch_projectile throws', choices=SHAPES)
+    size: float | Sequence[float] = declared(
+        0.3, 'its diameter, or three edges', 'm', 1e-3, _LARGEST, shown=(0.3,), any_length=True)
+    mass: float = declared(30.0, 'its mass', 'kg', 1e-4, _HEAVIEST)
+    position: Sequence[float] = declared(
+        (0.0, -10.0, 2.0), 'where its centre starts', 'm', -_FARTHEST, _FARTHEST)
+    velocity: Sequence[float] = declared(
+        (0.0, 20.0, 0.0), f'how fast it starts, in all at most {_FASTEST:g}', 'm/s', -_FASTEST,
+        _FASTEST)
 
     def __post_init__(self) -> None:
-        edges = self.edges
-        _number('projectile.mass', self.mass, 'kg', _HEAVIEST)
-        place = _triple('projectile.position', self.position, _FARTHEST)
+        check(self, 'projectile', CommandError)
+        edges, place = self.edges, self.position
         if place[2] < 0.5 * edges[2]:
-            raise CommandError(f'projectile.position is {place.tolist()}: it reaches '
+            raise CommandError(f'projectile.position is {list(place)}: it reaches '
                                f'{0.5 * edges[2] - place[2]:.3g} m into the ground')
-        speed = float(np.linalg.norm(_triple('projectile.velocity', self.velocity, 1e9)))
+        speed = math.hypot(*self.velocity)
         if speed > _FASTEST:
             raise CommandError(f'projectile.velocity is {speed:g} m/s, it must not exceed '
                                f'{_FASTEST:g}')
@@ -82,15 +85,16 @@ class Explosion:
     :raises CommandError: when a value is out of its range.
     """
 
-    position: Sequence[float] = (0.0, -5.0, 1.0)
-    charge: float = 10.0
+    position: Sequence[float] = declared(
+        (0.0, -5.0, 1.0), 'where ~/explode sets off its charge', 'm', -_FARTHEST, _FARTHEST)
+    charge: float = declared(
+        10.0, 'mass of TNT of ~/explode and ~/explosion', 'kg', 1e-6, _MOST_TNT)
 
     def __post_init__(self) -> None:
-        place = _triple('explosion.position', self.position, _FARTHEST)
-        if place[2] < 0.0:
-            raise CommandError(f'explosion.position is {place.tolist()}: that is under the '
+        check(self, 'explosion', CommandError)
+        if self.position[2] < 0.0:
+            raise CommandError(f'explosion.position is {list(self.position)}: that is under the '
                                'ground; z must not be below 0')
-        _number('explosion.charge', self.charge, 'kg TNT', _MOST_TNT)
 
 
 @dataclass(frozen=True)
@@ -105,13 +109,17 @@ class Demolition:
     :raises CommandError: when lengths do not match or a value is out of its range.
     """
 
-    delays: Sequence[float] = ()
-    positions: Sequence[float] = ()
-    radii: Sequence[float] = ()
+    delays: Sequence[float] = declared(
+        (), 'when each charge of ~/demolish goes off; no charges = along the ground-floor walls, '
+        'from the middle outwards', 's', 0.0, _LONGEST_WAIT, any_length=True)
+    positions: Sequence[float] = declared(
+        (), 'x y z of one charge after the other', 'm', -_FARTHEST, _FARTHEST, any_length=True)
+    radii: Sequence[float] = declared(
+        (), 'in which each charge turns masonry to dust', 'm', 1e-3, _WIDEST, any_length=True)
 
     def __post_init__(self) -> None:
-        delays, places, radii = (_list(f'demolition.{name}', getattr(self, name))
-                                 for name in ('delays', 'positions', 'radii'))
+        check(self, 'demolition', CommandError)
+        delays, places, radii = self.delays, self.positions, self.radii
         if not (3 * len(delays) == len(places) == 3 * len(radii)):
             raise CommandError(
                 f'demolition has {len(delays)} delays, {len(places)} numbers in positions and '
@@ -120,12 +128,6 @@ class Demolition:
         if len(delays) > _MOST_CHARGES:
             raise CommandError(f'demolition has {len(delays)} charges, {_MOST_CHARGES} are '
                                'allowed')
-        for name, values, low, high in (('delays', delays, 0.0, _LONGEST_WAIT),
-                                        ('positions', places, -_FARTHEST, _FARTHEST),
-                                        ('radii', radii, 1e-3, _WIDEST)):
-            if len(values) and not (values.min() >= low and values.max() <= high):
-                raise CommandError(f'demolition.{name} reach from {values.min():g} to '
-                                   f'{values.max():g}, they must stay within {low:g} to {high:g}')
 
     def __len__(self) -> int:
         return len(self.delays)
@@ -134,27 +136,3 @@ class Demolition:
     def places(self) -> np.ndarray:
         """Give where the charges are, (K, 3) [m]."""
         return np.array(self.positions, float).reshape(-1, 3)
-
-
-def _number(what: str, value: Any, unit: str, high: float) -> None:
-    good = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    if not (good and math.isfinite(value) and 0.0 < value <= high):
-        raise CommandError(f'{what} is {value!r}, it must be a number above 0 and not exceed '
-                           f'{high:g} {unit}')
-
-
-def _triple(what: str, value: Any, high: float) -> np.ndarray:
-    vector = _list(what, value)
-    if vector.shape != (3,) or not np.abs(vector).max() <= high:
-        raise CommandError(f'{what} is {value!r}, it must be three numbers within ±{high:g}')
-    return vector
-
-
-def _list(what: str, value: Any) -> np.ndarray:
-    try:
-        numbers = np.array(value, float)
-    except (TypeError, ValueError):
-        numbers = np.full((), np.nan)
-    if numbers.ndim != 1 or not np.isfinite(numbers).all():
-        raise CommandError(f'{what} is {value!r}, it must be a list of finite numbers')
-    return numbers

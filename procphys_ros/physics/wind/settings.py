@@ -19,12 +19,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.errors import SceneError
+from procphys_ros.schema import check, declared
 
 PROFILES = ('log', 'power', 'uniform')
 SPECTRA = ('kaimal', 'von_karman')
 GUST_KINDS = ('eog', 'cosine')
 _FASTEST = 150.0  # [m/s] above every wind measured on the ground (113 m/s, Barrow Island, 1996)
+_SHORTEST_RISE = 0.01  # [s]
 
 
 @dataclass(frozen=True)
@@ -43,21 +45,24 @@ class WindSettings:
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
-    velocity: Sequence[float] = (0.0, 0.0, 0.0)
-    turbulence_intensity: float = 0.15
-    profile: str = 'log'
-    roughness_length: float = 0.03
-    exponent: float = 0.2
-    reference_height: float = 10.0
-    spectrum: str = 'kaimal'
+    velocity: Sequence[float] = declared(
+        (0.0, 0.0, 0.0), 'mean air velocity at wind.reference_height, the direction it blows to',
+        'm/s', -_FASTEST, _FASTEST)
+    turbulence_intensity: float = declared(
+        0.15, 'standard deviation along the wind over mean speed', '', 0.0, 1.0)
+    profile: str = declared('log', 'growth of the mean wind with height', choices=PROFILES)
+    roughness_length: float = declared(
+        0.03, 'of the log profile; grass 0.03, forest about 1', 'm', 1e-6, 5.0)
+    exponent: float = declared(0.2, 'of the power profile', '', 0.0, 1.0)
+    reference_height: float = declared(
+        10.0, 'height at which wind.velocity holds', 'm', 0.5, 300.0)
+    spectrum: str = declared('kaimal', 'spectrum of the turbulence', choices=SPECTRA)
 
     def __post_init__(self):
-        _store(self, 'velocity', check_vector('wind.velocity', self.velocity, _FASTEST))
-        for name, low, high in (('turbulence_intensity', 0.0, 1.0), ('exponent', 0.0, 1.0),
-                                ('reference_height', 0.5, 300.0), ('roughness_length', 1e-6, 5.0)):
-            _store(self, name, check_number(f'wind.{name}', getattr(self, name), low, high))
-        check_choice('wind.profile', self.profile, PROFILES)
-        check_choice('wind.spectrum', self.spectrum, SPECTRA)
+        check(self, 'wind')
+        if math.hypot(*self.velocity) > _FASTEST:
+            raise SceneError(f'wind.velocity is {list(self.velocity)} m/s, its length must not '
+                             f'exceed {_FASTEST:g}')
         if self.profile == 'log' and self.roughness_length >= self.reference_height:
             raise SceneError(
                 f'wind.roughness_length is {self.roughness_length:g} m, it must lie below '
@@ -81,27 +86,34 @@ class Gust:
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
-    amplitude: float = 10.0
-    duration: float = 5.0
-    rise: float | None = None
-    direction: Sequence[float] | None = None
-    kind: str = 'cosine'
-    upwind: float = 30.0
+    amplitude: float = declared(
+        10.0, 'change of the wind at the peak of ~/gust', 'm/s', -_FASTEST, _FASTEST)
+    duration: float = declared(5.0, 'from the first change to the last', 's', 0.05, 3600.0)
+    rise: float | None = declared(
+        None, 'time a cosine gust takes to rise, and to fall; 0 = half of gust.duration', 's',
+        0.0, 1800.0, shown=0.0)
+    direction: Sequence[float] | None = declared(
+        None, 'where the gust blows to; all 0 = along the mean wind', shown=(0.0, 0.0, 0.0))
+    kind: str = declared(
+        'cosine', 'cosine (rise, hold, fall) or eog (IEC 61400-1 extreme operating gust)',
+        choices=GUST_KINDS)
+    upwind: float = declared(
+        30.0, 'distance of the gust front from the origin when it starts', 'm', 0.0, 10000.0)
 
     def __post_init__(self):
-        for name, low, high in (('amplitude', -_FASTEST, _FASTEST), ('duration', 0.05, 3600.0),
-                                ('upwind', 0.0, 10000.0)):
-            _store(self, name, check_number(f'gust.{name}', getattr(self, name), low, high))
-        check_choice('gust.kind', self.kind, GUST_KINDS)
+        check(self, 'gust')
         half = 0.5 * self.duration
-        rise = half if self.rise is None else check_number('gust.rise', self.rise, 0.01, half)
+        rise = half if self.rise is None else self.rise
+        if not _SHORTEST_RISE <= rise <= half:
+            raise SceneError(f'gust.rise is {rise:g} s, it must lie from {_SHORTEST_RISE:g} to '
+                             f'half of gust.duration ({half:g})')
         _store(self, 'rise', rise)
         if self.direction is not None:
-            direction = check_vector('gust.direction', self.direction, math.inf)
-            length = math.hypot(*direction)
-            if not 0.0 < length < math.inf:
-                raise SceneError(f'gust.direction is {list(direction)}, it must have a length')
-            _store(self, 'direction', tuple(c / length for c in direction))
+            length = math.hypot(*self.direction)
+            if not length > 0.0:
+                raise SceneError(f'gust.direction is {list(self.direction)}, it must have a '
+                                 'length')
+            _store(self, 'direction', tuple(c / length for c in self.direction))
 
 
 def extreme_operating_amplitude(speed: float, sigma: float, extreme_speed: float = 56.0,
@@ -116,47 +128,6 @@ def extreme_operating_amplitude(speed: float, sigma: float, extreme_speed: float
     :param scale: turbulence scale parameter Lambda_1 [m].
     """
     return min(1.35 * (extreme_speed - speed), 3.3 * sigma / (1.0 + 0.1 * diameter / scale))
-
-
-def check_number(key: str, value: object, low: float, high: float) -> float:
-    """Return a finite number within [low, high], or raise SceneError naming the key."""
-    if isinstance(value, (str, bytes, bool)) or not _is_number(value):
-        raise SceneError(f'{key} is {value!r}, it must be a number from {low:g} to {high:g}')
-    number = float(value)  # type: ignore[arg-type]
-    if not low <= number <= high or math.isinf(number):
-        raise SceneError(f'{key} is {number:g}, it must lie from {low:g} to {high:g}')
-    return number
-
-
-def check_vector(key: str, value: object, longest: float) -> tuple[float, float, float]:
-    """Return three finite numbers no longer than `longest`, or raise SceneError."""
-    wanted = 'it must be three finite numbers [x, y, z]'
-    if isinstance(value, (str, bytes)):
-        raise SceneError(f'{key} is {value!r}, {wanted}')
-    try:
-        x, y, z = (float(c) for c in value)  # type: ignore[attr-defined]
-    except (TypeError, ValueError):
-        raise SceneError(f'{key} is {value!r}, {wanted}') from None
-    if not all(math.isfinite(c) for c in (x, y, z)):
-        raise SceneError(f'{key} is {[x, y, z]}, {wanted}')
-    if math.hypot(x, y, z) > longest:
-        raise SceneError(f'{key} is {[x, y, z]}, its length must not exceed {longest:g}')
-    return x, y, z
-
-
-def check_choice(key: str, value: object, choices: tuple[str, ...]) -> None:
-    """Raise SceneError unless the value is one of the choices."""
-    if value not in choices:
-        raise SceneError(f'{key} is {value!r}, it must be one of {", ".join(choices)}'
-                         f'{nearest_names(str(value), choices)}')
-
-
-def _is_number(value: object) -> bool:
-    try:
-        float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return False
-    return True
 
 
 def _store(target: object, name: str, value: object) -> None:

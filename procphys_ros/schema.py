@@ -1,0 +1,173 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Schema: a setting is declared once, where it is used; checks, parameters and tables follow."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+import math
+import numbers
+from typing import Any
+
+from procphys_ros.errors import ProcPhysError, SceneError
+
+LARGEST = 1e9  # [any unit] beyond it a value is a mistake
+_KEY = 'parameter'
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """
+    One setting of a scene, which is a parameter of the node.
+
+    :ivar name: dotted; of an object's parameter the part behind `<name>.`.
+    :ivar default: also says the type: bool, int, float, str, list of floats or of str.
+    :ivar description: for `ros2 param describe` and the README.
+    :ivar unit: '' where there is none.
+    :ivar low, high: least and largest number allowed.
+    :ivar choices: texts allowed; () = any.
+    :ivar read_only: fixed once the node runs.
+    :ivar takes_effect: 'now', 'reload' (at ~/reload_scene) or 'use' (when next used).
+    :ivar optional: the default stands for "not given".
+    :ivar any_length: a list of numbers may be of any length, and one number is a list of one.
+    """
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ''
+    low: float = -LARGEST
+    high: float = LARGEST
+    choices: tuple[str, ...] = ()
+    read_only: bool = False
+    takes_effect: str = 'now'
+    optional: bool = False
+    any_length: bool = False
+
+    @property
+    def takes_any_length(self) -> bool:
+        """Say whether it is a list that may be of any length."""
+        return isinstance(self.default, list) and (self.any_length or not self.default)
+
+    def read(self, value: Any, name: str = '') -> Any:
+        """
+        Check a value and give it the parameter's own type; integers pass for doubles.
+
+        :param value: what was given.
+        :param name: full name for messages, when it is an object's parameter.
+        :raises SceneError: naming the parameter, the value and what is allowed.
+        """
+        name = name or self.name
+        if isinstance(self.default, bool):
+            if not isinstance(value, bool):
+                raise SceneError(f'{name} is {value!r}, it must be true or false')
+            return value
+        if isinstance(self.default, (int, float)):
+            return self._number(value, name)
+        if isinstance(self.default, str):
+            return self._text(value, name)
+        items = list(value) if _is_sequence(value) else None
+        if value is None and self.takes_any_length:  # as ROS reads an empty list of a file
+            items = []
+        if self.any_length:
+            return [self._number(item, name) for item in ([value] if items is None else items)]
+        if not self.takes_any_length:
+            if items is None or len(items) != len(self.default):
+                raise SceneError(f'{name} is {short(value)}, it must be a list of '
+                                 f'{len(self.default)} numbers')
+            return [self._number(item, name) for item in items]
+        if items is None or not all(isinstance(item, str) for item in items):
+            raise SceneError(f'{name} is {short(value)}, it must be a list of texts')
+        return [item for item in items if item]
+
+    def _number(self, value: Any, name: str) -> Any:
+        whole = isinstance(self.default, int)
+        kind = 'whole number' if whole else 'number'
+        is_number = isinstance(value, numbers.Integral if whole else numbers.Real)
+        if isinstance(value, bool) or not is_number:
+            raise SceneError(f'{name} is {short(value)}, it must be a {kind}')
+        if not math.isfinite(value) or not self.low <= value <= self.high:
+            unit = f' {self.unit}' if self.unit else ''
+            raise SceneError(f'{name} is {float(value):g}, it must be a {kind} from '
+                             f'{self.low:g} to {self.high:g}{unit}')
+        return int(value) if whole else float(value)
+
+    def _text(self, value: Any, name: str) -> str:
+        if not isinstance(value, str):
+            raise SceneError(f'{name} is {short(value)}, it must be a text')
+        if self.choices and value not in self.choices:
+            raise SceneError(f'{name} is {short(value)}, it must be one of '
+                             f'{", ".join(self.choices)}')
+        return value
+
+
+def _is_sequence(value: Any) -> bool:
+    return not isinstance(value, (str, Mapping)) and hasattr(value, '__len__')
+
+
+def short(value: Any) -> str:
+    """Show a value in a message, not all of it when it is long."""
+    text = repr(value)
+    return text if len(text) <= 60 else f'{text[:57]}...'
+
+
+def declared(default: Any, description: str, unit: str = '', low: float = -LARGEST,
+             high: float = LARGEST, shown: Any = None, **about: Any) -> Any:
+    """
+    Declare a field of a dataclass of settings.
+
+    :param default: of the field; a tuple where it is a list.
+    :param description: for people.
+    :param shown: default of the parameter where that cannot be the field's own: it stands for "not
+        given" if the field's is None, and for a list if that is one number.
+    :param about: further fields of `Parameter`.
+    """
+    value = default if shown is None else shown
+    parameter = Parameter('', list(value) if isinstance(value, tuple) else value, description,
+                          unit, low, high, optional=default is None, **about)
+    return field(default=default, metadata={_KEY: parameter})
+
+
+def parameters(kind: type, group: str = '', **about: Any) -> tuple[Parameter, ...]:
+    """
+    Give the parameters that the fields of a dataclass declare, in their order.
+
+    :param group: in front of their names.
+    :param about: fields of `Parameter` that all have in common, such as `takes_effect`.
+    """
+    prefix = f'{group}.' if group else ''
+    return tuple(replace(f.metadata[_KEY], name=prefix + f.name, **about)
+                 for f in fields(kind) if _KEY in f.metadata)
+
+
+def check(settings: Any, group: str = '', error: type[ProcPhysError] = SceneError) -> None:
+    """
+    Check the fields of a dataclass while it is made, and bring them to their types.
+
+    :param settings: it; None where the default is None stays.
+    :param group: in front of names in messages.
+    :param error: class of what is raised.
+    :raises ProcPhysError: of that class, naming the parameter, the value and what is allowed.
+    """
+    for parameter in parameters(type(settings), group):
+        name = parameter.name.rpartition('.')[2]
+        value = getattr(settings, name)
+        if value is None and parameter.optional:
+            continue
+        try:
+            value = parameter.read(value)
+        except SceneError as problem:
+            raise error(str(problem)) from None
+        object.__setattr__(settings, name, tuple(value) if isinstance(value, list) else value)
