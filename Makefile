@@ -5,7 +5,7 @@ PYTHON ?= python3
 VENV := .venv
 SCENE ?= config/demo.yaml
 BIN := $(VENV)/bin
-SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts config grammars -type f \
+SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts launch config grammars -type f \
   -not -name '*.pyc' -not -name '*.nb?')
 
 .PHONY: run warm test lint types pytest bench clean

@@ -39,6 +39,7 @@ setup(
         (f'share/{PACKAGE}', ['package.xml']),
         (f'share/{PACKAGE}/config', sorted(glob('config/*.*'))),
         (f'share/{PACKAGE}/config/meshes', sorted(glob('config/meshes/*'))),
+        (f'share/{PACKAGE}/launch', sorted(glob('launch/*'))),
         (f'share/{PACKAGE}/grammars', sorted(glob('grammars/*'))),
         # pip ignores setup.cfg's install_scripts; `ros2 run` looks here in both installs.
         (f'lib/{PACKAGE}', sorted(glob('scripts/*'))),
@@ -65,6 +66,7 @@ setup(
     entry_points={
         'console_scripts': [
             'sim = procphys_ros.ros.sim:main',
+            'managed_sim = procphys_ros.ros.managed_sim:main',
             'command = procphys_ros.ros.command:main',
             'render = procphys_ros.render.command:main',
             'export = procphys_ros.export.command:main',

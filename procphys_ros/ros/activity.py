@@ -36,7 +36,7 @@ class Activity:
     Listens to the progress of one thread, and tells others of it.
 
     :param clock: gives steady real time [s].
-    :ivar last: what was done last as a whole, for how long, and what took how much of it.
+    :ivar last: what took long as a whole and was done last, how long, and what most of it was.
     """
 
     def __init__(self, clock: Callable[[], float] = monotonic):
@@ -60,7 +60,7 @@ class Activity:
         self._stages = self._stages[:-1]
         if last.name not in [stage.name for stage in self._stages]:  # kernels call kernels
             self._seconds[last.name] += self._clock() - last.began
-        if not self._stages:
+        if not self._stages and self._seconds[last.name] >= _LONG:
             self.last = self._summary(last.name)
 
     @property

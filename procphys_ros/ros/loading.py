@@ -45,18 +45,21 @@ class Loading:
         self._parameters = parameters
         self._session = session
 
-    def load_first(self, failed: Callable[[Exception], None]) -> None:
+    def load_first(self, failed: Callable[[Exception], None],
+                   answer: Callable[[bool, str], None] = lambda success, message: None) -> None:
         """
         Begin to load the first scene.
 
         :param failed: called with ProcPhysError, in another thread, when it cannot be built.
+        :param answer: told, in another thread, when it runs.
         """
         def fail(error: Exception) -> None:
             lasting = SceneError(describe(error))
             lasting.__cause__ = error
             failed(lasting)
 
-        self._builder.build(self._parameters.nested(), self._hand_over, fail)
+        self._builder.build(self._parameters.nested(),
+                            lambda simulation: self._hand_over(simulation, answer), fail)
 
     def reload(self, answer: Callable[[bool, str], None]) -> None:
         """
@@ -85,6 +88,5 @@ class Loading:
         self._queue.take('cancel_reload')
         answer(True, 'cancelled' + _STAYS)
 
-    def _hand_over(self, simulation: Simulation,
-                   answer: Callable[[bool, str], None] = lambda success, message: None) -> None:
+    def _hand_over(self, simulation: Simulation, answer: Callable[[bool, str], None]) -> None:
         self._queue.call(Command(RELOAD, lambda: self._session.adopt(simulation), answer))

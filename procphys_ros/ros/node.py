@@ -154,6 +154,10 @@ class SimNode(Node):
         self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
         self._topics.start()
         self.loop.start()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Load the first scene."""
         self._loading.load_first(self.loop.fail)
 
     def destroy_node(self) -> bool:

@@ -126,9 +126,9 @@ class Parameters:
         typed = []
         for change in changes:
             parameter = find(change.name, self._objects)
-            empties = (parameter is not None and parameter.takes_any_length
-                       and (change.value is None or len(change.value) == 0))
-            typed.append(_typed(parameter, change.name) if empties and parameter else change)
+            if parameter is not None and parameter.takes_any_length and _is_empty(change.value):
+                change = _typed(parameter, change.name)
+            typed.append(change)
         return typed
 
     def _check(self, changes: list[RosParameter]) -> SetParametersResult:
@@ -173,6 +173,11 @@ def demo() -> dict[str, Any]:
 
     flatten('', read_yaml(shared_folder() / 'config' / 'demo.yaml'))
     return flat
+
+
+def _is_empty(value: Any) -> bool:
+    return value is None or (not isinstance(value, str) and hasattr(value, '__len__')
+                             and len(value) == 0)
 
 
 def _typed(parameter: Parameter, name: str) -> RosParameter:

@@ -89,6 +89,10 @@ class Publishers:
         self.reset()
         self._ready.publish(Bool(data=True))
 
+    def end_scene(self) -> None:
+        """Say that there is no scene any more."""
+        self._ready.publish(Bool(data=False))
+
     def reset(self) -> None:
         """Begin anew, because time has jumped back."""
         self._forget_breaks()

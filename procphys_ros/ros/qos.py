@@ -78,7 +78,7 @@ def publisher(node: Node, kind: type, topic: str, profile: QoSProfile,
         return node.create_publisher(kind, topic, profile,
                                      qos_overriding_options=_OVERRIDABLE, **options)
     except RuntimeError as error:
-        raise _refusal(topic, error) from error
+        raise _refusal(node.resolve_topic_name(topic), error) from error
 
 
 def subscription(node: Node, kind: type, topic: str, receive: Callable[[Any], None],
@@ -88,7 +88,7 @@ def subscription(node: Node, kind: type, topic: str, receive: Callable[[Any], No
         return node.create_subscription(kind, topic, receive, profile,
                                         qos_overriding_options=_OVERRIDABLE, **options)
     except RuntimeError as error:
-        raise _refusal(topic, error) from error
+        raise _refusal(node.resolve_topic_name(topic), error) from error
 
 
 def _refusal(topic: str, error: RuntimeError) -> SceneError:

@@ -29,18 +29,19 @@ from procphys_ros.ros.node import SimNode
 _SWITCH = 0.001  # [s] after which a thread that computes lets another run (Python: 0.005)
 
 
-def run(args: list[str] | None) -> int:
+def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
     """
     Run the node until it is told to stop.
 
     :param args: command line, with ROS arguments; None = the process's own.
+    :param kind: class of the node.
     :returns: exit code: 0 when told to stop, 1 when the scene cannot be read.
     """
     sys.setswitchinterval(_SWITCH)
     code = 0
     try:
         _start_ros(args)
-        _spin()
+        _spin(kind)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ProcPhysError, ParameterException) as error:
@@ -53,9 +54,9 @@ def run(args: list[str] | None) -> int:
     return code
 
 
-def _spin() -> None:
+def _spin(kind: type[SimNode]) -> None:
     executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
-    node = SimNode()
+    node = kind()
     executor.add_node(node)
     code = 0
     try:

@@ -15,6 +15,7 @@
 
 """Executable `sim`: runs the node."""
 
+from importlib import import_module
 import os
 import signal
 import sys
@@ -37,11 +38,12 @@ exit codes: 0 told to stop, 1 the scene cannot be read, 2 invalid usage
 """
 
 
-def main(args: list[str] | None = None) -> int:
+def main(args: list[str] | None = None, kind: str = 'procphys_ros.ros.node:SimNode') -> int:
     """
     Run the node until it is told to stop.
 
     :param args: command line, with ROS arguments; None = the process's own.
+    :param kind: module and name of the class of the node.
     :returns: exit code: 0 when told to stop, 1 when the scene cannot be read, 2 for invalid usage.
     """
     words = _own_words(sys.argv[1:] if args is None else args)
@@ -55,7 +57,8 @@ def main(args: list[str] | None = None) -> int:
     from procphys_ros.ros.running import run
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    return run(args)
+    module, _, name = kind.partition(':')
+    return run(args, getattr(import_module(module), name))
 
 
 def _own_words(words: list[str]) -> list[str]:
