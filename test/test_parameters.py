@@ -22,8 +22,10 @@ import re
 
 import numpy as np
 import pytest
+import yaml
 
 from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.wind import Gust, GUST_KINDS, PROFILES, SPECTRA, WindSettings
 from procphys_ros.ros.parameter_table import (
     check_object_names,
@@ -186,6 +188,13 @@ def test_every_number_of_every_setting_is_checked(kind, group):
             value = [bad] * max(len(items), 1) if isinstance(row.default, list) else bad
             with pytest.raises(ProcPhysError, match=re.escape(row.name)):
                 kind(**{name: value})
+
+
+def test_the_grammar_of_the_readme_grows():
+    """Read the block of YAML that shows how a grammar of several lines is written."""
+    readme = (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')
+    given = yaml.safe_load(re.search(r'```yaml\n(oak:.*?)```', readme, re.DOTALL)[1])
+    assert len(LSystem.parse(given['oak']['grammar_text']).build()) > 5
 
 
 def test_readme_shows_the_table():
