@@ -53,7 +53,8 @@ class Settings:
     seed: int = declared(0, 'seed of everything random', '', 0, 2**62)
     time_step: float = declared(1.0 / 60.0, 'length of one simulation step', 's', 1e-4, 0.1)
     gravity: float = declared(9.81, 'downward acceleration', 'm/s²', 0.0, 100.0)
-    engine: str = declared(DEFAULT_ENGINE, 'library that moves rigid bodies', choices=ENGINES)
+    engine: str = declared(
+        DEFAULT_ENGINE, 'library that moves rigid bodies', choices=tuple(ENGINES))
     wind: WindSettings = field(default_factory=WindSettings)
     gust: Gust = field(default_factory=Gust)
     cues: tuple[Cue, ...] = ()
