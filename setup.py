@@ -57,7 +57,7 @@ setup(
         'rapier': ['rapier3d'],  # the other engine of rigid bodies
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],
-        'test': ['pytest', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
+        'test': ['pytest', 'hypothesis', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
                  'ros-ament-flake8', 'ros-ament-pep257',
                  # readers of what is exported and recorded, none of them ours
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
