@@ -24,7 +24,6 @@ from procphys_ros.errors import GrammarError
 from procphys_ros.language import (
     compile_expression,
     EXPRESSION_GRAMMAR,
-    read_overrides,
     resolve_defines,
     syntax_error,
 )
@@ -135,17 +134,13 @@ def test_syntax_error(text, words, column):
 
 
 def test_defines():
-    """Let defines use earlier ones and be overridden, by number or by text."""
+    """Let defines use earlier ones and be overridden by numbers."""
     definitions = [('a', _compile('2')), ('b', _compile('a * 3'))]
     generator = np.random.default_rng(0)
     assert resolve_defines(definitions, {}, generator) == {'a': 2, 'b': 6}
     assert resolve_defines(definitions, {'a': 5}, generator) == {'a': 5, 'b': 15}
-    assert read_overrides(['a=3', 'b = 2 * 4']) == {'a': 3, 'b': 8}
     with pytest.raises(GrammarError, match=r'unknown define "aa".*defines: a, b'):
         resolve_defines(definitions, {'aa': 1}, generator)
     for value in (float('nan'), 'three', [1, 2]):
         with pytest.raises(GrammarError, match='finite number'):
             resolve_defines(definitions, {'a': value}, generator)
-    for text in ('a', 'a=', '=3', 'a=b', 'a=1/0', ''):
-        with pytest.raises(GrammarError, match='defines'):
-            read_overrides([text])

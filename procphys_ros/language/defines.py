@@ -15,44 +15,12 @@
 
 """Defines: named numbers of a grammar, which its users may override."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 
-from lark import Lark
-from lark.exceptions import UnexpectedInput
 import numpy as np
 
 from procphys_ros.errors import GrammarError, nearest_names
-from procphys_ros.language.expressions import compile_expression, Expression
-from procphys_ros.language.grammar import EXPRESSION_GRAMMAR
-from procphys_ros.language.syntax import syntax_error
-
-
-@cache
-def _override_parser() -> Lark:
-    grammar = 'start: NAME "=" expression\n%ignore /\\s+/\n' + EXPRESSION_GRAMMAR
-    return Lark(grammar, parser='lalr', propagate_positions=True,
-                maybe_placeholders=True)
-
-
-def read_overrides(texts: Iterable[str], source: str = 'defines') -> dict[str, float]:
-    """
-    Read overrides written as `["storeys=3", "width=4*2.5"]`.
-
-    :param texts: one definition each.
-    :param source: what to call them in errors.
-    :raises GrammarError: when one is not of the form `name=number`.
-    """
-    overrides: dict[str, float] = {}
-    for text in texts:
-        try:
-            name, value = _override_parser().parse(text).children
-        except UnexpectedInput as problem:
-            error = syntax_error(problem, source, words={'EQUAL': '"="'})
-            raise GrammarError(f'"{text}": {error.message}; write name=number', source) from None
-        expression = compile_expression(value, f'{source} "{text}"', known=())
-        overrides[str(name)] = expression.number({}, np.random.default_rng(0))
-    return overrides
+from procphys_ros.language.expressions import Expression
 
 
 def resolve_defines(definitions: Sequence[tuple[str, Expression]],
