@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.physics.trees import Forest
-from procphys_ros.physics.world import State
+from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import detached_branches, fragments, Simulation
 
@@ -77,7 +77,7 @@ def test_a_large_branch_falls_flexibly_and_comes_to_rest():
     assert not len(forest.free_roots)
     carrier = simulation.state.carrier[1:]
     assert (carrier == carrier[0]).all()
-    assert simulation.state.world.bodies.state[carrier[0]] == State.RESTING
+    assert simulation.state.world.bodies.state[carrier[0]] == BodyState.RESTING
     assert np.abs(simulation.velocities).max() < 1e-9
     sizes = simulation.blueprint.size[1:]
     axis = rotation.rotate(simulation.poses[1:, 3:], np.array([0.0, 0.0, 1.0]))

@@ -35,7 +35,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
-from procphys_ros.physics.world import State
+from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
@@ -198,7 +198,7 @@ def test_standing_walls_do_not_wobble(fall: _Fall):
 def _sinking(simulation: Simulation) -> np.ndarray:
     """Wake all that lies about; give how far each body has come down within 0.2 s [m]."""
     world = simulation.state.world
-    resting = np.flatnonzero(world.bodies.state == State.RESTING)
+    resting = np.flatnonzero(world.bodies.state == BodyState.RESTING)
     before = world.bodies.poses[resting, 2].copy()
     world.thaw(resting)
     for _ in range(12):
@@ -227,7 +227,7 @@ def test_no_bricks_float_in_the_air(fall: _Fall):
     world = simulation.state.world
     for _ in range(240):
         world.step(_STEP)
-    brick = np.flatnonzero(world.bodies.state == State.RESTING)[[0]]
+    brick = np.flatnonzero(world.bodies.state == BodyState.RESTING)[[0]]
     pose = world.bodies.poses[brick]
     pose[:, 2] += 2.0
     world.set_poses(brick, pose)

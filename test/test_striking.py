@@ -22,7 +22,7 @@ import pytest
 from procphys_ros.blueprint import GROUND
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.wind import WindSettings
-from procphys_ros.physics.world import State
+from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
@@ -92,7 +92,8 @@ def scraped(simulation):
     """Give what contacts with standing parts gave to loose ones in the last step [N·s], (3,)."""
     contacts = simulation.state.world.contacts().both_ways()
     state = simulation.state.world.bodies.state
-    rows = (state[contacts.body_b] == State.HELD) & (state[contacts.body_a] == State.LOOSE)
+    rows = ((state[contacts.body_b] == BodyState.FIXED)
+            & (state[contacts.body_a] == BodyState.AWAKE))
     return contacts.impulse[rows].sum(axis=0)
 
 

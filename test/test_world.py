@@ -20,7 +20,7 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.world import expand, Pieces, rigid_sum, solid_inertia, State, World
+from procphys_ros.physics.world import BodyState, expand, Pieces, rigid_sum, solid_inertia, World
 from procphys_ros.physics.world.bullet import LINEAR_DAMPING
 
 
@@ -176,7 +176,7 @@ def test_contact_uses_the_exact_inertia_of_a_fragment(held_before):
         arm = -spin * inertia / lever
         assert lever > 1.0
         assert 0.89 < arm < 1.11  # the pad's width, and 1 % for the damping of the spin
-        assert world.bodies.state[pad[0]] == State.HELD
+        assert world.bodies.state[pad[0]] == BodyState.FIXED
 
 
 def test_solid_inertia_of_sphere_and_rod():

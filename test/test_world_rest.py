@@ -20,7 +20,7 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.world import merge_boxes, rigid_sum, State, World
+from procphys_ros.physics.world import BodyState, merge_boxes, rigid_sum, World
 
 
 def bricks(world, *poses):
@@ -109,7 +109,7 @@ def test_debris_comes_to_rest_and_stays_exactly_still():
                                        at(*rng.uniform(-0.1, 0.1, 2), 0.2 + 0.2 * i))
                         for i in range(10)])
         rest(world)
-        assert (world.bodies.state[ids] == State.RESTING).all()
+        assert (world.bodies.state[ids] == BodyState.RESTING).all()
         still = world.poses(ids).copy()
         for _ in range(60):
             world.step(DT)
@@ -126,7 +126,7 @@ def test_resting_body_wakes_when_it_is_hit():
         for _ in range(9):
             world.step(DT)
         speeds = world.velocities([bullet, target])[:, 0]
-        assert world.bodies.state[target] == State.LOOSE
+        assert world.bodies.state[target] == BodyState.AWAKE
         assert speeds[1] > 2.5
         assert speeds.sum() == pytest.approx(6.0, rel=0.01)
 
@@ -135,8 +135,8 @@ def test_slow_touch_does_not_wake():
     """Let a brick down softly on a resting one: the lower one stays at rest."""
     with World() as world:
         low, high = stacked(world)
-        assert world.bodies.state[low] == State.RESTING
-        assert world.bodies.state[high] == State.RESTING
+        assert world.bodies.state[low] == BodyState.RESTING
+        assert world.bodies.state[high] == BodyState.RESTING
         assert world.poses([high])[0, 2] == pytest.approx(0.0975, abs=2e-3)
 
 
@@ -155,11 +155,11 @@ def test_what_passes_around_a_resting_body_does_not_wake_it():
         bounds = world.bounds(np.array([brick, bars]))
         assert (bounds[0, :3] < bounds[1, 3:]).all() and (bounds[1, :3] < bounds[0, 3:]).all()
         world.step(DT)
-        assert world.bodies.state[brick] == State.RESTING
+        assert world.bodies.state[brick] == BodyState.RESTING
         world.set_velocities(np.array([bars]), np.array([[0.0, 0.0, -6.0, 0.0, 0.0, 0.0]]))
         for _ in range(20):
             world.step(DT)
-        assert world.bodies.state[brick] == State.LOOSE
+        assert world.bodies.state[brick] == BodyState.AWAKE
 
 
 def test_resting_body_falls_when_its_support_is_removed():
@@ -167,7 +167,7 @@ def test_resting_body_falls_when_its_support_is_removed():
     with World() as world:
         low, high = stacked(world)
         world.remove([low])
-        assert world.bodies.state[high] == State.LOOSE
+        assert world.bodies.state[high] == BodyState.AWAKE
         rest(world)
         assert world.poses([high])[0, 2] == pytest.approx(0.0325, abs=2e-3)
 
@@ -178,7 +178,7 @@ def test_resting_body_falls_when_its_support_moves_away():
         low, high = stacked(world)
         world.thaw([low])
         world.step(DT)
-        assert world.bodies.state[high] == State.RESTING
+        assert world.bodies.state[high] == BodyState.RESTING
         world.set_poses([low], at(1, 0, 0.033)[None])
         rest(world)
         assert world.poses([high])[0, 2] == pytest.approx(0.0325, abs=2e-3)
@@ -274,7 +274,7 @@ def test_removed_ids_may_come_back_for_other_bodies():
         first = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 5))
         world.step(DT)
         world.remove([first])
-        assert world.bodies.state[first] == State.GONE
+        assert world.bodies.state[first] == BodyState.GONE
         second = world.add_body(Shape.BOX, 2 * BRICK, 20.0, at(3, 0, 5))
         assert world.bodies.mass[second] == 20.0
         world.step(DT)

@@ -24,7 +24,7 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.world import rigid_sum, State, velocity_between, World
+from procphys_ros.physics.world import BodyState, rigid_sum, velocity_between, World
 
 
 def wall(world, rows=14, columns=10):
@@ -62,7 +62,7 @@ def test_contact_impulse_is_the_change_of_momentum():
             world.step(DT)
             others, _, impulse = world.contacts().on(ball)
             given += impulse.sum(axis=0)
-            assert (world.bodies.state[others] == State.HELD).all()
+            assert (world.bodies.state[others] == BodyState.FIXED).all()
         change = 50.0 * (world.velocities([ball])[0, :3] - [1.0, 8.0, 0.5])
         assert change[1] < -390.0
         np.testing.assert_allclose(given, change, atol=0.01 * np.linalg.norm(change))
@@ -156,7 +156,7 @@ def test_driven_body_turns_exactly_and_wakes_what_rests():
         brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.8, 0.4, 0.0335))
         for _ in range(90):
             world.step(DT)
-        assert world.bodies.state[brick] == State.RESTING
+        assert world.bodies.state[brick] == BodyState.RESTING
         bar = world.add_driven(Shape.BOX, [2.0, 0.1, 0.1], at(0, 0, 0.07))
         for step in range(60):
             world.drive(bar, at(0, 0, 0.07, rotation.from_yaw(2.0 * DT * (step + 1))))

@@ -20,7 +20,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.physics.touch import Partners, resolve
 from procphys_ros.physics.trees import Foresight
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import branch_loads, contact_pairs, trees
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
 from procphys_ros.simulation.model import Model
@@ -74,7 +74,7 @@ def _apply(state: State, contacts: TreeContacts, change: np.ndarray, bodies: np.
     forest.push(contacts.row, contacts.point, contacts.impulse)
     both = contacts.other >= 0
     forest.push(contacts.other[both], contacts.point[both], -contacts.impulse[both])
-    moved = change.any(axis=1) & (world.bodies.state[bodies] == BodyState.LOOSE)
+    moved = change.any(axis=1) & (world.bodies.state[bodies] == BodyState.AWAKE)
     if moved.any():
         world.set_velocities(bodies[moved],
                              world.bodies.velocities[bodies[moved]] + change[moved])
@@ -137,7 +137,7 @@ def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: 
     ids = np.unique(pairs.body[(pairs.body >= 0) & (pairs.part < 0)])
     index = np.full(len(bodies.state) + 1, -1)
     index[ids] = np.arange(len(ids))
-    loose = bodies.state[ids] == BodyState.LOOSE
+    loose = bodies.state[ids] == BodyState.AWAKE
     axes = rotation.to_matrix(bodies.poses[ids, 3:])
     spin = np.where(loose[:, None], 1.0 / bodies.inertia[ids], 0.0)
     motion = bodies.velocities[ids].copy()

@@ -20,8 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.physics.touch import overlaps
-from procphys_ros.physics.world import Contacts
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model

@@ -20,7 +20,7 @@ from itertools import islice
 import numpy as np
 
 from procphys_ros.physics.dust import DustCloud, fracture_energy, lost_energy, Mode, motion_energy
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import skyline
 from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
@@ -149,7 +149,7 @@ def _present(model: Model, state: State, watch: dict[str, np.ndarray],
     way = np.linalg.norm(free[:, :3], axis=1) * dt
     shift = np.linalg.norm(poses[:, :3] - watch['poses'][:, :3], axis=1)
     doing = bodies.state[ids]
-    same = (((doing == BodyState.LOOSE) | (doing == BodyState.RESTING))
+    same = (((doing == BodyState.AWAKE) | (doing == BodyState.RESTING))
             & (bodies.mass[ids] == mass) & (shift < 2.0 * way + _JUMP))
     lift = poses[:, 2] - watch['poses'][:, 2] - free[:, 2] * dt
     energy = (motion_energy(mass, bodies.inertia[ids], poses[:, 3:], after)

@@ -21,8 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.air import AIR_DENSITY
-from procphys_ros.physics.world import expand, FRICTION, rigid_sum
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState, expand, FRICTION, rigid_sum
 from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -201,7 +200,7 @@ def write_poses(model: Model, state: State, dt: float) -> None:
     if state.bodies.carried is None:
         state.bodies.carried = np.flatnonzero(state.parts.owner == Owner.BODY)
     bodies, parts = state.world.bodies, state.bodies.carried
-    moves = bodies.state[state.parts.body[parts]] >= BodyState.LOOSE
+    moves = bodies.state[state.parts.body[parts]] >= BodyState.AWAKE
     rows = parts[moves | state.parts.moved[parts]]
     state.parts.moved[parts] = moves
     expand(bodies.poses, bodies.velocities, state.parts.body[rows], state.parts.local[rows], rows,

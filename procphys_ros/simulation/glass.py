@@ -23,7 +23,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.masonry import Resistance
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import fragments, spawned_parts
 from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.masonry import RUBBLE_CONTACT
@@ -137,7 +137,7 @@ def judge(model: Model, state: State, struck: np.ndarray, jump: np.ndarray,
     if not len(glass.parts):
         return
     body = state.carrier[glass.parts]
-    loose = (body >= 0) & (state.world.bodies.state[body] == BodyState.LOOSE)
+    loose = (body >= 0) & (state.world.bodies.state[body] == BodyState.AWAKE)
     if loose.any() and struck.any():
         rows = np.flatnonzero(loose & struck[body])
         stopped = jump[np.searchsorted(state.world.awake, body[rows])]

@@ -23,8 +23,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.physics.dust import motion_energy
 from procphys_ros.physics.masonry import Breakage
-from procphys_ros.physics.world import Contacts
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.simulation import debris_loads, fragments, glass
 from procphys_ros.simulation.contact_forces import BodyContacts, spread
 from procphys_ros.simulation.events import Cause
@@ -193,7 +192,7 @@ def _blows(model: Model, state: State, contacts: Contacts, struck: np.ndarray,
     size = np.zeros(count, np.intp)
     size[:len(known.size)] = known.size[:count]
     chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > _LEAST_JUMP * bodies.mass)
-                            & (bodies.state == BodyState.LOOSE))
+                            & (bodies.state == BodyState.AWAKE))
     far = _far(model, state, chosen)
     chosen = chosen[~far | (size[chosen] >= 2.0 * _COARSER * grain)]
     order = np.argsort(side, kind='stable')
@@ -239,7 +238,7 @@ def _give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray
     arm = np.tile(contacts.point[rows], (2, 1)) - state.rubble.poses[ids[place], :3]
     total = np.zeros((len(ids), 6))
     np.add.at(total, place, np.hstack([impulse, np.cross(arm, impulse)]))
-    loose = bodies.state[ids] == BodyState.LOOSE
+    loose = bodies.state[ids] == BodyState.AWAKE
     ids, total = ids[loose], total[loose]
     attitude = bodies.poses[ids, 3:]
     spin = rotation.rotate(rotation.conjugate(attitude), total[:, 3:]) / bodies.inertia[ids]
@@ -275,7 +274,7 @@ def _kept(state: State, contacts: Contacts, share: np.ndarray) -> np.ndarray:
     bodies = state.world.bodies
     a, b = contacts.body_a, contacts.body_b
     size = np.sqrt((contacts.impulse ** 2).sum(axis=1))
-    loose = bodies.state == BodyState.LOOSE
+    loose = bodies.state == BodyState.AWAKE
     while True:
         kept = np.minimum(share[a], share[b])
         before = share.copy()

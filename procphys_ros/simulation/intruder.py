@@ -19,7 +19,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.touch import overlap, overlaps
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
@@ -81,7 +81,7 @@ def sum_wrench(model: Model, state: State, dt: float) -> None:
     bodies = world.bodies
     away = np.linalg.norm(bodies.poses[:, :3] - own.path.pose[:3], axis=1)
     near = away < bodies.radius + bodies.radius[own.body] + 0.1
-    if (near & (bodies.state == BodyState.LOOSE)).any():
+    if (near & (bodies.state == BodyState.AWAKE)).any():
         own.wrench += world.wrench(own.body)
     mine = state.contacts.body == own.body
     force = -state.contacts.impulse[mine] / dt

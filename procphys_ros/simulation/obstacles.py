@@ -22,8 +22,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.touch import overlaps, piece_bounds
-from procphys_ros.physics.world import expand, World
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState, expand, World
 from procphys_ros.physics.world.pieces import Pieces
 
 _CELL = 2.0  # [m], edge of the cells that bricks are sorted into
@@ -188,5 +187,5 @@ def sorted_into_cells(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def meets_trees(world: World) -> np.ndarray:
     """List the bodies that branches may meet: all but what stands, (K,)."""
     state = world.bodies.state
-    return np.flatnonzero((state == BodyState.LOOSE) | (state == BodyState.DRIVEN)
+    return np.flatnonzero((state == BodyState.AWAKE) | (state == BodyState.KINEMATIC)
                           | (state == BodyState.RESTING))

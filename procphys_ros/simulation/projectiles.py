@@ -25,7 +25,7 @@ from procphys_ros.physics.loads import (
     sweep_boxes,
     sweep_capsules,
 )
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import fragments, glass, masonry, spawned_parts
 from procphys_ros.simulation.events import Cause
@@ -90,7 +90,7 @@ def step(model: Model, state: State, dt: float) -> None:
         if state.parts.owner[missile.part] != Owner.BODY:
             continue
         speed = np.linalg.norm(bodies.velocities[missile.body, :3])
-        if bodies.state[missile.body] == BodyState.LOOSE and speed > _SLOW:
+        if bodies.state[missile.body] == BodyState.AWAKE and speed > _SLOW:
             _fly(model, state, missile, dt)
 
 

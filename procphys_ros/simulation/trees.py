@@ -19,7 +19,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees.subset import write_between
-from procphys_ros.physics.world import State as BodyState
+from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -58,7 +58,7 @@ def wake_touched(model: Model, state: State, dt: float) -> None:
     if lod is None or not len(contacts):
         return
     moves = (contacts.other >= 0) | ((contacts.body >= 0) & (
-        state.world.bodies.state[contacts.body] >= BodyState.LOOSE))
+        state.world.bodies.state[contacts.body] >= BodyState.AWAKE))
     rows = np.concatenate([contacts.row[moves], contacts.other[contacts.other >= 0]])
     lod.wake(lod.of_rows(forest, rows))
     leans = lod.of_rows(forest, contacts.row)

@@ -16,7 +16,6 @@
 
 from procphys_ros.physics.world.assembly import expand, rigid_sum, RigidSum
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
-from procphys_ros.physics.world.body_table import BodyState as State
 from procphys_ros.physics.world.contacts import Contacts
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, ENGINES, installed_engines
 from procphys_ros.physics.world.kinematic import velocity_between
@@ -26,4 +25,4 @@ from procphys_ros.physics.world.world import FRICTION, World
 
 __all__ = ['BodyState', 'BodyTable', 'Contacts', 'DEFAULT_ENGINE', 'ENGINES', 'expand',
            'FRICTION', 'installed_engines', 'merge_boxes', 'Pieces', 'rigid_sum', 'RigidSum',
-           'solid_inertia', 'State', 'velocity_between', 'World']
+           'solid_inertia', 'velocity_between', 'World']

@@ -32,9 +32,6 @@ class BodyState(IntEnum):
     RESTING = 3    # debris at rest: immovable until it is hit or loses its support
     AWAKE = 4      # moves freely
     KINEMATIC = 5  # follows prescribed poses and pushes what is in its way
-    HELD = FIXED
-    LOOSE = AWAKE
-    DRIVEN = KINEMATIC
 
 
 _COLUMNS: dict[str, tuple[type, int]] = {  # type and width; 0 = a single value per body
