@@ -47,10 +47,11 @@ def _shaken(blueprint: Blueprint, seed: int = 0) -> Forest:
     state, extra = forest._state, forest._model.extra
     state.bend[:] = rng.normal(0.0, 0.1, state.bend.shape)
     state.bend[:, 3] *= 0.1
-    state.rate[:] = rng.normal(size=state.rate.shape)
-    state.bend[:, 2:][np.isinf(extra[:, [0, 4]])] = 0.0
+    state.bend[:, 2:][np.isinf(extra[:, [0, 3]])] = 0.0
     pose.place_all(forest._plan, forest._model, state)
-    state.velocities[:] = rng.normal(size=state.velocities.shape)
+    jacobian, owner = _columns(forest)
+    state.velocities[:] = (jacobian @ rng.normal(size=len(owner))).reshape(-1, 6)
+    state.carried[:] = state.velocities
     return forest
 
 
@@ -74,7 +75,7 @@ def _columns(forest: Forest) -> tuple[np.ndarray, np.ndarray]:
         reach = forest._model.body[i, 3] + q[3]
         point = forest.poses[i, :3] - reach * along
         for kind, axis in enumerate((first, second, along, along)):
-            if kind >= 2 and np.isinf(extra[i, 4 * (kind - 2)]):
+            if kind >= 2 and np.isinf(extra[i, 3 * (kind - 2)]):
                 continue
             column = np.zeros((count, 6))
             if kind == 3:
@@ -99,45 +100,50 @@ def _inertia(forest: Forest) -> np.ndarray:
 
 
 def _springs(forest: Forest, owner: np.ndarray) -> np.ndarray:
-    """Gather k, c, θ, preload, q and old rate of each column, (6, D)."""
+    """Gather k, c, preload and q of each column, (4, D)."""
     rows, kinds = owner.T
     swing, extra = forest._model.swing[rows], forest._model.extra[rows]
     at = np.arange(len(rows))
-    start = 4 * np.maximum(kinds - 2, 0)
+    start = 3 * np.maximum(kinds - 2, 0)
     bends = kinds < 2
-    k, c, theta = (np.where(bends, swing[:, j], extra[at, start + j]) for j in range(3))
-    preload = np.where(bends, swing[at, 4 + np.minimum(kinds, 1)], extra[at, start + 3])
-    return np.array([k, c, theta, preload, forest._state.bend[rows, kinds],
-                     forest._state.rate[rows, kinds]])
+    k, c = (np.where(bends, swing[:, j], extra[at, start + j]) for j in range(2))
+    preload = np.where(bends, swing[at, 3 + np.minimum(kinds, 1)], extra[at, start + 2])
+    return np.array([k, c, preload, forest._state.bend[rows, kinds]])
 
 
 def _dense(forest: Forest) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Solve one step with dense matrices: Jacobian, implicit inertia and new joint rates."""
+    """Solve one step with dense matrices: Jacobian, implicit inertia and mean joint rates."""
     jacobian, owner = _columns(forest)
     inertia = _inertia(forest)
-    k, c, theta, preload, q, rate = _springs(forest, owner)
-    implicit = jacobian.T @ inertia @ jacobian + np.diag(theta * _DT * c + theta ** 2 * _DT ** 2
-                                                         * k)
+    k, c, preload, q = _springs(forest, owner)
+    half = 0.5 * _DT
+    implicit = jacobian.T @ inertia @ jacobian + np.diag(half * c + half ** 2 * k)
     weight = np.zeros((len(forest), 6))
     weight[:, :3] = forest._model.body[:, :1] * _GRAVITY
-    spring = preload - k * (q + theta * (1 - theta) * _DT * rate) - c * (1 - theta) * rate
-    push = jacobian.T @ (inertia @ forest.velocities.ravel() + _DT * weight.ravel())
-    return jacobian, implicit, np.linalg.solve(implicit, push + _DT * spring)
+    push = jacobian.T @ (inertia @ forest.velocities.ravel() + half * weight.ravel())
+    return jacobian, implicit, np.linalg.solve(implicit, push + half * (preload - k * q))
 
 
 @pytest.mark.parametrize('blueprint', [bush(damping_ratio=0.2), bush(30, 5, damping_ratio=0.0),
                                        _sprung()])
 def test_step_solves_the_dense_equations(blueprint: Blueprint):
-    """Expect joint rates and velocities of (M + θ·dt·c + θ²·dt²·k)·u = momentum + loads."""
+    """
+    Expect mean rates w of (M + dt/2·c + dt²/4·k)·w = momentum + loads, and velocities 2·w - v.
+
+    All velocities are scaled alike by what the weight has won or lost on the arcs.
+    """
     forest = _shaken(blueprint)
     jacobian, _, rates = _dense(forest)
-    velocities = (jacobian @ rates).reshape(-1, 6)
+    owner = tuple(_columns(forest)[1].T)
+    expected = 2.0 * (jacobian @ rates).reshape(-1, 6) - forest.velocities
+    bends = forest.bends[owner] + _DT * rates
     forest.step(_DT)
-    assert np.allclose(forest.velocities[:, :3], velocities[:, :3], rtol=1e-9, atol=1e-9)
+    assert np.allclose(forest.bends[owner], bends, rtol=1e-9, atol=1e-9)
+    scale = np.linalg.norm(forest.velocities[:, :3]) / np.linalg.norm(expected[:, :3])
+    assert scale == pytest.approx(1.0, abs=0.05)
+    assert np.allclose(forest.velocities[:, :3], scale * expected[:, :3], rtol=1e-9, atol=1e-9)
     assert np.allclose(np.linalg.norm(forest.velocities[:, 3:], axis=1),
-                       np.linalg.norm(velocities[:, 3:], axis=1), rtol=1e-9, atol=1e-9)
-    owner = _columns(forest)[1]
-    assert np.allclose(forest._state.rate[tuple(owner.T)], rates, rtol=1e-9, atol=1e-9)
+                       scale * np.linalg.norm(expected[:, 3:], axis=1), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize('blueprint', [bush(), _sprung()])
@@ -158,15 +164,15 @@ def test_effective_mass_equals_a_full_solution(blueprint: Blueprint):
 
 
 def test_impulse_meets_the_effective_mass():
-    """Expect an impulse to change the velocity at its point by J/m, to rounding."""
+    """Expect an impulse to change the velocity at its point by J/m, but for the arc it takes."""
     row, way = 30, np.array([0.6, 0.0, 0.8])
-    hit, still = _shaken(bush()), _shaken(bush())
+    hit, still = Forest(bush(), air_density=0.0), Forest(bush(), air_density=0.0)
     mass = hit.effective_mass(row, hit.poses[row, :3], way)
     hit.apply_impulse(row, linear=4.0 * way)
     hit.step(_DT)
     still.step(_DT)
     change = (hit.velocities[row, :3] - still.velocities[row, :3]) @ way
-    assert change == pytest.approx(4.0 / mass, rel=1e-11)
+    assert change == pytest.approx(4.0 / mass, rel=1e-3)
 
 
 def test_effective_mass_of_a_loose_segment_is_its_mass():
@@ -196,7 +202,7 @@ def test_released_tree_keeps_its_momentum():
     for _ in range(600):
         forest.step(_DT)
     assert np.allclose(_momentum(forest)[:3], start[:3], atol=1e-11)
-    assert np.allclose(_momentum(forest)[3:], start[3:], atol=2e-3 * np.linalg.norm(start[3:]))
+    assert np.allclose(_momentum(forest)[3:], start[3:], atol=1e-3 * np.linalg.norm(start[3:]))
 
 
 def test_released_tree_falls_freely():
@@ -273,3 +279,16 @@ def test_locked_joints_neither_twist_nor_stretch():
         frame = forest._state.frame
         gap = np.linalg.norm(frame[ends, :3] - frame[forest.parents[ends], :3], axis=1)
         assert np.allclose(gap, mount, atol=1e-12)
+
+
+@pytest.mark.parametrize('speed', [2.0, 5.0])
+def test_tumbling_flexible_pole_keeps_its_angular_momentum(speed: float):
+    """Expect a free pole that bends as it turns end over end to keep 99 % over five seconds."""
+    forest = Forest(beam(10, modulus=8e8, damping_ratio=0.0), (0.0, 0.0, 0.0), air_density=0.0)
+    forest.release(0)
+    forest.velocities[:, 0] = speed * (forest.poses[:, 2] - forest.poses[:, 2].mean())
+    forest.velocities[:, 4] = speed
+    start = _momentum(forest)[3:]
+    for _ in range(300):
+        forest.step(_DT)
+    assert np.linalg.norm(_momentum(forest)[3:] - start) < 0.01 * np.linalg.norm(start)

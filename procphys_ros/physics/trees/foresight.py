@@ -27,9 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.trees import joints, passes
-from procphys_ros.physics.trees.layout import EXTRA_STRIDE, EXTRA_THETA, THETA
-from procphys_ros.physics.trees.response import descend
+from procphys_ros.physics.trees import integrator, joints, passes
+from procphys_ros.physics.trees.response import descend, reach
 from procphys_ros.physics.trees.state import Joint, Plan, State
 
 _SPRUNG = int(Joint.SPRUNG)
@@ -46,7 +45,7 @@ class Foresight:
 
     :ivar velocity: at the end of the next step without contact [m/s], (E, 3).
     :ivar lag: part of the next step's displacement, over the step, that is decided already,
-        because joints move with a mean of old and new rates [m/s], (E, 3).
+        because points move with a mean of old and new velocities [m/s], (E, 3).
     :ivar tree: which tree each point is on, counted over the trees touched, (E,).
     :ivar first: where the responses of this tree begin, (E,).
     :ivar place: of the point among those on its tree, (E,).
@@ -89,22 +88,26 @@ def foresee(plan: Plan, entry: np.ndarray, points: np.ndarray, model: tuple, sta
 @kernel
 def _foresee(plan, trees, order, begin, base, entry, points, model, state, scratch, wind, gravity,
              dt, velocity, lag, response):
+    moved = np.empty(3)
     for n in range(len(trees)):
         first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
         rows, above = plan.row[first:last], plan.above[first:last]
         ends = order[begin[n]:begin[n + 1]]
         stop = state.stop[rows].copy()
         path = _paths(entry[ends], above)
-        _lagging(path, rows, above, model, state, scratch)
+        theta = integrator.solve(rows, above, model, state, scratch, wind, gravity, dt)
+        kicked = theta < 1.0 and state.struck[rows[0], 0] != 0.0
         for e in ends:
-            _read(entry[e], rows, state.frame, scratch.motion, points[e], 1.0, lag[e])
-        for _ in range(passes.ATTEMPTS):
-            passes.factor(rows, above, model, state, scratch, wind, gravity, dt, 1.0)
-            if not passes.take(rows, above, model, state, scratch, dt):
-                break
-        for e in ends:
-            _read(entry[e], rows, state.frame, scratch.motion, points[e], dt, velocity[e])
-        _respond(path, rows, above, model, state, scratch, dt, entry[ends], points[ends],
+            arm = _arm(entry[e], rows, model, state, points[e])
+            _read(entry[e], scratch.motion, arm, dt, velocity[e])
+            if theta < 1.0:
+                _carried(entry[e], rows, state, scratch, points[e], moved)
+                velocity[e] -= moved  # the mean velocity twice, less the old one
+                lag[e] = 0.5 * moved
+            if kicked:
+                _read(entry[e], scratch.kick, arm, 1.0, moved)
+                velocity[e] += moved
+        _respond(path, rows, above, model, state, scratch, entry[ends], points[ends],
                  response[base[n]:base[n + 1]])
         state.stop[rows] = stop
 
@@ -121,33 +124,16 @@ def _paths(entry, above):
 
 
 @kernel
-def _lagging(path, rows, above, model, state, scratch):
-    """Write the motion that the old joint rates still cause into the workspace."""
-    motion = scratch.motion
-    for k in path:
-        i = rows[k]
-        v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-        if model.joint[i] != _FREE:
-            share = 1.0 - model.swing[i, THETA]
-            v = passes.handed_on(k, above[k], rows, state.frame, motion)
-            v = joints.add_turn(v, joints.mix(state.frame, i, state.rate[i, 0],
-                                              state.rate[i, 1]), share)
-        if model.joint[i] == _SPRUNG:
-            x, y, z = state.frame[i, 9], state.frame[i, 10], state.frame[i, 11]
-            turn = (1.0 - model.extra[i, EXTRA_THETA]) * state.rate[i, joints.TWIST]
-            slide = ((1.0 - model.extra[i, EXTRA_STRIDE + EXTRA_THETA])
-                     * state.rate[i, joints.STRETCH])
-            v = joints.add_turn(v, (x, y, z), turn)
-            v = (v[0], v[1], v[2], v[3] + slide * x, v[4] + slide * y, v[5] + slide * z)
-        (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
-         motion[k, 5]) = v
+def _arm(k, rows, model, state, point):
+    """Give the way from the joint point of entry k to a point, in the middle of the step."""
+    i = rows[k]
+    return point - state.poses[i, :3] + reach(i, model, state) * state.middle[i, 9:]
 
 
 @kernel
-def _read(k, rows, frame, motion, point, scale, out):
+def _read(k, motion, arm, scale, out):
     """Write the velocity of a point of entry k, times a scale."""
-    i = rows[k]
-    x, y, z = point[0] - frame[i, 0], point[1] - frame[i, 1], point[2] - frame[i, 2]
+    x, y, z = arm
     m = motion[k]
     out[0] = scale * (m[3] + m[1] * z - m[2] * y)
     out[1] = scale * (m[4] + m[2] * x - m[0] * z)
@@ -155,29 +141,36 @@ def _read(k, rows, frame, motion, point, scale, out):
 
 
 @kernel
-def _respond(path, rows, above, model, state, scratch, dt, entry, points, response):
+def _carried(k, rows, state, scratch, point, out):
+    """Write the velocity that a point of entry k carries into the step."""
+    i = rows[k]
+    out[:] = state.carried[i, :3] + np.cross(scratch.spin[k], point - state.poses[i, :3])
+
+
+@kernel
+def _respond(path, rows, above, model, state, scratch, entry, points, response):
     """Push each point of one tree along each axis and read what all of them do, (n², 3, 3)."""
-    frame, motion, f = state.frame, scratch.motion, scratch.factor
+    motion, f = scratch.motion, scratch.factor
     count = len(entry)
-    moved = np.empty(3)
+    moved, arms = np.empty(3), np.empty((count, 3))
+    for e in range(count):
+        arms[e] = _arm(entry[e], rows, model, state, points[e])
     for k in path:
         for d in range(4):
             f[k, d, 7] = 0.0
         for c in range(6):
             scratch.inertia[k, 21 + c] = 0.0
     for e in range(count):
-        i = rows[entry[e]]
-        x, y, z = (points[e, 0] - frame[i, 0], points[e, 1] - frame[i, 1],
-                   points[e, 2] - frame[i, 2])
+        x, y, z = arms[e]
         hits = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))  # moments, transposed: see `push`
         for axis in range(3):
             one = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0,
                    1.0 if axis == 2 else 0.0)
             push = (hits[0][axis], hits[1][axis], hits[2][axis], one[0], one[1], one[2])
             passed = descend(entry[e], rows, above, model, state, scratch, push)
-            _ascend(path, rows, above, model, state, scratch, dt)
+            _ascend(path, rows, above, model, state, scratch)
             for g in range(count):
-                _read(entry[g], rows, frame, motion, points[g], 1.0, moved)
+                _read(entry[g], motion, arms[g], 1.0, moved)
                 for c in range(3):
                     response[g * count + e, c, axis] = moved[c]
             for k in passed:
@@ -186,7 +179,7 @@ def _respond(path, rows, above, model, state, scratch, dt, entry, points, respon
 
 
 @kernel
-def _ascend(path, rows, above, model, state, scratch, dt):
+def _ascend(path, rows, above, model, state, scratch):
     """Hand the motion that pushes cause from the root to the tips of some paths."""
     motion = scratch.motion
     for k in path:
@@ -194,10 +187,10 @@ def _ascend(path, rows, above, model, state, scratch, dt):
         if model.joint[i] == _FREE:
             joints.solve_free(k, scratch.inertia, scratch.root, motion)
             continue
-        v = passes.handed_on(k, above[k], rows, state.frame, motion)
-        v = joints.take_swing(i, k, dt, v, state.stop, state.frame, scratch.factor, scratch.rate)
+        v = passes.handed_on(k, above[k], rows, state.middle, motion)
+        v = joints.take_swing(i, k, 1.0, v, state.stop, state.middle, scratch.factor, scratch.jump)
         if model.joint[i] == _SPRUNG:
-            v = joints.take_extra(i, k, dt, v, model.extra, state.frame, scratch.factor,
-                                  scratch.rate)
+            v = joints.take_extra(i, k, 1.0, v, model.extra, state.middle, scratch.factor,
+                                  scratch.jump)
         (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
          motion[k, 5]) = v

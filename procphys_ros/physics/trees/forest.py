@@ -24,6 +24,7 @@ from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees import (
     breaks,
     foresight,
+    integrator,
     modes,
     passes,
     pose,
@@ -149,8 +150,8 @@ class Forest:
         """
         self._stepped = None
         self._breathe(dt, wind)
-        passes.step(self._plan, self._model, self._state, self._scratch, self._wind,
-                    self._gravity, self._time_step)
+        integrator.step(self._plan, self._model, self._state, self._scratch, self._wind,
+                        self._gravity, self._time_step)
 
     def step_some(self, trees: np.ndarray, steps: np.ndarray, dt: float,
                   wind: np.ndarray | None = None) -> None:
@@ -247,7 +248,6 @@ class Forest:
         self._disturb(self.parents[row])
         self._model.joint[row] = state.Joint.FREE
         self.parents[row] = -1
-        self._state.rate[row] = 0.0
         self._state.stop[row] = 0.0
         self._stale = True
 
@@ -353,12 +353,12 @@ class Forest:
         tree = int(np.searchsorted(plan.start, entry, side='right')) - 1
         first, last = plan.start[tree], plan.start[tree + 1]
         rows, above = plan.row[first:last], plan.above[first:last]
-        passes.factor(rows, above, self._model, self._state, self._scratch, self._wind,
-                      self._gravity, self._time_step, 1.0)
+        passes.factor(rows, above, self._model, self._state, self._scratch, self._state.middle,
+                      self._wind, self._gravity, 0.5 * self._time_step, self._time_step, 1.0,
+                      False)
         unit = np.asarray(direction, float) / np.linalg.norm(direction)
         return 1.0 / response.yielding(entry - first, rows, above, self._model, self._state,
-                                       self._scratch, np.asarray(point, float), unit,
-                                       self._time_step)
+                                       self._scratch, np.asarray(point, float), unit)
 
     def energy(self) -> float:
         """Give the mechanical energy of the active rows above that of the rest pose [J]."""

@@ -29,12 +29,10 @@ from procphys_ros.physics.trees.layout import (
     EXTRA_PRELOAD,
     EXTRA_STIFFNESS,
     EXTRA_STRIDE,
-    EXTRA_THETA,
     LIMIT,
     PRELOAD_X,
     PRELOAD_Y,
     STIFFNESS,
-    THETA,
 )
 from procphys_ros.physics.trees.spatial import (
     dot,
@@ -53,12 +51,6 @@ RADIAL, TANGENTIAL, TWIST, STRETCH = range(4)  # degrees of freedom, innermost f
 # and springs included; it then creeps by less than 1e-6 of its free motion.
 _HOLD = 1e6  # [-]
 _TOUCH = 1e-12  # relative excess over the limit that is rounding
-
-
-@kernel(**INLINE)
-def resist(q, u, k, c, theta, preload, dt):
-    """Give the part of a spring-damper's moment that does not depend on the new rate."""
-    return preload - k * (q + theta * (1.0 - theta) * dt * u) - c * (1.0 - theta) * u
 
 
 @kernel(**INLINE)
@@ -85,12 +77,12 @@ def keep(f, k, d, u, inverse, drive):
 
 
 @kernel(**INLINE)
-def give_swing(i, k, dt, gate, swing, bend, rate, stop, frame, a, f, limits):
+def give_swing(i, k, h, dt, gate, swing, bend, stop, frame, a, f, limits):
     """Eliminate the two bends of row i, in the basis along and across a limit that holds it."""
-    stiffness, damping, theta = swing[i, STIFFNESS], swing[i, DAMPING], swing[i, THETA]
-    own = theta * dt * (damping + theta * dt * stiffness)
-    e1 = resist(bend[i, 0], rate[i, 0], stiffness, damping, theta, swing[i, PRELOAD_X], dt)
-    e2 = resist(bend[i, 1], rate[i, 1], stiffness, damping, theta, swing[i, PRELOAD_Y], dt)
+    stiffness, acts = swing[i, STIFFNESS], 1.0 if h > 0.0 else 0.0
+    own = h * (swing[i, DAMPING] + h * stiffness)
+    e1 = acts * (swing[i, PRELOAD_X] - stiffness * bend[i, 0])
+    e2 = acts * (swing[i, PRELOAD_Y] - stiffness * bend[i, 1])
     n1, n2, held = basis(stop, i)
     j, b, m, p = read(a, k)
     x, y, z = mix(frame, i, -n2, n1)
@@ -104,9 +96,9 @@ def give_swing(i, k, dt, gate, swing, bend, rate, stop, frame, a, f, limits):
     u = turn_slope(j, b, x, y, z)
     size = x * u[0] + y * u[1] + z * u[2] + own
     drive = x * p[0] + y * p[1] + z * p[2] + (n1 * e1 + n2 * e2)
-    if held:
-        limits[k] = bound(i, n1, n2, theta, dt, swing, bend, rate)
-        drive += _HOLD * size * limits[k] / dt
+    if held and h > 0.0:
+        limits[k] = bound(i, n1, n2, dt, swing, bend)
+        drive += _HOLD * size * limits[k] / h
         size += _HOLD * size
     inverse = 1.0 / size
     keep(f, k, RADIAL, u, inverse, drive)
@@ -117,27 +109,23 @@ def give_swing(i, k, dt, gate, swing, bend, rate, stop, frame, a, f, limits):
 
 
 @kernel(**INLINE)
-def bound(i, n1, n2, theta, dt, swing, bend, rate):
-    """Give the outward rate that takes the bend just to its limit, never an inward one."""
-    room = swing[i, LIMIT] - (n1 * bend[i, 0] + n2 * bend[i, 1])
-    outward = n1 * rate[i, 0] + n2 * rate[i, 1]
-    return max(0.0, (room / dt - (1.0 - theta) * outward) / theta)
+def bound(i, n1, n2, dt, swing, bend):
+    """Give the mean outward rate that takes the bend just to its limit, never an inward one."""
+    return max(0.0, (swing[i, LIMIT] - (n1 * bend[i, 0] + n2 * bend[i, 1])) / dt)
 
 
 @kernel(**KERNEL)
-def give_extra(i, k, dt, gate, model, state, scratch):
+def give_extra(i, k, h, gate, model, bend, frame, scratch):
     """Eliminate twist and stretch of row i where they are sprung."""
-    x, y, z = state.frame[i, 9], state.frame[i, 10], state.frame[i, 11]
-    extra = model.extra
+    x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
+    extra, acts = model.extra, 1.0 if h > 0.0 else 0.0
     j, b, m, p = read(scratch.inertia, k)
     for d in (STRETCH, TWIST):
         c = EXTRA_STRIDE * (d - TWIST)
-        stiffness, theta = extra[i, c + EXTRA_STIFFNESS], extra[i, c + EXTRA_THETA]
+        stiffness = extra[i, c + EXTRA_STIFFNESS]
         if math.isinf(stiffness):
             continue
-        damping = extra[i, c + EXTRA_DAMPING]
-        drive = resist(state.bend[i, d], state.rate[i, d], stiffness, damping, theta,
-                       extra[i, c + EXTRA_PRELOAD], dt)
+        drive = acts * (extra[i, c + EXTRA_PRELOAD] - stiffness * bend[i, d])
         if d == STRETCH:
             u = slide_slope(b, m, x, y, z)
             size = x * u[3] + y * u[4] + z * u[5]
@@ -146,7 +134,7 @@ def give_extra(i, k, dt, gate, model, state, scratch):
             u = turn_slope(j, b, x, y, z)
             size = x * u[0] + y * u[1] + z * u[2]
             drive += x * p[0] + y * p[1] + z * p[2]
-        inverse = 1.0 / (size + theta * dt * (damping + theta * dt * stiffness))
+        inverse = 1.0 / (size + h * (extra[i, c + EXTRA_DAMPING] + h * stiffness))
         keep(scratch.factor, k, d, u, inverse, drive)
         j, b, m = eliminate(j, b, m, u, inverse)
         p = relieve(p, u, gate * inverse * drive)
@@ -155,7 +143,7 @@ def give_extra(i, k, dt, gate, model, state, scratch):
 
 @kernel(**INLINE)
 def solve_rate(f, k, d, v):
-    """Solve degree of freedom d of row k for its rate over dt, given the motion before it."""
+    """Solve degree of freedom d of row k for its rate, given the motion before it."""
     u = (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5])
     return f[k, d, 6] * (f[k, d, 7] - dot(u, v))
 
@@ -167,40 +155,40 @@ def add_turn(v, axis, rate):
 
 
 @kernel(**INLINE)
-def take_swing(i, k, dt, v, stop, frame, f, new):
-    """Add the bending of row i to the motion v that its parent hands on; store the new rates."""
+def take_swing(i, k, h, v, stop, frame, f, new):
+    """Add the bending of row i to the motion v that its parent hands on; store h times rates."""
     n1, n2, _ = basis(stop, i)
     radial = solve_rate(f, k, RADIAL, v)
     v = add_turn(v, mix(frame, i, n1, n2), radial)
     tangential = solve_rate(f, k, TANGENTIAL, v)
-    new[k, 0] = dt * (n1 * radial - n2 * tangential)
-    new[k, 1] = dt * (n2 * radial + n1 * tangential)
+    new[k, 0] = h * (n1 * radial - n2 * tangential)
+    new[k, 1] = h * (n2 * radial + n1 * tangential)
     return add_turn(v, mix(frame, i, -n2, n1), tangential)
 
 
 @kernel(**KERNEL)
-def take_extra(i, k, dt, v, extra, frame, f, new):
+def take_extra(i, k, h, v, extra, frame, f, new):
     """Add twist and stretch of row i to its motion v where they are sprung."""
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
     if not math.isinf(extra[i, EXTRA_STIFFNESS]):
         rate = solve_rate(f, k, TWIST, v)
         v = add_turn(v, (x, y, z), rate)
-        new[k, TWIST] = dt * rate
+        new[k, TWIST] = h * rate
     if not math.isinf(extra[i, EXTRA_STRIDE + EXTRA_STIFFNESS]):
         rate = solve_rate(f, k, STRETCH, v)
         v = (v[0], v[1], v[2], v[3] + rate * x, v[4] + rate * y, v[5] + rate * z)
-        new[k, STRETCH] = dt * rate
+        new[k, STRETCH] = h * rate
     return v
 
 
 @kernel(**INLINE)
-def limit_changed(i, k, dt, swing, bend, rate, stop, new, limits):
+def limit_changed(i, k, dt, swing, bend, stop, new, limits):
     """
-    Check the new rates of row i against its limit; correct the held direction when they differ.
+    Check the rates of row i against its limit; correct the held direction when they differ.
 
     :returns: True when the tree has to be solved again.
     """
-    theta, limit = swing[i, THETA], swing[i, LIMIT]
+    limit = swing[i, LIMIT]
     first, second = new[k, 0], new[k, 1]
     if stop[i, 0] != 0.0 or stop[i, 1] != 0.0:
         if stop[i, 0] * first + stop[i, 1] * second >= limits[k] * (1.0 - _TOUCH):
@@ -208,8 +196,8 @@ def limit_changed(i, k, dt, swing, bend, rate, stop, new, limits):
         stop[i, 0] = 0.0  # the limit would have to pull
         stop[i, 1] = 0.0
         return True
-    x = bend[i, 0] + dt * ((1.0 - theta) * rate[i, 0] + theta * first)
-    y = bend[i, 1] + dt * ((1.0 - theta) * rate[i, 1] + theta * second)
+    x = bend[i, 0] + dt * first
+    y = bend[i, 1] + dt * second
     square = x * x + y * y
     if square <= limit * limit * (1.0 + _TOUCH):
         return False
@@ -225,6 +213,7 @@ def solve_free(k, a, full, motion):
     Solve the free root at row k for its motion by Gaussian elimination.
 
     :param full: workspace, (6, 7).
+    :param motion: where row k of the solution goes, (n, 6).
     """
     place = 0
     for r in range(3):
@@ -258,10 +247,7 @@ def advance_extra(i, k, dt, model, state, scratch):
         c = EXTRA_STRIDE * (j - TWIST)
         if math.isinf(model.extra[i, c + EXTRA_STIFFNESS]):
             continue
-        theta = model.extra[i, c + EXTRA_THETA]
-        new = scratch.rate[k, j]
-        state.bend[i, j] += dt * ((1.0 - theta) * state.rate[i, j] + theta * new)
-        state.rate[i, j] = new
+        state.bend[i, j] += dt * scratch.rate[k, j]
 
 
 @kernel

@@ -27,14 +27,10 @@ from procphys_ros.physics.air import CYLINDER_DRAG, FOLIAGE_DRAG
 # Columns of `Rows.body`, constants of a segment.
 MASS, ACROSS, ALONG, REACH, LENGTH, CROSS_FLOW, LEAF_FLOW = range(7)
 # Columns of `Rows.swing`, constants of its two bending degrees of freedom.
-STIFFNESS, DAMPING, THETA, LIMIT, PRELOAD_X, PRELOAD_Y = range(6)
+STIFFNESS, DAMPING, LIMIT, PRELOAD_X, PRELOAD_Y = range(5)
 # Columns of `Rows.extra`: the same for twist (first) and stretch (from EXTRA_STRIDE on).
-EXTRA_STIFFNESS, EXTRA_DAMPING, EXTRA_THETA, EXTRA_PRELOAD, EXTRA_STRIDE = range(5)
+EXTRA_STIFFNESS, EXTRA_DAMPING, EXTRA_PRELOAD, EXTRA_STRIDE = range(4)
 
-# Below this ratio of damping to stiffness the step must be fully implicit: with less, a violent
-# shock leaves a buzz that does not die out.
-_THETA_RATIO = 0.005  # [s]
-_THETA = 0.6  # [-], implicitness where damping suffices; its numerical damping is (θ-1/2)·ω·dt
 _MISFIT = 1e-9  # [m] and [-], rounding allowed between a part's frame and its joint's
 
 
@@ -51,8 +47,8 @@ class Rows:
     :ivar axis: first row of the branch (axis) that the row belongs to, (S,) int.
     :ivar mount: joint frame in the parent's joint frame (world for a root) [m], (S, 7).
     :ivar body: see the column names above; SI, drag as force per speed squared, (S, 7).
-    :ivar swing: see the column names above, (S, 6).
-    :ivar extra: twist and stretch springs, inf where locked, (S, 8).
+    :ivar swing: see the column names above, (S, 5).
+    :ivar extra: twist and stretch springs, inf where locked, (S, 6).
     :ivar width: diameter at the joint [m], (S,).
     """
 
@@ -106,27 +102,25 @@ def arrange(blueprint: Blueprint, air_density: float) -> Rows:
 
 def set_damping(rows: Rows, rate: np.ndarray) -> None:
     """
-    Fill in dampers that were not given, c = rate·k, and choose how implicit each joint is.
+    Fill in dampers that were not given, c = rate·k.
 
     :param rows: changed in place.
     :param rate: [s], (S,).
     """
-    columns = [(rows.swing, STIFFNESS, DAMPING, THETA)]
+    columns = [(rows.swing, STIFFNESS, DAMPING)]
     for start in (0, EXTRA_STRIDE):
-        columns.append((rows.extra, start + EXTRA_STIFFNESS, start + EXTRA_DAMPING,
-                        start + EXTRA_THETA))
-    for table, k, c, theta in columns:
+        columns.append((rows.extra, start + EXTRA_STIFFNESS, start + EXTRA_DAMPING))
+    for table, k, c in columns:
         stiffness = np.where(np.isinf(table[:, k]), 0.0, table[:, k])
         table[:, c] = np.where(np.isnan(table[:, c]), rate * stiffness, table[:, c])
-        table[:, theta] = np.where(table[:, c] >= _THETA_RATIO * stiffness, _THETA, 1.0)
 
 
 def _springs(hinges: Hinges, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     nothing = np.zeros(len(hinges))
-    swing = np.column_stack([hinges.swing_stiffness, hinges.swing_damping, nothing,
-                             hinges.swing_limit, nothing, nothing])
-    extra = np.column_stack([hinges.twist_stiffness, hinges.twist_damping, nothing, nothing,
-                             hinges.stretch_stiffness, hinges.stretch_damping, nothing, nothing])
+    swing = np.column_stack([hinges.swing_stiffness, hinges.swing_damping, hinges.swing_limit,
+                             nothing, nothing])
+    extra = np.column_stack([hinges.twist_stiffness, hinges.twist_damping, nothing,
+                             hinges.stretch_stiffness, hinges.stretch_damping, nothing])
     return swing[order], extra[order]
 
 

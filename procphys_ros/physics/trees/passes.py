@@ -14,13 +14,12 @@
 
 
 """
-Passes of one step over one tree: load, give (tip to root), take (root to tip), integrate.
+Passes over one tree: load, give (tip to root), take (root to tip), and once more for impulses.
 
 Articulated bodies at velocity level in carry form: every segment keeps its own velocities from
-the last step, the passes project that momentum on the joints of the present pose and add what
-springs, dampers, weight and air do over the step, all of them implicit. A projection cannot add
-kinetic energy, so no velocity-product terms are needed and none can blow up. All motions are
-velocities over dt and all loads forces, so that a balanced tree stays exactly at rest.
+the last step; the passes project that momentum on the joints of one pose and add what springs,
+dampers, weight and air do over a time h, all of them implicit. All motions are velocities over h
+and all loads forces, so that a balanced tree stays exactly at rest.
 """
 
 import math
@@ -29,11 +28,13 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.air import CALM, STORM
-from procphys_ros.physics.trees import joints, pose
+from procphys_ros.physics.trees import joints
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
     CROSS_FLOW,
+    EXTRA_STIFFNESS,
+    EXTRA_STRIDE,
     LEAF_FLOW,
     LENGTH,
     MASS,
@@ -41,9 +42,12 @@ from procphys_ros.physics.trees.layout import (
 )
 from procphys_ros.physics.trees.spatial import (
     add,
+    add_load,
     INLINE,
     KERNEL,
     read,
+    read_load,
+    relieve,
     shift,
     shift_load,
     shift_motion,
@@ -51,57 +55,56 @@ from procphys_ros.physics.trees.spatial import (
     symmetric,
     turn_slope,
     write,
+    write_load,
 )
 from procphys_ros.physics.trees.state import Joint
 
 _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
-ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp takes the rest
 
 
 @kernel(**KERNEL)
-def step(plan, model, state, scratch, wind, gravity, dt):
-    """
-    Advance every tree by one time step.
-
-    :param wind: air velocity at the centres of mass [m/s], (S, 3).
-    :param gravity: [m/s²], (3,).
-    :param dt: [s].
-    """
-    for t in range(len(plan.start) - 1):
-        rows = plan.row[plan.start[t]:plan.start[t + 1]]
-        above = plan.above[plan.start[t]:plan.start[t + 1]]
-        for _ in range(ATTEMPTS):
-            factor(rows, above, model, state, scratch, wind, gravity, dt, 1.0)
-            if not take(rows, above, model, state, scratch, dt):
-                break
-        integrate(rows, above, model, state, scratch, dt)
-
-
-@kernel(**KERNEL)
-def factor(rows, above, model, state, scratch, wind, gravity, dt, gate):
+def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate,
+           pressed):
     """
     Load one tree and eliminate its joints from the tips to the root.
 
+    :param frame: the pose to do it at, `State.frame` or `State.middle`.
+    :param wind: air velocity at the centres of mass [m/s], (S, 3).
+    :param gravity: [m/s²], (3,).
+    :param h: implicit time [s]; 0 leaves nothing but momentum, so that motions are velocities.
+    :param dt: time that a bend has to reach its limit [s].
     :param gate: 1, or 0 to hold the joints (then loads pass undiminished).
+    :param pressed: whether impulses that wait are loads, as forces over h.
+    :returns: whether anything was done to the velocities since the last step.
     """
-    frame, a = state.frame, scratch.inertia
+    a, changed = scratch.inertia, False
     for k in range(len(rows)):
-        load(rows[k], k, model.body, state.bend, state.velocities, frame, a, wind, gravity, dt)
-    if state.struck[rows[0], 0] != 0.0:
-        take_up(rows, model.body, state, a, dt)
+        changed |= was_changed(rows[k], state)
+        load(rows[k], k, model.body, state, frame, a, scratch.spin, wind, gravity, h)
+    if pressed:
+        press(rows, model, state, scratch, frame, h)
     for k in range(len(rows) - 1, -1, -1):
         i, up = rows[k], above[k]
         if model.joint[i] == _FREE:
             continue
         if model.joint[i] == _SPRUNG:
-            joints.give_extra(i, k, dt, gate, model, state, scratch)
-        j, b, m, p = joints.give_swing(i, k, dt, gate, model.swing, state.bend, state.rate,
-                                       state.stop, frame, a, scratch.factor, scratch.bound)
+            joints.give_extra(i, k, h, gate, model, state.bend, frame, scratch)
+        j, b, m, p = joints.give_swing(i, k, h, dt, gate, model.swing, state.bend, state.stop,
+                                       frame, a, scratch.factor, scratch.bound)
         if up >= 0:
             x, y, z = apart(frame, i, rows[up])
             j, b, m = shift(j, b, m, x, y, z)
             add(a, up, j, b, m, shift_load(p, x, y, z))
+    return changed
+
+
+@kernel(**INLINE)
+def was_changed(i, state):
+    """Tell whether anything was done to the velocities of row i since the last step."""
+    new, old = state.velocities, state.carried
+    return (new[i, 0] != old[i, 0] or new[i, 1] != old[i, 1] or new[i, 2] != old[i, 2]
+            or new[i, 3] != old[i, 3] or new[i, 4] != old[i, 4] or new[i, 5] != old[i, 5])
 
 
 @kernel(**INLINE)
@@ -111,44 +114,58 @@ def apart(frame, i, up):
 
 
 @kernel(**INLINE)
-def load(i, k, body, bend, v, frame, a, wind, gravity, dt):
-    """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
-    x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
-    cross, foliage, turning = drag(i, x, y, z, body, v, wind)
-    mass, h, per = body[i, MASS], body[i, REACH] + bend[i, 3], 1.0 / dt
-    air = cross + foliage
-    along = cross * (wind[i, 0] * x + wind[i, 1] * y + wind[i, 2] * z)
-    fx = mass * (v[i, 0] * per + gravity[0]) + air * wind[i, 0] - along * x
-    fy = mass * (v[i, 1] * per + gravity[1]) + air * wind[i, 1] - along * y
-    fz = mass * (v[i, 2] * per + gravity[2]) + air * wind[i, 2] - along * z
-    across = body[i, ACROSS] * per
-    spin = (body[i, ALONG] * per - across) * (v[i, 3] * x + v[i, 4] * y + v[i, 5] * z)
-    j, b, m = symmetric(x, y, z, h, mass + dt * air, dt * cross,
-                        body[i, ACROSS] + dt * turning, body[i, ALONG])
-    p = (across * v[i, 3] + spin * x + h * (y * fz - z * fy),
-         across * v[i, 4] + spin * y + h * (z * fx - x * fz),
-         across * v[i, 5] + spin * z + h * (x * fy - y * fx), fx, fy, fz)
-    write(a, k, j, b, m, p)
+def turn_along(x, y, z, a, b, c, wx, wy, wz):
+    """
+    Turn a spin as an axis turns from (x, y, z) to (a, b, c) on the shortest way.
 
-
-@kernel(**KERNEL)
-def take_up(rows, body, state, a, dt):
-    """Add the impulses that wait for a tree to its loads, as forces over the step."""
-    for k in range(len(rows)):
-        i = rows[k]
-        h = (body[i, REACH] + state.bend[i, 3]) / dt
-        x, y, z = h * state.frame[i, 9], h * state.frame[i, 10], h * state.frame[i, 11]
-        px, py, pz = state.push[i, 0], state.push[i, 1], state.push[i, 2]
-        a[k, 21] += state.push[i, 3] / dt + y * pz - z * py
-        a[k, 22] += state.push[i, 4] / dt + z * px - x * pz
-        a[k, 23] += state.push[i, 5] / dt + x * py - y * px
-        a[k, 24] += px / dt
-        a[k, 25] += py / dt
-        a[k, 26] += pz / dt
+    Turning with the axis, not with the body, keeps the kinetic energy of a symmetric segment
+    just as well and follows its precession better.
+    """
+    sx, sy, sz = y * c - z * b, z * a - x * c, x * b - y * a
+    cosine = x * a + y * b + z * c
+    share = (sx * wx + sy * wy + sz * wz) / max(1e-12, 1.0 + cosine)
+    return (cosine * wx + sy * wz - sz * wy + share * sx,
+            cosine * wy + sz * wx - sx * wz + share * sy,
+            cosine * wz + sx * wy - sy * wx + share * sz)
 
 
 @kernel(**INLINE)
-def drag(i, x, y, z, body, v, wind):
+def load(i, k, body, state, frame, a, turned, wind, gravity, h):
+    """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
+    v, end = state.carried, state.frame
+    x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
+    wx, wy, wz = turn_along(end[i, 9], end[i, 10], end[i, 11], x, y, z, v[i, 3], v[i, 4], v[i, 5])
+    turned[k, 0], turned[k, 1], turned[k, 2] = wx, wy, wz
+    cross, foliage, turning = drag(i, x, y, z, wx, wy, wz, body, v, wind)
+    per, acts = (1.0 / h, 1.0) if h > 0.0 else (1.0, 0.0)
+    mass, reach = body[i, MASS], body[i, REACH] + state.bend[i, 3]
+    air = cross + foliage
+    along = cross * (wind[i, 0] * x + wind[i, 1] * y + wind[i, 2] * z)
+    fx = mass * v[i, 0] * per + acts * (mass * gravity[0] + air * wind[i, 0] - along * x)
+    fy = mass * v[i, 1] * per + acts * (mass * gravity[1] + air * wind[i, 1] - along * y)
+    fz = mass * v[i, 2] * per + acts * (mass * gravity[2] + air * wind[i, 2] - along * z)
+    across = body[i, ACROSS] * per
+    spin = (body[i, ALONG] * per - across) * (wx * x + wy * y + wz * z)
+    j, b, m = symmetric(x, y, z, reach, mass + h * air, h * cross,
+                        body[i, ACROSS] + h * turning, body[i, ALONG])
+    p = (across * wx + spin * x + reach * (y * fz - z * fy),
+         across * wy + spin * y + reach * (z * fx - x * fz),
+         across * wz + spin * z + reach * (x * fy - y * fx), fx, fy, fz)
+    write(a, k, j, b, m, p)
+
+
+@kernel(**INLINE)
+def pushed(i, body, state, frame):
+    """Give the impulses that wait for row i, at its joint point: 3 moments, 3 forces."""
+    reach, push = body[i, REACH] + state.bend[i, 3], state.push
+    x, y, z = reach * frame[i, 9], reach * frame[i, 10], reach * frame[i, 11]
+    px, py, pz = push[i, 0], push[i, 1], push[i, 2]
+    return (push[i, 3] + y * pz - z * py, push[i, 4] + z * px - x * pz,
+            push[i, 5] + x * py - y * px, px, py, pz)
+
+
+@kernel(**INLINE)
+def drag(i, x, y, z, wx, wy, wz, body, v, wind):
     """
     Give the drag of segment i per speed: wood across its axis, foliage, and turning.
 
@@ -165,9 +182,8 @@ def drag(i, x, y, z, body, v, wind):
         foliage *= speed
         if speed > CALM:
             foliage *= CALM / min(speed, STORM)
-    spin = v[i, 3] * x + v[i, 4] * y + v[i, 5] * z
-    turn = math.sqrt(max(0.0, v[i, 3] * v[i, 3] + v[i, 4] * v[i, 4] + v[i, 5] * v[i, 5]
-                         - spin * spin))
+    spin = wx * x + wy * y + wz * z
+    turn = math.sqrt(max(0.0, wx * wx + wy * wy + wz * wz - spin * spin))
     length = body[i, LENGTH]
     turning = length * length * ((cross + foliage) / 12.0
                                  + body[i, CROSS_FLOW] * turn * length / 32.0)
@@ -175,14 +191,9 @@ def drag(i, x, y, z, body, v, wind):
 
 
 @kernel(**KERNEL)
-def take(rows, above, model, state, scratch, dt):
-    """
-    Hand motion from the root to the tips and read the wrenches that the joints transmit.
-
-    :returns: True when a limit took hold or let go, so that the tree has to be solved again.
-    """
-    changed = False
-    motion, frame = scratch.motion, state.frame
+def take(rows, above, model, state, scratch, frame, h):
+    """Hand motion from the root to the tips and read the wrenches that the joints transmit."""
+    motion = scratch.motion
     for k in range(len(rows)):
         i = rows[k]
         if model.joint[i] == _FREE:
@@ -192,15 +203,11 @@ def take(rows, above, model, state, scratch, dt):
             continue
         v = handed_on(k, above[k], rows, frame, motion)
         transmit(k, i, scratch.inertia, v, state.wrenches)
-        v = joints.take_swing(i, k, dt, v, state.stop, frame, scratch.factor, scratch.rate)
+        v = joints.take_swing(i, k, h, v, state.stop, frame, scratch.factor, scratch.rate)
         if model.joint[i] == _SPRUNG:
-            v = joints.take_extra(i, k, dt, v, model.extra, frame, scratch.factor, scratch.rate)
+            v = joints.take_extra(i, k, h, v, model.extra, frame, scratch.factor, scratch.rate)
         (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
          motion[k, 5]) = v
-        if joints.limit_changed(i, k, dt, model.swing, state.bend, state.rate, state.stop,
-                                scratch.rate, scratch.bound):
-            changed = True
-    return changed
 
 
 @kernel(**INLINE)
@@ -216,7 +223,7 @@ def handed_on(k, up, rows, frame, motion):
 
 @kernel(**INLINE)
 def transmit(k, i, a, v, wrenches):
-    """Read what the parent must exert on row i to move it so: force, then moment."""
+    """Write what the parent must exert on row i to move it so: force, then moment."""
     j, b, m, p = read(a, k)
     moment = turn_slope(j, b, v[0], v[1], v[2])
     force = slide_slope(b, m, v[3], v[4], v[5])
@@ -226,48 +233,73 @@ def transmit(k, i, a, v, wrenches):
 
 
 @kernel(**KERNEL)
-def integrate(rows, above, model, state, scratch, dt):
-    """Move joints and poses to the end of the step and carry the velocities along."""
-    frame, m = state.frame, scratch.motion
+def press(rows, model, state, scratch, frame, h):
+    """Load one tree with the impulses that wait for it, as forces over the time h."""
+    for k in range(len(rows)):
+        p = pushed(rows[k], model.body, state, frame)
+        for c in range(6):
+            scratch.inertia[k, 21 + c] += p[c] / h
+
+
+@kernel(**KERNEL)
+def kick(rows, above, model, state, scratch, frame, dt):
+    """
+    Solve for what the waiting impulses alone cause, through the factors at hand.
+
+    Impulses act evenly over the step. What velocities change by goes to `Scratch.kick`; half of it
+    is added to the mean rates of the step, and wrenches to those of the step.
+    """
+    a = scratch.inertia
+    for k in range(len(rows)):
+        write_load(a, k, pushed(rows[k], model.body, state, frame))
+    for k in range(len(rows) - 1, -1, -1):
+        i, up = rows[k], above[k]
+        if model.joint[i] == _FREE:
+            continue
+        p = pass_on(i, k, model, state.stop, frame, scratch.factor, read_load(a, k))
+        write_load(a, k, p)
+        if up >= 0:
+            x, y, z = apart(frame, i, rows[up])
+            add_load(a, up, shift_load(p, x, y, z))
     for k in range(len(rows)):
         i = rows[k]
-        x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
-        h = model.body[i, REACH] + state.bend[i, 3]
         if model.joint[i] == _FREE:
-            pose.advance_free(i, dt, m[k], model, state)
-        else:
-            pose.advance_bend(i, scratch.rate[k, 0], scratch.rate[k, 1], dt, model, state)
-            if model.joint[i] == _SPRUNG:
-                joints.advance_extra(i, k, dt, model, state, scratch)
-            pose.place(k, rows, above, model, state)
-        carry(i, k, x, y, z, h, dt, frame, m, state.velocities)
-    if state.struck[rows[0], 0] != 0.0:
-        state.struck[rows[0], 0] = 0.0
-        for i in rows:
-            for c in range(6):
-                state.push[i, c] = 0.0
+            joints.solve_free(k, a, scratch.root, scratch.kick)
+            continue
+        v = handed_on(k, above[k], rows, frame, scratch.kick)
+        transmit(k, k, a, v, scratch.blow)
+        for c in range(6):
+            state.wrenches[i, c] += scratch.blow[k, c] / dt
+        v = joints.take_swing(i, k, 1.0, v, state.stop, frame, scratch.factor, scratch.jump)
+        if model.joint[i] == _SPRUNG:
+            v = joints.take_extra(i, k, 1.0, v, model.extra, frame, scratch.factor, scratch.jump)
+        for c in range(6):
+            scratch.kick[k, c] = v[c]
+        for c in range(4):
+            scratch.rate[k, c] += 0.5 * scratch.jump[k, c]
+
+
+@kernel(**KERNEL)
+def pass_on(i, k, model, stop, frame, f, p):
+    """Let the joint of row i give way to a load, as elimination does; give what is left."""
+    n1, n2, _ = joints.basis(stop, i)
+    along = (frame[i, 9], frame[i, 10], frame[i, 11])
+    if model.joint[i] == _SPRUNG:
+        if not math.isinf(model.extra[i, EXTRA_STRIDE + EXTRA_STIFFNESS]):
+            p = give(k, joints.STRETCH, p[3], p[4], p[5], along, f, p)
+        if not math.isinf(model.extra[i, EXTRA_STIFFNESS]):
+            p = give(k, joints.TWIST, p[0], p[1], p[2], along, f, p)
+    p = give(k, joints.TANGENTIAL, p[0], p[1], p[2], joints.mix(frame, i, -n2, n1), f, p)
+    return give(k, joints.RADIAL, p[0], p[1], p[2], joints.mix(frame, i, n1, n2), f, p)
 
 
 @kernel(**INLINE)
-def carry(i, k, x, y, z, h, dt, frame, m, v):
-    """
-    Store the velocities of segment i, its spin turned as the axis turned (from x, y, z).
-
-    Turning with the axis, not with the body, keeps the kinetic energy of a symmetric segment
-    just as well and follows its precession better.
-    """
-    wx, wy, wz = dt * m[k, 0], dt * m[k, 1], dt * m[k, 2]
-    v[i, 0] = dt * m[k, 3] + h * (wy * z - wz * y)
-    v[i, 1] = dt * m[k, 4] + h * (wz * x - wx * z)
-    v[i, 2] = dt * m[k, 5] + h * (wx * y - wy * x)
-    a, b, c = frame[i, 9], frame[i, 10], frame[i, 11]
-    sx, sy, sz = y * c - z * b, z * a - x * c, x * b - y * a
-    share = 1.0 / max(1e-12, 1.0 + x * a + y * b + z * c)
-    share *= sx * wx + sy * wy + sz * wz
-    cosine = x * a + y * b + z * c
-    v[i, 3] = cosine * wx + sy * wz - sz * wy + share * sx
-    v[i, 4] = cosine * wy + sz * wx - sx * wz + share * sy
-    v[i, 5] = cosine * wz + sx * wy - sy * wx + share * sz
+def give(k, d, x, y, z, axis, f, p):
+    """Let one degree of freedom give way to its share (x, y, z) of a load."""
+    drive = x * axis[0] + y * axis[1] + z * axis[2]
+    f[k, d, 7] = drive
+    return relieve(p, (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5]),
+                   f[k, d, 6] * drive)
 
 
 @kernel
@@ -277,6 +309,7 @@ def balance(plan, model, state, scratch, gravity, dt):
     for t in range(len(plan.start) - 1):
         rows = plan.row[plan.start[t]:plan.start[t + 1]]
         above = plan.above[plan.start[t]:plan.start[t + 1]]
-        factor(rows, above, model, state, scratch, still, gravity, dt, 0.0)
+        factor(rows, above, model, state, scratch, state.middle, still, gravity, dt, dt, 0.0,
+               False)
         for k in range(len(rows)):
             joints.preload(rows[k], k, model, scratch)

@@ -18,7 +18,7 @@
 import math
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.trees.layout import LIMIT, REACH, THETA
+from procphys_ros.physics.trees.layout import LIMIT, PRELOAD_X, PRELOAD_Y, REACH, STIFFNESS
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import Joint
 
@@ -83,7 +83,7 @@ def place(k, rows, above, model, state):
     sx, cx = sine_cosine(0.5 * bend[i, 0])
     sy, cy = sine_cosine(0.5 * bend[i, 1])
     q = multiply(rest, (sx * cy, cx * sy, sx * sy, cx * cy))
-    set_frame(i, x, y, z, q, 1.0 - 2.0 * sy * sy, 2.0 * sy * cy, frame)
+    set_frame(i, x, y, z, q, 1.0 - 2.0 * sy * sy, 2.0 * sy * cy, frame, state.middle)
     if model.joint[i] == _SPRUNG:
         q = multiply(q, (0.0, 0.0, math.sin(0.5 * bend[i, 2]), math.cos(0.5 * bend[i, 2])))
     reach = model.body[i, REACH] + bend[i, 3]
@@ -94,24 +94,45 @@ def place(k, rows, above, model, state):
 
 
 @kernel(**INLINE)
-def set_frame(i, x, y, z, q, cosine, sine, frame):
+def set_frame(i, x, y, z, q, cosine, sine, frame, middle):
     """Write joint point and axes of row i; the first axis is the one before the second turn."""
     qx, qy, qz, qw = q
     ax = 2.0 * (qx * qz + qy * qw)
     ay = 2.0 * (qy * qz - qx * qw)
     az = 1.0 - 2.0 * (qx * qx + qy * qy)
-    frame[i, 0] = x
-    frame[i, 1] = y
-    frame[i, 2] = z
-    frame[i, 3] = cosine * (1.0 - 2.0 * (qy * qy + qz * qz)) + sine * ax
-    frame[i, 4] = cosine * 2.0 * (qx * qy + qz * qw) + sine * ay
-    frame[i, 5] = cosine * 2.0 * (qx * qz - qy * qw) + sine * az
-    frame[i, 6] = 2.0 * (qx * qy - qz * qw)
-    frame[i, 7] = 1.0 - 2.0 * (qx * qx + qz * qz)
-    frame[i, 8] = 2.0 * (qy * qz + qx * qw)
-    frame[i, 9] = ax
-    frame[i, 10] = ay
-    frame[i, 11] = az
+    put(i, 0, x, frame, middle)
+    put(i, 1, y, frame, middle)
+    put(i, 2, z, frame, middle)
+    put(i, 3, cosine * (1.0 - 2.0 * (qy * qy + qz * qz)) + sine * ax, frame, middle)
+    put(i, 4, cosine * 2.0 * (qx * qy + qz * qw) + sine * ay, frame, middle)
+    put(i, 5, cosine * 2.0 * (qx * qz - qy * qw) + sine * az, frame, middle)
+    put(i, 6, 2.0 * (qx * qy - qz * qw), frame, middle)
+    put(i, 7, 1.0 - 2.0 * (qx * qx + qz * qz), frame, middle)
+    put(i, 8, 2.0 * (qy * qz + qx * qw), frame, middle)
+    put(i, 9, ax, frame, middle)
+    put(i, 10, ay, frame, middle)
+    put(i, 11, az, frame, middle)
+    normalise_axis(i, middle)
+
+
+@kernel(**INLINE)
+def put(i, c, value, frame, middle):
+    """Change a column of the frame; extrapolate by half the change to the next step's middle."""
+    middle[i, c] = value + 0.5 * (value - frame[i, c])
+    frame[i, c] = value
+
+
+@kernel(**INLINE)
+def normalise_axis(i, middle):
+    """Make the extrapolated axis of row i a unit vector; what rests stays as it is to the bit."""
+    x, y, z = middle[i, 9], middle[i, 10], middle[i, 11]
+    excess = x * x + y * y + z * z - 1.0
+    if excess > 1e-12:
+        if excess < 1e-3:
+            scale = 1.0 - excess * (0.5 - excess * (0.375 - excess * 0.3125))
+        else:
+            scale = 1.0 / math.sqrt(1.0 + excess)
+        middle[i, 9], middle[i, 10], middle[i, 11] = scale * x, scale * y, scale * z
 
 
 @kernel(**KERNEL)
@@ -121,8 +142,11 @@ def place_all(plan, model, state):
         rows = plan.row[plan.start[t]:plan.start[t + 1]]
         above = plan.above[plan.start[t]:plan.start[t + 1]]
         for k in range(len(rows)):
-            if model.joint[rows[k]] != _FREE:
+            i = rows[k]
+            if model.joint[i] != _FREE:
                 place(k, rows, above, model, state)
+            for c in range(12):
+                state.middle[i, c] = state.frame[i, c]
 
 
 @kernel(**INLINE)
@@ -130,50 +154,42 @@ def advance_bend(i, first, second, dt, model, state):
     """
     Move the bend of row i on to the end of the step and stop it at its limit.
 
-    :param first: new rate about the first axis, `second` about the other [rad/s].
+    :param first: mean rate about the first axis, `second` about the other [rad/s].
+    :returns: elastic energy that the stop has added, mostly below zero [J].
     """
-    bend, rate, stop = state.bend, state.rate, state.stop
-    theta = model.swing[i, THETA]
-    x = bend[i, 0] + dt * ((1.0 - theta) * rate[i, 0] + theta * first)
-    y = bend[i, 1] + dt * ((1.0 - theta) * rate[i, 1] + theta * second)
+    bend, stop, won = state.bend, state.stop, 0.0
+    x = bend[i, 0] + dt * first
+    y = bend[i, 1] + dt * second
     limit, square = model.swing[i, LIMIT], x * x + y * y
     if square > limit * limit:
         shrink = limit / math.sqrt(square)
+        won = (0.5 * model.swing[i, STIFFNESS] * (limit * limit - square)
+               + (1.0 - shrink) * (model.swing[i, PRELOAD_X] * x + model.swing[i, PRELOAD_Y] * y))
         x *= shrink
         y *= shrink
         square = limit * limit
-        outward = max(0.0, first * x + second * y) / square
-        first -= outward * x
-        second -= outward * y
     if (stop[i, 0] != 0.0 or stop[i, 1] != 0.0) and square > 0.0:
         size = math.sqrt(square)
         stop[i, 0] = x / size
         stop[i, 1] = y / size
     bend[i, 0] = x
     bend[i, 1] = y
-    rate[i, 0] = first
-    rate[i, 1] = second
+    return won
 
 
 @kernel(**KERNEL)
-def advance_free(i, dt, motion, model, state):
+def advance_free(i, dt, v, model, state):
     """
-    Move a free root on with the mean of its old and new velocity: exact in free fall.
+    Move a free root on with its mean velocity over the step: exact in free fall.
 
-    After a blow only the new velocity counts, or what was stopped would go on for half a step.
+    :param v: linear of the centre of mass and angular [m/s], [rad/s], 6 numbers.
     """
-    v, poses, frame = state.velocities, state.poses, state.frame
-    old = 0.0 if state.struck[i, 0] != 0.0 else 0.5
-    new = 1.0 - old
+    poses, frame = state.poses, state.frame
     reach = model.body[i, REACH] + state.bend[i, 3]
-    x, y, z = frame[i, 9] * reach, frame[i, 10] * reach, frame[i, 11] * reach
-    wx, wy, wz = motion[0], motion[1], motion[2]
-    poses[i, 0] += dt * (old * v[i, 0] + new * dt * (motion[3] + wy * z - wz * y))
-    poses[i, 1] += dt * (old * v[i, 1] + new * dt * (motion[4] + wz * x - wx * z))
-    poses[i, 2] += dt * (old * v[i, 2] + new * dt * (motion[5] + wx * y - wy * x))
-    wx = old * v[i, 3] + new * dt * wx
-    wy = old * v[i, 4] + new * dt * wy
-    wz = old * v[i, 5] + new * dt * wz
+    poses[i, 0] += dt * v[0]
+    poses[i, 1] += dt * v[1]
+    poses[i, 2] += dt * v[2]
+    wx, wy, wz = v[3], v[4], v[5]
     speed = math.sqrt(wx * wx + wy * wy + wz * wz)
     angle = 0.5 * dt * speed
     share = math.sin(angle) / speed if speed > 1e-12 else 0.5 * dt
@@ -182,7 +198,6 @@ def advance_free(i, dt, motion, model, state):
     size = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     q = (q[0] * size, q[1] * size, q[2] * size, q[3] * size)
     poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6] = q
-    set_frame(i, 0.0, 0.0, 0.0, q, 1.0, 0.0, frame)
-    frame[i, 0] = poses[i, 0] - reach * frame[i, 9]
-    frame[i, 1] = poses[i, 1] - reach * frame[i, 10]
-    frame[i, 2] = poses[i, 2] - reach * frame[i, 11]
+    x, y, z = rotate(q, 0.0, 0.0, reach)
+    set_frame(i, poses[i, 0] - x, poses[i, 1] - y, poses[i, 2] - z, q, 1.0, 0.0, frame,
+              state.middle)

@@ -178,3 +178,26 @@ def add(a, k, j, b, m, p):
     a[k, 24] += p[3]
     a[k, 25] += p[4]
     a[k, 26] += p[5]
+
+
+@kernel(**INLINE)
+def read_load(a, k):
+    """Read the load from row k."""
+    return a[k, 21], a[k, 22], a[k, 23], a[k, 24], a[k, 25], a[k, 26]
+
+
+@kernel(**INLINE)
+def write_load(a, k, p):
+    """Write a load to row k and leave its inertia."""
+    a[k, 21], a[k, 22], a[k, 23], a[k, 24], a[k, 25], a[k, 26] = p
+
+
+@kernel(**INLINE)
+def add_load(a, k, p):
+    """Add a load to row k."""
+    a[k, 21] += p[0]
+    a[k, 22] += p[1]
+    a[k, 23] += p[2]
+    a[k, 24] += p[3]
+    a[k, 25] += p[4]
+    a[k, 26] += p[5]

@@ -41,8 +41,8 @@ class Model(NamedTuple):
 
     mount: np.ndarray   # (S, 7)
     body: np.ndarray    # (S, 7)
-    swing: np.ndarray   # (S, 6)
-    extra: np.ndarray   # (S, 8)
+    swing: np.ndarray   # (S, 5)
+    extra: np.ndarray   # (S, 6)
     joint: np.ndarray   # `Joint`, (S,); changes when a part is released
 
 
@@ -50,15 +50,18 @@ class State(NamedTuple):
     """What moves, one row per segment; world axes."""
 
     bend: np.ndarray        # bends about the two axes, twist [rad], stretch [m], (S, 4)
-    rate: np.ndarray        # their rates in the last step [rad/s], [m/s], (S, 4)
     stop: np.ndarray        # direction of a bend held at its limit, zero when free, (S, 2)
     frame: np.ndarray       # see the column names above, (S, 12)
+    middle: np.ndarray      # the same, extrapolated to the middle of the next step, (S, 12)
     poses: np.ndarray       # centre of mass and attitude [m], (S, 7)
     velocities: np.ndarray  # linear of the centre of mass, angular [m/s], [rad/s], (S, 6)
+    carried: np.ndarray     # the same as the last step left them; what velocities differ by is an
+    #                         impulse for the next step, (S, 6)
     wrenches: np.ndarray    # force and moment from the parent at the joint [N], [N·m], (S, 6)
     push: np.ndarray        # impulse and angular impulse at the centre of mass, to be taken up in
     #                         the next step [N·s], [N·m·s], (S, 6)
     struck: np.ndarray      # at root rows: not 0 when anything in the tree is pushed, (S, 1)
+    age: np.ndarray         # at root rows: steps taken in motion, (S, 1)
 
 
 class Scratch(NamedTuple):
@@ -66,8 +69,13 @@ class Scratch(NamedTuple):
 
     inertia: np.ndarray  # `spatial` rows, (n, 27)
     factor: np.ndarray   # per degree of freedom, (n, 4, 8)
-    motion: np.ndarray   # angular and linear velocity over dt, at the joint point, (n, 6)
-    rate: np.ndarray     # new joint rates, (n, 4)
+    motion: np.ndarray   # angular and linear velocity over the time, at the joint point, (n, 6)
+    kick: np.ndarray     # the same of what impulses cause, not over the time, (n, 6)
+    jump: np.ndarray     # joint rates that impulses cause, (n, 4)
+    blow: np.ndarray     # impulses that joints transmit of them, as `State.wrenches`, (n, 6)
+    spin: np.ndarray     # carried spin, turned with the axis to the middle of the step, (n, 3)
+    rate: np.ndarray     # mean joint rates over the step, (n, 4)
+    before: np.ndarray   # bends, twist and stretch before the step, (n, 4)
     bound: np.ndarray    # rate at which a held bend just reaches its limit [rad/s], (n,)
     root: np.ndarray     # equations of a free root, (6, 7)
 
@@ -90,14 +98,16 @@ def make_model(rows: layout.Rows) -> Model:
 
 def make_state(count: int) -> State:
     """Give a state of rest whose poses are still to be placed."""
-    return State(*(np.zeros((count, width)) for width in (4, 4, 2, 12, 7, 6, 6, 6, 1)))
+    return State(*(np.zeros((count, width)) for width in (4, 2, 12, 12, 7, 6, 6, 6, 6, 1, 1)))
 
 
 def make_scratch(plan: Plan) -> Scratch:
     """Give a workspace that fits the largest tree."""
     size = int(np.diff(plan.start).max(initial=1))
-    return Scratch(np.zeros((size, WIDTH)), np.zeros((size, 4, FACTOR_WIDTH)),
-                   np.zeros((size, 6)), np.zeros((size, 4)), np.zeros(size), np.zeros((6, 7)))
+    return Scratch(inertia=np.zeros((size, WIDTH)), factor=np.zeros((size, 4, FACTOR_WIDTH)),
+                   motion=np.zeros((size, 6)), kick=np.zeros((size, 6)), jump=np.zeros((size, 4)),
+                   blow=np.zeros((size, 6)), spin=np.zeros((size, 3)), rate=np.zeros((size, 4)),
+                   before=np.zeros((size, 4)), bound=np.zeros(size), root=np.zeros((6, 7)))
 
 
 def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:

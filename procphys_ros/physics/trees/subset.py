@@ -18,7 +18,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.trees import passes
+from procphys_ros.physics.trees import integrator
 from procphys_ros.physics.trees.layout import ACROSS, ALONG, MASS
 from procphys_ros.physics.trees.spatial import KERNEL
 from procphys_ros.physics.trees.state import AXIS
@@ -29,7 +29,7 @@ _AXIS = int(AXIS)
 @kernel(**KERNEL)
 def step(plan, trees, spans, model, state, scratch, wind, gravity):
     """
-    Advance some trees, each by a time of its own; see `passes.step`.
+    Advance some trees, each by a time of its own; see `integrator.step`.
 
     :param trees: places in the plan, (K,).
     :param spans: how far each goes [s], (K,).
@@ -37,11 +37,7 @@ def step(plan, trees, spans, model, state, scratch, wind, gravity):
     for n in range(len(trees)):
         first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
         rows, above = plan.row[first:last], plan.above[first:last]
-        for _ in range(passes.ATTEMPTS):
-            passes.factor(rows, above, model, state, scratch, wind, gravity, spans[n], 1.0)
-            if not passes.take(rows, above, model, state, scratch, spans[n]):
-                break
-        passes.integrate(rows, above, model, state, scratch, spans[n])
+        integrator.advance(rows, above, model, state, scratch, wind, gravity, spans[n])
 
 
 @kernel
@@ -65,10 +61,11 @@ def hold(rows, state):
     for i in rows:
         for c in range(6):
             state.velocities[i, c] = 0.0
+            state.carried[i, c] = 0.0
             state.push[i, c] = 0.0
             state.wrenches[i, c] = 0.0
-        for c in range(4):
-            state.rate[i, c] = 0.0
+        for c in range(12):
+            state.middle[i, c] = state.frame[i, c]
         state.struck[i, 0] = 0.0
 
 

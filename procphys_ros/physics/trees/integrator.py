@@ -1,0 +1,253 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Integrator: the implicit midpoint rule for articulated bodies in carry form.
+
+A step solves for the mean velocities w over it, at the pose expected in its middle, as a fully
+implicit step of half the length would; then bends go on by dt·w and velocities to 2·w - v. With
+E the kinetic energy of the carried velocities and the energy of the springs, E changes by the work
+of loads and dampers alone, whatever the pose and the stiffness: nothing is lost to the time step,
+and nothing can blow up. Three things are added (docs/decisions/0008):
+
+* Carried velocities leave what the joints allow by a little more with every turn of a branch;
+  every `_PERIOD` steps they are projected back.
+* Weight does its work along straight lines, but segments move on arcs. The difference is known
+  after the step and taken out of the velocities of the tree.
+* What stops a bend at its limit is inelastic: such a step is fully implicit.
+"""
+
+import math
+
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.trees import joints, passes, pose
+from procphys_ros.physics.trees.layout import ACROSS, ALONG, MASS, REACH
+from procphys_ros.physics.trees.spatial import INLINE, KERNEL
+from procphys_ros.physics.trees.state import Joint
+
+_SPRUNG = int(Joint.SPRUNG)
+_FREE = int(Joint.FREE)
+_ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp takes the rest
+_PERIOD = 16  # [steps] between projections; trees take turns
+_MIDPOINT, _IMPLICIT = 0.5, 1.0  # how far into the step loads are taken
+
+
+@kernel(**KERNEL)
+def step(plan, model, state, scratch, wind, gravity, dt):
+    """
+    Advance every tree by one time step.
+
+    :param wind: air velocity at the centres of mass [m/s], (S, 3).
+    :param gravity: [m/s²], (3,).
+    :param dt: [s].
+    """
+    for t in range(len(plan.start) - 1):
+        rows = plan.row[plan.start[t]:plan.start[t + 1]]
+        above = plan.above[plan.start[t]:plan.start[t + 1]]
+        advance(rows, above, model, state, scratch, wind, gravity, dt)
+
+
+@kernel(**KERNEL)
+def advance(rows, above, model, state, scratch, wind, gravity, dt):
+    """Advance one tree; arguments as of `step`."""
+    theta = solve(rows, above, model, state, scratch, wind, gravity, dt)
+    move(rows, above, model, state, scratch, gravity, dt, theta)
+
+
+@kernel(**KERNEL)
+def take_up(rows, body, state):
+    """Make impulses of what was done to the velocities of one tree since the last step."""
+    v, old, frame, push = state.velocities, state.carried, state.frame, state.push
+    for i in rows:
+        if (v[i, 0] == old[i, 0] and v[i, 1] == old[i, 1] and v[i, 2] == old[i, 2]
+                and v[i, 3] == old[i, 3] and v[i, 4] == old[i, 4] and v[i, 5] == old[i, 5]):
+            continue
+        x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
+        wx, wy, wz = v[i, 3] - old[i, 3], v[i, 4] - old[i, 4], v[i, 5] - old[i, 5]
+        spin = (body[i, ALONG] - body[i, ACROSS]) * (wx * x + wy * y + wz * z)
+        for c in range(3):
+            push[i, c] += body[i, MASS] * (v[i, c] - old[i, c])
+        push[i, 3] += body[i, ACROSS] * wx + spin * x
+        push[i, 4] += body[i, ACROSS] * wy + spin * y
+        push[i, 5] += body[i, ACROSS] * wz + spin * z
+        for c in range(6):
+            v[i, c] = old[i, c]
+        state.struck[rows[0], 0] = 1.0
+
+
+@kernel(**KERNEL)
+def project(rows, above, model, state, scratch, wind, gravity):
+    """Replace the carried velocities of one tree by the nearest that its joints allow."""
+    frame, m = state.frame, scratch.motion
+    passes.factor(rows, above, model, state, scratch, frame, wind, gravity, 0.0, 1.0, 1.0,
+                  False)
+    passes.take(rows, above, model, state, scratch, frame, 0.0)
+    for k in range(len(rows)):
+        i = rows[k]
+        h = model.body[i, REACH] + state.bend[i, 3]
+        x, y, z = h * frame[i, 9], h * frame[i, 10], h * frame[i, 11]
+        settle(i, m[k, 3] + m[k, 1] * z - m[k, 2] * y, m[k, 4] + m[k, 2] * x - m[k, 0] * z,
+               m[k, 5] + m[k, 0] * y - m[k, 1] * x, m[k, 0], m[k, 1], m[k, 2], state)
+
+
+@kernel(**INLINE)
+def settle(i, vx, vy, vz, wx, wy, wz, state):
+    """Give row i other velocities to carry; what was added to the old ones stays added."""
+    value, v, old = (vx, vy, vz, wx, wy, wz), state.velocities, state.carried
+    for c in range(6):
+        v[i, c] = value[c] if v[i, c] == old[i, c] else v[i, c] + (value[c] - old[i, c])
+        old[i, c] = value[c]
+
+
+@kernel(**KERNEL)
+def solve(rows, above, model, state, scratch, wind, gravity, dt):
+    """
+    Solve for the mean motion of one tree over a step.
+
+    :returns: implicitness θ: motions are velocities over θ·dt, those at the end of the step
+        (w - (1-θ)·v)/θ; at θ = 1/2 the effect of impulses is in `Scratch.kick`, not in motions.
+    """
+    frame, h = state.middle, _MIDPOINT * dt
+    if (int(state.age[rows[0], 0]) + rows[0]) % _PERIOD == 0:
+        project(rows, above, model, state, scratch, wind, gravity)
+    changed = passes.factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, 1.0,
+                            False)
+    if changed:
+        take_up(rows, model.body, state)
+    passes.take(rows, above, model, state, scratch, frame, h)
+    struck = state.struck[rows[0], 0] != 0.0
+    if struck:
+        passes.kick(rows, above, model, state, scratch, frame, dt)
+    if not limits_changed(rows, model, state, scratch, dt):
+        return _MIDPOINT
+    for _ in range(_ATTEMPTS - 1):
+        passes.factor(rows, above, model, state, scratch, frame, wind, gravity, dt, dt, 1.0,
+                      struck)
+        passes.take(rows, above, model, state, scratch, frame, dt)
+        if not limits_changed(rows, model, state, scratch, dt):
+            break
+    return _IMPLICIT
+
+
+@kernel(**KERNEL)
+def limits_changed(rows, model, state, scratch, dt):
+    """Check all bends of one tree against their limits; True to solve it again."""
+    changed = False
+    for k in range(len(rows)):
+        if model.joint[rows[k]] != _FREE and joints.limit_changed(
+                rows[k], k, dt, model.swing, state.bend, state.stop, scratch.rate, scratch.bound):
+            changed = True
+    return changed
+
+
+@kernel(**KERNEL)
+def move(rows, above, model, state, scratch, gravity, dt, theta):
+    """Move joints and poses to the end of the step and carry the velocities along."""
+    struck = state.struck[rows[0], 0] != 0.0
+    kicked = struck and theta == _MIDPOINT
+    gain, kinetic, scale = 0.0, 0.0, 1.0
+    on, off = 1.0 / theta, 1.0 / theta - 1.0
+    for k in range(len(rows)):
+        lost, energy = move_segment(k, rows, above, model, state, scratch, gravity, dt,
+                                    theta * dt, on, off, kicked)
+        gain += lost
+        kinetic += energy
+    state.age[rows[0], 0] = state.age[rows[0], 0] + 1.0 if kinetic > 0.0 else 0.0
+    if model.joint[rows[0]] != _FREE and gain != 0.0:
+        if gain < kinetic:
+            scale = math.sqrt(1.0 - gain / kinetic)
+        else:
+            scale = 0.0
+            undo(rows, above, model, state, scratch)
+    for i in rows:
+        for c in range(6):
+            state.carried[i, c] *= scale
+            state.velocities[i, c] = state.carried[i, c]
+    if struck:
+        state.struck[rows[0], 0] = 0.0
+        for i in rows:
+            for c in range(6):
+                state.push[i, c] = 0.0
+
+
+@kernel(**KERNEL)
+def undo(rows, above, model, state, scratch):
+    """Put one tree back to where the step began: its weight would win more than it moves by."""
+    for k in range(len(rows)):
+        i = rows[k]
+        for c in range(4):
+            state.bend[i, c] = scratch.before[k, c]
+        pose.place(k, rows, above, model, state)
+        for c in range(12):
+            state.middle[i, c] = state.frame[i, c]
+
+
+@kernel(**INLINE)
+def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, off, kicked):
+    """
+    Move one segment.
+
+    :param per: time that motions are velocities over [s].
+    :param on: share of the mean velocity in the new one; `off` of the old one, taken away.
+
+    :returns: energy that moving on an arc, and a stop, has added [J], and kinetic energy [J].
+    """
+    i, body = rows[k], model.body
+    frame, middle, poses, v, m = (state.frame, state.middle, state.poses, state.carried,
+                                  scratch.motion)
+    x, y, z = middle[i, 9], middle[i, 10], middle[i, 11]
+    h = body[i, REACH] + state.bend[i, 3]
+    mean = at_centre(m, k, per, h * x, h * y, h * z)
+    px, py, pz = poses[i, 0], poses[i, 1], poses[i, 2]
+    vx, vy, vz = on * mean[0] - off * v[i, 0], on * mean[1] - off * v[i, 1], (
+        on * mean[2] - off * v[i, 2])
+    wx, wy, wz = (on * mean[3] - off * scratch.spin[k, 0], on * mean[4] - off * scratch.spin[k, 1],
+                  on * mean[5] - off * scratch.spin[k, 2])
+    if kicked:
+        more = at_centre(scratch.kick, k, 1.0, h * x, h * y, h * z)
+        mean = (mean[0] + 0.5 * more[0], mean[1] + 0.5 * more[1], mean[2] + 0.5 * more[2],
+                mean[3] + 0.5 * more[3], mean[4] + 0.5 * more[4], mean[5] + 0.5 * more[5])
+        vx, vy, vz = vx + more[0], vy + more[1], vz + more[2]
+        wx, wy, wz = wx + more[3], wy + more[4], wz + more[5]
+    lost = 0.0
+    for c in range(4):
+        scratch.before[k, c] = state.bend[i, c]
+    if model.joint[i] == _FREE:
+        pose.advance_free(i, dt, mean, model, state)
+    else:
+        lost = pose.advance_bend(i, scratch.rate[k, 0], scratch.rate[k, 1], dt, model,
+                                 state)
+        if model.joint[i] == _SPRUNG:
+            joints.advance_extra(i, k, dt, model, state, scratch)
+        pose.place(k, rows, above, model, state)
+    a, b, c = frame[i, 9], frame[i, 10], frame[i, 11]
+    wx, wy, wz = passes.turn_along(x, y, z, a, b, c, wx, wy, wz)
+    v[i, 0], v[i, 1], v[i, 2], v[i, 3], v[i, 4], v[i, 5] = vx, vy, vz, wx, wy, wz
+    spin = wx * a + wy * b + wz * c
+    energy = 0.5 * (body[i, MASS] * (vx * vx + vy * vy + vz * vz)
+                    + body[i, ACROSS] * (wx * wx + wy * wy + wz * wz)
+                    + (body[i, ALONG] - body[i, ACROSS]) * spin * spin)
+    lost += body[i, MASS] * (gravity[0] * (px + dt * mean[0] - poses[i, 0])
+                             + gravity[1] * (py + dt * mean[1] - poses[i, 1])
+                             + gravity[2] * (pz + dt * mean[2] - poses[i, 2]))
+    return lost, energy
+
+
+@kernel(**INLINE)
+def at_centre(m, k, per, x, y, z):
+    """Give linear and angular velocity at the way (x, y, z) from the joint point of entry k."""
+    wx, wy, wz = per * m[k, 0], per * m[k, 1], per * m[k, 2]
+    return (per * m[k, 3] + wy * z - wz * y, per * m[k, 4] + wz * x - wx * z,
+            per * m[k, 5] + wx * y - wy * x, wx, wy, wz)
