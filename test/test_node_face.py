@@ -64,7 +64,8 @@ SERVICES = {
     **dict.fromkeys(
         (f'/sim/{name}' for name in (
             'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'clear_wrenches',
-            'step_simulation', 'reset_simulation', 'reload_scene', 'cancel_reload')),
+            'step_simulation', 'reset_simulation', 'reload_scene', 'cancel_reload', 'save_state',
+            'restore_state')),
         'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.

@@ -95,7 +95,8 @@ class SimNode(Node):
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
         ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/clear_wrenches,
-        ~/step_simulation, ~/reset_simulation, ~/reload_scene, ~/cancel_reload (std_srvs/Trigger)
+        ~/step_simulation, ~/reset_simulation, ~/reload_scene, ~/cancel_reload, ~/save_state,
+        ~/restore_state (std_srvs/Trigger)
         ~/simulation_interfaces/…, if that package is there: see `simulation_interfaces.py`
 
     Parameters (default; unit; range; when a change takes effect):
