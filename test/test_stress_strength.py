@@ -115,7 +115,7 @@ def test_opened_patch_is_centred_on_the_resultant():
     assert closed == pytest.approx([0.95 * 0.09, extent])
     third = high[0, 0] - 0.09 / 3  # a triangle's resultant, from its high edge
     assert third == pytest.approx(eccentricity)
-    solver.crack(np.array([0]), low, high)
+    solver.narrow(np.array([0]), low, high)
     solver.iterate(100)
     share, _ = solver.utilisation()
     assert share[0] == pytest.approx(3 - 2 / 0.95, rel=1e-5)
@@ -129,7 +129,7 @@ def test_opening_along_both_sides_ends():
     while solver.utilisation()[0][0] > 1.0:
         stays, low, high = opening(solver.graph, np.array([0]), solver.wrenches())
         assert stays[0]
-        solver.crack(np.array([0]), low, high)
+        solver.narrow(np.array([0]), low, high)
         solver.iterate(100)
         rounds += 1
     assert 1 <= rounds <= 3

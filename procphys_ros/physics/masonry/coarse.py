@@ -28,6 +28,7 @@ from procphys_ros.physics.masonry.factor import Factor
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
 
 _LONG = 2.5    # of the length of the median part
+_LOOSE = 0.99
 _STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
 
 
@@ -119,7 +120,10 @@ def _alone(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
     does.
     """
     typical = np.median(graph.reach[parts]) if len(parts) else np.inf
-    return (np.diff(graph.start) > HUB) | (graph.reach > _LONG * typical)
+    loose = np.flatnonzero(graph.cracked & (graph.grip < _LOOSE))
+    hinged = np.zeros(graph.count + 1, bool)
+    hinged[graph.first[loose]] = hinged[graph.second[loose]] = True
+    return (np.diff(graph.start) > HUB) | (graph.reach > _LONG * typical) | hinged[:-1]
 
 
 def _strong(graph: BondGraph) -> np.ndarray:
@@ -129,7 +133,7 @@ def _strong(graph: BondGraph) -> np.ndarray:
     Rigid modes suit what is stiff: a bond much softer than others of both its parts (a board on
     brickwork, a bond that has opened) is left between aggregates.
     """
-    stiffness = np.where(graph.alive, graph.spring[:, 2], 0.0)
+    stiffness = np.where(graph.alive, graph.grip * graph.spring[:, 2], 0.0)
     stiffest = np.zeros(graph.count + 1)
     np.maximum.at(stiffest, graph.first, stiffness)
     np.maximum.at(stiffest, graph.second, stiffness)

@@ -51,20 +51,25 @@ class CoarseMatrix:
         slot = np.ascontiguousarray(np.searchsorted(places, key).reshape(4, -1).T)
         self.start, self.column = np.searchsorted(places, np.arange(n + 1) * n), places % n
         self.blocks = np.zeros((len(places), 6, 6))
-        _assemble(bonds, graph.links, graph.centroid, a, b, middle, slot, self.blocks)
+        _assemble(bonds, graph.links, graph.first, graph.second, graph.centroid,
+                  graph.centre, a, b, middle, slot, self.blocks)
 
 
 @kernel
-def _assemble(bonds, all_links, centroid, left, right, middle, slot, blocks):
+def _assemble(bonds, all_links, first, second, centroid, centre, left, right, middle, slot,
+              blocks):
     """Add the links that cross between aggregates; slot: four blocks per bond."""
     here, there = np.empty((2, 3, 6))
+    at_a, at_b = np.zeros((2, 3))
     for k in range(len(bonds)):
         m, a, b = bonds[k], left[k], right[k]
         link = all_links[m]
-        at_a, at_b = centroid[m] - middle[a], centroid[m] - middle[b]
         if a >= 0:
+            # A cracked joint is tied where it presses, all others at their centroids.
+            at_a = centroid[m] - middle[a] + (link[0:3] - (centroid[m] - centre[first[m]]))
             links.add_block(blocks[slot[k, 0]], link, at_a, at_a, 1.0, here, there)
         if b >= 0:
+            at_b = centroid[m] - middle[b] + (link[3:6] - (centroid[m] - centre[second[m]]))
             links.add_block(blocks[slot[k, 1]], link, at_b, at_b, 1.0, here, there)
         if a >= 0 and b >= 0:
             links.add_block(blocks[slot[k, 2]], link, at_a, at_b, -1.0, here, there)

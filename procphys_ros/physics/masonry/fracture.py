@@ -88,6 +88,8 @@ class Fracture:
             if not settled and not self._may_glance():
                 break
             self._glanced = solver.problem
+            if not solver.converged and self._part(adrift):
+                continue
             failures = self._judge(adrift, 1.0 if settled else _CLEARLY)
             if len(failures.bond):
                 rounds.append(failures)
@@ -96,6 +98,7 @@ class Fracture:
             elif solver.sudden:
                 solver.forget_sudden()  # the peak has been survived
             elif solver.converged:
+                solver.settle()
                 self._judged = solver.state
             else:  # out of patience without a weak bond to blame: what has no balance falls
                 solver.cut(graph.boundary(solver.unbalanced()))
@@ -107,11 +110,16 @@ class Fracture:
     def _may_glance(self) -> bool:
         """Say whether the problem is nearly solved, not glanced at yet, and no mechanism."""
         solver = self.solver
-        return solver.residual <= _ROUGH * solver.tolerance and self._glances()
+        near = solver.known and solver.residual <= _ROUGH * solver.tolerance
+        return near and self._glances()
 
     def _glances(self) -> bool:
         """Say whether the problem is to be glanced at; what is adrift is solved to the end."""
         return self._glanced != self.solver.problem and not len(self.solver.adrift())
+
+    def _part(self, adrift: np.ndarray) -> bool:
+        """Part the hinges of a mechanism of cracked pieces; say if there is one."""
+        return len(adrift) > 0 and len(self.solver.part_hinges()) > 0
 
     def _judge(self, adrift: np.ndarray, least: float) -> Failures:
         """Break what fails, if anything does; the worst bond must carry `least` its strength."""
@@ -130,6 +138,6 @@ class Fracture:
         stays, low, high = strength.opening(graph, bonds, wrench[bonds])
         stays &= cause[bonds] == Cause.TENSION
         if np.any(stays):
-            solver.crack(bonds[stays], low[stays], high[stays])
+            solver.narrow(bonds[stays], low[stays], high[stays])
         solver.cut(bonds[~stays], self.dynamic_factor)
         return Failures(bonds, cause[bonds], share[bonds], ~stays)

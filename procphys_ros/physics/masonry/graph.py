@@ -56,7 +56,9 @@ class BondGraph:
     :ivar rows: row of each bond in `Blueprint.bonds`, (M,).
     :ivar first, second: parts that the bond joins, the normal points from first to second;
         N is the ground, (M,) int32.
-    :ivar alive: bonds that still hold, (M,) bool.
+    :ivar alive: bonds that still carry something, (M,) bool.
+    :ivar cracked: of these the ones that only press and rub, see `joints`, (M,) bool.
+    :ivar grip: share of its stiffness that a bond has at the moment, (M,).
     :ivar centroid: middle of the patch [m], (M, 3).
     :ivar axes: bond frame, columns are x, y along the patch and z the normal, (M, 3, 3).
     :ivar area: of the patch [m²], (M,).
@@ -91,6 +93,8 @@ class BondGraph:
         self.spring = np.empty((len(self), 6))
         self.links = np.empty((len(self), 18))
         self.alive = np.ones(len(self), bool)
+        self.cracked = np.zeros(len(self), bool)
+        self.grip = np.ones(len(self))
         self.start, self.incident = links.incidence(self.count, self.first, self.second)
         self._rest = (self.centroid.copy(), self.area.copy())
         self.whole_extent = self.extent.copy()
@@ -114,6 +118,7 @@ class BondGraph:
     def cut(self, bonds: np.ndarray) -> None:
         """Break bonds: they carry nothing any more."""
         self.alive[bonds] = False
+        self.cracked[bonds] = False
         self.links[bonds, 6:] = 0.0
 
     def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
@@ -143,6 +148,7 @@ class BondGraph:
         """
         for name in ('alive', 'centroid', 'area', 'extent'):
             getattr(self, name)[mine] = getattr(other, name)[theirs]
+        self.alive[mine] &= ~other.cracked[theirs]  # nothing presses them together in flight
         opened = mine[np.any(self.extent[mine] != self.whole_extent[mine], axis=1)]
         self._spread(opened)
         self.links[mine[~self.alive[mine]], 6:] = 0.0
@@ -150,6 +156,8 @@ class BondGraph:
     def restore(self) -> None:
         """Make every bond whole again."""
         self.alive[:] = True
+        self.cracked[:] = False
+        self.grip[:] = 1.0
         self.centroid, self.area = (a.copy() for a in self._rest)
         self.extent = self.whole_extent.copy()
         self._spread(np.arange(len(self)))

@@ -19,26 +19,28 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros.physics.masonry import components, links, pcg, strength
+from procphys_ros.physics.masonry import components, links, pcg
 from procphys_ros.physics.masonry.coarse import CoarseSpace
 from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.joints import CrackedJoints
+from procphys_ros.physics.masonry.newton import Step
+from procphys_ros.physics.masonry.state import StressState
 from procphys_ros.physics.masonry.superposition import Superposition
 
 _AGGREGATE = 8       # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
+_CURVED_STALE = 40   # the same while joints open: tangents change by more than a cut does
 _STALE_AFTER = 120   # iterations since a change after which the coarse space is renewed: it costs
 #                      as much as about 35 iterations, and most changes are answered sooner
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
-_ADRIFT = 0.25       # [m] displacement at which a part counts as a mechanism: more than a brick,
-#                      so bonds are no longer where linear theory has them; sound masonry moves
-#                      by less than a millimetre, timber floors by a few
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
 
 
-class StressSolver:
+class StressSolver(StressState):
     """
     Resumable equilibrium of the supported islands of a bond graph.
 
+    Bonds are linear; those that have cracked are followed by Newton's method (`newton`, `joints`).
     The residual f - K·u is kept exactly through every change (loads, cuts), so what must be worked
     on is simply where it is too large: islands whose largest nodal residual exceeds the tolerance.
     The others cost nothing. Parts without a path of bonds to the ground are falling: excluded.
@@ -72,6 +74,7 @@ class StressSolver:
         self._blocks = np.empty((count, 6, 6))
         self._past = Superposition()
         self._coarse: CoarseSpace | None = None
+        self._joints = CrackedJoints(graph)
         self.state = self.problem = 0
         self.reset()
 
@@ -79,17 +82,20 @@ class StressSolver:
         """Return to whole bonds, no loads but the weight, and no displacement."""
         graph = self.graph
         graph.restore()
+        self._joints.reset()
+        self._step, self._begun = Step.straight(), False
         self.displacement = np.zeros((graph.count + 1, 6))
+        self._calm, self._calm_at = self.displacement.copy(), -1
         self._given = np.zeros((graph.count + 1, 6))
         self._sudden = np.zeros((graph.count + 1, 6))
         self._residual = self._weight.copy()
         self.iterations = np.zeros(graph.count, np.int64)
-        self.spent = self._patience = 0
+        self.spent = self._patience = self._worked = 0
         self.state += 1
         self.problem += 1
         self._bonds_changed(np.arange(graph.count))
         self._relabel()
-        self._past.forget(self.labels)
+        self._past.forget(self.labels, self._straight())
         self._refresh()
 
     def adopt(self, other: 'StressSolver', first: int, bonds: np.ndarray) -> None:
@@ -112,7 +118,7 @@ class StressSolver:
         """Take note that others' states were adopted."""
         self._bonds_changed(np.arange(self.graph.count))
         self._relabel()
-        self._past.forget(self.labels)
+        self._past.forget(self.labels, self._straight())
         self._refresh()
         self.state += 1
         self.problem += 1
@@ -134,7 +140,7 @@ class StressSolver:
         change[:-1][~self.supported] = 0.0
         if np.any(change[:-1]):
             self._past.guess(self.displacement, self._residual, change)
-            self._stale_view = True
+            self._moved()
             self.state += 1
             self.problem += 1
         self._given = new
@@ -154,16 +160,18 @@ class StressSolver:
         if not len(bonds):
             return
         released = np.zeros_like(self._residual)
-        links.add_pulls(bonds, graph.links, graph.first, graph.second, self.displacement,
-                        released, -1.0)
+        cracked = graph.cracked[bonds]
+        links.add_pulls(bonds[~cracked], graph.links, graph.first, graph.second,
+                        self.displacement, released, -1.0)
+        self._joints.add_forces(bonds[cracked], self.displacement, released, -1.0)
         graph.cut(bonds)
         self._residual += dynamic_factor * released
         self._sudden += (dynamic_factor - 1.0) * released
         self._relabel()
         self._after_change(bonds)
 
-    def crack(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
-        """Open bonds partly, see `strength.opening` and `BondGraph.narrow`."""
+    def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+        """Open bonds partly and for good, see `strength.opening` and `BondGraph.narrow`."""
         graph = self.graph
         for sign, change in ((-1.0, lambda: graph.narrow(bonds, low, high)), (1.0, None)):
             links.add_pulls(bonds, graph.links, graph.first, graph.second, self.displacement,
@@ -171,6 +179,16 @@ class StressSolver:
             if change:
                 change()
         self._after_change(bonds)
+
+    def crack(self, bonds: np.ndarray) -> None:
+        """Let bonds pull and stick together no more; they press and rub on, see `joints`."""
+        graph = self.graph
+        bonds = bonds[graph.alive[bonds] & ~graph.cracked[bonds]]
+        if not len(bonds):
+            return
+        graph.cracked[bonds] = True
+        self._after_change(bonds)
+        self._joints.linearise(bonds, self.displacement, self._residual)
 
     def remove_parts(self, parts: np.ndarray, dynamic_factor: float = 2.0) -> np.ndarray:
         """
@@ -193,7 +211,7 @@ class StressSolver:
             change = -share * self._sudden
             self._residual += change
             self._past.shift(change)
-            self._stale_view = True
+            self._moved()
             self.problem += 1
             self._sudden *= 1.0 - share
 
@@ -212,11 +230,19 @@ class StressSolver:
         touched = np.unique(np.concatenate([graph.first[bonds], graph.second[bonds]]))
         self._bonds_changed(touched[touched < graph.count])
         self._coarse_fresh = False
-        self._stale_view = True
-        self._patience = 0
-        self._past.forget(self.labels)
+        self._patience = self._worked = 0
+        self._past.forget(self.labels, self._straight())
+        self._moved()
         self.state += 1
         self.problem += 1
+
+    def _moved(self) -> None:
+        """Take note that loads or bonds have changed: a step that was under way is over."""
+        if not self.known:
+            rows = self._step.rows[self.graph.cracked[self._step.rows]]
+            self._joints.linearise(rows, self.displacement, self._residual)
+        self._begun = False
+        self._stale_view = True
 
     def _bonds_changed(self, parts: np.ndarray) -> None:
         graph = self.graph
@@ -230,6 +256,11 @@ class StressSolver:
         graph = self.graph
         self.labels, self.supported = components.label(graph.count, graph.first, graph.second,
                                                        graph.alive)
+        fallen = np.append(~self.supported, False)
+        falls = graph.cracked & (fallen[graph.first] | fallen[graph.second])
+        if falls.any():  # nothing presses them together any more
+            graph.cut(np.flatnonzero(falls))
+            self._relabel()
         for array in (self.displacement, self._residual, self._sudden):
             array[:-1][~self.supported] = 0.0
 
@@ -250,8 +281,8 @@ class StressSolver:
         parts = np.flatnonzero(active)
         bonds = np.flatnonzero(graph.alive & (active[graph.first] | active[graph.second]))
         ends = np.minimum(graph.first[bonds], graph.second[bonds])  # never the ground
-        parts, part = _grouped(parts, self.labels[parts])
-        bonds, bond = _grouped(bonds, self.labels[ends])
+        parts, part = components.grouped(parts, self.labels[parts])
+        bonds, bond = components.grouped(bonds, self.labels[ends])
         reached = self._coarse.reached(parts[part[:-1]])
         self._islands = parts, bonds, self._coarse.factor.columns, part, bond, reached
         self._products = np.zeros(len(reached))
@@ -262,7 +293,12 @@ class StressSolver:
         """Whether every supported part is in equilibrium within the tolerance."""
         if self._stale_view:
             self._look()
-        return self.residual <= self.tolerance
+        return self.known and self.residual <= self.tolerance
+
+    @property
+    def known(self) -> bool:
+        """Whether the residual is that of the true forces, not of tangents."""
+        return not self._begun or self._step.fresh
 
     def iterate(self, limit: int, enough: float = 1.0) -> float:
         """
@@ -274,16 +310,60 @@ class StressSolver:
         """
         target = enough * self.tolerance
         while limit > 0 and not self.converged and self._patience < _PATIENCE:
-            if self.residual <= target:
+            if self.known and self.residual <= target:
+                break
+            if not self._begun:
+                self._begin()
+            step = self._step
+            if step.curved and len(self.adrift()):
                 break
             stale = not self._coarse_fresh
-            if stale and self._patience >= _STALE_AFTER:
+            after = _CURVED_STALE if step.curved else _STALE_AFTER
+            if stale and self._worked >= after:
                 self._refresh()
                 continue
-            now = min(limit, _STALE_AFTER - self._patience) if stale else limit
-            done = self._run(now, target)
-            limit -= max(done, 1)
+            now = min(limit, after - self._worked) if stale else limit
+            goal = max(step.goal, 0.5 * target) if step.curved else target
+            limit -= max(self._run(min(now, step.left), goal), 1)
+            if step.curved and (self.residual <= goal or not step.left):
+                self._end()
+        if self.converged and self._calm_at != self.state:
+            self._calm, self._calm_at = self.displacement.copy(), self.state
         return self.residual
+
+    def _begin(self) -> None:
+        """Start a step of Newton's method from where the displacements are."""
+        bonds = self._islands[1]
+        rows = bonds[self.graph.cracked[bonds]]
+        self._begun = True
+        if len(rows):
+            self._linearise(rows)
+        else:
+            self._step = Step.straight()
+
+    def _end(self) -> None:
+        """Go along a step as far as the true forces agree to, and start the next one there."""
+        parts, bonds, _, part, bond, _ = self._islands
+        rows = self._step.rows
+        self._step.finish(self.displacement, self._residual, parts, part, bonds, bond,
+                          self._joints)
+        self._linearise(rows, False)
+        if not self._step.curved:  # balanced with that friction: now with that of these pressures
+            self._joints.linearise(rows, self.displacement, self._residual)
+            self._moved()
+
+    def _linearise(self, rows: np.ndarray, renew: bool = True) -> None:
+        """Put the tangents of joints where they are now, see `CrackedJoints.linearise`."""
+        graph = self.graph
+        self._joints.linearise(rows, self.displacement, self._residual, renew)
+        touched = np.unique(np.concatenate([graph.first[rows], graph.second[rows]]))
+        self._bonds_changed(touched[touched < graph.count])
+        if self._coarse_fresh:
+            self._coarse_fresh, self._worked = False, 0
+        self._look()
+        bonds = self._islands[1]
+        self._step = Step(bonds[graph.cracked[bonds]], self.displacement, self._residual,
+                          self.residual)
 
     def _run(self, limit: int, target: float) -> int:
         graph, coarse = self.graph, self._coarse
@@ -301,41 +381,58 @@ class StressSolver:
         done = int(each.max(initial=0))
         self.spent += done
         self.state += 1
-        self._patience = 0 if self.residual <= self.tolerance else self._patience + done
+        self._worked += done
+        self._step.spend(done)
+        self._patience += done
+        if self.converged:
+            self._patience = self._worked = 0
         return done
 
     def _refresh(self) -> None:
         """Aggregate anew what is connected now, and factor."""
         parts = np.flatnonzero(self.supported)
         self._coarse = CoarseSpace(self.graph, parts, _AGGREGATE) if len(parts) else None
-        self._coarse_fresh = True
-        self._look()
+        self._coarse_fresh, self._worked = True, 0
+        if self.known or self._coarse is None:
+            self._look()
+            return
+        parts, bonds, _, part, bond, _ = self._islands  # a step keeps to its islands
+        reached = self._coarse.reached(parts[part[:-1]])
+        self._islands = parts, bonds, self._coarse.factor.columns, part, bond, reached
+        self._products = np.zeros(len(reached))
 
-    def wrenches(self) -> np.ndarray:
+    def part_hinges(self) -> np.ndarray:
         """
-        Give force and moment with which the second part pulls the first, in the bond frames.
+        Cut the cracked joints that open or slide in what is adrift.
 
-        Tension is positive along z [N, N·m], (M, 6); zero for dead bonds and falling islands.
+        All goes back to where it was in equilibrium last: how it moved since does not count.
+
+        :returns: rows of the graph.
         """
         graph = self.graph
-        out = np.empty((len(graph), 6))
-        links.pulls(np.arange(len(graph)), graph.links, graph.axes, graph.first, graph.second,
-                    self.displacement, out)
-        return out
+        rows = np.flatnonzero(graph.cracked)
+        if not len(rows):
+            return rows
+        rows = self._joints.hinges(rows, self.displacement - self._calm)
+        self.cut(rows)
+        if len(rows):
+            self._rewind()
+        return rows
 
-    def utilisation(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give utilisation and `strength.Cause` of every bond, see `strength.utilisation`."""
-        return strength.utilisation(self.graph, self.wrenches())
-
-    def unbalanced(self) -> np.ndarray:
-        """List the parts whose nodal residual exceeds the tolerance."""
-        size = pcg.residual_sizes(self._residual, self.graph.reach)
-        return np.flatnonzero((size > self.tolerance) & self.supported)
-
-    def adrift(self) -> np.ndarray:
-        """List the parts displaced by more than 25 cm."""
-        far = np.abs(self.displacement[:-1, :3]) > _ADRIFT
-        return np.flatnonzero(far.any(axis=1)) if far.any() else np.zeros(0, np.intp)
+    def _rewind(self) -> None:
+        """Return to the displacements of the last equilibrium."""
+        graph = self.graph
+        self.displacement[:-1] = np.where(self.supported[:, None], self._calm[:-1], 0.0)
+        self._residual = self._weight + self._given + self._sudden
+        whole = np.flatnonzero(graph.alive & ~graph.cracked)
+        links.add_pulls(whole, graph.links, graph.first, graph.second, self.displacement,
+                        self._residual, 1.0)
+        rows = np.flatnonzero(graph.cracked)
+        self._joints.add_forces(rows, self.displacement, self._residual, 1.0)
+        self._joints.linearise(rows, self.displacement, self._residual)
+        self._residual[:-1][~self.supported] = 0.0
+        self._residual[-1] = 0.0
+        self._joints.soften(rows)
 
     def mechanisms(self) -> np.ndarray:
         """
@@ -344,13 +441,7 @@ class StressSolver:
         Converged, these are the parts displaced by more than 25 cm; otherwise the parts still
         unbalanced when the iterations since the last change have run out of patience.
         """
-        if self.converged:
-            return self.adrift()
+        adrift = self.adrift()
+        if self.converged or self._begun and self._step.curved and len(adrift):
+            return adrift
         return self.unbalanced() if self._patience >= _PATIENCE else np.zeros(0, np.intp)
-
-
-def _grouped(rows: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sort rows by their labels, and give the start of each label's rows, with the end."""
-    order = np.argsort(labels, kind='stable')
-    cuts = np.flatnonzero(np.diff(labels[order])) + 1
-    return rows[order], np.concatenate([[0], cuts, [len(rows)]] if len(rows) else [[0]])

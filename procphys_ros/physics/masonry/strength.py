@@ -40,6 +40,7 @@ from procphys_ros.physics.masonry.graph import BondGraph, HUB, Patches
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
 _HOPELESS = 3.0     # utilisation that the breaking of others elsewhere will not bring below 1
 _LIGAMENT = 0.05    # least share of the whole side that may stay closed: less crushes away
+_BLOCK = 1e-3       # least side of the block that bears a resultant on the edge, of the patch
 _MARGIN = 0.95      # of the side that balances the resultant: utilisation 0.9 once opened
 
 
@@ -54,11 +55,30 @@ class Cause(IntEnum):
 
 
 @kernel
-def _utilise(alive, wrench, area, extent, tension, cohesion, friction, compression, out, cause):
+def _crush(wrench, extent, compression):
+    """
+    Compare the pressure of a cracked joint with what the block around its resultant bears.
+
+    The block is rectangular, uniformly stressed and centred on the resultant (EN 1996-1-1, 6.1.2).
+    """
+    if not wrench[2] < 0.0:
+        return 0.0
+    length = max(extent[0] - 2.0 * abs(wrench[4] / wrench[2]), _BLOCK * extent[0])
+    width = max(extent[1] - 2.0 * abs(wrench[3] / wrench[2]), _BLOCK * extent[1])
+    return -wrench[2] / (compression * length * width)
+
+
+@kernel
+def _utilise(alive, cracked, wrench, area, extent, tension, cohesion, friction, compression, out,
+             cause):
     for m in range(len(alive)):
         out[m] = 0.0
         cause[m] = 0
         if not alive[m]:
+            continue
+        if cracked[m]:
+            out[m] = _crush(wrench[m], extent[m], compression[m])
+            cause[m] = 3 if out[m] > 0.0 else 0
             continue
         pull = wrench[m, 2] / area[m]
         press = max(-pull, 0.0)
@@ -89,8 +109,8 @@ def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.nd
     share = np.empty(len(graph))
     cause = np.empty(len(graph), np.uint8)
     mortar = graph.mortar
-    _utilise(graph.alive, wrench, graph.area, graph.extent, mortar.tension, mortar.cohesion,
-             mortar.friction, mortar.compression, share, cause)
+    _utilise(graph.alive, graph.cracked, wrench, graph.area, graph.extent, mortar.tension,
+             mortar.cohesion, mortar.friction, mortar.compression, share, cause)
     return share, cause
 
 

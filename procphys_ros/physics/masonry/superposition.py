@@ -33,15 +33,18 @@ class Superposition:
 
     def __init__(self) -> None:
         self._start: tuple[np.ndarray, np.ndarray] | None = None
-        self.forget(np.zeros(0, np.intp))
+        self.forget(np.zeros(0, np.intp), np.zeros(0, bool))
 
-    def forget(self, labels: np.ndarray) -> None:
+    def forget(self, labels: np.ndarray, straight: np.ndarray) -> None:
         """
         Drop all: the stiffness has changed.
 
         :param labels: which building each part belongs to, (N,).
+        :param straight: parts whose building answers loads in proportion, (N,) bool; nothing is
+            guessed for the others.
         """
         self._owner = np.append(labels, 0)  # the ground, which neither moves nor is loaded
+        self._straight = np.append(straight, True)[:, None]
         self._answers: list[np.ndarray] = []
         self._loads: list[np.ndarray] = []
         self._largest = np.zeros((len(self._owner), 1))  # energy of an answer, per building
@@ -61,7 +64,8 @@ class Superposition:
         :param change: of the load, (N + 1, 6).
         """
         if self._start is not None:
-            self._learn(displacement - self._start[0], self._start[1] - residual)
+            self._learn(self._straight * (displacement - self._start[0]),
+                        self._straight * (self._start[1] - residual))
         residual += change
         for answer, load in zip(self._answers, self._loads):
             share = self._work(answer, residual)

@@ -1,0 +1,344 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Kernels of cracked joints, see `joints`: their laws, tangents and motions."""
+
+import numpy as np
+
+from procphys_ros.compilation import kernel
+
+_TWIST = 0.27   # radius of friction against twist over the diagonal of the patch: that of a square
+#                 which slides as a whole, 0.3826 of its side
+
+
+@kernel(inline='always')
+def _edge(x0, y0, x1, y1, out):
+    """Add what one edge of a polygon gives to its area, first and second moments."""
+    c = x0 * y1 - x1 * y0
+    out[0] += 0.5 * c
+    out[1] += (x0 + x1) * c / 6.0
+    out[2] += (y0 + y1) * c / 6.0
+    out[3] += (x0 * x0 + x0 * x1 + x1 * x1) * c / 12.0
+    out[4] += (y0 * y0 + y0 * y1 + y1 * y1) * c / 12.0
+    out[5] += (x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0) * c / 24.0
+
+
+@kernel
+def pressed_moments(length, width, gap, tilt_x, tilt_y, out):
+    """
+    Integrate 1, x, y, x², y², xy over the part of a rectangle where gap + tilt_x·y - tilt_y·x < 0.
+
+    :param length, width: sides along x and y [m].
+    :param out: (6,).
+    """
+    out[:] = 0.0
+    a, b = 0.5 * length, 0.5 * width
+    x, y = -a, -b
+    w = gap + tilt_x * y - tilt_y * x
+    first = True
+    start_x, start_y, last_x, last_y = 0.0, 0.0, 0.0, 0.0
+    for k in range(4):
+        to_x = a if k < 2 else -a
+        to_y = b if k == 1 or k == 2 else -b
+        to_w = gap + tilt_x * to_y - tilt_y * to_x
+        for part in range(2):
+            if part == 0:
+                if not w < 0.0:
+                    continue
+                px, py = x, y
+            else:
+                if (w < 0.0) == (to_w < 0.0):
+                    continue
+                share = w / (w - to_w)
+                px, py = x + share * (to_x - x), y + share * (to_y - y)
+            if first:
+                start_x, start_y = px, py
+                first = False
+            else:
+                _edge(last_x, last_y, px, py, out)
+            last_x, last_y = px, py
+        x, y, w = to_x, to_y, to_w
+    if not first:
+        _edge(last_x, last_y, start_x, start_y, out)
+
+
+@kernel
+def _deltas(m, first, second, centroid, centre, axes, q, out):
+    """Write how the second part moves against the first at the centroid, bond frame, (6,)."""
+    i, j = first[m], second[m]
+    world = np.zeros(6)
+    for body, sign in ((i, -1.0), (j, 1.0)):
+        if body == len(centre):
+            continue
+        x, y, z = (centroid[m, 0] - centre[body, 0], centroid[m, 1] - centre[body, 1],
+                   centroid[m, 2] - centre[body, 2])
+        a, b, c = q[body, 3], q[body, 4], q[body, 5]
+        world[0] += sign * (q[body, 0] + b * z - c * y)
+        world[1] += sign * (q[body, 1] + c * x - a * z)
+        world[2] += sign * (q[body, 2] + a * y - b * x)
+        world[3] += sign * a
+        world[4] += sign * b
+        world[5] += sign * c
+    for c in range(3):
+        out[c] = (world[0] * axes[m, 0, c] + world[1] * axes[m, 1, c] + world[2] * axes[m, 2, c])
+        out[3 + c] = (world[3] * axes[m, 0, c] + world[4] * axes[m, 1, c]
+                      + world[5] * axes[m, 2, c])
+
+
+@kernel
+def _friction(m, d, shear, extent, middle, bound, slip, out):
+    """
+    Write the friction at the middle of the pressed part: Tx, Ty, Mz, and what slides of it.
+
+    :param shear: k_s·A [N/m].
+    :param out: forces (3,), then how much of the elastic stiffness the friction is, 1 sticks.
+    """
+    x, y = middle[m, 0], middle[m, 1]
+    radius = _TWIST * (extent[m, 0] ** 2 + extent[m, 1] ** 2) ** 0.5
+    turn = d[5] - slip[m, 2]
+    out[0] = shear * (d[0] - d[5] * y - (slip[m, 0] - slip[m, 2] * y))
+    out[1] = shear * (d[1] + d[5] * x - (slip[m, 1] + slip[m, 2] * x))
+    out[2] = shear * (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0 * turn
+    size = (out[0] ** 2 + out[1] ** 2 + (out[2] / radius) ** 2) ** 0.5
+    out[3] = 1.0
+    if size > bound[m]:
+        out[3] = bound[m] / size
+        out[0] *= out[3]
+        out[1] *= out[3]
+        out[2] *= out[3]
+
+
+@kernel
+def _normal(m, d, stiffness, extent, moments, out):
+    """Write the normal force and the bending moments about the centroid: Fz, Mx, My."""
+    pressed_moments(extent[m, 0], extent[m, 1], d[2], d[3], d[4], moments)
+    s, sx, sy, sxx, syy, sxy = moments
+    out[0] = stiffness * (d[2] * s + d[3] * sy - d[4] * sx)
+    out[1] = stiffness * (d[2] * sy + d[3] * syy - d[4] * sxy)
+    out[2] = -stiffness * (d[2] * sx + d[3] * sxy - d[4] * sxx)
+
+
+@kernel
+def _scatter(m, first, second, arm_first, arm_second, force, sign, out):
+    """Add a force and moment with which the second part pulls the first to both, world axes."""
+    for body, arm, s in ((first[m], arm_first, sign), (second[m], arm_second, -sign)):
+        out[body, 0] += s * force[0]
+        out[body, 1] += s * force[1]
+        out[body, 2] += s * force[2]
+        out[body, 3] += s * (force[3] + arm[1] * force[2] - arm[2] * force[1])
+        out[body, 4] += s * (force[4] + arm[2] * force[0] - arm[0] * force[2])
+        out[body, 5] += s * (force[5] + arm[0] * force[1] - arm[1] * force[0])
+
+
+@kernel
+def _model(m, links, bias, first, second, q, moved, force):
+    """Write the relative motion at the link's point and the force of the tangent, world axes."""
+    i, j = first[m], second[m]
+    for c in range(3):
+        k, n = (c + 1) % 3, (c + 2) % 3
+        moved[c] = (q[j, c] + q[j, 3 + k] * links[m, 3 + n] - q[j, 3 + n] * links[m, 3 + k]
+                    - q[i, c] - q[i, 3 + k] * links[m, n] + q[i, 3 + n] * links[m, k])
+        moved[3 + c] = q[j, 3 + c] - q[i, 3 + c]
+    for part in range(2):
+        s, k = 3 * part, 6 + 6 * part
+        x, y, z = moved[s], moved[s + 1], moved[s + 2]
+        force[s] = links[m, k] * x + links[m, k + 1] * y + links[m, k + 2] * z
+        force[s + 1] = links[m, k + 1] * x + links[m, k + 3] * y + links[m, k + 4] * z
+        force[s + 2] = links[m, k + 2] * x + links[m, k + 4] * y + links[m, k + 5] * z
+    for c in range(6):
+        force[c] += bias[m, c]
+
+
+@kernel
+def _turned(m, axes, local, world):
+    """Turn a force and a moment from the bond frame into world axes."""
+    for r in range(3):
+        world[r] = (axes[m, r, 0] * local[0] + axes[m, r, 1] * local[1] + axes[m, r, 2] * local[2])
+        world[3 + r] = (axes[m, r, 0] * local[3] + axes[m, r, 1] * local[4]
+                        + axes[m, r, 2] * local[5])
+
+
+@kernel
+def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear, friction, slip,
+              middle, bound, bias, links, grip, q, residual, shares, renew):
+    """
+    Put the tangents and biases of joints where the displacements are, and their forces.
+
+    :param normal, shear: stiffness of the whole patch, k·A [N/m], (M,).
+    :param middle, bound: of friction, renewed, (M, 2) [m], (M,) [N].
+    :param bias, links: renewed.
+    :param residual: takes the difference between old model and true force, (N + 1, 6).
+    :param shares: of the whole stiffness that tangents keep, (M,).
+    :param renew: whether the bounds of friction follow the pressure.
+    """
+    d, moments, whole = np.empty((3, 6))
+    n, t = np.empty(3), np.empty(4)
+    local, world, force, moved = np.empty((4, 6))
+    block, turn = np.empty((2, 3, 3))
+    for m in rows:
+        share = shares[m]
+        _model(m, links, bias, first, second, q, moved, force)
+        _scatter(m, first, second, links[m, 0:3], links[m, 3:6], force, -1.0, residual)
+        _deltas(m, first, second, centroid, centre, axes, q, d)
+        area = extent[m, 0] * extent[m, 1]
+        stiffness = normal[m] / area
+        _normal(m, d, stiffness, extent, moments, n)
+        if renew:
+            bound[m] = friction[m] * max(-n[0], 0.0)
+        whole[:] = 0.0
+        whole[0] = area
+        whole[3], whole[4] = area * extent[m, 0] ** 2 / 12.0, area * extent[m, 1] ** 2 / 12.0
+        for c in range(6):
+            moments[c] = (1.0 - share) * moments[c] + share * whole[c]
+        x, y = moments[1] / moments[0], moments[2] / moments[0]
+        middle[m, 0], middle[m, 1] = x, y
+        _friction(m, d, shear[m], extent, middle, bound, slip, t)
+        local[0], local[1], local[2] = t[0], t[1], n[0]
+        local[3], local[4], local[5] = n[1] - y * n[0], n[2] + x * n[0], t[2]
+        _turned(m, axes, local, world)
+        for c in range(3):
+            at = centroid[m, c] + axes[m, c, 0] * x + axes[m, c, 1] * y
+            links[m, c] = at - centre[first[m], c] if first[m] < len(centre) else 0.0
+            links[m, 3 + c] = at - centre[second[m], c] if second[m] < len(centre) else 0.0
+        _scatter(m, first, second, links[m, 0:3], links[m, 3:6], world, 1.0, residual)
+        block[:] = 0.0
+        slides = shear[m] * max(t[3], share)
+        size = (t[0] ** 2 + t[1] ** 2) ** 0.5
+        for r in range(2):
+            block[r, r] = slides
+            for c in range(2):
+                if t[3] < 1.0 and size > 0.0:
+                    block[r, c] -= (1.0 - share) * slides * t[r] * t[c] / size ** 2
+        block[2, 2] = stiffness * moments[0]
+        turn[:] = 0.0
+        turn[0, 0] = stiffness * (moments[4] - moments[0] * y * y)
+        turn[1, 1] = stiffness * (moments[3] - moments[0] * x * x)
+        turn[0, 1] = turn[1, 0] = -stiffness * (moments[5] - moments[0] * x * y)
+        grip[m] = min(turn[0, 0] / (stiffness * whole[4]), turn[1, 1] / (stiffness * whole[3]),
+                      max(t[3], share))
+        turn[2, 2] = slides * (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0
+        for start, part in ((6, block), (12, turn)):
+            k = start
+            for r in range(3):
+                for c in range(r, 3):
+                    total = 0.0
+                    for g in range(3):
+                        for h in range(3):
+                            total += axes[m, r, g] * part[g, h] * axes[m, c, h]
+                    links[m, k] = total
+                    k += 1
+        bias[m] = 0.0
+        _model(m, links, bias, first, second, q, moved, force)
+        for c in range(6):
+            bias[m, c] = world[c] - force[c]
+
+
+@kernel
+def power(rows, label, first, second, centroid, centre, axes, extent, normal, shear, slip, middle,
+          bound, bias, links, base, step, reach, out):
+    """
+    Give what the true forces do on a step beyond what the model does, island by island.
+
+    :param label: island of each row, (K,).
+    :param base, step: displacements and their change, (N + 1, 6).
+    :param reach: how much of the step has been made, (I,).
+    :param out: power [J], (I,), written.
+    """
+    d, e, moments = np.empty((3, 6))
+    n, t = np.empty(3), np.empty(4)
+    moved, rate, force, start = np.empty((4, 6))
+    out[:] = 0.0
+    for k in range(len(rows)):
+        m = rows[k]
+        part = reach[label[k]]
+        _deltas(m, first, second, centroid, centre, axes, base, d)
+        _deltas(m, first, second, centroid, centre, axes, step, e)
+        for c in range(6):
+            d[c] += part * e[c]
+        _normal(m, d, normal[m] / (extent[m, 0] * extent[m, 1]), extent, moments, n)
+        _friction(m, d, shear[m], extent, middle, bound, slip, t)
+        x, y = middle[m, 0], middle[m, 1]
+        out[label[k]] += (t[0] * (e[0] - e[5] * y) + t[1] * (e[1] + e[5] * x) + t[2] * e[5]
+                          + n[0] * e[2] + n[1] * e[3] + n[2] * e[4])
+        _model(m, links, bias, first, second, base, moved, start)
+        _model(m, links, bias, first, second, step, rate, force)
+        for c in range(6):
+            out[label[k]] -= (start[c] + part * (force[c] - bias[m, c])) * rate[c]
+
+
+@kernel
+def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid, moved):
+    """
+    Write how far joints open at their widest corner, and slide, and their parts move there [m].
+
+    :param gap, slid, moved: (K,) each, written.
+    """
+    d = np.empty(6)
+    for k in range(len(rows)):
+        m = rows[k]
+        _deltas(m, first, second, centroid, centre, axes, q, d)
+        gap[k] = d[2] + 0.5 * (abs(d[3]) * extent[m, 1] + abs(d[4]) * extent[m, 0])
+        slid[k] = (d[0] ** 2 + d[1] ** 2) ** 0.5 + abs(d[5]) * 0.5 * extent[m].max()
+        moved[k] = 0.0
+        for body in (first[m], second[m]):
+            if body < len(centre):
+                x, y, z = (centroid[m, 0] - centre[body, 0], centroid[m, 1] - centre[body, 1],
+                           centroid[m, 2] - centre[body, 2])
+                a, b, c = q[body, 3], q[body, 4], q[body, 5]
+                far = ((q[body, 0] + b * z - c * y) ** 2 + (q[body, 1] + c * x - a * z) ** 2
+                       + (q[body, 2] + a * y - b * x) ** 2) ** 0.5
+                moved[k] = max(moved[k], far)
+
+
+@kernel
+def settle(rows, first, second, centroid, centre, axes, extent, shear, slip, middle, bound, q):
+    """Make lasting what has slid: the elastic part of friction stays what it is."""
+    d, t = np.empty(6), np.empty(4)
+    for m in rows:
+        _deltas(m, first, second, centroid, centre, axes, q, d)
+        _friction(m, d, shear[m], extent, middle, bound, slip, t)
+        if t[3] < 1.0:
+            x, y = middle[m, 0], middle[m, 1]
+            square = (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0
+            slip[m, 2] = d[5] - t[2] / (shear[m] * square)
+            slip[m, 0] = d[0] - d[5] * y - t[0] / shear[m] + slip[m, 2] * y
+            slip[m, 1] = d[1] + d[5] * x - t[1] / shear[m] - slip[m, 2] * x
+
+
+@kernel
+def add_forces(rows, first, second, bias, links, q, out, sign):
+    """Add sign times what joints pull with, by their tangents and biases, to the parts."""
+    moved, force = np.empty((2, 6))
+    for m in rows:
+        _model(m, links, bias, first, second, q, moved, force)
+        _scatter(m, first, second, links[m, 0:3], links[m, 3:6], force, sign, out)
+
+
+@kernel
+def wrenches(rows, first, second, axes, middle, bias, links, q, out):
+    """Write force and moment about the centroid with which second pulls first, bond frame."""
+    moved, force = np.empty((2, 6))
+    for k in range(len(rows)):
+        m = rows[k]
+        _model(m, links, bias, first, second, q, moved, force)
+        for c in range(3):
+            out[k, c] = out[k, 3 + c] = 0.0
+            for r in range(3):
+                out[k, c] += axes[m, r, c] * force[r]
+                out[k, 3 + c] += axes[m, r, c] * force[3 + r]
+        x, y = middle[m, 0], middle[m, 1]
+        out[k, 3] += y * out[k, 2]
+        out[k, 4] -= x * out[k, 2]
+        out[k, 5] += x * out[k, 1] - y * out[k, 0]

@@ -1,0 +1,152 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Cracked joints: beds of springs that press and rub, but do not pull.
+
+The normal law is exact for rigid parts: pressure k·w wherever the faces overlap by w, integrated
+over the pressed part of the rectangle, which the straight line w = 0 bounds. So a joint opens and
+closes without a trace, and its resultant comes as near to an edge as the load asks. Friction is
+that of Coulomb with a bound from the last pressure, elastic up to it (return mapping; Simo &
+Hughes 1998, Computational Inelasticity, 2.2), about the middle of the pressed part; what slid
+stays slid.
+
+For the solver every joint is, at any moment, a link with a bias: its tangent, and what the true
+force is besides. Where a joint is open or slides the tangent vanishes; a small share of the whole
+stiffness stands in for it, which slows motions that nothing holds, and forces not at all.
+"""
+
+import numpy as np
+
+from procphys_ros.physics.masonry import joint_kernels
+from procphys_ros.physics.masonry.graph import BondGraph
+
+_SHARE = 1e-3        # of the whole stiffness: what tangents of open joints keep at first, ...
+_LEAST_SHARE = 1e-7  # ... and at last
+_SHORT, _LONG = 0.3, 0.9         # reach of steps that promised too much, and that were right
+_STIFFEST, _SOFTER = 1e4, 0.1    # change of the share after these
+_HINGE = 0.1         # of the motion of its parts: a joint that opens or slides faster is a hinge
+_PLAY = 0.02         # of the motion of the fastest part: slower joints are not, whatever moves
+
+
+class CrackedJoints:
+    """
+    The joints of a graph that have cracked: their friction, tangents and biases.
+
+    :param graph: the bonds; links and grip of the cracked ones are renewed here.
+    """
+
+    def __init__(self, graph: BondGraph):
+        self.graph = graph
+        count = len(graph)
+        self._bias = np.zeros((count, 6))    # of the link about its point, world [N, N·m]
+        self._slip = np.zeros((count, 3))    # along x, y and about z of the bond frame [m, rad]
+        self._middle = np.zeros((count, 2))  # of the pressed part, where friction acts [m]
+        self._bound = np.zeros(count)        # of friction [N]
+        self._share = np.full(count, _SHARE)
+        self._normal = np.ascontiguousarray(graph.spring[:, 2])
+        self._shear = np.ascontiguousarray(graph.spring[:, 0])
+
+    def reset(self) -> None:
+        """Forget everything: no bond has cracked."""
+        for array in (self._bias, self._slip, self._middle, self._bound):
+            array[:] = 0.0
+        self._share[:] = _SHARE
+
+    @property
+    def _geometry(self) -> tuple[np.ndarray, ...]:
+        graph = self.graph
+        return graph.first, graph.second, graph.centroid, graph.centre, graph.axes, graph.extent
+
+    def linearise(self, rows: np.ndarray, displacement: np.ndarray, residual: np.ndarray,
+                  renew: bool = True) -> None:
+        """
+        Put the tangents of joints where the displacements are.
+
+        :param rows: of the graph, (K,).
+        :param displacement: of the parts [m, rad], (N + 1, 6).
+        :param residual: takes what the true forces differ by from the model that was
+            [N, N·m], (N + 1, 6).
+        :param renew: whether the bound of friction follows the pressure; while it stays, forces
+            have an energy, and steps that lessen it lead somewhere.
+        """
+        graph = self.graph
+        joint_kernels.linearise(
+            rows, *self._geometry, self._normal, self._shear, graph.mortar.friction, self._slip,
+            self._middle, self._bound, self._bias, graph.links, graph.grip, displacement,
+            residual, self._share, renew)
+
+    def damp(self, rows: np.ndarray, reach: np.ndarray) -> None:
+        """Stiffen or soften tangents after steps that went so far of what they promised, (K,)."""
+        factor = np.where(reach < _SHORT, np.clip(_SHORT / reach, 1.0 / _SOFTER, _STIFFEST),
+                          np.where(reach > _LONG, _SOFTER, 1.0))
+        self._share[rows] = np.clip(factor * self._share[rows], _LEAST_SHARE, 1.0)
+
+    def soften(self, rows: np.ndarray) -> None:
+        """Give tangents the share of the stiffness that they start with."""
+        self._share[rows] = _SHARE
+
+    def power(self, rows: np.ndarray, label: np.ndarray, start: np.ndarray, step: np.ndarray,
+              reach: np.ndarray) -> np.ndarray:
+        """
+        Give what the true forces do on a step beyond what their tangents do.
+
+        :param label: island of each row, (K,).
+        :param start, step: displacements and their change, (N + 1, 6).
+        :param reach: how much of the step each island has made, (I,).
+        :returns: per unit of reach [J], (I,).
+        """
+        out = np.empty(len(reach))
+        joint_kernels.power(
+            rows, label, *self._geometry, self._normal, self._shear, self._slip, self._middle,
+            self._bound, self._bias, self.graph.links, start, step, reach, out)
+        return out
+
+    def hinges(self, rows: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        """
+        Choose the joints that open or slide in a motion of the parts, rather than move along.
+
+        :param motion: of the parts [m, rad], (N + 1, 6).
+        :returns: rows.
+        """
+        gap, slid, moved = np.empty((3, len(rows)))
+        joint_kernels.motions(rows, *self._geometry, motion, gap, slid, moved)
+        relative = np.maximum(gap, slid)
+        return rows[(relative > _HINGE * moved) & (relative > _PLAY * np.abs(motion[:, :3]).max())]
+
+    def openings(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+        """Give how far joints are open at their widest corner [m], (K,)."""
+        gap, slid, moved = np.empty((3, len(rows)))
+        joint_kernels.motions(rows, *self._geometry, displacement, gap, slid, moved)
+        return np.maximum(gap, 0.0)
+
+    def settle(self, rows: np.ndarray, displacement: np.ndarray) -> None:
+        """Make lasting what has slid."""
+        joint_kernels.settle(rows, *self._geometry, self._shear, self._slip, self._middle,
+                             self._bound, displacement)
+
+    def wrenches(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+        """Give force and moment with which the second part pulls the first, bond frame, (K, 6)."""
+        graph, out = self.graph, np.empty((len(rows), 6))
+        joint_kernels.wrenches(rows, graph.first, graph.second, graph.axes, self._middle,
+                               self._bias, graph.links, displacement, out)
+        return out
+
+    def add_forces(self, rows: np.ndarray, displacement: np.ndarray, out: np.ndarray,
+                   sign: float) -> None:
+        """Add sign times the forces of joints to the parts, (N + 1, 6)."""
+        graph = self.graph
+        joint_kernels.add_forces(rows, graph.first, graph.second, self._bias, graph.links,
+                                 displacement, out, sign)

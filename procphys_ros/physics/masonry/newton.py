@@ -1,0 +1,137 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Steps of Newton's method over cracked joints: their goals, how far they go, what they learn."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from procphys_ros.physics.masonry.joints import CrackedJoints
+
+_FORCING = 0.1    # of the residual at its start: what a step solves its tangents to
+_ITERATIONS = 60  # of conjugate gradients per step: the tangents are out of date by then
+_AGREES = 0.3     # of the first power: what true forces may do or take back at the end of a step
+_TRIES = 40       # to find that end
+_FURTHEST = 0.5   # [m] that a part moves in one step: what gets there is a mechanism
+
+
+class Step:
+    """
+    One step from a state whose true forces and tangents are known.
+
+    Inexact Newton with a line search on a convex energy (Nocedal & Wright 2006, Numerical
+    Optimization, 3.5 and 7.1), each island of bonds for itself: the work of the true forces along
+    the step falls steadily, and the step ends where it is used up. Where that is much earlier than
+    the tangents promised, they get stiffer (`CrackedJoints.damp`), as in Levenberg's and
+    Marquardt's method; where they were right, softer, so that hinges move freely in the end.
+
+    :param rows: cracked joints of the islands out of equilibrium, (K,); none if all is linear.
+    :param displacement, residual: at the start, (N + 1, 6).
+    :param size: largest nodal residual there [N].
+
+    :ivar rows: the same.
+    :ivar goal: largest nodal residual to which the tangents are to be solved [N].
+    :ivar left: iterations that may still be spent.
+    :ivar fresh: whether nothing has moved since the start.
+    """
+
+    def __init__(self, rows: np.ndarray, displacement: np.ndarray, residual: np.ndarray,
+                 size: float):
+        self.rows = rows
+        self.goal = _FORCING * size
+        self.fresh = True
+        self.left = _ITERATIONS if self.curved else np.iinfo(np.int64).max
+        self._start = (displacement.copy(), residual.copy()) if self.curved else None
+
+    @classmethod
+    def straight(cls) -> 'Step':
+        """Give the one step of what is linear: it needs no end."""
+        none = np.zeros((0, 6))
+        return cls(np.zeros(0, np.intp), none, none, 0.0)
+
+    @property
+    def curved(self) -> bool:
+        """Say whether there are joints whose tangents change on the way."""
+        return len(self.rows) > 0
+
+    def spend(self, iterations: int) -> None:
+        """Take note of iterations done."""
+        if self.curved and iterations:
+            self.fresh = False
+            self.left -= iterations
+
+    def finish(self, displacement: np.ndarray, residual: np.ndarray, parts: np.ndarray,
+               part: np.ndarray, bonds: np.ndarray, bond: np.ndarray,
+               joints: CrackedJoints) -> np.ndarray:
+        """
+        Move to where the step ends.
+
+        :param displacement, residual: at the end as the tangents have it; changed in place.
+        :param parts, part: of the islands, and where those of each island start.
+        :param bonds, bond: the same for bonds; the cracked ones are `rows`.
+        :param joints: laws of the joints.
+        :returns: what the parts have moved by, (N + 1, 6).
+        """
+        assert self._start is not None
+        start, before = self._start
+        step = displacement - start
+        count = len(part) - 1
+        owner = np.repeat(np.arange(count), np.diff(part))
+        label = np.repeat(np.arange(count), np.diff(bond))[joints.graph.cracked[bonds]]
+        first = np.bincount(owner, (before[parts] * step[parts]).sum(axis=1), count)
+        last = np.bincount(owner, (residual[parts] * step[parts]).sum(axis=1), count)
+        far = np.full(count, 1e-12)
+        np.maximum.at(far, owner, np.abs(step[parts, :3]).max(axis=1))
+
+        def work(reach: np.ndarray) -> np.ndarray:
+            return ((1.0 - reach) * first + reach * last
+                    - joints.power(self.rows, label, start, step, reach))
+
+        reach = np.minimum(_reach(work, first, np.maximum(_FURTHEST / far, 1.0)), _FURTHEST / far)
+        joints.damp(self.rows, reach[label])
+        each = reach[owner][:, None]
+        step[parts] *= each
+        displacement[parts] = start[parts] + step[parts]
+        residual[parts] += (1.0 - each) * (before[parts] - residual[parts])
+        return step
+
+
+def _reach(work: Callable[[np.ndarray], np.ndarray], first: np.ndarray,
+           most: np.ndarray) -> np.ndarray:
+    """
+    Find how far to go: doubling while much work is left, regula falsi once there is too little.
+
+    :param work: of the true forces per unit of the step at some reach, island by island.
+    :param first: the same at reach 0, (I,).
+    :param most: largest reach, (I,).
+    """
+    reach = np.ones(len(first))
+    low, low_work = np.zeros(len(first)), first.copy()
+    high, high_work = np.full(len(first), np.inf), np.zeros(len(first))
+    for _ in range(_TRIES):
+        now = work(reach)
+        ahead, beyond = now > _AGREES * first, now < -_AGREES * first
+        low, low_work = np.where(ahead, reach, low), np.where(ahead, now, low_work)
+        high, high_work = np.where(beyond, reach, high), np.where(beyond, now, high_work)
+        go_on = (ahead & (reach < most)) | beyond
+        if not go_on.any():
+            break
+        bounded = np.isfinite(high)
+        share = np.clip(low_work / np.where(bounded, low_work - high_work, 1.0), 0.1, 0.9)
+        with np.errstate(invalid='ignore'):
+            between = np.where(bounded, low + share * (high - low), np.minimum(2 * reach, most))
+        reach = np.where(go_on, between, reach)
+    return reach

@@ -1,0 +1,183 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Joints that crack, open, slide and close: walls, arches, hinges, against limit analysis."""
+
+from masonry_walls import blueprint, bonded, wall
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+from scipy.spatial.transform import Rotation
+
+from procphys_ros.physics.masonry import BondGraph, Cracking, StressSolver
+
+G = 9.81  # [m/s²]
+THICKNESS = 0.1025  # [m]
+
+
+def start(plan, **kwargs):
+    """Build graph, solver and the law of cracking."""
+    return Cracking(StressSolver(BondGraph(plan), **kwargs))
+
+
+def stands(cracking, limit=6000):
+    """Advance until nothing more cracks; say whether all parts stand."""
+    cracking.advance(limit)
+    assert cracking.stable
+    return bool(cracking.solver.supported.all())
+
+
+def tipping(plan):
+    """Give the pressure at which a wall turns about its foot [Pa], and forces at 1 Pa."""
+    face = plan.size[:, 0] * plan.size[:, 2]
+    moment = (face * plan.poses[:, 2]).sum()
+    force = np.zeros((len(plan), 3))
+    force[:, 1] = face
+    return 0.5 * THICKNESS * G * plan.mass.sum() / moment, force
+
+
+@pytest.mark.parametrize('courses', [10, 20, 33])
+def test_dry_running_bond_overturns_at_its_weight_over_its_height(courses):
+    """Push dry brick walls to within 3 % of the moment of their weight about the edge."""
+    plan = wall(8, courses, tension=0.0, cohesion=0.0)
+    pressure, force = tipping(plan)
+    for share, holds in ((0.97, True), (1.03, False)):
+        cracking = start(plan)
+        cracking.solver.set_loads(share * pressure * force)
+        assert stands(cracking) == holds
+
+
+@pytest.mark.parametrize('share', [0.5, 0.7, 0.9])
+def test_a_cracked_wall_pushed_and_let_go_closes_again(share):
+    """Crack a wall, push it to and fro, let go: it stands, its joints closed, nothing moved."""
+    plan = wall(8, 20, tension=0.0, cohesion=0.0)
+    pressure, force = tipping(plan)
+    cracking = start(plan, tolerance=0.02)
+    assert stands(cracking)
+    rest = cracking.solver.displacement.copy()
+    widest = []
+    for sign in (1.0, -1.0, 1.0, -1.0, 0.0):
+        cracking.solver.set_loads(sign * share * pressure * force)
+        assert stands(cracking)
+        widest.append(cracking.solver.openings().max())
+    assert widest[-1] < 0.01 * max(widest[:-1])
+    moved = np.abs(cracking.solver.displacement - rest)[:, :3].max()
+    assert moved < 1e-6
+    cracking.solver.set_loads(1.05 * pressure * force)
+    assert not stands(cracking)
+
+
+def arch(count, ratio, radius=1.0, breadth=0.2):
+    """Build a dry semicircular arch: weights of true voussoirs, joints at true places."""
+    thickness, angle = ratio * radius, np.pi / count
+    inner, outer = radius - thickness / 2, radius + thickness / 2
+    area = 0.5 * (outer ** 2 - inner ** 2) * angle
+    reach = (2 / 3 * (outer ** 3 - inner ** 3) / (outer ** 2 - inner ** 2)
+             * np.sin(angle / 2) / (angle / 2))
+    middle = np.pi - (np.arange(count) + 0.5) * angle
+    at = np.pi - np.arange(count + 1) * angle
+    outward = np.column_stack([np.cos(at), np.zeros(count + 1), np.sin(at)])
+    along = np.column_stack([np.sin(at), np.zeros(count + 1), -np.cos(at)])
+    axes = np.stack([outward, np.cross(along, outward), along], axis=2)
+    return blueprint(
+        reach * np.column_stack([np.cos(middle), np.zeros(count), np.sin(middle)]),
+        np.tile([thickness, breadth, area / thickness], (count, 1)),
+        np.column_stack([np.arange(-1, count), [*range(count), -1]]),
+        np.hstack([radius * outward, Rotation.from_matrix(axes).as_quat()]),
+        np.tile([thickness, breadth], (count + 1, 1)), tension=0.0, cohesion=0.0, friction=0.7)
+
+
+def admissible(plan, friction=0.7):
+    """Say whether pressures at the edges of the joints, and friction, can carry an arch (LP)."""
+    count = len(plan)
+    axes = Rotation.from_quat(plan.bond_frame[:, 3:]).as_matrix()
+    half = 0.5 * plan.bond_extent[:, 0]
+    balance = np.zeros((3 * count, 3 * (count + 1)))
+    limit = np.zeros((2 * (count + 1), 3 * (count + 1)))
+    for k, (first, second) in enumerate(plan.bonds):
+        edge, normal = axes[k][:, 0], axes[k][:, 2]
+        for body, sign in ((first, -1.0), (second, 1.0)):
+            for column, (force, shift) in enumerate(((normal, -1.0), (normal, 1.0), (edge, 0.0))):
+                if body < 0:
+                    continue
+                arm = plan.bond_frame[k, :3] + shift * half[k] * edge - plan.poses[body, :3]
+                balance[3 * body:3 * body + 3, 3 * k + column] = sign * np.array(
+                    [force[0], force[2], arm[2] * force[0] - arm[0] * force[2]])
+        limit[2 * k:2 * k + 2, 3 * k:3 * k + 3] = [[-friction, -friction, 1.0],
+                                                   [-friction, -friction, -1.0]]
+    load = np.zeros(3 * count)
+    load[1::3] = plan.mass * G
+    found = linprog(np.zeros(balance.shape[1]), A_ub=limit, b_ub=np.zeros(len(limit)),
+                    A_eq=balance, b_eq=load, bounds=[(0, None), (0, None), (None, None)]
+                    * (count + 1), method='highs')
+    return found.status == 0
+
+
+def least_thickness(count):
+    """Find the least t/R of an arch by limit analysis, to 0.1 %."""
+    low, high = 0.09, 0.13
+    while high - low > 1e-4:
+        ratio = 0.5 * (low + high)
+        low, high = (low, ratio) if admissible(arch(count, ratio)) else (ratio, high)
+    return high
+
+
+@pytest.mark.parametrize('count', [12, 24, 48])
+def test_dry_arches_stand_down_to_the_thickness_of_limit_analysis(count):
+    """Stand 3 % above the least t/R that linear programming finds, and fall 3 % below."""
+    least = least_thickness(count)
+    assert 0.104 < least < 0.1085  # 0.1075 for thin voussoirs
+    assert stands(start(arch(count, 1.03 * least)))
+    assert not stands(start(arch(count, 0.97 * least)))
+
+
+@pytest.mark.parametrize(('slope', 'holds'), [(0.68, True), (0.72, False)])
+def test_a_cracked_joint_slides_beyond_its_friction(slope, holds):
+    """Push a dry block sideways to just below and above its friction of 0.7."""
+    plan = bonded([[0, 0, 0.05]], [[0.4, 0.4, 0.1]], tension=0.0, cohesion=0.0)
+    cracking = start(plan, tolerance=0.1)
+    cracking.solver.set_loads([[slope * plan.mass[0] * G, 0, 0]])
+    assert stands(cracking) == holds
+
+
+def test_a_cracked_joint_presses_at_the_resultant():
+    """Load a cracked bed off its middle: its pressure balances the load, and opens the bed."""
+    plan = bonded([[0, 0, 0.05]], [[0.2, 0.2, 0.1]], tension=0.0, cohesion=0.0)
+    cracking = start(plan, tolerance=1e-6)
+    push, lever = 1000.0, 0.07
+    cracking.solver.set_loads([[0, 0, -push]], [[0, push * lever, 0]])
+    assert stands(cracking)
+    solver, wrench = cracking.solver, cracking.solver.wrenches()[0]
+    total = push + plan.mass[0] * G
+    assert -wrench[2] == pytest.approx(total, rel=1e-6)
+    assert wrench[4] == pytest.approx(push * lever, rel=1e-6)
+    assert solver.graph.cracked[0]
+    # Pressed over 3·(a/2 - e): the face turns about the end of that.
+    pressed = 3.0 * (0.1 - push * lever / total)
+    turn = abs(solver.displacement[0, 4])
+    assert solver.openings()[0] == pytest.approx(turn * (0.2 - pressed), rel=1e-3)
+
+
+def test_small_pieces_of_work_crack_the_same_joints():
+    """Advance at once and seven iterations at a time: bit for bit the same wall."""
+    plan = wall(8, 10, tension=0.0, cohesion=0.0)
+    pressure, force = tipping(plan)
+    runs = []
+    for share in (6000, 7):
+        cracking = start(plan)
+        cracking.solver.set_loads(0.9 * pressure * force)
+        while not cracking.stable:
+            cracking.advance(share)
+        runs.append(cracking.solver.displacement.copy())
+    np.testing.assert_array_equal(*runs)
