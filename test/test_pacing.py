@@ -19,8 +19,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from procphys_ros.ros.newcomers import Newcomers
-from procphys_ros.ros.pacing import Beat, Pacer, Speedometer
+from procphys_ros.ros.late_joiners import LateJoinerTracker
+from procphys_ros.ros.pacing import Pacer, RateLimiter, Speedometer
 
 STEP = 1 / 60
 TICK = 1 / 30
@@ -105,30 +105,30 @@ def test_as_fast_as_possible_fills_the_budget_only():
 def test_beat_keeps_its_rate_and_makes_up_for_nothing():
     """Be due once a period, however often it is asked, and once after a standstill."""
     clock = FakeClock()
-    beat = Beat(10.0, clock=clock)
+    limiter = RateLimiter(10.0, clock=clock)
     due = 0
     for _ in range(1000):
         clock.now += 0.01
-        due += beat.is_due()
+        due += limiter.is_due()
     assert due == pytest.approx(100, abs=1)
     clock.now += 60.0
-    assert [beat.is_due() for _ in range(3)] == [True, False, False]
-    assert beat.wait == pytest.approx(0.1)
-    beat.rate = 1000.0
-    assert beat.wait == pytest.approx(0.001)
+    assert [limiter.is_due() for _ in range(3)] == [True, False, False]
+    assert limiter.wait == pytest.approx(0.1)
+    limiter.rate = 1000.0
+    assert limiter.wait == pytest.approx(0.001)
 
 
 def test_newcomers_are_told_at_once_and_twice_more():
     """Tell all to who comes, also when another goes then, and nothing to who only goes."""
     clock = FakeClock()
-    newcomers = Newcomers(clock)
-    assert not newcomers.are_waiting()
-    newcomers.note(SimpleNamespace(total_count_change=0, current_count_change=-1))
-    assert not newcomers.are_waiting()
-    newcomers.note(SimpleNamespace(total_count_change=1, current_count_change=0))
-    assert [newcomers.are_waiting() for _ in range(2)] == [True, False]
+    tracker = LateJoinerTracker(clock)
+    assert not tracker.are_waiting()
+    tracker.note(SimpleNamespace(total_count_change=0, current_count_change=-1))
+    assert not tracker.are_waiting()
+    tracker.note(SimpleNamespace(total_count_change=1, current_count_change=0))
+    assert [tracker.are_waiting() for _ in range(2)] == [True, False]
     told = []
     for _ in range(600):
         clock.now += TICK
-        told += [clock.now] if newcomers.are_waiting() else []
+        told += [clock.now] if tracker.are_waiting() else []
     assert told == pytest.approx([101.0, 105.0], abs=TICK)

@@ -24,7 +24,7 @@ import pytest
 from procphys_ros.errors import CommandError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.ros import simulation_interfaces
-from procphys_ros.ros.simulation_interfaces import Desk, FEATURES
+from procphys_ros.ros.simulation_interfaces import FEATURES, SimulationInterfacesServer
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
@@ -96,20 +96,20 @@ class Session:
 
 
 @pytest.fixture
-def desk():
-    """Give a desk whose commands are carried out at once."""
+def server():
+    """Give a server whose commands are carried out at once."""
     async def ask(name, prepare):
         try:
             return True, prepare()()
         except CommandError as error:
             return False, str(error)
     session = Session()
-    made = Desk(TYPES, ask, session, 'world')
+    made = SimulationInterfacesServer(TYPES, ask, session, 'world')
     made.session = session
     return made
 
 
-def call(desk, name, **fields):
+def call(server, name, **fields):
     """Send a request and give the response."""
     request = REQUEST()
     for path, value in fields.items():
@@ -118,53 +118,53 @@ def call(desk, name, **fields):
         for step in inner:
             target = getattr(target, step)
         setattr(target, last, value)
-    return asyncio.run(getattr(desk, name)(request, RESPONSE()))
+    return asyncio.run(getattr(server, name)(request, RESPONSE()))
 
 
-def test_features_are_those_that_the_package_knows(desk):
+def test_features_are_those_that_the_package_knows(server):
     """List what is offered, but for what the package at hand has no number for."""
-    features = call(desk, 'get_simulator_features').features.features
+    features = call(server, 'get_simulator_features').features.features
     assert len(features) == len(FEATURES) - 1 and len(set(features)) == len(features)
 
 
-def test_features_are_those_of_the_services_that_are_there(desk):
+def test_features_are_those_of_the_services_that_are_there(server):
     """List nothing of services that the package at hand does not define."""
-    desk._offered = ['reset_simulation', 'get_entities']
-    features = call(desk, 'get_simulator_features').features.features
+    server._offered = ['reset_simulation', 'get_entities']
+    features = call(server, 'get_simulator_features').features.features
     assert features == [KNOWN.ENTITY_BOUNDS_BOX, KNOWN.ENTITY_CATEGORIES, KNOWN.SIMULATION_RESET]
 
 
-def test_states_follow_each_other(desk):
+def test_states_follow_each_other(server):
     """Play, pause, step, stop; what is so already, and what cannot be, is said."""
     def state():
-        return call(desk, 'get_simulation_state').state.state
+        return call(server, 'get_simulation_state').state.state
 
     def change(to):
-        answer = call(desk, 'set_simulation_state', state__state=to).result
+        answer = call(server, 'set_simulation_state', state__state=to).result
         return answer.result, answer.error_message
     assert state() == STATE.STATE_PLAYING
     assert change(STATE.STATE_PLAYING)[0] == 101
-    assert call(desk, 'step_simulation', steps=1).result.result == RESULT.RESULT_INCORRECT_STATE
-    desk.session.simulation.step()
+    assert call(server, 'step_simulation', steps=1).result.result == RESULT.RESULT_INCORRECT_STATE
+    server.session.simulation.step()
     assert change(STATE.STATE_PAUSED) == (1, '') and state() == STATE.STATE_PAUSED
-    assert call(desk, 'step_simulation', steps=5).result.result == RESULT.RESULT_OK
-    assert desk.session.simulation.time == pytest.approx(6 / 60)
+    assert call(server, 'step_simulation', steps=5).result.result == RESULT.RESULT_OK
+    assert server.session.simulation.time == pytest.approx(6 / 60)
     assert change(STATE.STATE_STOPPED) == (1, '') and state() == STATE.STATE_STOPPED
-    assert desk.session.simulation.time == 0.0 and desk.session.paused
+    assert server.session.simulation.time == 0.0 and server.session.paused
     for wanted in (STATE.STATE_QUITTING, 77):
         code, reason = change(wanted)
         assert code == RESULT.RESULT_FEATURE_UNSUPPORTED and reason
-    assert change(STATE.STATE_PLAYING) == (1, '') and not desk.session.paused
+    assert change(STATE.STATE_PLAYING) == (1, '') and not server.session.paused
 
 
-def test_reset_is_all_or_nothing(desk):
+def test_reset_is_all_or_nothing(server):
     """Reset everything; a part of it is not supported and changes nothing."""
-    desk.session.simulation.step(3)
-    answer = call(desk, 'reset_simulation', scope=REQUEST.SCOPE_TIME).result
+    server.session.simulation.step(3)
+    answer = call(server, 'reset_simulation', scope=REQUEST.SCOPE_TIME).result
     assert answer.result == RESULT.RESULT_FEATURE_UNSUPPORTED
-    assert desk.session.simulation.time > 0.0
-    assert call(desk, 'reset_simulation', scope=REQUEST.SCOPE_ALL).result.result == 1
-    assert desk.session.simulation.time == 0.0
+    assert server.session.simulation.time > 0.0
+    assert call(server, 'reset_simulation', scope=REQUEST.SCOPE_ALL).result.result == 1
+    assert server.session.simulation.time == 0.0
 
 
 def point(x, y, z):
@@ -191,10 +191,10 @@ def category(number):
      ['oak_1']),
     ({'filters__bounds__points': [point(1, 1, 3), point(-1, -1, 0)]}, ['oak_0']),
 ])
-def test_entities_are_filtered(desk, fields, expected):
+def test_entities_are_filtered(server, fields, expected):
     """Find objects by name, tag, category and bounds; give as many states as names."""
-    assert call(desk, 'get_entities', **fields).entities == expected
-    answer = call(desk, 'get_entities_states', **fields)
+    assert call(server, 'get_entities', **fields).entities == expected
+    answer = call(server, 'get_entities_states', **fields)
     assert answer.entities == expected and len(answer.states) == len(expected)
 
 
@@ -205,29 +205,29 @@ def test_entities_are_filtered(desk, fields, expected):
      RESULT.RESULT_FEATURE_UNSUPPORTED),
 ])
 @pytest.mark.parametrize('service', ['get_entities', 'get_entities_states'])
-def test_filters_that_make_no_sense_are_refused(desk, service, fields, reason, code):
+def test_filters_that_make_no_sense_are_refused(server, service, fields, reason, code):
     """Say what is wrong, and what is not supported with the code that stands for that."""
-    answer = call(desk, service, **fields).result
+    answer = call(server, service, **fields).result
     assert answer.result == code and reason in answer.error_message
 
 
-def test_an_entity_has_a_state_and_a_description(desk):
+def test_an_entity_has_a_state_and_a_description(server):
     """Tell pose, twist and time of an object or a part; refuse names that there are not."""
-    desk.session.simulation.apply_impulse('oak_1/1', (50.0, 0.0, 0.0))
-    desk.session.simulation.step()
-    state = call(desk, 'get_entity_state', entity='oak_1/1').state
+    server.session.simulation.apply_impulse('oak_1/1', (50.0, 0.0, 0.0))
+    server.session.simulation.step()
+    state = call(server, 'get_entity_state', entity='oak_1/1').state
     assert state.pose.position.x == pytest.approx(9.0, abs=0.3)
     assert state.pose.position.z == pytest.approx(1.5, abs=0.1)
     assert state.twist.linear.x > 0.1 and state.header.frame_id == 'world'
     assert state.header.stamp.nanosec == pytest.approx(1e9 / 60, rel=1e-3)
-    root = call(desk, 'get_entity_state', entity='oak_1').state.pose.position.z
+    root = call(server, 'get_entity_state', entity='oak_1').state.pose.position.z
     assert root == pytest.approx(0.5, abs=0.05)
-    info = call(desk, 'get_entity_info', entity='oak_1').info
+    info = call(server, 'get_entity_info', entity='oak_1').info
     assert info.tags == ['segment'] and '2 segment' in info.description
     assert info.category.category == CATEGORY.CATEGORY_OBJECT
     for name in ('oak_7', 'oak_1/9', ''):
         for service in ('get_entity_state', 'get_entity_info'):
-            answer = call(desk, service, entity=name).result
+            answer = call(server, service, entity=name).result
             assert answer.result == RESULT.RESULT_NOT_FOUND and answer.error_message
 
 

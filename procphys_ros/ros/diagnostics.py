@@ -29,7 +29,7 @@ from procphys_ros.ros import qos
 from procphys_ros.ros.activity import Activity
 from procphys_ros.ros.background_compilation import BackgroundCompilation
 from procphys_ros.ros.commands import CommandQueue
-from procphys_ros.ros.pacing import Beat, Pacer, Speedometer
+from procphys_ros.ros.pacing import Pacer, RateLimiter, Speedometer
 from procphys_ros.ros.session import REMEDY, Session
 
 _ON_TIME = 0.95  # share of the wanted real-time factor below which the node counts as overloaded
@@ -88,7 +88,7 @@ class Diagnostics:
         self._building = building
         self._compilation = compilation
         self.factor = math.nan
-        self._beat = Beat(_LOOKS)
+        self._limiter = RateLimiter(_LOOKS)
         self._stages: Counter[str] = Counter()
         self._steps = 0
         self.latest: Look | None = None
@@ -100,7 +100,7 @@ class Diagnostics:
 
     def look(self, session: Session, pacer: Pacer) -> None:
         """Look at the simulation, if that is due."""
-        if not session.has_scene or not self._beat.is_due():
+        if not session.has_scene or not self._limiter.is_due():
             return
         simulation = session.simulation
         wind = np.linalg.norm(np.sum(simulation.wind.at_reference(simulation.time), axis=0))

@@ -23,7 +23,7 @@ from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallba
 
 from procphys_ros.ros.commands import Command
 from procphys_ros.ros.node import SimNode
-from procphys_ros.ros.pacing import Beat
+from procphys_ros.ros.pacing import RateLimiter
 
 _LOOK = 0.05  # [s] between looks at whether ROS is still there
 
@@ -82,7 +82,7 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
                   ) -> TransitionCallbackReturn:
         """Begin with something and wait for its end; rclpy has no transitions that are awaited."""
         answers: Queue[tuple[bool, str]] = Queue()
-        status = Beat(1.0)
+        status = RateLimiter(1.0)
         begin(lambda success, message: answers.put((success, message)))
         while self.context.ok():
             try:

@@ -34,7 +34,7 @@ from procphys_ros.ros.commands import Command, CommandQueue, describe
 from procphys_ros.ros.diagnostics import Diagnostics, status_line
 from procphys_ros.ros.loading import Loading
 from procphys_ros.ros.loop import Loop
-from procphys_ros.ros.pacing import Beat, Pacer, Speedometer
+from procphys_ros.ros.pacing import Pacer, RateLimiter, Speedometer
 from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.publishers import Publishers
@@ -115,7 +115,7 @@ class SimNode(Node):
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.loop = Loop(self._turn, self.context)
         self.commands = CommandQueue(self.loop.wake, self._report_rejection)
-        self._beat = Beat(self.parameters['publish_rate'])
+        self._limiter = RateLimiter(self.parameters['publish_rate'])
         self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
                            budget=self._longest_turn())
         self.session = Session(self.pacer)
@@ -184,7 +184,7 @@ class SimNode(Node):
         self._guard('publishing', self._publish)
         if len(self.commands) or self.pacer.is_behind and not self.session.stands:
             return 0.0
-        return min(self._beat.wait, _LONGEST_TURN)
+        return min(self._limiter.wait, _LONGEST_TURN)
 
     def _advance(self) -> None:
         if not self.session.stands and self.pacer.advance(self._step):
@@ -192,7 +192,7 @@ class SimNode(Node):
 
     def _publish(self) -> None:
         self.diagnostics.look(self.session, self.pacer)
-        if self._beat.is_due():
+        if self._limiter.is_due():
             self._output.publish(self.session.simulation, self._moved)
             self._moved = False
 
@@ -219,7 +219,7 @@ class SimNode(Node):
         self.get_logger().info(banner(self))
 
     def _longest_turn(self) -> float:
-        return min(1.0 / self._beat.rate, _LONGEST_TURN)
+        return min(1.0 / self._limiter.rate, _LONGEST_TURN)
 
     def _change(self, names: set[str]) -> None:
         """Have changed parameters take effect; they have been checked before."""
@@ -228,7 +228,7 @@ class SimNode(Node):
         self.commands.call(Command('set_parameters', lambda: self._apply(names, wind)))
 
     def _apply(self, names: set[str], wind: WindSettings | None) -> str:
-        self._beat.rate = self.parameters['publish_rate']
+        self._limiter.rate = self.parameters['publish_rate']
         self.pacer.budget = self._longest_turn()
         if names & {'real_time_factor'}:
             self.pacer.factor = self.parameters['real_time_factor']

@@ -98,12 +98,12 @@ class Speedometer:
         return passed / elapsed if elapsed > 0.0 else 0.0
 
 
-class Beat:
+class RateLimiter:
     """
     Says when something is due that is done at a fixed rate; what is missed is not made up.
 
     :param rate: [Hz].
-    :param early: share of its period that a beat may come early, for turns that jitter.
+    :param early: share of its period that a limiter may come early, for turns that jitter.
     :param clock: gives steady real time [s].
     :ivar rate: [Hz].
     """

@@ -29,8 +29,8 @@ from procphys_ros import messages
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.messages.points import BREAK
 from procphys_ros.ros import qos
-from procphys_ros.ros.newcomers import Newcomers
-from procphys_ros.ros.pacing import Beat
+from procphys_ros.ros.late_joiners import LateJoinerTracker
+from procphys_ros.ros.pacing import RateLimiter
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.simulation import Simulation
 
@@ -51,7 +51,7 @@ class Publishers:
         self._node = node
         self._parameters = parameters
         self._frame = frame
-        self._new_to_poses, self._new_to_markers = Newcomers(), Newcomers()
+        self._new_to_poses, self._new_to_markers = LateJoinerTracker(), LateJoinerTracker()
         self._poses = qos.publisher(node, PoseArray, '~/poses', qos.arrays(),
                                             event_callbacks=self._new_to_poses.events)
         self._markers = qos.publisher(node, MarkerArray, '~/markers', qos.changes(),
@@ -70,9 +70,9 @@ class Publishers:
                        if parameters['publish_clock'] and parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
         self._wants_whole = True
-        self._marker_beat = Beat(parameters['marker_rate'], _EARLY)
-        self._description_beat = Beat(_DESCRIPTIONS)
-        self._broken_beat = Beat(_DESCRIPTIONS)
+        self._marker_limiter = RateLimiter(parameters['marker_rate'], _EARLY)
+        self._description_limiter = RateLimiter(_DESCRIPTIONS)
+        self._broken_limiter = RateLimiter(_DESCRIPTIONS)
         self._forget_breaks()
         self._had_dust = False
 
@@ -103,12 +103,12 @@ class Publishers:
         if self._scene_markers is not None and self._style().shard:
             self._markers.publish(self._scene_markers.deletions((0, 0)))
         self._scene_markers = None
-        self._marker_beat.hasten()
+        self._marker_limiter.hasten()
         self._described = -1
 
     def apply(self, names: set[str]) -> None:
         """Let changed parameters take effect."""
-        self._marker_beat.rate = self._parameters['marker_rate']
+        self._marker_limiter.rate = self._parameters['marker_rate']
         if names & {'marker_triangles', 'marker_mesh'}:
             self.restart()
 
@@ -122,7 +122,7 @@ class Publishers:
         is_news = self._new_to_poses.are_waiting() or has_moved
         if is_news and self._poses.get_subscription_count():
             self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
-        if len(simulation.blueprint) != self._described and self._description_beat.is_due():
+        if len(simulation.blueprint) != self._described and self._description_limiter.is_due():
             self._describe(simulation)
         self._publish_markers(simulation, at)
         self._publish_breaks(simulation, at)
@@ -141,7 +141,7 @@ class Publishers:
     def _forget_breaks(self) -> None:
         self._broken_rows = np.empty(0, BREAK)
         self._has_news_of_breaks = True
-        self._broken_beat.hasten()
+        self._broken_limiter.hasten()
 
     def _describe(self, simulation: Simulation) -> None:
         if len(simulation.blueprint) < self._describer.parts:  # late parts went with a reset
@@ -153,7 +153,7 @@ class Publishers:
     def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:
         if self._new_to_markers.are_waiting():
             self._wants_whole = True
-        if not self._markers.get_subscription_count() or not self._marker_beat.is_due():
+        if not self._markers.get_subscription_count() or not self._marker_limiter.is_due():
             return
         markers = self._scene_markers
         if markers is None:
@@ -183,7 +183,7 @@ class Publishers:
             self._has_news_of_breaks = True
             if self._breaks.get_subscription_count():
                 self._breaks.publish(messages.point_cloud(rows, at, self._frame))
-        if self._has_news_of_breaks and self._broken_beat.is_due():
+        if self._has_news_of_breaks and self._broken_limiter.is_due():
             self._broken.publish(messages.point_cloud(self._broken_rows, at, self._frame))
             self._has_news_of_breaks = False
 

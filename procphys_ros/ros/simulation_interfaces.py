@@ -73,14 +73,15 @@ def offer(node: Node, answers: Answers, session: Session) -> list[str]:
     except ImportError:
         return []
     offered = [name for name, kind in _SERVICES.items() if hasattr(kinds, kind)]
-    desk = Desk(types, answers.ask, session, node.get_parameter('world_frame').value, offered)
+    frame = node.get_parameter('world_frame').value
+    server = SimulationInterfacesServer(types, answers.ask, session, frame, offered)
     for name in offered:
         node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}',
-                            getattr(desk, name), callback_group=answers.group)
+                            getattr(server, name), callback_group=answers.group)
     return offered
 
 
-class Desk:
+class SimulationInterfacesServer:
     """
     Answers the requests.
 

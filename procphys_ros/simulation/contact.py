@@ -19,7 +19,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.physics.touch import Partners, resolve
-from procphys_ros.physics.trees import Foresight
+from procphys_ros.physics.trees import ContactResponse
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import branch_loads, contact_pairs, trees
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
@@ -108,7 +108,7 @@ def _solve(model: Model, state: State, pairs: Pairs,
     place = np.empty(len(rows), np.intp)
     place[order] = np.arange(len(rows))
     air = None if state.trees.still else state.trees.air
-    look = forest.foresee(rows[order], points[order], dt, air)
+    look = forest.predict_response(rows[order], points[order], dt, air)
     end, other = place[:len(pairs.row)], np.full(len(pairs.row), -1, np.intp)
     other[both] = place[len(pairs.row):]
     partners, bodies = _partners(model, state, pairs, end, other, dt)
@@ -148,7 +148,7 @@ def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: 
                     np.einsum('bij,bj,bkj->bik', axes, spin, axes), motion), ids
 
 
-def _least_speed(pairs: Pairs, look: Foresight, end: np.ndarray, other: np.ndarray,
+def _least_speed(pairs: Pairs, look: ContactResponse, end: np.ndarray, other: np.ndarray,
                  dt: float) -> np.ndarray:
     """
     Give the normal velocity that each contact must have at the end of the step [m/s], (C,).

@@ -40,7 +40,7 @@ class Partners(NamedTuple):
     """
     What meets in each contact.
 
-    :ivar end: point on a tree, row of the foresight, (C,).
+    :ivar end: point on a tree, row of the `ContactResponse`, (C,).
     :ivar other: point on another tree, or -1, (C,).
     :ivar body: rigid body, row of the columns below, or -1, (C,).
     :ivar arm: from the centre of mass of this body [m], (C, 3), world.
@@ -70,7 +70,7 @@ def resolve(normal, least, mass, friction, partners, velocity, first, place, cou
     :param friction: Coulomb coefficient, (C,).
     :param velocity: of the points on trees without contact [m/s], (E, 3), the points of a tree
         one after the other; changed to that with.
-    :param first, place, count, response: as in the foresight of the trees.
+    :param first, place, count, response: as in the `ContactResponse` of the trees.
     :returns: impulses on the trees [N·s], (C, 3).
     """
     total = np.zeros_like(normal)

@@ -16,7 +16,7 @@
 
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees.breaks import Cause
-from procphys_ros.physics.trees.foresight import Foresight
+from procphys_ros.physics.trees.contact_response import ContactResponse
 from procphys_ros.physics.trees.forest import Forest
 
-__all__ = ['AIR_DENSITY', 'Cause', 'Foresight', 'Forest']
+__all__ = ['AIR_DENSITY', 'Cause', 'ContactResponse', 'Forest']

@@ -23,7 +23,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees import (
     breaks,
-    foresight,
+    contact_response,
     integrator,
     modes,
     passes,
@@ -320,8 +320,8 @@ class Forest:
         """Say which root rows belong to trees that were released, (K,) bool."""
         return self._model.joint[roots] == state.Joint.FREE
 
-    def foresee(self, rows: np.ndarray, points: np.ndarray, dt: float,
-                wind: np.ndarray | None = None) -> foresight.Foresight:
+    def predict_response(self, rows: np.ndarray, points: np.ndarray, dt: float,
+                         wind: np.ndarray | None = None) -> contact_response.ContactResponse:
         """
         Tell how points will move in the next step, and what impulses would change about it.
 
@@ -333,9 +333,9 @@ class Forest:
         if self._stale:
             self._replan()
         wind = self._still if wind is None else np.ascontiguousarray(wind, float)
-        return foresight.foresee(self._plan, self._entry[rows], np.ascontiguousarray(points),
-                                 self._model, self._state, self._scratch, wind, self._gravity,
-                                 float(dt))
+        return contact_response.predict_response(
+            self._plan, self._entry[rows], np.ascontiguousarray(points), self._model, self._state,
+            self._scratch, wind, self._gravity, float(dt))
 
     def effective_mass(self, row: int, point: Sequence[float],
                        direction: Sequence[float]) -> float:

@@ -14,7 +14,7 @@
 
 
 """
-Foresight: how points of trees will move in the next step, and what impulses there would change.
+Contact response: how points of trees will move, and what impulses there would change.
 
 Contact impulses are solved for before the step. What they need is linear: the velocity of every
 touched point at the end of the step without contact, and how an impulse at one point changes the
@@ -36,7 +36,7 @@ _FREE = int(Joint.FREE)
 
 
 @dataclass(frozen=True)
-class Foresight:
+class ContactResponse:
     """
     Motion to come of points on trees, and its response to impulses.
 
@@ -62,8 +62,9 @@ class Foresight:
     response: np.ndarray
 
 
-def foresee(plan: Plan, entry: np.ndarray, points: np.ndarray, model: tuple, state: State,
-            scratch: tuple, wind: np.ndarray, gravity: np.ndarray, dt: float) -> Foresight:
+def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, model: tuple,
+                     state: State, scratch: tuple, wind: np.ndarray, gravity: np.ndarray,
+                     dt: float) -> ContactResponse:
     """
     Look one step ahead; nothing changes but the workspace and the wrenches of the last step.
 
@@ -82,7 +83,7 @@ def foresee(plan: Plan, entry: np.ndarray, points: np.ndarray, model: tuple, sta
     response = np.empty((int(base[-1]), 3, 3))
     _foresee(plan, trees, order, begin, base, entry - plan.start[owner], points, model, state,
              scratch, wind, gravity, dt, velocity, lag, response)
-    return Foresight(velocity, lag, tree, base[tree], place, size[tree], response)
+    return ContactResponse(velocity, lag, tree, base[tree], place, size[tree], response)
 
 
 @kernel

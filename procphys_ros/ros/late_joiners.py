@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Newcomers: when those who have just subscribed must be told everything."""
+"""Late joiners: when new subscribers of a topic need its full state."""
 
 from collections.abc import Callable
 from time import monotonic
@@ -25,9 +25,9 @@ from rclpy.event_handler import PublisherEventCallbacks, QoSPublisherMatchedInfo
 _TELLING = (0.0, 1.0, 5.0)
 
 
-class Newcomers:
+class LateJoinerTracker:
     """
-    Says when new subscribers of one topic must be told everything.
+    Tells when new subscribers of one topic need its full state.
 
     The middleware says who comes. To count subscribers would not do: one that comes while another
     goes would be missed.
