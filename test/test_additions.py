@@ -41,7 +41,7 @@ def test_a_wall_that_joins_stands_and_breaks_like_others():
     simulation.step(20)
     broken, count = simulation.bonds_broken, len(simulation.poses)
     before = simulation.poses.copy()
-    added = simulation.add(wall(6, 8), (0.0, 8.0, 0.0), name='later')
+    added = simulation.add(wall(6, 8), (10.0, 8.0, 0.0), name='later')
     assert added.first == count and len(simulation.poses) == count + added.count
     np.testing.assert_array_equal(simulation.poses[:count], before)
     solver = simulation.state.solver
@@ -55,7 +55,7 @@ def test_a_wall_that_joins_stands_and_breaks_like_others():
     simulation.step(60)
     own = slice(added.first, added.first + added.count)
     assert simulation.state.standing[own].all()
-    simulation.launch(Projectile('sphere', 0.3, 40.0, (0.7, 6.0, 0.4), (0.0, 25.0, 0.0)))
+    simulation.launch(Projectile('sphere', 0.3, 40.0, (10.7, 6.0, 0.4), (0.0, 25.0, 0.0)))
     simulation.step(30)
     assert not simulation.state.standing[own].all() and simulation.bonds_broken > broken
 

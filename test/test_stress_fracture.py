@@ -144,8 +144,8 @@ def test_wall_without_strength_falls_through_to_the_top():
     fracture, centres, fallen = gap_in_wall(0.0)
     assert centres[fallen, 2].max() > 1.4
     beside = np.abs(centres[:, 0] - 1.8) > 1.5
-    low = beside & (centres[:, 2] < 1.0)  # some bricks go or stay by rounding
-    assert fracture.solver.supported[low].mean() > 0.97
+    # Higher up single bricks at the ends go or stay by the last digits: the order of breaking.
+    assert fracture.solver.supported[beside & (centres[:, 2] < 0.75)].all()
 
 
 def test_dry_wall_cracks_at_the_kern_but_topples_at_its_aspect_ratio():
