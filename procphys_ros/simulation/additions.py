@@ -121,11 +121,9 @@ def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,
                   bonds: int) -> None:
     """Join the stresses of a new object, parts from `first` and bonds from `bonds` on."""
     graph = deepcopy(model.masonry.graph)
-    solver = StressSolver(graph, (0.0, 0.0, -model.gravity))
     known = len(state.solver.graph)
-    solver.adopt(state.solver, 0, np.arange(known))
-    solver.adopt(settled, first, np.arange(known, len(graph)))
-    solver.resume()
+    solver = StressSolver.joined(graph, (0.0, 0.0, -model.gravity), [
+        (state.solver, 0, np.arange(known)), (settled, first, np.arange(known, len(graph)))])
     state.solver, state.fracture = solver, Fracture(solver)
     loose = deepcopy(model.loose_bonds)
     loose.graph.adopt(state.loose_bonds.graph, np.arange(bonds), np.arange(bonds))

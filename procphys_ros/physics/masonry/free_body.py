@@ -81,7 +81,9 @@ class FreeBodies:
         self._hinge_row = np.where(blueprint.bond_law == Law.HINGE,
                                    np.cumsum(blueprint.bond_law == Law.HINGE) - 1, -1)
         axes = rotation.to_matrix(blueprint.poses[:, 3:])
-        self._inertia = np.einsum('nij,nj,nkj->nik', axes, blueprint.inertia, axes)
+        self._inertia = np.stack([
+            np.stack([links.turned(axes, blueprint.inertia, i, k) for k in range(3)], axis=-1)
+            for i in range(3)], axis=-2)
         self._rank = np.random.default_rng(0).permutation(len(blueprint))  # where cells start
         self._place = np.full(len(blueprint) + 1, -1, np.int32)
         graph = self.graph

@@ -16,6 +16,7 @@
 """Stresses in a bond graph: static equilibrium of rigid parts on elastic bonds, K·u = f."""
 
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 
@@ -63,6 +64,30 @@ class StressSolver(StressState):
 
     def __init__(self, graph: BondGraph, gravity: Sequence[float] = (0.0, 0.0, -9.81),
                  tolerance: float | None = None):
+        self._prepare(graph, gravity, tolerance)
+        self.reset()
+
+    @classmethod
+    def joined(cls, graph: BondGraph, gravity: Sequence[float],
+               solvers: Sequence[tuple['StressSolver', int, np.ndarray]]) -> Self:
+        """
+        Go on from where solvers of parts of a graph are.
+
+        :param graph: whole.
+        :param gravity: [m/s²], (3,).
+        :param solvers: each of parts that follow each other here, with the first of these, and
+            the rows here of its bonds, (M,).
+        """
+        solver = cls.__new__(cls)
+        solver._prepare(graph, gravity, None)
+        solver._clear()
+        for other, first, bonds in solvers:
+            solver._adopt(other, first, bonds)
+        solver._renew()
+        return solver
+
+    def _prepare(self, graph: BondGraph, gravity: Sequence[float],
+                 tolerance: float | None) -> None:
         self.graph = graph
         count = graph.count
         bonded = np.diff(graph.start) > 0
@@ -76,12 +101,16 @@ class StressSolver(StressState):
         self._coarse: CoarseSpace | None = None
         self._joints = CrackedJoints(graph)
         self.state = self.problem = 0
-        self.reset()
 
     def reset(self) -> None:
         """Return to whole bonds, no loads but the weight, and no displacement."""
+        self.graph.restore()
+        self._clear()
+        self._renew()
+
+    def _clear(self) -> None:
+        """Begin without loads but the weight, and without displacement."""
         graph = self.graph
-        graph.restore()
         self._joints.reset()
         self._step, self._begun = Step.straight(), False
         self.displacement = np.zeros((graph.count + 1, 6))
@@ -91,21 +120,8 @@ class StressSolver(StressState):
         self._residual = self._weight.copy()
         self.iterations = np.zeros(graph.count, np.int64)
         self.spent = self._patience = self._worked = 0
-        self.state += 1
-        self.problem += 1
-        self._bonds_changed(np.arange(graph.count))
-        self._relabel()
-        self._past.forget(self.labels, self._straight())
-        self._refresh()
 
-    def adopt(self, other: 'StressSolver', first: int, bonds: np.ndarray) -> None:
-        """
-        Go on from where a solver of some of these parts is; call `resume` after the last one.
-
-        :param other: of parts that follow each other here, and of all their bonds.
-        :param first: its first part here.
-        :param bonds: rows here of its bonds, (M,).
-        """
+    def _adopt(self, other: 'StressSolver', first: int, bonds: np.ndarray) -> None:
         self.graph.adopt(other.graph, np.arange(len(other.graph)), bonds)
         rows = slice(first, first + other.graph.count)
         for mine, theirs in ((self.displacement, other.displacement),
@@ -114,8 +130,8 @@ class StressSolver(StressState):
             mine[rows] = theirs[:-1]
         self.iterations[rows] = other.iterations
 
-    def resume(self) -> None:
-        """Take note that others' states were adopted."""
+    def _renew(self) -> None:
+        """Work out all that follows from bonds and displacements."""
         self._bonds_changed(np.arange(self.graph.count))
         self._relabel()
         self._past.forget(self.labels, self._straight())
