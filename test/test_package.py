@@ -32,7 +32,7 @@ PACKAGE = ROOT / 'procphys_ros'
 MODULES = sorted(PACKAGE.rglob('*.py'))
 SOURCES = [*MODULES, *sorted((ROOT / 'test').glob('*.py')), *sorted((ROOT / 'bench').glob('*.py')),
            ROOT / 'setup.py']
-LONGEST = 450  # lines of a file; aim at 120, and do not cut a class in two for a line count
+LONGEST = 470  # lines of a file; aim at 120, and do not cut a class in two for a line count
 
 # A module may import from its own layer's package and from layers with a smaller number.
 LAYERS = {
