@@ -339,10 +339,10 @@ def test_command_checks_the_picture_first(name, said, tmp_path, capsys):
 def test_missing_pyvista_says_how_to_install_it(bush, monkeypatch, tmp_path, capsys):
     """Name the pip command, from the library and from the command."""
     monkeypatch.setitem(sys.modules, 'pyvista', None)
-    with pytest.raises(RenderUnavailableError, match=r'pip install procphys_ros\[render\]'):
+    with pytest.raises(RenderUnavailableError, match=r'pip install pyvista'):
         draw(bush, bush.poses, tmp_path / 'out.png')
     assert main(['shrub.lsys', '--out', str(tmp_path / 'out.png')]) == 1
-    assert 'pip install procphys_ros[render]' in capsys.readouterr().err
+    assert 'pip install pyvista' in capsys.readouterr().err
 
 
 def test_missing_opengl_names_the_system_packages(monkeypatch):

@@ -20,10 +20,8 @@ import math
 
 import numpy as np
 
-from procphys_ros.physics.masonry import Resistance
-from procphys_ros.physics.masonry.capacity import bond_resistance
+from procphys_ros.physics.masonry import Resistance, resistance
 from procphys_ros.physics.masonry.components import groups
-from procphys_ros.physics.masonry.links import pulls
 from procphys_ros.progress import staged
 from procphys_ros.simulation import fragments
 from procphys_ros.simulation.events import Cause
@@ -63,36 +61,26 @@ def resist(state: State, parts: np.ndarray, direction: np.ndarray) -> Resistance
     """
     Give what standing parts withstand together before they come out.
 
-    All bonds around the parts fail together at their limits, with the stresses that they carry
-    now: an upper bound, close for brittle joints of like size around a brick or two.
-
     :param parts: (K,) indices.
     :param direction: unit vector of the blow, world, (3,).
     """
-    graph = state.solver.graph
-    bonds = graph.boundary(parts)
-    wrench = np.empty((len(bonds), 6))
-    pulls(bonds, graph.links, graph.axes, graph.first, graph.second, state.solver.displacement,
-          wrench)
-    inside = np.isin(graph.first[bonds], parts)
-    force, work = bond_resistance(graph, bonds, inside, direction, wrench)
-    return Resistance(bonds, float(force.sum()), float(work.sum()))
+    return resistance(state.solver, parts, direction)
 
 
-def comes_out(resistance: Resistance, momentum: float, mass: float, speed: float) -> Exit | None:
+def comes_out(withstood: Resistance, momentum: float, mass: float, speed: float) -> Exit | None:
     """
     Say how parts come out under a blow; None when they hold.
 
     The force of the blow must exceed that of the bonds, and the energy of what moves on together
     must exceed their work of fracture, which it loses.
 
-    :param resistance: of the bonds around the parts.
+    :param withstood: by the bonds around the parts.
     :param momentum: of the blow if the parts hold [N·s].
     :param mass: of what moves on together [kg].
     :param speed: of it, were there no bonds [m/s].
     """
-    left = speed ** 2 - 2.0 * resistance.energy / mass
-    if momentum <= resistance.momentum(CONTACT) or left <= 0.0:
+    left = speed ** 2 - 2.0 * withstood.energy / mass
+    if momentum <= withstood.momentum(CONTACT) or left <= 0.0:
         return None
     return Exit(float(np.sqrt(left)), mass * (speed - float(np.sqrt(left))))
 
@@ -114,12 +102,12 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
     turn = angular + np.cross(point - state.parts.poses[part, :3], linear)
     if size > 0.0:
         direction = linear / size
-        resistance = resist(state, chosen, direction)
-        out = comes_out(resistance, size, mass, size / mass)
+        withstood = resist(state, chosen, direction)
+        out = comes_out(withstood, size, mass, size / mass)
         if out is not None:
             velocity = np.zeros((1, 6))
             velocity[0, :3] = out.speed * direction
-            load = size / max(resistance.momentum(CONTACT), 1e-9)
+            load = size / max(withstood.momentum(CONTACT), 1e-9)
             fragments.release(model, state, [chosen], velocity, Cause.IMPACT, load)
             state.world.apply_impulse(int(state.parts.body[part]), np.zeros(3), angular=turn)
             return True

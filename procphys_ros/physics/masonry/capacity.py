@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.solver import StressSolver
 
 # Work to separate a mortar joint, per area: Lourenço 1996, Computational Strategies for Masonry
 # Structures (Delft), parameters of the shear walls with f_t = 0.25 MPa, c = 0.35 MPa.
@@ -49,9 +50,8 @@ class Resistance:
         return self.force * duration
 
 
-def bond_resistance(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
-                    direction: np.ndarray,
-                    wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
+                direction: np.ndarray, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Give the force and the work at which bonds fail when one side is driven along a direction.
 
@@ -85,23 +85,19 @@ def bond_resistance(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
     return limits.min(axis=0) * area, work * area
 
 
-def tear_out(graph: BondGraph, parts: np.ndarray, direction: np.ndarray,
-             wrench: np.ndarray) -> Resistance:
+def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -> Resistance:
     """
     Give what a set of parts withstands when it is struck along a direction.
 
-    All bonds around the set fail together at their limits: an upper bound, close for brittle
-    joints of like size around a brick or two.
+    All bonds around the set fail together at their limits, with the stresses that they carry
+    now: an upper bound, close for brittle joints of like size around a brick or two.
 
-    :param parts: the struck parts, they move as one.
-    :param direction: of the blow, world, (3,), any length but zero.
-    :param wrench: of all bonds, from `StressSolver.wrenches`, (M, 6).
+    :param solver: knows the bonds and their stresses.
+    :param parts: the struck parts, they move as one, (K,).
+    :param direction: unit vector of the blow, world, (3,).
     """
-    direction = np.asarray(direction, float)
-    length = np.linalg.norm(direction)
-    if not length > 0.0:
-        raise ValueError('a blow needs a direction')
+    graph = solver.graph
     bonds = graph.boundary(parts)
     inside = np.isin(graph.first[bonds], parts)
-    force, work = bond_resistance(graph, bonds, inside, direction / length, wrench[bonds])
+    force, work = _at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
     return Resistance(bonds, float(force.sum()), float(work.sum()))

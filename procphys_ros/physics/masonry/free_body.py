@@ -120,18 +120,6 @@ class FreeBodies:
         groups = components.groups(label, np.ones(len(parts), bool))
         return [parts[g] for g in sorted(groups, key=len, reverse=True)]
 
-    def divide(self, parts: np.ndarray, wanted: int) -> tuple[np.ndarray, list[np.ndarray]]:
-        """
-        Cut a piece into about so many cells.
-
-        :returns: the bonds cut, and the parts of each cell.
-        """
-        rows, a, b = self._inside(parts)
-        cell, _ = cells.grow(len(parts), a, b, self._rank[parts], wanted)
-        cut = rows[cell[a] != cell[b]]
-        self.graph.cut(cut)
-        return cut, [parts[g] for g in components.groups(cell, np.ones(len(parts), bool))]
-
     def strike(self, parts: np.ndarray, wrenches: np.ndarray, wanted: int) -> Breakage:
         """
         Break a free piece by a blow.

@@ -120,7 +120,10 @@ def solve(rows, above, model, state, scratch, wind, gravity, dt):
         (w - (1-θ)·v)/θ; at θ = 1/2 the effect of impulses is in `Scratch.kick`, not in motions.
     """
     frame, h = state.middle, _MIDPOINT * dt
-    if (int(state.age[rows[0], 0]) + rows[0]) % _PERIOD == 0:
+    root = rows[0]
+    # Trees take turns by where they stand: a tree moves alike whatever other trees there are.
+    turn = int(97.3 * abs(model.mount[root, 0]) + 61.7 * abs(model.mount[root, 1]))
+    if (int(state.age[root, 0]) + turn) % _PERIOD == 0:
         project(rows, above, model, state, scratch, wind, gravity)
     changed = passes.factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, 1.0,
                             False)
