@@ -22,6 +22,7 @@ import numpy as np
 from random_grammars import Event, Sample
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import GrammarError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
@@ -36,10 +37,16 @@ _SLACK = {'lsys': 1.02, 'wall': 1.1}
 _LEAST = 1e-3  # [J/kg]
 
 
-def build(sample: Sample) -> Blueprint:
-    """Derive one grammar."""
+def build(sample: Sample) -> Blueprint | None:
+    """Derive one grammar; None when its rates drive a value out of range, as it is told then."""
     language = LSystem if sample.language == 'lsys' else WallGrammar
-    return language.parse(sample.text).build(seed=sample.seed)
+    grammar = language.parse(sample.text)
+    try:
+        return grammar.build(seed=sample.seed)
+    except GrammarError as error:
+        if 'Rate' in str(error):
+            return None
+        raise
 
 
 def faults(samples: Sequence[Sample], wind: float, steps: int = STEPS) -> Iterator[str]:
@@ -50,7 +57,9 @@ def faults(samples: Sequence[Sample], wind: float, steps: int = STEPS) -> Iterat
     :param wind: mean speed at 10 m, across the row [m/s].
     :param steps: of 1/60 s.
     """
-    blueprints = [build(sample) for sample in samples]
+    built = [(build(sample), sample) for sample in samples]
+    samples = [sample for blueprint, sample in built if blueprint is not None]
+    blueprints = [blueprint for blueprint, _ in built if blueprint is not None]
     reach = [float(np.abs(b.poses[:, :3]).max() + b.size.max()) for b in blueprints]
     places = np.cumsum(2.0 * np.array(reach) + _ROOM) - np.array(reach)
     borders = places[:-1] + reach[:-1] + 0.5 * _ROOM
