@@ -15,6 +15,7 @@
 
 """Run the node as a process: start it, serve ROS, end it cleanly and soon."""
 
+from contextlib import suppress
 import os
 import sys
 
@@ -50,7 +51,8 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
         if rclpy.ok():
             raise  # else a signal has ended the context under the hands of whoever used it
     finally:
-        rclpy.try_shutdown()
+        with suppress(RuntimeError):  # a signal may shut the context down at the same moment
+            rclpy.try_shutdown()
     return code
 
 
