@@ -20,6 +20,7 @@ from masonry_walls import bonded, wall
 import numpy as np
 import pytest
 
+from procphys_ros import rotation
 from procphys_ros.errors import CommandError
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
@@ -105,7 +106,7 @@ def test_names_do_not_collide_and_bad_objects_change_nothing():
 
 
 def test_snapshots_and_resets_know_what_joined():
-    """Restore an enlarged scene in a fresh simulation; a reset takes the addition out."""
+    """Restore an enlarged scene in a fresh simulation; a reset puts the addition back whole."""
     simulation = stand(wall(4, 4), bush(30, seed=1, damping_ratio=0.1))
     simulation.set_wind((9.0, 0.0, 0.0))
     simulation.add(wall(5, 6), (0.0, 5.0, 0.0), 0.3, 'later')
@@ -117,5 +118,77 @@ def test_snapshots_and_resets_know_what_joined():
     other.step(20)
     np.testing.assert_array_equal(simulation.poses, other.poses)
     assert [o.name for o in other.objects] == ['thing_0', 'thing_1', 'later']
+    other.launch(Projectile('sphere', 0.3, 40.0, (0.4, 2.0, 0.4), (0.0, 25.0, 0.0)))
+    other.step(30)
+    assert other.bonds_broken
     other.reset()
-    assert len(other.poses) == len(wall(4, 4)) + 30
+    assert other.time == 0.0 and other.added == ('later',) and not other.bonds_broken
+    np.testing.assert_array_equal(other.poses, other.blueprint.poses)
+    assert len(other.poses) == len(wall(4, 4)) + 30 + len(wall(5, 6))
+    other.step(10)
+    np.testing.assert_allclose(other.poses[-30:], other.blueprint.poses[-30:], atol=1e-9)
+
+
+def test_resets_keep_removed_objects_away_until_all_is_undone():
+    """Remove an object of the scene and one that was added: reset keeps both out, revert none."""
+    simulation = stand(wall(4, 4), bush(30, seed=1, damping_ratio=0.1))
+    simulation.add(wall(3, 3), (0.0, 5.0, 0.0), name='later')
+    simulation.add(wall(3, 4), (0.0, 9.0, 0.0), name='last')
+    for name in ('thing_0', 'later'):
+        simulation.remove(name)
+    assert simulation.removed == ('thing_0', 'later') and simulation.added == ('last',)
+    simulation.reset()
+    names = [o.name for o in simulation.objects]
+    assert names == ['thing_0', 'thing_1', 'last'] and simulation.removed == ('thing_0',)
+    assert not simulation.exists[:len(wall(4, 4))].any()
+    assert simulation.exists[len(wall(4, 4)):].all()
+    assert simulation.add(wall(3, 3), (0.0, 5.0, 0.0), name='later').count
+    simulation.revert()
+    assert [o.name for o in simulation.objects] == ['thing_0', 'thing_1']
+    assert simulation.exists.all() and not simulation.added and not simulation.removed
+
+
+def test_a_free_name_is_one_that_nothing_has_or_had():
+    """Count on from what is there, what was removed and what was launched."""
+    simulation = stand(wall(2, 2))
+    simulation.launch(Projectile('sphere', 0.1, 1.0, (0.0, -3.0, 5.0), (0.0, 0.0, 0.0)))
+    simulation.add(wall(2, 2), (0.0, 5.0, 0.0), name='thing_1')
+    simulation.remove('thing_1')
+    assert simulation.free_name('thing') == 'thing_2'
+    assert simulation.free_name('projectile') == 'projectile_1'
+    assert simulation.add(wall(2, 2), (0.0, 9.0, 0.0)).name == 'object_0'
+
+
+def test_what_is_loose_can_be_put_elsewhere():
+    """Give a ball in flight a pose and a twist: it falls freely from there; walls stay put."""
+    simulation = stand(wall(3, 3))
+    simulation.launch(Projectile('sphere', 0.2, 5.0, (0.0, -9.0, 1.0), (3.0, 0.0, 0.0)))
+    simulation.step(200)  # it lies still
+    simulation.set_body_state('projectile_0/0', (2.0, -9.0, 30.0, 0.0, 0.0, 0.0, 2.0),
+                              (1.0, 0.0, 0.0, 0.0, 0.0, 4.0))
+    np.testing.assert_allclose(simulation.poses[-1], [2.0, -9.0, 30.0, 0.0, 0.0, 0.0, 1.0])
+    simulation.step(30)
+    fallen = 0.5 * 9.81 * 0.5 ** 2
+    assert simulation.poses[-1, 0] == pytest.approx(2.5, abs=0.01)
+    assert simulation.poses[-1, 2] == pytest.approx(30.0 - fallen, abs=0.1)
+    for part, pose in (('thing_0/0', (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+                       ('projectile_0/0', (np.nan, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+                       ('projectile_0/0', (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0))):
+        before = simulation.poses.copy()
+        with pytest.raises(CommandError):
+            simulation.set_body_state(part, pose)
+        np.testing.assert_array_equal(simulation.poses, before)
+
+
+def test_a_piece_moves_as_one_when_a_part_of_it_is_moved():
+    """Put one brick of a loose pair elsewhere, turned: the other keeps its place beside it."""
+    simulation = stand(wall(2, 2))
+    simulation.add(bonded([[0.0, 0.0, 1.0], [0.2, 0.0, 1.0]], (0.2, 0.1, 0.1), ground=False),
+                   name='pair')
+    simulation.step(120)
+    before = rotation.relative(simulation.poses[-2], simulation.poses[-1])
+    turned = np.array([9.0, 9.0, 5.0, *rotation.from_yaw(1.0)])
+    simulation.set_body_state('pair/0', turned, np.zeros(6))
+    np.testing.assert_allclose(simulation.poses[-2], turned, atol=1e-9)
+    apart = rotation.relative(simulation.poses[-2], simulation.poses[-1])
+    np.testing.assert_allclose(apart, before, atol=1e-9)

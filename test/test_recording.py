@@ -14,6 +14,7 @@
 
 """Recordings, read back by mcap-ros2-support and rosbags; no ROS is needed."""
 
+import json
 from pathlib import Path
 import resource
 import shutil
@@ -26,6 +27,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import RecordingError
+from procphys_ros.lsystem import LSystem
 from procphys_ros.messages import pose_array
 from procphys_ros.recording import library
 from procphys_ros.recording.definitions import definition, KINDS
@@ -33,6 +35,7 @@ from procphys_ros.recording.marker_state import MarkerState
 from procphys_ros.recording.recorder import Recorder
 from procphys_ros.recording.recording import Recording
 from procphys_ros.recording.writer import RESERVE, Writer
+from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
@@ -219,6 +222,7 @@ def test_write_error_is_one_message(tmp_path):
     code = """
 import numpy as np, sys
 from procphys_ros.errors import RecordingError
+from procphys_ros.lsystem import LSystem
 from procphys_ros.messages import pose_array
 from procphys_ros.recording.writer import Writer
 writer = Writer(sys.argv[1])
@@ -275,3 +279,24 @@ def test_missing_package_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(library, 'import_module', gone)
     with pytest.raises(RecordingError, match='pip install mcap'):
         Writer(tmp_path / 'run.mcap')
+
+
+def test_what_joins_and_leaves_is_recorded(tmp_path):
+    """Add a bush with leaves and take the wall out while recording: viewers see just that."""
+    simulation = Simulation(scene_of(wall=small_wall()))
+    with Recorder(simulation, tmp_path / 'run.mcap') as recorder:
+        recorder.record()
+        simulation.add(LSystem.load(shared_folder() / 'grammars' / 'shrub.lsys').build(),
+                       (5.0, 0.0, 0.0), name='bush')
+        for step in range(70):
+            if step == 20:
+                simulation.remove('wall')
+            simulation.step()
+            recorder.record()
+    shown: dict = {}
+    for message in decoded(tmp_path / 'run.mcap', '/sim/markers'):
+        seen(message.ros_msg.markers, shown)
+    assert {namespace for namespace, _ in shown} == {'bush', 'bush/leaves'}
+    text = decoded(tmp_path / 'run.mcap', '/sim/scene_description')[-1].ros_msg.data
+    owners = {o['name']: o for o in json.loads(text)['objects']}
+    assert owners['wall']['removed'] and 'removed' not in owners['bush']

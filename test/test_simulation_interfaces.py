@@ -16,16 +16,21 @@
 """The services of `simulation_interfaces`, with stand-ins for its messages (no wheel has it)."""
 
 import asyncio
+import math
 import sys
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from procphys_ros.errors import CommandError
+from procphys_ros.errors import CommandError, ProcPhysError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.ros import simulation_interfaces
+from procphys_ros.ros.pacing import Pacer
+from procphys_ros.ros.session import Session
 from procphys_ros.ros.simulation_interfaces import FEATURES, SimulationInterfacesServer
 from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
 
 TREE = 'axiom: Width(0.1) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) F(1)'
@@ -58,58 +63,74 @@ FILTERS = record(filter='', categories=list,
                  bounds=record(type=0, points=list, TYPE_BOX=0, TYPE_CONVEX_HULL=1,
                                TYPE_SPHERE=2))
 KNOWN = record(**{name: 10 + i for i, name in enumerate(FEATURES) if name != 'ENTITY_TAGS'})
+RESOURCE = record(uri='', resource_string='')
+SPAWNABLE = record(entity_resource=RESOURCE, description='')
 TYPES = SimpleNamespace(Result=RESULT, SimulationState=STATE, SimulatorFeatures=KNOWN,
-                        EntityCategory=CATEGORY, EntityState=STAMPED)
-RESPONSE = record(result=RESULT, state=STATE, features=record(features=list, custom_info=''),
+                        EntityCategory=CATEGORY, EntityState=STAMPED, Spawnable=SPAWNABLE)
+RESPONSE = record(result=RESULT, state=STATE,
+                  features=record(features=list, spawn_formats=list, custom_info=''),
                   entities=list, states=list, info=record(category=CATEGORY, description='',
                                                           tags=list),
-                  ALREADY_IN_TARGET_STATE=101)
+                  entity_name='', spawnables=list, ALREADY_IN_TARGET_STATE=101,
+                  NAME_NOT_UNIQUE=101, NAME_INVALID=102, UNSUPPORTED_FORMAT=103, NO_RESOURCE=104,
+                  NAMESPACE_INVALID=105, RESOURCE_PARSE_ERROR=106, INVALID_POSE=109)
 REQUEST = record(state=STATE, steps=0, scope=0, filters=FILTERS, entity='',
-                 SCOPE_DEFAULT=0, SCOPE_TIME=1, SCOPE_ALL=255)
+                 name='', allow_renaming=False, entity_resource=RESOURCE, entity_namespace='',
+                 initial_pose=STAMPED, sources=list, set_pose=False, set_twist=False,
+                 SCOPE_DEFAULT=0, SCOPE_TIME=1, SCOPE_STATE=2, SCOPE_SPAWNED=4, SCOPE_ALL=255)
 
 
-class Session:
-    """Two trees and what may be asked of them; as the node's session, without a node."""
+class Replies:
+    """Carries commands out at once; those that are begun are answered before they are awaited."""
 
-    def __init__(self):
-        scene = Scene()
-        tree = LSystem.parse(TREE).build()
-        scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'oak_0')
-        scene.add(tree, (9.0, 0.0, 0.0), 0.0, 'oak_1')
-        self.simulation = Simulation(scene)
-        self.paused = False
-
-    def set_pause(self, paused):
-        """Stop time or let it run."""
-        self.paused = paused
-        return ''
-
-    def reset_simulation(self):
-        """Go back to the start."""
-        self.simulation.reset()
-        return ''
-
-    def step_simulation(self):
-        """Run one step."""
-        self.simulation.step()
-        return ''
-
-
-@pytest.fixture
-def server():
-    """Give a server whose commands are carried out at once."""
-    async def ask(name, prepare):
+    async def ask(self, name, prepare):
+        """Carry a command out."""
         try:
             return True, prepare()()
         except CommandError as error:
             return False, str(error)
-    session = Session()
-    made = SimulationInterfacesServer(TYPES, ask, session, 'world')
+
+    async def wait_for(self, name, begin):
+        """Begin with something, and give what it was answered."""
+        answers = []
+        begin(lambda *answer: answers.append(answer))
+        return answers[0]
+
+
+def build_and_join(wanted, join, answer):
+    """Do what the node does in another thread."""
+    try:
+        answer(True, join(wanted.build()))
+    except ProcPhysError as error:
+        answer(False, str(error))
+
+
+def serve():
+    """Make a server on two trees whose commands are carried out at once."""
+    scene = Scene()
+    tree = LSystem.parse(TREE).build()
+    scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'oak_0')
+    scene.add(tree, (9.0, 0.0, 0.0), 0.0, 'oak_1')
+    session = Session(Pacer(1.0 / 60.0, 1.0, budget=0.05))
+    session.adopt(Simulation(scene))
+    made = SimulationInterfacesServer(TYPES, Replies(), build_and_join, session, 'world')
     made.session = session
     return made
 
 
-def call(server, name, **fields):
+@pytest.fixture
+def server():
+    """Give a server for one test."""
+    return serve()
+
+
+@pytest.fixture(scope='module')
+def unchanged():
+    """Give a server for all tests that change nothing."""
+    return serve()
+
+
+def call(server, service, /, **fields):
     """Send a request and give the response."""
     request = REQUEST()
     for path, value in fields.items():
@@ -118,20 +139,25 @@ def call(server, name, **fields):
         for step in inner:
             target = getattr(target, step)
         setattr(target, last, value)
-    return asyncio.run(getattr(server, name)(request, RESPONSE()))
+    serve = getattr(server, service, None) or getattr(server.entities, service)
+    return asyncio.run(serve(request, RESPONSE()))
 
 
-def test_features_are_those_that_the_package_knows(server):
+def test_features_are_those_that_the_package_knows(unchanged):
     """List what is offered, but for what the package at hand has no number for."""
-    features = call(server, 'get_simulator_features').features.features
+    features = call(unchanged, 'get_simulator_features').features.features
     assert len(features) == len(FEATURES) - 1 and len(set(features)) == len(features)
+    assert call(unchanged, 'get_simulator_features').features.spawn_formats == ['lsys', 'wall']
 
 
-def test_features_are_those_of_the_services_that_are_there(server):
+def test_features_are_those_of_the_services_that_are_there(unchanged):
     """List nothing of services that the package at hand does not define."""
-    server._offered = ['reset_simulation', 'get_entities']
-    features = call(server, 'get_simulator_features').features.features
-    assert features == [KNOWN.ENTITY_BOUNDS_BOX, KNOWN.ENTITY_CATEGORIES, KNOWN.SIMULATION_RESET]
+    few = SimulationInterfacesServer(TYPES, Replies(), build_and_join, unchanged.session, 'world',
+                                     ['reset_simulation', 'get_entities'])
+    features = call(few, 'get_simulator_features').features
+    assert features.features == [KNOWN.ENTITY_BOUNDS_BOX, KNOWN.ENTITY_CATEGORIES,
+                                 KNOWN.SIMULATION_RESET, KNOWN.SIMULATION_RESET_SPAWNED]
+    assert features.spawn_formats == []
 
 
 def test_states_follow_each_other(server):
@@ -191,10 +217,10 @@ def category(number):
      ['oak_1']),
     ({'filters__bounds__points': [point(1, 1, 3), point(-1, -1, 0)]}, ['oak_0']),
 ])
-def test_entities_are_filtered(server, fields, expected):
+def test_entities_are_filtered(unchanged, fields, expected):
     """Find objects by name, tag, category and bounds; give as many states as names."""
-    assert call(server, 'get_entities', **fields).entities == expected
-    answer = call(server, 'get_entities_states', **fields)
+    assert call(unchanged, 'get_entities', **fields).entities == expected
+    answer = call(unchanged, 'get_entities_states', **fields)
     assert answer.entities == expected and len(answer.states) == len(expected)
 
 
@@ -205,9 +231,9 @@ def test_entities_are_filtered(server, fields, expected):
      RESULT.RESULT_FEATURE_UNSUPPORTED),
 ])
 @pytest.mark.parametrize('service', ['get_entities', 'get_entities_states'])
-def test_filters_that_make_no_sense_are_refused(server, service, fields, reason, code):
+def test_filters_that_make_no_sense_are_refused(unchanged, service, fields, reason, code):
     """Say what is wrong, and what is not supported with the code that stands for that."""
-    answer = call(server, service, **fields).result
+    answer = call(unchanged, service, **fields).result
     assert answer.result == code and reason in answer.error_message
 
 
@@ -234,23 +260,181 @@ def test_an_entity_has_a_state_and_a_description(server):
 def test_nothing_is_offered_without_the_package(monkeypatch):
     """Do without services when their package cannot be imported."""
     monkeypatch.setattr(simulation_interfaces, 'PACKAGE', 'no_such_package')
-    assert simulation_interfaces.offer(None, None, None) == []
+    assert simulation_interfaces.offer(None, None, None, None) == []
 
 
 def test_services_are_offered_where_the_package_has_them(monkeypatch):
     """Offer each service that the package defines under its own name, and no other."""
-    kinds = SimpleNamespace(GetEntities=object(), StepSimulation=object(), LoadWorld=object())
+    kinds = SimpleNamespace(GetEntities=object(), StepSimulation=object(), LoadWorld=object(),
+                            SpawnEntity=object())
+    actions = SimpleNamespace(SimulateSteps=object())
     monkeypatch.setitem(sys.modules, 'simulation_interfaces', SimpleNamespace())
     monkeypatch.setitem(sys.modules, 'simulation_interfaces.msg', TYPES)
     monkeypatch.setitem(sys.modules, 'simulation_interfaces.srv', kinds)
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces.action', actions)
     made = {}
+
+    def create_action(node, kind, name, serve, callback_group, cancel_callback):
+        made[name] = kind, serve.__name__, callback_group
+    monkeypatch.setattr(simulation_interfaces, 'ActionServer', create_action)
 
     def create_service(kind, name, serve, callback_group):
         made[name] = kind, serve.__name__, callback_group
     node = SimpleNamespace(create_service=create_service,
                            get_parameter=lambda name: SimpleNamespace(value='world'))
-    answers = SimpleNamespace(ask=None, group='group')
-    offered = simulation_interfaces.offer(node, answers, Session())
-    assert offered == ['step_simulation', 'get_entities']
+    answers = SimpleNamespace(group='group')
+    offered = simulation_interfaces.offer(node, answers, None, None)
+    assert offered == ['step_simulation', 'get_entities', 'spawn_entity', 'simulate_steps']
     assert made == {f'~/simulation_interfaces/{name}': (kind, name, 'group') for name, kind in (
-        ('get_entities', kinds.GetEntities), ('step_simulation', kinds.StepSimulation))}
+        ('get_entities', kinds.GetEntities), ('step_simulation', kinds.StepSimulation),
+        ('spawn_entity', kinds.SpawnEntity), ('simulate_steps', actions.SimulateSteps))}
+
+
+class Goal:
+    """A goal of the action: records what becomes of it, and may be cancelled after some steps."""
+
+    def __init__(self, steps, cancelled_after=None):
+        self.request = SimpleNamespace(steps=steps)
+        self.feedback = []
+        self.end = ''
+        self._limit = cancelled_after
+
+    @property
+    def is_cancel_requested(self):
+        """Say whether somebody has cancelled it."""
+        return len(self.feedback) == self._limit
+
+    def publish_feedback(self, feedback):
+        """Take up how far it is."""
+        self.feedback.append((feedback.completed_steps, feedback.remaining_steps))
+
+    def succeed(self):
+        """End well."""
+        self.end = 'succeeded'
+
+    def abort(self):
+        """End badly."""
+        self.end = 'aborted'
+
+    def canceled(self):
+        """End because somebody wanted it."""
+        self.end = 'cancelled'
+
+
+def test_an_action_steps_and_tells_of_each_step(server, monkeypatch):
+    """Step while paused only, with feedback; a goal that is cancelled stops where it is."""
+    course = SimpleNamespace(SimulateSteps=SimpleNamespace(
+        Result=RESPONSE, Feedback=record(completed_steps=0, remaining_steps=0)))
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces', SimpleNamespace())
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces.action', course)
+
+    def run(goal):
+        return asyncio.run(server.simulate_steps(goal)).result.result
+    running = Goal(3)
+    assert run(running) == RESULT.RESULT_INCORRECT_STATE and running.end == 'aborted'
+    server.session.set_pause(True)
+    goal = Goal(3)
+    assert run(goal) == RESULT.RESULT_OK and goal.end == 'succeeded'
+    assert goal.feedback == [(1, 2), (2, 1), (3, 0)]
+    assert server.session.simulation.time == pytest.approx(3 / 60)
+    halted = Goal(1000, cancelled_after=2)
+    assert run(halted) == RESULT.RESULT_OPERATION_FAILED and halted.end == 'cancelled'
+    assert server.session.simulation.time == pytest.approx(5 / 60)
+
+
+def resource(uri='', text=''):
+    """Make a resource."""
+    made = RESOURCE()
+    made.uri, made.resource_string = uri, text
+    return made
+
+
+def place(x, y, yaw=0.0, roll=0.0):
+    """Make a stamped pose on the ground."""
+    made = STAMPED()
+    made.pose.position.x, made.pose.position.y = x, y
+    made.pose.orientation.z, made.pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    made.pose.orientation.x = roll
+    return made
+
+
+def test_entities_are_spawned_and_deleted(server):
+    """Spawn from a shipped file with values, and from text; delete by name, once."""
+    simulation = server.session.simulation
+    found = call(server, 'get_spawnables').spawnables
+    uris = [s.entity_resource.uri for s in found]
+    assert 'package://procphys_ros/grammars/oak.lsys' in uris
+    shrub = call(server, 'spawn_entity', name='hedge', initial_pose=place(3.0, 4.0, yaw=0.5),
+                 entity_resource=resource('package://procphys_ros/grammars/shrub.lsys?seed=4'))
+    assert shrub.result.result == RESULT.RESULT_OK and shrub.entity_name == 'hedge'
+    again = call(server, 'spawn_entity', name='oak_0', allow_renaming=True,
+                 entity_resource=resource(text=TREE), initial_pose=place(-6.0, 0.0))
+    assert again.result.result == RESULT.RESULT_OK and again.entity_name == 'object_0'
+    names = ['oak_0', 'oak_1', 'hedge', 'object_0']
+    assert call(server, 'get_entities').entities == names
+    assert simulation.poses[-2, 0] == pytest.approx(-6.0)
+    assert call(server, 'delete_entity', entity='hedge').result.result == RESULT.RESULT_OK
+    assert call(server, 'get_entities').entities == ['oak_0', 'oak_1', 'object_0']
+    for name in ('hedge', 'elm'):
+        answer = call(server, 'delete_entity', entity=name).result
+        assert answer.result == RESULT.RESULT_NOT_FOUND and answer.error_message
+    spawned = call(server, 'reset_simulation', scope=REQUEST.SCOPE_SPAWNED).result
+    assert spawned.result == RESULT.RESULT_OK
+    assert call(server, 'get_entities').entities == ['oak_0', 'oak_1']
+
+
+def test_reset_scopes_differ_in_what_was_spawned(server):
+    """Reset time and state together with what was spawned kept; all brings back the scene."""
+    simulation = server.session.simulation
+    call(server, 'spawn_entity', name='new', entity_resource=resource(text=TREE),
+         initial_pose=place(5.0, 5.0))
+    call(server, 'delete_entity', entity='oak_1')
+    simulation.step(3)
+    answer = call(server, 'reset_simulation', scope=REQUEST.SCOPE_TIME | REQUEST.SCOPE_STATE)
+    assert answer.result.result == RESULT.RESULT_OK and simulation.time == 0.0
+    assert call(server, 'get_entities').entities == ['oak_0', 'new']
+    assert call(server, 'reset_simulation').result.result == RESULT.RESULT_OK
+    assert call(server, 'get_entities').entities == ['oak_0', 'oak_1']
+
+
+@pytest.mark.parametrize('fields, code, reason', [
+    ({'name': 'a'}, 104, 'resource_string'),
+    ({'name': 'a', 'entity_resource': resource('robot.urdf')}, 103, '.lsys or .wall'),
+    ({'name': 'a', 'entity_resource': resource('oak.lsys?seed=x')}, 103, 'whole number'),
+    ({'name': 'a', 'entity_resource': resource('no_such.lsys')}, 106, 'no grammar'),
+    ({'name': 'a', 'entity_resource': resource(text='axiom: F(1')}, 106, 'spawn.grammar_text:1'),
+    ({'name': '', 'entity_resource': resource(text=TREE)}, 102, 'allow_renaming'),
+    ({'name': 'a b', 'entity_resource': resource(text=TREE)}, 102, 'cannot name'),
+    ({'name': 'oak_0', 'entity_resource': resource(text=TREE)}, 101, 'oak_0'),
+    ({'name': 'a', 'entity_namespace': '/b', 'entity_resource': resource(text=TREE)}, 105, ''),
+    ({'name': 'a', 'entity_resource': resource(text=TREE), 'initial_pose': place(0, 0, 0, 0.5)},
+     109, 'upright'),
+    ({'name': 'a', 'entity_resource': resource(text=TREE),
+      'initial_pose': place(math.nan, 0)}, 109, 'finite')])
+def test_what_cannot_be_spawned_leaves_the_world_as_it_was(unchanged, fields, code, reason):
+    """Answer with the code that stands for it, and why; nothing has joined."""
+    answer = call(unchanged, 'spawn_entity', **fields)
+    assert answer.result.result == code and reason in answer.result.error_message
+    assert call(unchanged, 'get_entities').entities == ['oak_0', 'oak_1']
+
+
+def test_states_of_loose_entities_can_be_set(server):
+    """Put a ball elsewhere, and give it a velocity; a tree in the ground stays where it grows."""
+    session = server.session
+    session.simulation.launch(Projectile('sphere', 0.2, 5.0, (0.0, -9.0, 9.0), (0.0, 0.0, 0.0)))
+    state = STAMPED()
+    state.pose.position.x, state.pose.position.z = 4.0, 7.0
+    state.twist.linear.z = 5.0
+
+    def put(entity, **flags):
+        return call(server, 'set_entity_state', entity=entity, state=state, **flags).result
+    assert put('projectile_0', set_pose=True).result == RESULT.RESULT_OK
+    np.testing.assert_allclose(session.simulation.poses[-1, :3], [4.0, 0.0, 7.0])
+    assert session.simulation.velocities[-1, 2] == 0.0
+    assert put('projectile_0', set_twist=True).result == RESULT.RESULT_OK
+    assert session.simulation.velocities[-1, 2] == 5.0
+    refused = put('oak_0', set_pose=True)
+    assert refused.result == RESULT.RESULT_OPERATION_FAILED and 'loose' in refused.error_message
+    assert put('elm', set_pose=True).result == RESULT.RESULT_NOT_FOUND
+    state.pose.position.x = math.inf
+    assert put('projectile_0', set_pose=True).result == 109

@@ -205,3 +205,21 @@ def test_a_scene_may_choose_its_engine(engine):
     for simulation in (Simulation(scene), Simulation(Scene(), engine=engine)):
         assert simulation.state.world.engine == engine
         simulation.close()
+
+
+def test_bricks_that_join_after_others_were_removed_are_where_they_belong(engine):
+    """Remove every other brick of a row and add another row: the engine has each at its place."""
+    with World(engine=engine) as world:
+        def row(y):
+            return np.array([at(0.3 * i, y, 0.5 * BRICK[2]) for i in range(8)])
+        size, mass = np.tile(BRICK, (8, 1)), np.full(8, BRICK_MASS)
+        first = world.add_bricks(row(0.0), size, mass)
+        world.remove(first[::2])
+        second = world.add_bricks(row(5.0), size, mass)
+        bounds = world.bounds(second)
+        np.testing.assert_allclose(0.5 * (bounds[:, :3] + bounds[:, 3:]), row(5.0)[:, :3],
+                                   atol=1e-6)
+        world.thaw(second, np.tile([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (8, 1)))
+        world.step(DT)
+        assert (world.poses(second)[:, 2] > 0.5 * BRICK[2]).all()
+        np.testing.assert_array_equal(world.poses(first[1::2]), row(0.0)[1::2])

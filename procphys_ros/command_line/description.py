@@ -37,7 +37,7 @@ class Description:
     def __init__(self, text: str):
         self._content: dict[str, Any] = json.loads(text)
         self._ranges = {o['name']: range(o['first'], o['first'] + o['count'])
-                        for o in self._content['objects']}
+                        for o in self._content['objects'] if not o.get('removed')}
 
     @property
     def objects(self) -> list[str]:

@@ -134,6 +134,19 @@ def _add_time(group) -> None:
     step.add_argument('count', type=_count, nargs='?', default=1, metavar='N')
     group.add_parser('reset', help='the same scene from the start')
     group.add_parser('reload', help='build the scene anew from the present parameters')
+    spawn = group.add_parser('spawn', help='let an object join the scene', epilog=(
+        'It stays until "remove"; "reset" puts it back to where it was spawned.\n'
+        'example: command spawn oak.lsys 10 4 0 --seed 7 --define height=6'))
+    spawn.add_argument('grammar', help='file in grammars/, or a path')
+    for axis in 'xyz':
+        spawn.add_argument(axis, type=_number, nargs='?', default=0.0, help='[m]')
+    spawn.add_argument('--name', default='', help='of the object; a free one if not given')
+    spawn.add_argument('--yaw', type=_number, default=0.0, metavar='RAD')
+    spawn.add_argument('--seed', type=_whole, default=0, metavar='N')
+    spawn.add_argument('--define', action='append', default=[], metavar='NAME=NUMBER',
+                       help='overrides a value of the grammar; may be given several times')
+    remove = group.add_parser('remove', help='take an object out of the scene')
+    remove.add_argument('name', help='such as oak_0')
     get = group.add_parser('get', help='show parameters', epilog='example: command get wind.')
     get.add_argument('name', nargs='?', default='', help='name, or how names begin; all if none')
     put = group.add_parser('set', help='change a parameter',
@@ -190,6 +203,12 @@ def _positive(text: str) -> float:
 def _count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or not int(text):
         raise argparse.ArgumentTypeError(f'"{text}" is not a number of steps')
+    return int(text)
+
+
+def _whole(text: str) -> int:
+    if not text.isascii() or not text.isdigit():
+        raise argparse.ArgumentTypeError(f'"{text}" is not a whole number, 0 or more')
     return int(text)
 
 

@@ -15,7 +15,7 @@
 
 """Scene description: what stands in a scene, as JSON that is published when it changes."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 import json
 from typing import Any
 
@@ -43,12 +43,14 @@ class SceneDescription:
             'bonds': {name: [] for name in ('parts', 'law')}}
         self._owners: list[dict[str, Any]] = []
 
-    def write(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> str:
+    def write(self, blueprint: Blueprint, objects: Sequence[PlacedObject],
+              removed: Collection[str] = ()) -> str:
         """
         Write the description.
 
         :param blueprint: all parts and bonds, those of the last call first.
         :param objects: their owners, in part order.
+        :param removed: names of those that were taken out; their parts keep their rows.
         """
         new = objects[self._objects:]
         self._owners += [{'name': o.name, 'first': o.first, 'count': o.count} for o in new]
@@ -58,7 +60,8 @@ class SceneDescription:
         self._bonds = len(blueprint.bonds)
         groups = [f'"{group}":{{{",".join(_listed(lists))}}}'
                   for group, lists in self._lists.items()]
-        head = json.dumps({'frame': self._frame, 'objects': self._owners}, separators=(',', ':'))
+        owners = [o | {'removed': True} if o['name'] in removed else o for o in self._owners]
+        head = json.dumps({'frame': self._frame, 'objects': owners}, separators=(',', ':'))
         return f'{head[:-1]},{",".join(groups)}}}'
 
     def _add_parts(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> None:

@@ -57,6 +57,8 @@ class Recorder:
         self._events = simulation.log.total
         self._markers: SceneMarkers | None = None
         self._description = SceneDescription(frame)
+        self._described: tuple[int, int] | None = None
+        self._added: tuple[str, ...] = ()
         self._had_dust = False
 
     def __enter__(self) -> Self:
@@ -102,9 +104,11 @@ class Recorder:
     def _put_description(self, at: messages.Stamp, is_full: bool) -> None:
         """Describe the scene; parts that come later are described within a second."""
         simulation = self._simulation
-        known = self._description.parts
-        if len(simulation.blueprint) != known and (not known or is_full):
-            text = self._description.write(simulation.blueprint, simulation.objects)
+        content = len(simulation.blueprint), len(simulation.removed)
+        if content != self._described and (not self._described or is_full):
+            self._described = content
+            text = self._description.write(simulation.blueprint, simulation.objects,
+                                           simulation.removed)
             writer = CdrWriter()
             writer.string(text)
             self._put('scene_description', 'std_msgs/msg/String',
@@ -120,7 +124,8 @@ class Recorder:
 
     def _put_markers(self, at: messages.Stamp, is_full: bool) -> None:
         simulation, markers = self._simulation, self._markers
-        if markers is None:
+        if markers is None or simulation.added != self._added:  # what joins may have leaves
+            self._added, is_full = simulation.added, True
             markers = self._markers = SceneMarkers(simulation.blueprint, simulation.objects,
                                                    self._frame, MarkerStyle())
         elif len(markers) < len(simulation.blueprint):

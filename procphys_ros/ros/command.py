@@ -125,6 +125,20 @@ def _explode(remote: Any, said: argparse.Namespace) -> None:
     print(remote.trigger('explode'))
 
 
+def _spawn(remote: Any, said: argparse.Namespace) -> None:
+    path = Path(said.grammar)  # the node may run in another folder
+    grammar = str(path.resolve()) if path.is_file() else said.grammar
+    remote.change({'spawn.name': said.name, 'spawn.grammar': grammar, 'spawn.grammar_text': '',
+                   'spawn.defines': said.define, 'spawn.seed': said.seed,
+                   'spawn.position': (said.x, said.y, said.z), 'spawn.yaw': said.yaw})
+    print(remote.trigger('spawn'))
+
+
+def _remove(remote: Any, said: argparse.Namespace) -> None:
+    remote.change({'spawn.name': said.name})
+    print(remote.trigger('remove'))
+
+
 def _step(remote: Any, said: argparse.Namespace) -> None:
     for _ in range(said.count):
         answer = remote.trigger('step_simulation')
@@ -186,7 +200,7 @@ _VERBS: dict[str, Callable] = {
     'demolish': _trigger('demolish'), 'clear': _trigger('clear_wrenches'),
     'pause': _switch('set_pause', True), 'resume': _switch('set_pause', False),
     'reset': _trigger('reset_simulation'), 'reload': _trigger('reload_scene'),
-    'get': _get, 'set': _set, 'list': _list, 'watch': _watch,
+    'spawn': _spawn, 'remove': _remove, 'get': _get, 'set': _set, 'list': _list, 'watch': _watch,
 }
 
 if __name__ == '__main__':

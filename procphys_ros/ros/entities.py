@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.parts import Owner
 
 
 class Entities:
@@ -28,12 +29,14 @@ class Entities:
     Reads objects and parts of a simulation; in the thread that simulates.
 
     :param simulation: as it is now.
-    :ivar names: of its objects, what was launched included.
+    :ivar names: of its objects, what was launched included, what was removed not.
     """
 
     def __init__(self, simulation: Simulation):
         self._simulation = simulation
-        self._objects = {o.name: range(o.first, o.first + o.count) for o in simulation.objects}
+        removed = set(simulation.removed)
+        self._objects = {o.name: range(o.first, o.first + o.count) for o in simulation.objects
+                         if o.name not in removed}
         self.names = list(self._objects)
 
     def state(self, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -46,6 +49,22 @@ class Entities:
             if np.isfinite(self._simulation.poses[part, 0]):
                 return self._simulation.poses[part], self._simulation.velocities[part]
         raise CommandError(f'nothing is left of {name}')
+
+    def movable(self, name: str) -> int:
+        """
+        Give the part by which an object, or a part, can be put elsewhere in one piece.
+
+        :raises CommandError: when there is no such object or part, or its parts go several ways.
+        """
+        state = self._simulation.state.parts
+        parts = [part for part in self._parts(name) if self._simulation.exists[part]]
+        if not parts:
+            raise CommandError(f'nothing is left of {name}')
+        bodies = np.unique(state.body[parts])
+        if len(bodies) > 1 and (state.owner[parts] == Owner.BODY).all():
+            raise CommandError(f'{name} is in {len(bodies)} pieces; name a part of one, such as '
+                               f'{self._simulation.names.name(parts[0])}')
+        return parts[0]
 
     def kinds(self, name: str) -> list[str]:
         """Name the kinds of parts of an object, such as brick and pane."""

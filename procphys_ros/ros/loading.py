@@ -13,24 +13,30 @@
 # limitations under the License.
 
 
-"""Loading: has scenes built and handed to the thread that simulates."""
+"""Loading: has scenes, and what joins them, built and handed to the thread that simulates."""
 
 from collections.abc import Callable
+from threading import Thread
+from time import monotonic
 
+from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.ros.building import Builder
 from procphys_ros.ros.commands import Command, CommandQueue, describe
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
+from procphys_ros.scene.spawn import Spawn
 from procphys_ros.simulation import Simulation
 
 RELOAD = 'reload_scene'
+SPAWN = 'spawn'
 _STAYS = '; the scene stays as it was'
+_MOST_SPAWNS = 8  # grammars that are derived at once
 
 
 class Loading:
     """
-    Loads the first scene, and others in its place.
+    Loads the first scene, others in its place, and objects that join.
 
     :param builder: builds them.
     :param queue: hands them over between two steps.
@@ -44,6 +50,8 @@ class Loading:
         self._queue = queue
         self._parameters = parameters
         self._session = session
+        self._spawning: list[Thread] = []
+        self._stopped = False
 
     def load_first(self, failed: Callable[[Exception], None],
                    answer: Callable[[bool, str], None] = lambda success, message: None) -> None:
@@ -75,6 +83,54 @@ class Loading:
             answer(False, self._queue.reject(RELOAD, error, _STAYS))
 
         self._builder.build(self._parameters.nested(), hand_over, fail)
+
+    def spawn(self, answer: Callable[[bool, str], None]) -> None:
+        """
+        Begin to build what the `spawn.*` parameters describe; it joins the scene when it is built.
+
+        :param answer: told, in another thread, what joined or why nothing did.
+        :raises ProcPhysError: when the parameters make no sense.
+        """
+        wanted = Spawn(**self._parameters.nested().get('spawn', {}))
+        self.begin_spawn(wanted, lambda made: self._session.spawn(wanted, made), answer)
+
+    def begin_spawn(self, wanted: Spawn, join: Callable[[Blueprint], str],
+                    answer: Callable[[bool, str], None]) -> None:
+        """
+        Begin to build an object.
+
+        :param wanted: describes it.
+        :param join: called with it between two steps; says what happened, or raises.
+        :param answer: told, in another thread, what `join` said, or what went wrong.
+        :raises CommandError: when it cannot be called so, or many others are being built.
+        """
+        wanted.check_name()
+        if not self._session.has_scene:
+            raise CommandError('the first scene is still being built')
+        self._spawning = [thread for thread in self._spawning if thread.is_alive()]
+        if len(self._spawning) >= _MOST_SPAWNS:
+            raise CommandError(f'{_MOST_SPAWNS} objects are being built already')
+
+        def build() -> None:
+            try:
+                made = wanted.build()
+            except Exception as error:
+                if not self._stopped:
+                    answer(False, self._queue.reject(SPAWN, error, _STAYS))
+                return
+            if not self._stopped:
+                self._queue.call(Command(SPAWN, lambda: join(made), answer))
+
+        self._spawning.append(Thread(target=build, name=SPAWN, daemon=True))
+        self._spawning[-1].start()
+
+    def stop(self, patience: float) -> bool:
+        """Let nothing join any more, wait some time [s], and say whether all building ended."""
+        self._stopped = True
+        end = monotonic() + patience
+        for thread in self._spawning:
+            thread.join(max(0.0, end - monotonic()))
+        return not any(thread.is_alive() for thread in self._spawning)
 
     def cancel(self, answer: Callable[[bool, str], None]) -> None:
         """

@@ -96,7 +96,7 @@ class SimNode(Node):
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
         ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/clear_wrenches,
         ~/step_simulation, ~/reset_simulation, ~/reload_scene, ~/cancel_reload, ~/save_state,
-        ~/restore_state (std_srvs/Trigger)
+        ~/restore_state, ~/spawn, ~/remove (std_srvs/Trigger)
         ~/simulation_interfaces/…, if that package is there: see `simulation_interfaces.py`
 
     Parameters (default; unit; range; when a change takes effect):
@@ -143,7 +143,7 @@ class SimNode(Node):
                           self.steady_clock)
         loading = Loading(self.builder, self.commands, self.parameters, self.session)
         create_services(self, answers, requests, loading)
-        simulation_interfaces.offer(self, answers, self.session)
+        simulation_interfaces.offer(self, answers, self.session, loading.begin_spawn)
         self._loading = loading
 
     def _start(self) -> None:
@@ -169,7 +169,8 @@ class SimNode(Node):
         """
         self._topics.stop()
         self._compilation.close()
-        ended = [self.builder.stop(_LAST_TURN), self.loop.stop(_LAST_TURN)]
+        ended = [self.builder.stop(_LAST_TURN), self._loading.stop(_LAST_TURN),
+                 self.loop.stop(_LAST_TURN)]
         if all(ended):
             self.session.close()
             super().destroy_node()

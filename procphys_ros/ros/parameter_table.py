@@ -29,6 +29,7 @@ from procphys_ros.scene.objects import ObjectSpec
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.shards import Shard
+from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.schema import LARGEST, Parameter, parameters, short
 
@@ -76,6 +77,7 @@ GLOBAL = (
     *parameters(Projectile, 'projectile', takes_effect='use'),
     *parameters(Explosion, 'explosion', takes_effect='use'),
     *parameters(Demolition, 'demolition', takes_effect='use'),
+    *parameters(Spawn, 'spawn', takes_effect='use'),
 )
 OBJECT = parameters(ObjectSpec, takes_effect='reload')
 

@@ -75,6 +75,7 @@ class Publishers:
         self._broken_limiter = RateLimiter(_DESCRIPTIONS)
         self._forget_breaks()
         self._had_dust = False
+        self._added: tuple[str, ...] = ()
 
     @property
     def clocks(self) -> int:
@@ -84,9 +85,8 @@ class Publishers:
 
     def start_scene(self, simulation: Simulation) -> None:
         """Announce a scene that has been loaded; whoever watches gets all of it anew."""
-        self._describer = SceneDescription(self._frame)
-        self._describe(simulation)
         self.reset()
+        self._describe(simulation)
         self._ready.publish(Bool(data=True))
 
     def end_scene(self) -> None:
@@ -95,16 +95,17 @@ class Publishers:
 
     def reset(self) -> None:
         """Begin anew, because time has jumped back."""
+        self._describer = SceneDescription(self._frame)
         self._forget_breaks()
         self.restart()
 
     def restart(self) -> None:
-        """Send everything next, in place of what was shown."""
+        """Send all markers next, in place of what was shown, and the description."""
         if self._scene_markers is not None and self._style().shard:
             self._markers.publish(self._scene_markers.deletions((0, 0)))
         self._scene_markers = None
         self._marker_limiter.hasten()
-        self._described = -1
+        self._described: tuple | None = None
 
     def apply(self, names: set[str]) -> None:
         """Let changed parameters take effect."""
@@ -122,8 +123,7 @@ class Publishers:
         is_news = self._new_to_poses.are_waiting() or has_moved
         if is_news and self._poses.get_subscription_count():
             self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
-        if len(simulation.blueprint) != self._described and self._description_limiter.is_due():
-            self._describe(simulation)
+        self._follow_content(simulation)
         self._publish_markers(simulation, at)
         self._publish_breaks(simulation, at)
         if has_moved and self._dust.get_subscription_count():
@@ -143,12 +143,18 @@ class Publishers:
         self._has_news_of_breaks = True
         self._broken_limiter.hasten()
 
+    def _follow_content(self, simulation: Simulation) -> None:
+        """Draw anew what users put in, which may have leaves, and describe what there is."""
+        if simulation.added != self._added:
+            self._added = simulation.added
+            self.restart()
+        if self._described != _content(simulation) and self._description_limiter.is_due():
+            self._describe(simulation)
+
     def _describe(self, simulation: Simulation) -> None:
-        if len(simulation.blueprint) < self._describer.parts:  # late parts went with a reset
-            self._describer = SceneDescription(self._frame)
-        text = self._describer.write(simulation.blueprint, simulation.objects)
+        text = self._describer.write(simulation.blueprint, simulation.objects, simulation.removed)
         self._description.publish(String(data=text))
-        self._described = len(simulation.blueprint)
+        self._described, self._added = _content(simulation), simulation.added
 
     def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:
         if self._new_to_markers.are_waiting():
@@ -210,3 +216,8 @@ class Publishers:
         message.wrench.force = Vector3(**dict(zip('xyz', wrench[:3])))
         message.wrench.torque = Vector3(**dict(zip('xyz', wrench[3:])))
         self._intruder_wrench.publish(message)
+
+
+def _content(simulation: Simulation) -> tuple[int, int]:
+    """Give what changes whenever the description does."""
+    return len(simulation.blueprint), len(simulation.removed)

@@ -104,6 +104,13 @@ class Requests:
         path = self._state_file()
         return lambda: self._session.restore_state(path)
 
+    def remove(self) -> Act:
+        """Take the object `spawn.name` out of the scene."""
+        name = self._parameters['spawn.name']
+        if not name:
+            raise CommandError('spawn.name is empty, it must name the object to remove')
+        return lambda: self._session.remove(name)
+
     def _state_file(self) -> Path:
         name = self._parameters['state.file']
         if not name:

@@ -62,18 +62,22 @@ class Actions(Protocol):
 
     def restore_state(self) -> Act: ...
 
+    def remove(self) -> Act: ...
+
 
 class Scenes(Protocol):
-    """Loads scenes; each is told whom to answer."""
+    """Loads scenes, and what joins them; each is told whom to answer."""
 
     def reload(self, answer: Answer) -> None: ...
 
     def cancel(self, answer: Answer) -> None: ...
 
+    def spawn(self, answer: Answer) -> None: ...
+
 
 _TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish',
              'clear_wrenches', 'step_simulation', 'reset_simulation', 'save_state',
-             'restore_state')
+             'restore_state', 'remove')
 _SWITCHES = ('set_wind_enabled', 'set_pause')
 
 
@@ -171,7 +175,8 @@ def create_services(node: Node, answers: Answers, actions: Actions, scenes: Scen
     for name in _TRIGGERS:
         node.create_service(Trigger, f'~/{name}', _trigger(answers, name, getattr(actions, name)),
                             callback_group=answers.group)
-    for name, begin in (('reload_scene', scenes.reload), ('cancel_reload', scenes.cancel)):
+    for name, begin in (('reload_scene', scenes.reload), ('cancel_reload', scenes.cancel),
+                        ('spawn', scenes.spawn)):
         node.create_service(Trigger, f'~/{name}', _long_trigger(answers, name, begin),
                             callback_group=answers.group)
     for name in _SWITCHES:

@@ -19,10 +19,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SnapshotError
 from procphys_ros.physics.wind import Gust, WindSettings
+from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
+from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation import Simulation
 
@@ -38,7 +41,7 @@ class Session:
     :ivar failure: what stopped the simulation, '' = nothing; a reset or a reload ends it.
     :ivar on_scene: called when another scene has been loaded.
     :ivar on_reset: called when time has jumped back.
-    :ivar on_steps: called when steps were run on demand.
+    :ivar on_steps: called when steps were run on demand, or something was put in or taken out.
     :ivar mean_wind: that blows at the reference height [m/s], (3,).
     :ivar on_wind: called when another mean wind blows.
     """
@@ -148,6 +151,41 @@ class Session:
         self.simulation.place_intruder(pose)
         return f'intruder to {list(pose[:3])} m'
 
+    def spawn(self, spawn: Spawn, blueprint: Blueprint) -> str:
+        """Let what has been built join the scene; when it cannot, the scene stays as it was."""
+        self._refuse_after_failure()
+        name = spawn.name or self.simulation.free_name(spawn.stem)
+        try:
+            joined = self.simulation.add(blueprint, spawn.position, spawn.yaw, name)
+        except CommandError:
+            raise
+        except Exception as error:
+            self.fail(error)
+            raise
+        self.on_steps()
+        return f'{name} stands at {list(spawn.position)} m, {joined.count} parts'
+
+    def remove(self, name: str) -> str:
+        """Take an object out of the scene."""
+        self._refuse_after_failure()
+        self.simulation.remove(name)
+        self.on_steps()
+        return f'{name} is gone'
+
+    def remove_added(self) -> str:
+        """Take out everything that was spawned."""
+        names = self.simulation.added
+        for name in names:
+            self.remove(name)
+        return f'{len(names)} objects are gone'
+
+    def move(self, name: str, pose: Sequence[float] | None,
+             twist: Sequence[float] | None) -> str:
+        """Put an object or a part that is loose to a pose (7,), with a twist (6,)."""
+        self.simulation.set_body_state(Entities(self.simulation).movable(name), pose, twist)
+        self.on_steps()
+        return f'{name} moved'
+
     def set_pause(self, paused: bool) -> str:
         """Stop time, or let it run again."""
         if not paused:
@@ -170,9 +208,16 @@ class Session:
         return f'stepped to {self.simulation.time:.4f} s'
 
     def reset_simulation(self) -> str:
-        """Put everything back to where it began."""
+        """Put everything back to where it began; what was spawned stays, removed stays away."""
+        return self._begin_anew(self.simulation.reset)
+
+    def revert(self) -> str:
+        """Go back to the scene as it was loaded: nothing spawned, nothing removed."""
+        return self._begin_anew(self.simulation.revert)
+
+    def _begin_anew(self, begin: Callable[[], None]) -> str:
         try:
-            self.simulation.reset()
+            begin()
         except Exception as error:
             self.fail(error)
             raise

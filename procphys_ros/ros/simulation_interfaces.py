@@ -20,18 +20,19 @@ Entities are the objects of the scene and what is launched later. What the packa
 of its own is read from it, so that nothing here depends on the numbers that it gives its codes.
 """
 
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 import re
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
+from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
 
 from procphys_ros import messages
 from procphys_ros.errors import CommandError
-from procphys_ros.ros.conversions import Act
 from procphys_ros.ros.entities import Entities
+from procphys_ros.ros.entity_services import BeginSpawn, EntityServer, FORMATS, Replies
 from procphys_ros.ros.services import Answers
 from procphys_ros.ros.session import Session
 
@@ -44,41 +45,54 @@ FEATURES = {'ENTITY_TAGS': 'get_entities', 'ENTITY_BOUNDS_BOX': 'get_entities',
             'SIMULATION_STATE_SETTING': 'set_simulation_state',
             'SIMULATION_STATE_PAUSE': 'set_simulation_state',
             'STEP_SIMULATION_SINGLE': 'step_simulation',
-            'STEP_SIMULATION_MULTIPLE': 'step_simulation'}
+            'STEP_SIMULATION_MULTIPLE': 'step_simulation',
+            'STEP_SIMULATION_ACTION': 'simulate_steps', 'SPAWNING': 'spawn_entity',
+            'SPAWNING_RESOURCE_STRING': 'spawn_entity', 'SPAWNABLES': 'get_spawnables',
+            'DELETING': 'delete_entity', 'ENTITY_STATE_SETTING': 'set_entity_state',
+            'SIMULATION_RESET_SPAWNED': 'reset_simulation'}
 _SERVICES = {'get_simulator_features': 'GetSimulatorFeatures',
              'get_simulation_state': 'GetSimulationState',
              'set_simulation_state': 'SetSimulationState', 'step_simulation': 'StepSimulation',
              'reset_simulation': 'ResetSimulation', 'get_entities': 'GetEntities',
              'get_entity_state': 'GetEntityState', 'get_entities_states': 'GetEntitiesStates',
-             'get_entity_info': 'GetEntityInfo'}
+             'get_entity_info': 'GetEntityInfo', 'get_spawnables': 'GetSpawnables',
+             'spawn_entity': 'SpawnEntity', 'delete_entity': 'DeleteEntity',
+             'set_entity_state': 'SetEntityState'}
+_ACTIONS = {'simulate_steps': 'SimulateSteps'}
 
 
-class _Ask(Protocol):
-    """Has a command carried out in the thread of the simulation, see `Answers.ask`."""
-
-    def __call__(self, name: str, prepare: Callable[[], Act]) -> Awaitable[tuple[bool, str]]: ...
-
-
-def offer(node: Node, answers: Answers, session: Session) -> list[str]:
+def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpawn) -> list[str]:
     """
-    Offer the services as `~/simulation_interfaces/…`, if their package is there.
+    Offer the services and actions as `~/simulation_interfaces/…`, if their package is there.
 
     :param node: the node that offers them.
     :param answers: waits for what becomes of a command.
     :param session: carries commands out.
+    :param begin_spawn: has an object built and joined to the scene.
     :returns: their names; none when the package cannot be imported.
     """
     try:
         types, kinds = import_module(f'{PACKAGE}.msg'), import_module(f'{PACKAGE}.srv')
     except ImportError:
         return []
-    offered = [name for name, kind in _SERVICES.items() if hasattr(kinds, kind)]
+    try:
+        actions: Any = import_module(f'{PACKAGE}.action')
+    except ImportError:
+        actions = None
+    services = [name for name, kind in _SERVICES.items() if hasattr(kinds, kind)]
+    courses = [name for name, kind in _ACTIONS.items() if hasattr(actions, kind)]
     frame = node.get_parameter('world_frame').value
-    server = SimulationInterfacesServer(types, answers.ask, session, frame, offered)
-    for name in offered:
-        node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}',
-                            getattr(server, name), callback_group=answers.group)
-    return offered
+    server = SimulationInterfacesServer(types, answers, begin_spawn, session, frame,
+                                        [*services, *courses])
+    for name in services:
+        serve = getattr(server, name, None) or getattr(server.entities, name)
+        node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}', serve,
+                            callback_group=answers.group)
+    for name in courses:
+        ActionServer(node, getattr(actions, _ACTIONS[name]), f'~/{PACKAGE}/{name}',
+                     getattr(server, name), callback_group=answers.group,
+                     cancel_callback=lambda handle: CancelResponse.ACCEPT)
+    return [*services, *courses]
 
 
 class SimulationInterfacesServer:
@@ -86,17 +100,20 @@ class SimulationInterfacesServer:
     Answers the requests.
 
     :param types: the package's module `msg`.
-    :param ask: has a command carried out in the thread of the simulation.
+    :param replies: waits for commands in the thread of the simulation.
+    :param begin_spawn: has an object built and joined to the scene.
     :param session: carries commands out.
     :param frame: of poses.
-    :param offered: names of the services that are there.
+    :param offered: names of the services and actions that are there.
+    :ivar entities: answers requests that put entities in, take them out and move them.
     """
 
-    def __init__(self, types: Any, ask: _Ask, session: Session, frame: str,
-                 offered: Sequence[str] = tuple(_SERVICES)):
+    def __init__(self, types: Any, replies: Replies, begin_spawn: BeginSpawn, session: Session,
+                 frame: str, offered: Sequence[str] = (*_SERVICES, *_ACTIONS)):
         self._types = types
         self._result, self._state = types.Result, types.SimulationState
-        self._ask = ask
+        self._replies = replies
+        self.entities = EntityServer(types, replies, begin_spawn, session, frame)
         self._session = session
         self._frame = frame
         self._offered = offered
@@ -107,6 +124,8 @@ class SimulationInterfacesServer:
         response.features.features = [
             getattr(known, feature) for feature, service in FEATURES.items()
             if service in self._offered and hasattr(known, feature)]
+        if 'spawn_entity' in self._offered:
+            response.features.spawn_formats = list(FORMATS)
         response.features.custom_info = 'procphys_ros; entities are objects, such as oak_0, and ' \
             'their parts, such as oak_0/17'
         return response
@@ -143,12 +162,42 @@ class SimulationInterfacesServer:
                 return response
         return self._done(response)
 
+    async def simulate_steps(self, handle: Any) -> Any:
+        """Run some steps while paused, and tell of each; a cancelled goal ends between two."""
+        kind = import_module(f'{PACKAGE}.action').SimulateSteps
+        response, feedback = kind.Result(), kind.Feedback()
+        steps = handle.request.steps
+        if not self._session.paused:
+            handle.abort()
+            return self._failed(response, self._result.RESULT_INCORRECT_STATE,
+                                'the simulation is running; pause it first')
+        for done in range(steps):
+            if handle.is_cancel_requested:
+                handle.canceled()
+                return self._failed(response, self._result.RESULT_OPERATION_FAILED,
+                                    f'cancelled after {done} of {steps} steps')
+            await self._carry_out(response, 'simulate_steps', self._session.step_simulation)
+            if response.result.result != self._result.RESULT_OK:
+                handle.abort()
+                return response
+            feedback.completed_steps, feedback.remaining_steps = done + 1, steps - done - 1
+            handle.publish_feedback(feedback)
+        handle.succeed()
+        return self._done(response)
+
     async def reset_simulation(self, request: Any, response: Any) -> Any:
-        """Put everything back to the start; parts of that alone cannot be had."""
-        if request.scope not in (request.SCOPE_DEFAULT, request.SCOPE_ALL):
+        """Put everything back to the start, or what was spawned out; nothing else by itself."""
+        state = request.SCOPE_TIME | request.SCOPE_STATE
+        acts = {request.SCOPE_DEFAULT: self._session.revert,
+                request.SCOPE_ALL: self._session.revert,
+                state | request.SCOPE_SPAWNED: self._session.revert,
+                state: self._session.reset_simulation,
+                request.SCOPE_SPAWNED: self._session.remove_added}
+        if request.scope not in acts:
             return self._failed(response, self._result.RESULT_FEATURE_UNSUPPORTED,
-                                'only all can be reset, SCOPE_DEFAULT or SCOPE_ALL')
-        return await self._carry_out(response, 'reset_simulation', self._session.reset_simulation)
+                                'time and state can only be reset together; what was spawned '
+                                'also by itself')
+        return await self._carry_out(response, 'reset_simulation', acts[request.scope])
 
     async def get_entities(self, request: Any, response: Any) -> Any:
         """Name the objects that fit the filters."""
@@ -247,7 +296,7 @@ class SimulationInterfacesServer:
 
     async def _carry_out(self, response: Any, name: str, act: Callable[[], str],
                          otherwise: int | None = None) -> Any:
-        success, message = await self._ask(name, lambda: act)
+        success, message = await self._replies.ask(name, lambda: act)
         if success:
             return self._done(response)
         code = self._result.RESULT_OPERATION_FAILED if otherwise is None else otherwise

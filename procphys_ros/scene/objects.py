@@ -14,7 +14,7 @@
 
 """What a scene is asked to hold: the objects named by its parameters."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 import math
 import re
@@ -67,14 +67,7 @@ class ObjectSpec:
 
     def __post_init__(self) -> None:
         check(self, self.name)
-        for text in self.defines:
-            match = _DEFINE.match(text)
-            try:
-                valid = match is not None and math.isfinite(float(match[2]))
-            except ValueError:
-                valid = False
-            if not valid:
-                raise SceneError(f'{self.name}.defines: {text!r} is not of the form name=number')
+        read_defines(self.defines, f'{self.name}.defines')
         if bool(self.grammar) == bool(self.grammar_text):
             raise SceneError(f'{self.name}: give either {self.name}.grammar (a file) or '
                              f'{self.name}.grammar_text (the grammar itself)')
@@ -89,7 +82,31 @@ class ObjectSpec:
     @property
     def numbers(self) -> dict[str, float]:
         """Turn the defines into numbers by name."""
-        return {m[1]: float(m[2]) for m in map(_DEFINE.match, self.defines) if m}
+        return read_defines(self.defines, f'{self.name}.defines')
+
+
+def read_defines(defines: Sequence[str], key: str) -> dict[str, float]:
+    """
+    Turn defines into numbers by name.
+
+    :param defines: each as 'name=number'.
+    :param key: of the parameter, for messages.
+    :raises SceneError: when one is not of that form.
+    """
+    numbers = {}
+    for text in defines:
+        match = _DEFINE.match(text)
+        try:
+            value = float(match[2]) if match else math.nan
+        except ValueError:
+            value = math.nan
+        if match is None or not math.isfinite(value):
+            raise SceneError(f'{key}: {text!r} is not of the form name=number')
+        if match[1] == 'seed':
+            raise SceneError(f'{key}: a grammar has no value "seed"; it is a parameter beside '
+                             f'{key}')
+        numbers[match[1]] = value
+    return numbers
 
 
 OBJECT_KEYS = tuple(f.name for f in fields(ObjectSpec) if f.name != 'name')

@@ -15,8 +15,9 @@
 
 """Additions: objects that join or leave a scene while it runs, without touching the rest."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from itertools import count
 
 import numpy as np
 
@@ -55,6 +56,7 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     grow(enlarged, state, _settled(placed, model.gravity))
     state.objects.append(added)
     state.names.extend([added], placed)
+    state.added[name] = placed
     return enlarged
 
 
@@ -80,6 +82,31 @@ def remove(model: Model, state: State, name: str) -> None:
     for body in np.unique(state.parts.body[parts[owner == Owner.BODY]]).tolist():
         fragments.split(state, body, [])
     fragments.vanish(state, parts)
+    state.added.pop(name, None)
+    state.removed.append(name)
+
+
+def with_added(scene: Model, added: Mapping[str, Blueprint]) -> Model:
+    """
+    Compile a scene together with what users added to it.
+
+    :param scene: model of the scene as it was loaded.
+    :param added: placed blueprints by name.
+    """
+    if not added:
+        return scene
+    objects = list(scene.objects)
+    for name, placed in added.items():
+        first = objects[-1].first + objects[-1].count if objects else 0
+        objects.append(SceneObject(name, first, len(placed)))
+    return compile_model(scene.settings, scene.shard, chain([scene.blueprint, *added.values()]),
+                         objects, scene.time_step, scene.seed, scene.wind)
+
+
+def free_name(state: State, stem: str) -> str:
+    """Give the first of `<stem>_0`, `<stem>_1`, … that no object has or had."""
+    taken = {known.name for known in state.objects}
+    return next(name for name in (f'{stem}_{i}' for i in count()) if name not in taken)
 
 
 def grow(model: Model, state: State, settled: StressSolver) -> None:
@@ -133,11 +160,11 @@ def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,
 
 def _grow_columns(model: Model, state: State) -> None:
     """Make room in everything that has a row per part, segment, pane or leaf."""
-    count, rows = len(model.blueprint), len(state.forest)
+    parts, rows = len(model.blueprint), len(state.forest)
     blasts, rubble, leaves, trees = state.blasts, state.rubble, state.leaves, state.trees
-    blasts.momentum, blasts.pulse = _padded(blasts.momentum, count), _padded(
-        blasts.pulse, count, np.inf)
-    rubble.moving, rubble.given = _padded(rubble.moving, count), _padded(rubble.given, count)
+    blasts.momentum, blasts.pulse = _padded(blasts.momentum, parts), _padded(
+        blasts.pulse, parts, np.inf)
+    rubble.moving, rubble.given = _padded(rubble.moving, parts), _padded(rubble.given, parts)
     load = np.zeros(len(model.glass.parts))
     load[:len(state.glass.load)] = state.glass.load
     state.glass.load = load
@@ -156,7 +183,7 @@ def _grow_columns(model: Model, state: State) -> None:
     state.skyline.drawn = None
 
 
-def _padded(column: np.ndarray, count: int, value: float = 0.0) -> np.ndarray:
+def _padded(column: np.ndarray, rows: int, value: float = 0.0) -> np.ndarray:
     """Give a column with rows behind its own, (count, ...)."""
-    more = np.full((count - len(column), *column.shape[1:]), value, column.dtype)
+    more = np.full((rows - len(column), *column.shape[1:]), value, column.dtype)
     return np.concatenate([column, more])

@@ -21,16 +21,27 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.wind import Gust
+from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation import blasts, demolition, intruder, masonry, projectiles
+from procphys_ros.simulation import (
+    blasts,
+    demolition,
+    fragments,
+    intruder,
+    masonry,
+    projectiles,
+)
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.observer import Observer
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 from procphys_ros.simulation.validation import checked_rotation, checked_vector
+
+_ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -82,6 +93,22 @@ class Wrench:
 @dataclass(frozen=True)
 class ClearWrenches:
     """End all lasting forces."""
+
+
+@dataclass(frozen=True)
+class SetBodyState:
+    """
+    Put a loose part, with all that it is one piece with, somewhere else at once.
+
+    :ivar part: its name or index.
+    :ivar pose: x y z qx qy qz qw of the part [m], (7,), world; None = where it is.
+    :ivar twist: velocity of the part's centre and spin [m/s], [rad/s], world axes, (6,); None = as
+        it has.
+    """
+
+    part: int | str
+    pose: Sequence[float] | None = None
+    twist: Sequence[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -175,6 +202,28 @@ def _wrench(model: Model, state: State, command: Wrench) -> None:
         state.wrenches[part] = wrench
 
 
+def _set_body_state(model: Model, state: State, command: SetBodyState) -> None:
+    part = state.names.index(command.part)
+    _check_exists(state, part)
+    if state.parts.owner[part] != Owner.BODY:
+        raise CommandError(f'{state.names.name(part)} stands where it was built or grows there; '
+                           'only what is loose can be put elsewhere')
+    pose = state.parts.poses[part] if command.pose is None else _checked_pose('part', command.pose)
+    twist = (state.parts.velocities[part] if command.twist is None else np.concatenate([
+        checked_vector('velocity', command.twist[:3]), checked_vector('spin', command.twist[3:])]))
+    body = np.array([state.parts.body[part]])
+    centre = rotation.compose(pose, rotation.relative(state.parts.local[part], _ORIGIN))
+    twist = np.concatenate([twist[:3] + np.cross(twist[3:], centre[:3] - pose[:3]), twist[3:]])
+    if state.world.bodies.state[body[0]] != BodyState.AWAKE:
+        state.world.thaw(body)
+    state.world.set_poses(body, centre[None])
+    state.world.set_velocities(body, twist[None])
+    parts = state.bodies.members[int(body[0])]
+    state.parts.poses[parts], state.parts.velocities[parts] = fragments.part_states(
+        state, int(body[0]))
+    state.parts.moved[parts] = True
+
+
 def _clear_wrenches(model: Model, state: State, command: ClearWrenches) -> int:
     count = len(state.wrenches)
     state.wrenches.clear()
@@ -182,18 +231,22 @@ def _clear_wrenches(model: Model, state: State, command: ClearWrenches) -> int:
 
 
 def _place_intruder(model: Model, state: State, command: PlaceIntruder) -> None:
-    if len(command.pose) != 7:
-        raise CommandError(f'intruder: {len(command.pose)} numbers, a pose has seven')
-    place = checked_vector('intruder position', command.pose[:3])
-    turn = checked_rotation('intruder orientation', command.pose[3:])
+    pose = _checked_pose('intruder', command.pose)
     time = state.time if command.time is None else command.time
-    intruder.place(model, state, np.concatenate([place, turn]), time)
+    intruder.place(model, state, pose, time)
 
 
 def _observe(model: Model, state: State, command: Observe) -> None:
     place = checked_vector('position of the observer', command.position)
     turn = checked_rotation('orientation of the observer', command.orientation)
     state.observer = Observer(model.settings.culling, place, turn)
+
+
+def _checked_pose(what: str, pose: Sequence[float]) -> np.ndarray:
+    if len(pose) != 7:
+        raise CommandError(f'{what}: {len(pose)} numbers, a pose has seven')
+    return np.concatenate([checked_vector(f'{what} position', pose[:3]),
+                           checked_rotation(f'{what} orientation', pose[3:])])
 
 
 def _check_exists(state: State, part: int) -> None:
@@ -207,5 +260,5 @@ _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     Gust: lambda model, state, c: state.wind.start_gust(c, state.time),
     Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,
     Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: demolition.arm,
-    PlaceIntruder: _place_intruder, Observe: _observe,
+    SetBodyState: _set_body_state, PlaceIntruder: _place_intruder, Observe: _observe,
 }

@@ -116,6 +116,16 @@ class Simulation:
         return self.state.parts.owner != Owner.GONE
 
     @property
+    def added(self) -> tuple[str, ...]:
+        """Names of the objects that were added and are there still."""
+        return tuple(self.state.added)
+
+    @property
+    def removed(self) -> tuple[str, ...]:
+        """Names of the objects that were removed; their parts exist no more."""
+        return tuple(self.state.removed)
+
+    @property
     def wind(self) -> Wind:
         """The air."""
         return self.state.wind
@@ -182,15 +192,27 @@ class Simulation:
         """
         Put everything back to rest and whole, the time to zero.
 
-        The wind goes back to the settings that it was last given, and the observer stays.
+        What was added stays, where it was placed; what was removed stays away; `revert` ends
+        both. The wind goes back to the settings that it was last given, and the observer stays.
         """
         wind, observer = self.state.wind, self.state.observer
+        added, removed = self.state.added, self.state.removed
         self.close()
-        self.model, self._flutter = self._scene_model, None
+        self.model, self._flutter = additions.with_added(self._scene_model, added), None
         self.state = _at_rest(self.model)
+        self.state.added = added
+        known = {placed.name for placed in self.state.objects}
+        for name in removed:
+            if name in known:
+                additions.remove(self.model, self.state, name)
         if wind.settings != self.state.wind.settings:
             self.state.wind.change(wind.settings, 0.0)
         self.state.observer = observer
+
+    def revert(self) -> None:
+        """Reset to the scene as it was loaded: nothing added, nothing removed."""
+        self.state.added, self.state.removed = {}, []
+        self.reset()
 
     def close(self) -> None:
         """Free what lives outside Python; `reset` would make it anew."""
@@ -230,16 +252,16 @@ class Simulation:
     def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
             yaw: float = 0.0, name: str = '') -> SceneObject:
         """
-        Place an object into the running scene, at rest; `reset` takes it out again.
+        Place an object into the running scene, at rest; it stays until `remove` or `revert`.
 
         :param blueprint: what to place; it is not changed.
         :param position: where its origin goes [m], (3,), world.
         :param yaw: turn about the vertical [rad].
-        :param name: unique name, `object_<n>` when left out.
+        :param name: that no object has or had; `object_<n>` when left out.
         :returns: its name and parts, which are behind all others.
         :raises CommandError: when the name is or was taken, or the place is not finite.
         """
-        name = name or f'object_{len(self.state.objects)}'
+        name = name or self.free_name('object')
         self.model = additions.add(self.model, self.state, blueprint, position, yaw, name)
         self._flutter = None
         return self.state.objects[-1]
@@ -248,9 +270,15 @@ class Simulation:
         """
         Take an object out of the running scene, wherever its parts are by now.
 
+        Its parts keep their numbers, and no other object gets its name before `reset`.
+
         :raises CommandError: when there is no such object.
         """
         additions.remove(self.model, self.state, name)
+
+    def free_name(self, stem: str) -> str:
+        """Give the first of `<stem>_0`, `<stem>_1`, … that no object has or had."""
+        return additions.free_name(self.state, stem)
 
     def step(self, n: int = 1) -> None:
         """
@@ -375,6 +403,19 @@ class Simulation:
         :raises CommandError: when no building stands.
         """
         return self.apply(plan or Demolition())
+
+    def set_body_state(self, part: int | str, pose: Sequence[float] | None = None,
+                       twist: Sequence[float] | None = None) -> None:
+        """
+        Put a loose part, with all that it is one piece with, somewhere else at once.
+
+        :param part: its name or index.
+        :param pose: of the part [m], (7,), world; None = where it is.
+        :param twist: velocity of its centre and spin [m/s], [rad/s], world axes, (6,); None = as
+            it has.
+        :raises CommandError: when the part is unknown, gone, or not loose, or a value not finite.
+        """
+        self.apply(commands.SetBodyState(part, pose, twist))
 
     def place_intruder(self, pose: Sequence[float], time: float | None = None) -> None:
         """

@@ -267,6 +267,8 @@ class State:
     :ivar loads: on what stands.
     :ivar charges: armed: time [s], place [m] and radius [m] of each, by time.
     :ivar wrenches: lasting force and torque per part [N], [N·m].
+    :ivar added: objects that users added and did not remove, where they were placed, by name.
+    :ivar removed: names of the objects that users removed.
     """
 
     parts: Columns
@@ -303,6 +305,8 @@ class State:
     wrenches: dict[int, np.ndarray] = field(default_factory=dict)
     skyline: SkylineState = field(default_factory=SkylineState)
     blueprints: list[Blueprint] = field(default_factory=list)
+    added: dict[str, Blueprint] = field(default_factory=dict)
+    removed: list[str] = field(default_factory=list)
 
     @classmethod
     def initial(cls, model: Model) -> 'State':

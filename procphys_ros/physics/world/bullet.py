@@ -22,6 +22,7 @@ A body gets a tiny box as its visual shape: without one PyBullet triangulates ev
 for a renderer that is never used, which costs 0.16 ms per capsule, 40 times the rest.
 """
 
+from functools import partial
 from itertools import chain
 from operator import itemgetter
 import os
@@ -87,6 +88,7 @@ class BulletEngine:
             useSplitImpulse=1, splitImpulsePenetrationThreshold=0.0,
             deterministicOverlappingPairs=1, physicsClientId=self._client)
         self._time_step = 0.0
+        self._has_removed = False
         self._shapes: dict[tuple, int] = {}
         self._handles = np.full(0, -1)  # PyBullet's id of each body
         self._ids = np.full(0, -1)  # and the other way round
@@ -141,14 +143,21 @@ class BulletEngine:
             useMaximalCoordinates=1, flags=_SLEEPING, physicsClientId=self._client)
 
     def _create_plain(self, table: BodyTable, ids: np.ndarray) -> list[int]:
-        """Create bodies of one shape and attitude, 5 times faster than one by one."""
+        """
+        Create bodies of one shape and attitude, at once: 5 times faster than one by one.
+
+        PyBullet takes the numbers of bodies made at once for consecutive, and they are not where
+        it gives numbers of removed bodies again.
+        """
         piece = table.pieces(int(ids[0]))
-        handles = pybullet.createMultiBody(
-            1.0, self._shape(int(piece.shapes[0]), piece.sizes[0]), self._visual,
-            baseOrientation=table.poses[ids[0], 3:].tolist(),
-            batchPositions=table.poses[ids, :3].tolist(),
-            useMaximalCoordinates=1, flags=_SLEEPING, physicsClientId=self._client)
-        return list(handles)
+        shape, turn = self._shape(int(piece.shapes[0]), piece.sizes[0]), table.poses[ids[0], 3:]
+        places = table.poses[ids, :3].tolist()
+        create = partial(pybullet.createMultiBody, 1.0, shape, self._visual,
+                         baseOrientation=turn.tolist(), useMaximalCoordinates=1, flags=_SLEEPING,
+                         physicsClientId=self._client)
+        if self._has_removed:
+            return [create(basePosition=place) for place in places]
+        return list(create(batchPositions=places))
 
     def _shape(self, shape: int, size: np.ndarray) -> int:
         """Make each shape once: PyBullet never frees them."""
@@ -238,6 +247,7 @@ class BulletEngine:
 
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out, (K,) ids."""
+        self._has_removed = True
         for handle in self._handles[ids].tolist():
             pybullet.removeBody(handle, physicsClientId=self._client)
 

@@ -1,0 +1,245 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The services of `simulation_interfaces` that put entities in, take them out and move them."""
+
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+import math
+from typing import Any, Protocol, TypeVar
+from urllib.parse import parse_qsl, unquote
+
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import CommandError, ProcPhysError, SceneError
+from procphys_ros.resources import shared_folder
+from procphys_ros.ros.conversions import Act, check_frame, pose, triple
+from procphys_ros.ros.entities import Entities
+from procphys_ros.ros.session import Session
+from procphys_ros.scene.spawn import Spawn
+
+FORMATS = ('lsys', 'wall')
+_UPRIGHT = 1e-3  # [-] least part of an attitude that is no turn about the vertical
+
+_Value = TypeVar('_Value')
+Answer = Callable[[bool, str], None]
+
+
+class Replies(Protocol):
+    """Waits for what becomes of a request, see `Answers`."""
+
+    def ask(self, name: str, prepare: Callable[[], Act]) -> Awaitable[tuple[bool, str]]: ...
+
+    def wait_for(self, name: str,
+                 begin: Callable[[Answer], None]) -> Awaitable[tuple[bool, str]]: ...
+
+
+class BeginSpawn(Protocol):
+    """Begins to build what is to join the scene, see `Loading.begin_spawn`."""
+
+    def __call__(self, wanted: Spawn, join: Callable[[Blueprint], str], answer: Answer,
+                 /) -> None: ...
+
+
+class EntityServer:
+    """
+    Answers the requests.
+
+    :param types: module `msg` of `simulation_interfaces`.
+    :param replies: waits for commands in the thread of the simulation.
+    :param begin_spawn: has an object built and joined to the scene.
+    :param session: carries commands out.
+    :param frame: of poses.
+    """
+
+    def __init__(self, types: Any, replies: Replies, begin_spawn: BeginSpawn, session: Session,
+                 frame: str):
+        self._types, self._result = types, types.Result
+        self._replies = replies
+        self._begin_spawn = begin_spawn
+        self._session = session
+        self._frame = frame
+
+    async def get_spawnables(self, request: Any, response: Any) -> Any:
+        """List the grammars that come with the package."""
+        for path in sorted((shared_folder() / 'grammars').iterdir()):
+            if path.suffix[1:] in FORMATS:
+                entry = self._types.Spawnable()
+                _resource_of(entry).uri = f'package://procphys_ros/grammars/{path.name}'
+                entry.description = f'grammar {path.stem}; ?seed=1&name=number sets its values'
+                response.spawnables.append(entry)
+        response.result.result = self._result.RESULT_OK
+        if request.sources:
+            response.result.error_message = f'not known: {", ".join(request.sources)}'
+        return response
+
+    async def spawn_entity(self, request: Any, response: Any) -> Any:
+        """Let what a grammar describes join the scene."""
+        try:
+            wanted = self._wanted(request)
+        except _Refusal as refusal:
+            return self._failed(response, refusal.code, str(refusal))
+        built = []
+
+        def join(blueprint: Blueprint) -> str:
+            built.append(blueprint)
+            message = self._session.spawn(wanted, blueprint)
+            response.entity_name = self._session.simulation.added[-1]
+            return message
+        success, message = await self._replies.wait_for(
+            'spawn_entity', lambda answer: self._begin_spawn(wanted, join, answer))
+        if not success:
+            return self._failed(response, '' if built else 'RESOURCE_PARSE_ERROR', message)
+        response.result.result = self._result.RESULT_OK
+        return response
+
+    async def delete_entity(self, request: Any, response: Any) -> Any:
+        """Take an object out of the scene."""
+        name = _entity(request)
+        return await self._carry_out(response, 'delete_entity', name,
+                                     lambda: self._session.remove(name))
+
+    async def set_entity_state(self, request: Any, response: Any) -> Any:
+        """Put what is loose somewhere else, or give it another velocity."""
+        name, state = _entity(request), request.state
+        flags = getattr(request, 'set_pose', True), getattr(request, 'set_twist', True)
+        try:
+            check_frame(state.header, self._frame)
+            twist = (*triple(state.twist.linear, 'twist.linear'),
+                     *triple(state.twist.angular, 'twist.angular'))
+            wanted = pose(state.pose)
+            if flags[0] and (not all(map(math.isfinite, wanted)) or not any(wanted[3:])):
+                raise CommandError(f'the pose {list(wanted)} is none')
+        except CommandError as error:
+            return self._failed(response, 'INVALID_POSE', str(error))
+        return await self._carry_out(
+            response, 'set_entity_state', name,
+            lambda: self._session.move(name, wanted if flags[0] else None,
+                                       twist if flags[1] else None))
+
+    async def _carry_out(self, response: Any, service: str, name: str, act: Act) -> Any:
+        """Do something to an entity; tell one that is not there from what cannot be done."""
+        known = []
+
+        def look_and_act() -> str:
+            Entities(self._session.simulation).describe(name)
+            known.append(name)
+            return act()
+        success, message = await self._replies.ask(service, lambda: look_and_act)
+        failed = (self._result.RESULT_OPERATION_FAILED if known
+                  else self._result.RESULT_NOT_FOUND)
+        response.result.result = self._result.RESULT_OK if success else failed
+        response.result.error_message = '' if success else message
+        return response
+
+    def _failed(self, response: Any, code: str, message: str) -> Any:
+        """Fill a response; code names one of its constants, which older versions may lack."""
+        response.result.result = getattr(response, code, self._result.RESULT_OPERATION_FAILED)
+        response.result.error_message = message
+        return response
+
+    def _wanted(self, request: Any) -> Spawn:
+        """
+        Read what is to be spawned.
+
+        :raises _Refusal: when the request makes no sense.
+        """
+        resource, name = _resource_of(request), request.name
+        if not resource.uri and not resource.resource_string:
+            raise _Refusal('NO_RESOURCE', 'give a grammar as uri or as resource_string')
+        if getattr(request, 'entity_namespace', ''):
+            raise _Refusal('NAMESPACE_INVALID', 'objects have no topics of their own here, and no '
+                           'namespace')
+        wanted = _or_refuse('UNSUPPORTED_FORMAT', lambda: _described(resource.uri,
+                                                                     resource.resource_string))
+        wanted = _or_refuse('INVALID_POSE', lambda: replace(
+            wanted, name=name, **self._placed(request.initial_pose)))
+        _or_refuse('NAME_INVALID', wanted.check_name)
+        if any(known.name == name for known in list(self._session.simulation.objects)):
+            if not request.allow_renaming:
+                raise _Refusal('NAME_NOT_UNIQUE', f'there is, or was, an object called "{name}"')
+            return replace(wanted, name='')
+        if not name and not request.allow_renaming:
+            raise _Refusal('NAME_INVALID', 'the name is empty; allow_renaming would find one')
+        return wanted
+
+    def _placed(self, stamped: Any) -> dict[str, Any]:
+        """
+        Read where to put an object.
+
+        :raises CommandError: when that is in another frame, or is not upright.
+        """
+        check_frame(stamped.header, self._frame)
+        x, y, z, qx, qy, qz, qw = pose(stamped.pose)
+        length = math.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
+        if not all(map(math.isfinite, (x, y, z, length))) or length == 0.0:
+            raise CommandError('the initial pose is not finite, or its quaternion has no length')
+        if math.hypot(qx, qy) > _UPRIGHT * length:
+            raise CommandError('objects stand upright here: the initial pose may only turn about '
+                               'the vertical')
+        return {'position': (x, y, z), 'yaw': 2.0 * math.atan2(qz, qw)}
+
+
+class _Refusal(Exception):
+    """
+    A request that makes no sense.
+
+    :param code: name of the constant of the response that says so.
+    :param message: says more.
+    """
+
+    def __init__(self, code: str, message: str):
+        super().__init__(message)
+        self.code = code
+
+
+def _or_refuse(code: str, read: Callable[[], _Value]) -> _Value:
+    """Read something; what is wrong with it is said with a code."""
+    try:
+        return read()
+    except ProcPhysError as error:
+        raise _Refusal(code, str(error)) from error
+
+
+def _entity(request: Any) -> str:
+    """Give the name in a request; the field was called otherwise in the first version."""
+    return request.entity if hasattr(request, 'entity') else request.name
+
+
+def _resource_of(message: Any) -> Any:
+    """Give where a message holds uri and resource_string; newer versions have it in a field."""
+    return getattr(message, 'entity_resource', message)
+
+
+def _described(uri: str, text: str) -> Spawn:
+    """
+    Read which grammar is meant.
+
+    :param uri: file in grammars/, path, file:// or package://, with values of the grammar behind
+        a question mark: oak.lsys?seed=3&height=5. '' = the text holds.
+    :param text: the grammar itself.
+    :raises SceneError: when it is no grammar, or a value is none.
+    """
+    if not uri:
+        return Spawn(grammar_text=text)
+    path, _, query = uri.partition('?')
+    path = unquote(path.removeprefix('file://'))
+    if path.rpartition('.')[2] not in FORMATS:
+        raise SceneError(f'"{uri}" is no grammar; their names end in .{" or .".join(FORMATS)}')
+    values = dict(parse_qsl(query, keep_blank_values=True))
+    seed = values.pop('seed', '0')
+    if not seed.isdecimal():
+        raise SceneError(f'"{uri}": the seed "{seed}" is not a whole number, 0 or more')
+    return Spawn(grammar=path, seed=int(seed),
+                 defines=tuple(f'{name}={value}' for name, value in values.items()))

@@ -1,0 +1,88 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Spawn: what is to join a running scene, as the parameters `spawn.…` describe it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+import re
+
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.scene.objects import read_defines
+from procphys_ros.scene.sources import load_grammar, parse_grammar
+from procphys_ros.schema import check, declared, short
+
+_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]{0,99}\Z')
+
+
+@dataclass(frozen=True)
+class Spawn:
+    """
+    One object that is to join a running scene.
+
+    :ivar name: of the object; '' = one after the grammar that is free.
+    :ivar grammar: file that holds the grammar; empty when `grammar_text` is given.
+    :ivar grammar_text: the grammar itself; empty when `grammar` is given.
+    :ivar defines: values that override the grammar's own, as 'name=number'.
+    :ivar seed: of what is random in the grammar.
+    :ivar position: where its origin goes [m], (3,), world.
+    :ivar yaw: heading about the vertical [rad].
+    :raises SceneError: when a value is out of its range; the message names key and range.
+    """
+
+    name: str = declared('', 'of the object that ~/spawn adds and ~/remove takes out; for ~/spawn '
+                         'empty = one that is free, such as oak_0')
+    grammar: str = declared('', 'file in grammars/, a path, or package://procphys_ros/…')
+    grammar_text: str = declared('', 'the grammar itself, instead of a file')
+    defines: tuple[str, ...] = declared(
+        (), 'values that override the grammar\'s own, as "name=number"')
+    seed: int = declared(0, 'of what is random in the grammar', '', 0, 2**62)
+    position: tuple[float, ...] = declared((0.0, 0.0, 0.0), 'where it is put', 'm', -1e6, 1e6)
+    yaw: float = declared(0.0, 'heading about the vertical', 'rad', -1e3, 1e3)
+
+    def __post_init__(self) -> None:
+        check(self, 'spawn')
+
+    @property
+    def stem(self) -> str:
+        """What objects of this grammar are called when they are given no name."""
+        stem = re.sub(r'\W', '_', Path(self.grammar).stem, flags=re.ASCII)
+        return stem if _NAME.match(stem) else 'object'
+
+    def check_name(self) -> None:
+        """
+        Make sure that the name, if there is one, can name an object.
+
+        :raises CommandError: when it cannot.
+        """
+        if self.name and not _NAME.match(self.name):
+            raise CommandError(f'spawn.name: {short(self.name)} cannot name an object; use up to '
+                               '100 letters, digits and _, beginning with a letter')
+
+    def build(self) -> Blueprint:
+        """
+        Derive the grammar.
+
+        :raises SceneError: when there is no one grammar, or a define makes no sense.
+        :raises GrammarError: when it cannot be read or derived.
+        """
+        if bool(self.grammar) == bool(self.grammar_text):
+            raise SceneError('spawn: give either spawn.grammar (a file) or spawn.grammar_text '
+                             '(the grammar itself)')
+        numbers = read_defines(self.defines, 'spawn.defines')
+        grammar = (load_grammar(self.grammar, 'spawn.grammar') if self.grammar
+                   else parse_grammar(self.grammar_text, 'spawn.grammar_text'))
+        return grammar.build(seed=self.seed, **numbers)
