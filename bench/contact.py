@@ -84,7 +84,7 @@ def rain(simulation: Simulation, count: int) -> None:
         place = simulation.state.forest.poses[row, :3] + rng.uniform([-1, -1, 5], [1, 1, 9])
         turn = rng.normal(size=4)
         simulation.state.world.add_body(Shape.CAPSULE, np.array([0.08, 0.08, 1.5]), 5.0,
-                                   np.concatenate([place, turn / np.linalg.norm(turn)]))
+                                        np.concatenate([place, turn / np.linalg.norm(turn)]))
 
 
 def broad_phase(simulation: Simulation) -> None:

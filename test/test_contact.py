@@ -74,7 +74,7 @@ def test_a_block_rests_on_a_bough_and_bends_it():
     forces = []
     for i in range(360):
         pulled.state.forest.push(np.array([row]), np.array([[1.0, 0.0, 2.0]]),
-                                  np.array([[0.0, 0.0, -2.0 * 9.81 * _DT]]))
+                                 np.array([[0.0, 0.0, -2.0 * 9.81 * _DT]]))
         pulled.step()
         simulation.step()
         touches = simulation.state.contacts

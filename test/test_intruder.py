@@ -103,7 +103,7 @@ def test_it_pushes_loose_blocks_along():
     """
     simulation = scene_of(mast(), shape='box', size=[0.5, 0.5, 0.5])
     body = simulation.state.world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
-                                      np.array([5.0, 0.0, 0.2, *_TURN]))
+                                           np.array([5.0, 0.0, 0.2, *_TURN]))
     forces = []
     start = np.array([4.3, 0.0, 0.3])
     for i in range(180):

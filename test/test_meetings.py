@@ -134,7 +134,7 @@ def test_a_pebble_at_100_m_s_does_not_miss_a_twig(start, height):
     simulation = scene_of((twig, (0.0, 0.0, 0.0)))
     pose = np.array([0.005, start, height, *_TURN])
     body = simulation.state.world.add_projectile(Shape.CAPSULE, np.full(3, size), mass, pose,
-                                            np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0]))
+                                                 np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0]))
     given = 0.0
     for _ in range(5):
         simulation.step()

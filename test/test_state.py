@@ -116,11 +116,12 @@ def test_a_load_given_in_a_step_acts_in_that_step():
     simulation = simulate(wall(3, 3))
     state, push = simulation.state, np.array([[0.0, 0.0, -500.0, 0.0, 0.0, 0.0]])
     names = [stage.name for stage in STAGES]
+
     def weigh():
         graph = state.solver.graph
         feet = graph.grounded()
         return (np.einsum('kij,kj->ki', graph.axes[feet], state.solver.wrenches()[feet, :3])
-                 * np.where(graph.first[feet] == graph.count, -1.0, 1.0)[:, None])[:, 2].sum()
+                * np.where(graph.first[feet] == graph.count, -1.0, 1.0)[:, None])[:, 2].sum()
     before = weigh()
     for name in ('cues', 'contact', 'branches'):
         place = names.index(name) + 1

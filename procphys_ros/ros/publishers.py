@@ -53,15 +53,15 @@ class Publishers:
         self._frame = frame
         self._new_to_poses, self._new_to_markers = LateJoinerTracker(), LateJoinerTracker()
         self._poses = qos.publisher(node, PoseArray, '~/poses', qos.arrays(),
-                                            event_callbacks=self._new_to_poses.events)
+                                    event_callbacks=self._new_to_poses.events)
         self._markers = qos.publisher(node, MarkerArray, '~/markers', qos.changes(),
-                                              event_callbacks=self._new_to_markers.events)
+                                      event_callbacks=self._new_to_markers.events)
         self._breaks = qos.publisher(node, PointCloud2, '~/breaks', qos.changes())
         self._dust = qos.publisher(node, PointCloud2, '~/dust', qos.newest())
         self._description = qos.publisher(node, String, '~/scene_description', qos.latched())
         self._wind_info = qos.publisher(node, Vector3Stamped, '~/wind_info', qos.arrays())
         self._intruder_wrench = qos.publisher(node, WrenchStamped, '~/intruder_wrench',
-                                                      qos.arrays())
+                                              qos.arrays())
         self._broken = qos.publisher(node, PointCloud2, '~/broken_bonds', qos.latched())
         self._ready = qos.publisher(node, Bool, '~/ready', qos.latched())
         self._ready.publish(Bool(data=False))

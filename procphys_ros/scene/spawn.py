@@ -58,7 +58,7 @@ class Spawn:
 
     @property
     def stem(self) -> str:
-        """What objects of this grammar are called when they are given no name."""
+        """Name objects of this grammar that are given no name."""
         stem = re.sub(r'\W', '_', Path(self.grammar).stem, flags=re.ASCII)
         return stem if _NAME.match(stem) else 'object'
 

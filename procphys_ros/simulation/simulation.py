@@ -127,7 +127,7 @@ class Simulation:
 
     @property
     def wind(self) -> Wind:
-        """The air."""
+        """Give the air."""
         return self.state.wind
 
     @property
@@ -157,7 +157,7 @@ class Simulation:
 
     @property
     def ledger(self) -> MomentumLedger:
-        """The books of all blows since the start or the last reset."""
+        """Give the books of all blows since the start or the last reset."""
         return self.state.ledger
 
     @property
@@ -179,7 +179,7 @@ class Simulation:
 
     @property
     def smooth_intruder_wrench(self) -> np.ndarray:
-        """The same through a first-order low pass of `intruder.SMOOTHING`, (6,)."""
+        """Give the same through a first-order low pass of `intruder.SMOOTHING`, (6,)."""
         return self.state.intruder.smooth_wrench
 
     def leaf_poses(self) -> np.ndarray:

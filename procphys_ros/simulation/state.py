@@ -43,6 +43,7 @@ from procphys_ros.simulation.tree_lod import LodScheduler
 
 _FALL_SEED, _DUST_SEED = 103, 104  # keep random streams apart that share the scene's seed
 
+
 @dataclass
 class TreeState:
     """
