@@ -40,14 +40,15 @@ def by_scipy(boxes: list, points: np.ndarray, time: float) -> np.ndarray:
     """Evaluate the same wind with numpy and map_coordinates (log profile, wind along x)."""
     out = np.zeros((len(points), 3))
     way = SPEED * time
+    height = np.maximum(points[:, 2], 0.03)
+    slowed = np.minimum(np.log(height / 0.03) / np.log(2.0 / 0.03), 1.0)  # near the ground
     for box in boxes:
-        place = ((points - [way % 2048.0, (0.0125 * way) % 256.0, 0.0]) / box.spacing).T
+        place = ((points - way * np.array([1.0, *eddies.DRIFT])) / box.spacing).T
         fraction = place - np.floor(place)
         for c in range(3):
             mean = ndimage.map_coordinates(box.field[..., c], place, order=1, mode='grid-wrap')
             kept = ndimage.map_coordinates(box.lags[c], 2 * fraction * (1 - fraction), order=1)
-            out[:, c] += INTENSITY * SPEED * mean / np.sqrt(kept)
-    height = np.maximum(points[:, 2], 0.03)
+            out[:, c] += INTENSITY * SPEED * slowed * mean / np.sqrt(kept)
     out[:, 0] += SPEED * np.log(height / 0.03) / np.log(10.0 / 0.03)
     return out
 
@@ -71,7 +72,7 @@ def main() -> None:
     print(f'set-up                 {perf_counter() - start:6.2f} s')
     spectrum = spectra.make('kaimal', 10.0)
     rng = np.random.default_rng(1)
-    boxes = [eddies.make_large(spectrum, rng), eddies.make_small(spectrum, rng)]
+    boxes = eddies.make_boxes(spectrum, rng)
     megabytes = sum(box.field.nbytes for box in boxes) / 1e6
     out = np.empty_like(points)
     print(f'memory of the eddies   {megabytes:6.1f} MB')

@@ -94,12 +94,17 @@ def test_spectrum_at_a_point_is_the_target(wind):
             assert ratio == pytest.approx(1.07, abs=0.24), (component, low, high)
 
 
-def _assert_coherence(wind, near, axis, distance, tolerance):
-    """Compare the coherence of pairs of places with the standard, in bands of an octave."""
+def _assert_coherence(wind, near, axis, distance, tolerance, slant=(0.0, 0.0)):
+    """
+    Compare the coherence of pairs of places with the standard, in bands of an octave.
+
+    :param slant: how far the places move across the wind and up per way of the wind.
+    """
     rate = 5.0
     far = near + distance * np.eye(3)[axis]
-    a, b = (_records(wind, points, np.arange(0.0, 400.0, 1.0 / rate))[..., 0]
-            for points in (near, far))
+    times = np.arange(0.0, 400.0, 1.0 / rate)
+    a, b = (np.array([wind.velocity(points + SPEED * t * np.array([0.0, *slant]), t)[:, 0]
+                      for t in times]) - SPEED for points in (near, far))
     frequency, cross = signal.csd(a, b, rate, nperseg=250, axis=0)
     power = [signal.welch(x, rate, nperseg=250, axis=0)[1].mean(axis=1) for x in (a, b)]
     found = cross.mean(axis=1).real / np.sqrt(power[0] * power[1])
@@ -120,9 +125,9 @@ def test_coherence_anywhere_is_near_that_of_the_standard(wind, axis, distance, t
 
 @pytest.mark.parametrize('distance', [2.0, 4.0, 8.0, 16.0])
 def test_coherence_at_nodes_is_that_of_the_standard(wind, distance):
-    """Compare exp(-12 hypot(f d/U, 0.12 d/L)) for places above each other on the grid."""
+    """Compare exp(-12 hypot(f d/U, 0.12 d/L)) for places above each other that ride on the grid."""
     nodes = np.round(_scattered(200) / 4.0) * 4.0
-    _assert_coherence(wind, nodes, 2, distance, 0.07)
+    _assert_coherence(wind, nodes, 2, distance, 0.07, eddies.DRIFT)
 
 
 def test_kernel_interpolates_as_scipy_does(wind):
@@ -131,7 +136,7 @@ def test_kernel_interpolates_as_scipy_does(wind):
     spectrum = spectra.make(wind.settings.spectrum, 10.0)
     points = np.random.default_rng(9).uniform(-3000.0, 3000.0, (500, 3))
     wanted = np.zeros((500, 3))
-    for box in (eddies.make_large(spectrum, rng), eddies.make_small(spectrum, rng)):
+    for box in eddies.make_boxes(spectrum, rng):
         place = (points / box.spacing).T
         fraction = place - np.floor(place)
         for c in range(3):
@@ -146,8 +151,8 @@ def test_kernel_interpolates_as_scipy_does(wind):
 def test_boxes_have_no_seam(wind):
     """Step over the borders of both boxes and find no jump."""
     away = _scattered(200)
-    for axis, border in ((0, 0.0), (0, 512.0), (0, 2048.0), (1, 64.0), (1, 256.0), (2, 32.0),
-                         (2, 64.0)):
+    for axis, border in ((0, 0.0), (0, 512.0), (0, 2048.0), (0, 65536.0), (1, 64.0), (1, 256.0),
+                         (2, 32.0), (2, 64.0)):
         sides = []
         for side in (-1e-5, 1e-5):
             points = away.copy()
@@ -169,13 +174,54 @@ def test_eddies_travel_with_the_mean_wind(wind):
     assert max(rise) > 0.9 * (records ** 2).mean()
 
 
+def test_slow_turbulence_is_there(wind):
+    """
+    Compare the spectrum from 1/1000 Hz to 0.05 Hz with the target, band by band.
+
+    Places 48 m apart hardly share their long waves, so that many records stand for a long one.
+    """
+    rate = 2.0
+    grid = np.meshgrid(np.arange(4) * -60e3, np.arange(5) * 48.0, [8.0, 40.0])
+    points = np.column_stack([axis.ravel() for axis in grid])
+    records = _records(wind, points, np.arange(0.0, 4096.0, 1.0 / rate))
+    target = spectra.make(wind.settings.spectrum, 10.0)
+    frequency, found = signal.periodogram(records, rate, 'hann', detrend=False, axis=0)
+    for component in range(2):
+        sigma = INTENSITY * SPEED * target.ratios[component]
+        wanted = sigma ** 2 * target.density(component, frequency / SPEED) / SPEED
+        for low, high in itertools.pairwise([0.0008, 0.0025, 0.005, 0.01, 0.02, 0.05]):
+            band = (frequency >= low) & (frequency < high)
+            ratio = found[band, :, component].mean() / wanted[band].mean()
+            assert ratio == pytest.approx(1.0, abs=0.35), (component, low, high)
+
+
+def test_no_wind_comes_back_within_a_day(wind):
+    """
+    Hold every box away from where it was, for 24 h at every speed allowed (closed form).
+
+    A box is back along the wind after whole periods; slants have moved it aside by then.
+    """
+    rng = np.random.default_rng(wind._seed)
+    boxes = eddies.make_boxes(spectra.make(wind.settings.spectrum, 10.0), rng)
+    for box in boxes:
+        laps = np.arange(1, int(24 * 3600 * 150.0 / box.period[0]) + 1)
+        aside = np.outer(laps * box.period[0], eddies.DRIFT)
+        aside -= box.period[1:] * np.round(aside / box.period[1:])
+        distance = np.hypot(*aside.T)
+        within = laps * box.period[0] < 24 * 3600 * SPEED
+        assert distance.min() > 0.1
+        assert distance[within].min() > 0.5
+
+
 def test_wind_does_not_come_back_the_same_after_a_box():
-    """Compare a record with the one a box length later."""
+    """Compare a record with those whole boxes later, on a day of 24 h."""
     wind = Wind(_settings(), seed=3)
-    points = _scattered(400)
+    points = _scattered(100)
     first = wind.velocity(points, 0.0)[:, 0] - SPEED
-    again = wind.velocity(points, 204.8)[:, 0] - SPEED
-    assert np.corrcoef(first, again)[0, 1] < 0.5
+    boxes = np.arange(1, 423) * 204.8
+    alike = [np.corrcoef(first, wind.velocity(points, t)[:, 0])[0, 1] for t in boxes]
+    assert max(alike) < 0.8
+    assert np.mean(alike) < 0.1
 
 
 @pytest.mark.parametrize(('profile', 'wanted'), [

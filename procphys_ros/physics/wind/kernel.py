@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Wind at many points at once: mean profile, two boxes of eddies, gust fronts."""
+"""Wind at many points at once: mean profile, boxes of eddies, gust fronts."""
 
 import numpy as np
 
@@ -24,6 +24,8 @@ GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, d
 _SLOWED = 2.0  # [m] height below which the ground slows gusts and eddies
 _BLOCK = 128   # points that are worked on together, so that the arithmetic vectorises
 _U = np.uint64  # unsigned indices spare the test for negative ones
+# Eddies are kept and interpolated in single precision, twice as many at once.
+_NOTHING, _ONE, _TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
 
 
 def profile_terms(name: str, reference: float, roughness: float, exponent: float) -> tuple:
@@ -55,26 +57,36 @@ def profile_factor(height: float, code: int, length: float, number: float) -> fl
 @kernel(error_model='numpy', fastmath=True)
 def _slowed(height: float, profile: tuple) -> float:
     """Return the share of gusts and eddies that the ground leaves at a height."""
+    if height >= _SLOWED:
+        return 1.0
     full = profile_factor(_SLOWED, profile[0], profile[1], profile[2])
-    if height >= _SLOWED or full <= 0.0:
+    if full <= 0.0:
         return 1.0
     return profile_factor(height, profile[0], profile[1], profile[2]) / full
 
 
 @kernel(error_model='numpy', fastmath=True)
-def _locate(points, first, count, axes, travelled, density, cells, fractions):
-    """Write the cell, and the place within it, of each point of a block."""
+def _turn(points, first, count, axes, turned):
+    """Write where the points of a block are along, across and up from the wind [m], (3, count)."""
     ax, ay, az = axes[0]
     bx, by, bz = axes[1]
     cx, cy, cz = axes[2]
     for i in range(count):
         x, y, z = points[first + i, 0], points[first + i, 1], points[first + i, 2]
-        a = density[0] * (ax * x + ay * y + az * z - travelled[0])
-        b = density[1] * (bx * x + by * y + bz * z - travelled[1])
-        c = density[2] * (cx * x + cy * y + cz * z)
-        a0, b0, c0 = np.floor(a), np.floor(b), np.floor(c)
-        cells[0, i], cells[1, i], cells[2, i] = np.int32(a0), np.int32(b0), np.int32(c0)
-        fractions[0, i], fractions[1, i], fractions[2, i] = a - a0, b - b0, c - c0
+        turned[0, i] = ax * x + ay * y + az * z
+        turned[1, i] = bx * x + by * y + bz * z
+        turned[2, i] = cx * x + cy * y + cz * z
+
+
+@kernel(error_model='numpy', fastmath=True)
+def _locate(turned, count, travelled, density, cells, fractions):
+    """Write the cell, and the place within it, of each point of a block."""
+    for k in range(3):
+        scale, start = density[k], density[k] * travelled[k]
+        for i in range(count):
+            place = scale * turned[k, i] - start
+            cell = np.floor(place)
+            cells[k, i], fractions[k, i] = np.int32(cell), np.float32(place - cell)
 
 
 @kernel(error_model='numpy', fastmath=True)
@@ -87,18 +99,19 @@ def _find_scales(fractions, count, lags, sigma, scales):
     the variance at every place within a cell.
     """
     for c in range(3):
-        l0, l1, l2, l3, l4, l5, l6, l7 = lags[c]
+        l0, l1, l2, l3 = lags[c, 0], lags[c, 1], lags[c, 2], lags[c, 3]
+        l4, l5, l6, l7 = lags[c, 4], lags[c, 5], lags[c, 6], lags[c, 7]
         for i in range(count):
             x, y, z = fractions[0, i], fractions[1, i], fractions[2, i]
-            x, y, z = 2.0 * x * (1.0 - x), 2.0 * y * (1.0 - y), 2.0 * z * (1.0 - z)
+            x, y, z = _TWO * x * (_ONE - x), _TWO * y * (_ONE - y), _TWO * z * (_ONE - z)
             near = l0 + z * (l1 - l0) + y * (l2 - l0 + z * (l3 - l2 - l1 + l0))
             far = l4 + z * (l5 - l4) + y * (l6 - l4 + z * (l7 - l6 - l5 + l4))
             scales[c, i] = sigma / np.sqrt(near + x * (far - near))
 
 
 @kernel(error_model='numpy', fastmath=True)
-def _interpolate(flat, bits, cells, fractions, count, sums):
-    """Write the tri-linear mean of the nodes around each point of a block, (3, count)."""
+def _interpolate(flat, bits, cells, fractions, count, scales, sums):
+    """Add the scaled tri-linear mean of the nodes around each point of a block, (3, count)."""
     mx, my, mz = (1 << bits[0]) - 1, (1 << bits[1]) - 1, (1 << bits[2]) - 1
     row, column = bits[1] + bits[2], bits[2]
     for i in range(count):
@@ -111,12 +124,12 @@ def _interpolate(flat, bits, cells, fractions, count, sums):
         f0, f1 = _U(3 * (xa + ya + zb)), _U(3 * (xa + yb + zb))
         f2, f3 = _U(3 * (xb + ya + zb)), _U(3 * (xb + yb + zb))
         x, y, z = fractions[0, i], fractions[1, i], fractions[2, i]
-        w0, w1, w2, w3 = (1.0 - x) * (1.0 - y), (1.0 - x) * y, x * (1.0 - y), x * y
+        w0, w1, w2, w3 = (_ONE - x) * (_ONE - y), (_ONE - x) * y, x * (_ONE - y), x * y
         for c in range(3):
             k = _U(c)
             low = w0 * flat[n0 + k] + w1 * flat[n1 + k] + w2 * flat[n2 + k] + w3 * flat[n3 + k]
             high = w0 * flat[f0 + k] + w1 * flat[f1 + k] + w2 * flat[f2 + k] + w3 * flat[f3 + k]
-            sums[c, i] = low + z * (high - low)
+            sums[c, i] += scales[c, i] * (low + z * (high - low))
 
 
 @kernel(error_model='numpy', fastmath=True)
@@ -159,35 +172,34 @@ def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
 
 @kernel(error_model='numpy', fastmath=True)
 def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tuple,
-               sigma: float, box: tuple, profile: tuple) -> None:
+               sigma: float, boxes: tuple, profile: tuple) -> None:
     """
-    Add the velocity of one box of eddies at every point, block by block.
+    Add the velocity of all boxes of eddies at every point, block by block.
 
     Their strength does not depend on the height but near the ground, which slows them like gusts.
 
     :param axes: unit vectors along the mean wind, across it and up from it, world.
-    :param travelled: how far the eddies have moved along and across [m].
+    :param travelled: how far each box has moved along these [m], one triple per box.
     :param sigma: standard deviation along the wind [m/s].
-    :param box: flat field, log2 of its shape, lags (3, 8), nodes per metre (3).
+    :param boxes: of each its flat field, log2 of its shape, lags (3, 8), nodes per metre (3).
     :param profile: from `profile_terms`.
     """
-    flat, bits, lags, density = box
-    cells = np.empty((3, _BLOCK), np.int32)
-    fractions, scales, sums = (np.empty((3, _BLOCK)), np.empty((3, _BLOCK)),
-                               np.empty((3, _BLOCK)))
+    turned, cells = np.empty((3, _BLOCK)), np.empty((3, _BLOCK), np.int32)
+    fractions, scales, sums = (np.empty((3, _BLOCK), np.float32),
+                               np.empty((3, _BLOCK), np.float32),
+                               np.empty((3, _BLOCK), np.float32))
     for first in range(0, len(points), _BLOCK):
         count = min(_BLOCK, len(points) - first)
-        _locate(points, first, count, axes, travelled, density, cells, fractions)
-        _find_scales(fractions, count, lags, sigma, scales)
+        _turn(points, first, count, axes, turned)
+        sums[:] = _NOTHING
+        for b in range(len(boxes)):
+            flat, bits, lags, density = boxes[b]
+            _locate(turned, count, travelled[b], density, cells, fractions)
+            _find_scales(fractions, count, lags, np.float32(sigma), scales)
+            _interpolate(flat, bits, cells, fractions, count, scales, sums)
         for i in range(count):
-            if points[first + i, 2] < _SLOWED:
-                slowed = _slowed(points[first + i, 2], profile)
-                for c in range(3):
-                    scales[c, i] *= slowed
-        _interpolate(flat, bits, cells, fractions, count, sums)
-        for i in range(count):
-            u, v, w = (sums[0, i] * scales[0, i], sums[1, i] * scales[1, i],
-                       sums[2, i] * scales[2, i])
+            share = _slowed(points[first + i, 2], profile)
+            u, v, w = share * sums[0, i], share * sums[1, i], share * sums[2, i]
             for k in range(3):
                 out[first + i, k] += u * axes[0][k] + v * axes[1][k] + w * axes[2][k]
 

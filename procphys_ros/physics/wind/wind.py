@@ -24,10 +24,10 @@ import numpy as np
 
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.wind import kernel, spectra
-from procphys_ros.physics.wind.eddies import Eddies, make_large, make_small
+from procphys_ros.physics.wind.eddies import DRIFT, Eddies, make_boxes
 from procphys_ros.physics.wind.settings import Gust, GUST_KINDS, WindSettings
 
-_DRIFT = 0.0125  # sideways over forward way of the eddies, lest the same wind come back
+_SLANT = np.array([1.0, *DRIFT])  # of the way of the eddies, along, across and up
 _GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is forgotten
 _SLOWEST = 0.1  # [m/s] of a gust, so that it comes some day
 
@@ -177,10 +177,9 @@ class Wind:
     def _draw_eddies(self, settings: WindSettings) -> None:
         spectrum = spectra.make(settings.spectrum, settings.reference_height)
         rng = np.random.default_rng(self._seed)
-        large = make_large(spectrum, rng)
-        self._boxes = (_for_kernel(large), _for_kernel(make_small(spectrum, rng)))
-        # The small box fits into the large one a whole number of times, so this is their period.
-        self._period = large.spacing * large.field.shape[:3]
+        boxes = make_boxes(spectrum, rng)
+        self._boxes = tuple(_for_kernel(box) for box in boxes)
+        self._periods = np.array([box.period for box in boxes])
 
     def _stretch(self, time: float) -> _Stretch:
         later = bisect_right(self._stretches, time, key=_start)
@@ -199,9 +198,10 @@ class Wind:
         kernel.fill_mean(points, out, axes[0], speed, profile)
         sigma = intensity * speed
         if sigma > 0.0:
-            travelled = (way % self._period[0], (_DRIFT * way) % self._period[1])
-            for box in self._boxes:
-                kernel.add_eddies(points, out, axes, travelled, sigma, box, profile)
+            # Within a period, so that cells have small numbers however far the air has come.
+            travelled = np.mod(way * _SLANT, self._periods)
+            kernel.add_eddies(points, out, axes, tuple(map(tuple, travelled.tolist())), sigma,
+                              self._boxes, profile)
         if len(gusts):
             kernel.add_gusts(points, out, gusts, float(time), profile)
         return out
@@ -237,5 +237,5 @@ def _wind_axes(mean: np.ndarray, speed: float) -> tuple:
 
 def _for_kernel(eddies: Eddies) -> tuple:
     log2_shape = tuple(int(n).bit_length() - 1 for n in eddies.field.shape[:3])
-    return (eddies.field.reshape(-1), log2_shape, eddies.lags.reshape(3, 8),
+    return (eddies.field.reshape(-1), log2_shape, eddies.lags.reshape(3, 8).astype(np.float32),
             tuple((1.0 / eddies.spacing).tolist()))
