@@ -125,7 +125,7 @@ def test_coherence_anywhere_is_near_that_of_the_standard(wind, axis, distance, t
 
 @pytest.mark.parametrize('distance', [2.0, 4.0, 8.0, 16.0])
 def test_coherence_at_nodes_is_that_of_the_standard(wind, distance):
-    """Compare exp(-12 hypot(f d/U, 0.12 d/L)) for places above each other that ride on the grid."""
+    """Compare exp(-12 hypot(f d/U, 0.12 d/L)) for places above each other on the moving grid."""
     nodes = np.round(_scattered(200) / 4.0) * 4.0
     _assert_coherence(wind, nodes, 2, distance, 0.07, eddies.DRIFT)
 
@@ -329,10 +329,10 @@ def test_settings_change_while_it_blows(steered):
     """Go over to other settings: new strength at once, new eddies only when they must be."""
     points = _scattered(50)
     before = steered.velocity(points, 4.0) - [SPEED, 0.0, 0.0]
-    steered.change(_settings(turbulence_intensity=0.1), 4.0)
+    steered.change(_settings(turbulence_intensity=0.1))
     after = steered.velocity(points, 4.0) - [SPEED, 0.0, 0.0]
     np.testing.assert_allclose(after, 0.5 * before, atol=1e-9)
-    steered.change(_settings(spectrum='von_karman'), 4.0)
+    steered.change(_settings(spectrum='von_karman'))
     other = steered.velocity(points, 4.0) - [SPEED, 0.0, 0.0]
     assert np.abs(other - before).max() > 1.0
 

@@ -39,8 +39,9 @@ _SCENE = (
     Parameter('scene.objects', [], 'names of the objects that the scene holds',
               takes_effect='reload'),
     Parameter('scene.cues', [], 'what happens by itself: "<seconds> <verb> name=value …" with the '
-              'verbs gust, impulse, launch, explode, demolish; names as in gust.*, impulse.*, '
-              'projectile.*, explosion.*, demolition.*, which hold for all that is not said',
+              'verbs gust, wind, impulse, launch, explode, demolish; names as in gust.*, '
+              'impulse.*, projectile.*, explosion.*, demolition.*, which hold for all that is '
+              'not said',
               takes_effect='reload'),
 )
 _NODE = (

@@ -99,7 +99,9 @@ class Session:
         """Go over to other settings of the wind, of which those named have changed."""
         if 'wind.velocity' not in names:
             wind = replace(wind, velocity=self.mean_wind)
-        self.simulation.wind.change(wind, self.simulation.time)
+        self.simulation.wind.change(wind)
+        if 'wind.velocity' in names:
+            self.simulation.wind.set_velocity(wind.velocity, self.simulation.time)
         self._blow(wind.velocity)
 
     def set_wind_enabled(self, enabled: bool) -> str:

@@ -21,7 +21,7 @@ import math
 from typing import Any
 
 from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
-from procphys_ros.physics.wind import Gust
+from procphys_ros.physics.wind import Gust, MeanWind
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.schema import check, declared
 
@@ -50,8 +50,9 @@ class Blow:
 
 
 _VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
-    'gust': ('gust', Gust), 'impulse': ('impulse', Blow), 'launch': ('projectile', Projectile),
-    'explode': ('explosion', Explosion), 'demolish': ('demolition', Demolition)}
+    'gust': ('gust', Gust), 'wind': ('', MeanWind), 'impulse': ('impulse', Blow),
+    'launch': ('projectile', Projectile), 'explode': ('explosion', Explosion),
+    'demolish': ('demolition', Demolition)}
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class Cue:
 
     :ivar time: simulated [s].
     :ivar text: as the scene has it.
-    :ivar what: a `Gust`, `Blow`, `Projectile`, `Explosion` or `Demolition`.
+    :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion` or `Demolition`.
     """
 
     time: float

@@ -15,7 +15,7 @@
 """Scene: blueprints placed in the world, in the part order that holds from here to ROS."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import read_shard, Shard
 from procphys_ros.scene.sources import load_grammar, parse_grammar
+from procphys_ros.scene.wind_record import read_wind_record
 from procphys_ros.scene.yaml_file import read_yaml
 
 
@@ -90,7 +91,8 @@ class Scene:
         :raises SceneError: naming the key and what is allowed.
         :raises GrammarError: when a grammar cannot be read or derived.
         """
-        scene = cls(read_settings(parameters))
+        settings = read_settings(parameters)
+        scene = cls(replace(settings, wind_record=read_wind_record(settings.wind.file, beside)))
         scene.shard = read_shard(parameters)
         for number, spec in enumerate(read_objects(parameters)):
             scene._add_object(spec, number, beside)

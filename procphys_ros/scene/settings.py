@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
 
 from procphys_ros.errors import nearest_names, SceneError
-from procphys_ros.physics.wind import Gust, WindSettings
+from procphys_ros.physics.wind import Gust, Record, WindSettings
 from procphys_ros.physics.world import DEFAULT_ENGINE, ENGINES
 from procphys_ros.scene.cues import Cue, read_cues
 from procphys_ros.scene.culling import CullingSettings
@@ -41,6 +41,7 @@ class Settings:
     :ivar gravity: downward acceleration [m/s²].
     :ivar engine: of rigid bodies, 'bullet' or 'rapier'.
     :ivar wind: mean wind and turbulence.
+    :ivar wind_record: what `wind.file` holds; () = there is none.
     :ivar gust: what `gust` starts when nothing else is said.
     :ivar cues: what happens by itself, and when.
     :ivar leaves: flutter and shedding.
@@ -56,6 +57,7 @@ class Settings:
     engine: str = declared(
         DEFAULT_ENGINE, 'library that moves rigid bodies', choices=tuple(ENGINES))
     wind: WindSettings = field(default_factory=WindSettings)
+    wind_record: Record = ()
     gust: Gust = field(default_factory=Gust)
     cues: tuple[Cue, ...] = ()
     leaves: LeafSettings = field(default_factory=LeafSettings)

@@ -23,7 +23,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.errors import CommandError, SceneError
-from procphys_ros.physics.wind import Gust
+from procphys_ros.physics.wind import Gust, MeanWind
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
@@ -46,9 +46,15 @@ _ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class SetWind:
-    """Change the mean wind: velocity at the reference height, the way it blows to [m/s], (3,)."""
+    """
+    Change the mean wind.
+
+    :ivar velocity: at the reference height, the way it blows to [m/s], (3,).
+    :ivar ramp: how long the change takes [s]; 0 = at once.
+    """
 
     velocity: Sequence[float]
+    ramp: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -141,8 +147,8 @@ def apply(model: Model, state: State, command: Any) -> Any:
     """
     Carry a command out; writes whatever it is about.
 
-    :param command: one of this module, or a `Gust`, `Blow`, `Projectile`, `Explosion` or
-        `Demolition`.
+    :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`
+        or `Demolition`.
     :returns: an `Impulse`: whether the part moves (one that stands in a wall may hold); a
         `Projectile`: its part; a `Demolition`: the number of charges; `ClearWrenches`: how many
         there were; all others: None.
@@ -255,7 +261,8 @@ def _check_exists(state: State, part: int) -> None:
 
 
 _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
-    SetWind: lambda model, state, c: state.wind.set_velocity(c.velocity, state.time),
+    SetWind: lambda model, state, c: state.wind.set_velocity(c.velocity, state.time, c.ramp),
+    MeanWind: lambda model, state, c: state.wind.set_velocity(c.velocity, state.time, c.ramp),
     EnableWind: lambda model, state, c: setattr(state.wind, 'enabled', bool(c.enabled)),
     Gust: lambda model, state, c: state.wind.start_gust(c, state.time),
     Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,

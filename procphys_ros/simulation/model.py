@@ -180,7 +180,7 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     mortar = blueprint.bond_law == Law.MORTAR
     pairs = blueprint.bonds[~mortar]
     return Model(settings, time_step, seed, shard, blueprint, tuple(objects),
-                 wind or Wind(settings.wind, seed), trees, masonry,
+                 wind or Wind(settings.wind, seed, settings.wind_record), trees, masonry,
                  _glass(blueprint, loose_bonds), _leaves(blueprint, settings, trees, seed),
                  loose_bonds, mortar, np.unique(pairs[pairs >= 0]))
 

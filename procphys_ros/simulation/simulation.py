@@ -206,7 +206,8 @@ class Simulation:
             if name in known:
                 additions.remove(self.model, self.state, name)
         if wind.settings != self.state.wind.settings:
-            self.state.wind.change(wind.settings, 0.0)
+            self.state.wind.change(wind.settings)
+            self.state.wind.reset()
         self.state.observer = observer
 
     def revert(self) -> None:
@@ -310,14 +311,15 @@ class Simulation:
         """
         return commands.apply(self.model, self.state, command)
 
-    def set_wind(self, velocity: Sequence[float]) -> None:
+    def set_wind(self, velocity: Sequence[float], ramp: float = 0.0) -> None:
         """
         Change the mean wind from now on.
 
         :param velocity: of the air at the reference height, the way it blows to [m/s], (3,).
+        :param ramp: how long the change takes [s]; 0 = at once.
         :raises CommandError: when it is not finite or out of range.
         """
-        self.apply(commands.SetWind(velocity))
+        self.apply(commands.SetWind(velocity, ramp))
 
     def set_wind_enabled(self, enabled: bool) -> None:
         """Let the wind blow, or still the air."""

@@ -17,13 +17,17 @@
 
 from procphys_ros.physics.wind.settings import (
     extreme_operating_amplitude,
+    FASTEST,
     Gust,
     GUST_KINDS,
+    MeanWind,
     PROFILES,
+    Record,
     SPECTRA,
+    velocity_of,
     WindSettings,
 )
 from procphys_ros.physics.wind.wind import Reference, Wind
 
-__all__ = ['GUST_KINDS', 'Gust', 'PROFILES', 'Reference', 'SPECTRA', 'Wind', 'WindSettings',
-           'extreme_operating_amplitude']
+__all__ = ['extreme_operating_amplitude', 'FASTEST', 'Gust', 'GUST_KINDS', 'MeanWind', 'PROFILES',
+           'Record', 'Reference', 'SPECTRA', 'velocity_of', 'Wind', 'WindSettings']

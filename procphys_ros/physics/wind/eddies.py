@@ -39,8 +39,8 @@ from procphys_ros.physics.wind.spectra import Spectrum
 _SHORT = 16.5 / 512.0  # [cycles/m] waves shorter than 31 m go to the small box
 _LONG = 2.5 / 2048.0  # [cycles/m] waves longer than 819 m go to the longest box
 
-# Way of all boxes across the wind and up per way along it. A box that has passed comes back this
-# much beside where it was, so that its slants decide how soon it comes back to much the same place.
+# Way of all boxes across the wind and up per way along it. A box that has passed comes back beside
+# where it was, so that these slants decide how soon it is back at much the same place.
 # Of 4000 pairs of slants below 0.02 and 0.011 drawn at random, these keep the boxes furthest from
 # all of their earlier places: the box of 2048 m by 5.4 m in 864 km (24 h at 10 m/s), 2.3 m in
 # 2592 km and 1.1 m in 12960 km (24 h at the fastest wind allowed).

@@ -25,8 +25,11 @@ from procphys_ros.schema import check, declared
 PROFILES = ('log', 'power', 'uniform')
 SPECTRA = ('kaimal', 'von_karman')
 GUST_KINDS = ('eog', 'cosine')
-_FASTEST = 150.0  # [m/s] above every wind measured on the ground (113 m/s, Barrow Island, 1996)
+FASTEST = 150.0  # [m/s] above every wind measured on the ground (113 m/s, Barrow Island, 1996)
 _SHORTEST_RISE = 0.01  # [s]
+
+
+Record = tuple[tuple[float, float, float], ...]  # rows of time, speed, direction; `velocity_of`
 
 
 @dataclass(frozen=True)
@@ -42,12 +45,13 @@ class WindSettings:
     :ivar exponent: of the power profile; IEC 61400-1 has 0.2, over smooth ground 0.14.
     :ivar reference_height: where `velocity` holds [m]; it also sets the size of the eddies.
     :ivar spectrum: of the turbulence: 'kaimal' or 'von_karman'.
+    :ivar file: record of the mean wind to follow in the place of `velocity`; '' = none.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     velocity: Sequence[float] = declared(
         (0.0, 0.0, 0.0), 'mean air velocity at wind.reference_height, the direction it blows to',
-        'm/s', -_FASTEST, _FASTEST)
+        'm/s', -FASTEST, FASTEST)
     turbulence_intensity: float = declared(
         0.15, 'standard deviation along the wind over mean speed', '', 0.0, 1.0)
     profile: str = declared('log', 'growth of the mean wind with height', choices=PROFILES)
@@ -57,16 +61,37 @@ class WindSettings:
     reference_height: float = declared(
         10.0, 'height at which wind.velocity holds', 'm', 0.5, 300.0)
     spectrum: str = declared('kaimal', 'spectrum of the turbulence', choices=SPECTRA)
+    file: str = declared(
+        '', 'CSV file of time [s], speed [m/s] and direction [degrees it blows from, clockwise '
+        'from north (+y)] that the mean wind follows instead of wind.velocity',
+        takes_effect='reload')
 
     def __post_init__(self):
         check(self, 'wind')
-        if math.hypot(*self.velocity) > _FASTEST:
-            raise SceneError(f'wind.velocity is {list(self.velocity)} m/s, its length must not '
-                             f'exceed {_FASTEST:g}')
+        _check_speed(self.velocity)
         if self.profile == 'log' and self.roughness_length >= self.reference_height:
             raise SceneError(
                 f'wind.roughness_length is {self.roughness_length:g} m, it must lie below '
                 f'wind.reference_height ({self.reference_height:g} m)')
+
+
+@dataclass(frozen=True)
+class MeanWind:
+    """
+    Describe a change of the mean wind.
+
+    :ivar velocity: to blow in the end, at the reference height [m/s], (3,), world.
+    :ivar ramp: how long the change takes [s]; 0 = at once.
+    :raises SceneError: when a value is out of its range; the message names key and range.
+    """
+
+    velocity: Sequence[float] = declared(
+        (0.0, 0.0, 0.0), 'mean air velocity, the direction it blows to', 'm/s', -FASTEST, FASTEST)
+    ramp: float = declared(0.0, 'how long the change takes', 's', 0.0, 1e6)
+
+    def __post_init__(self):
+        check(self, 'wind')
+        _check_speed(self.velocity)
 
 
 @dataclass(frozen=True)
@@ -87,7 +112,7 @@ class Gust:
     """
 
     amplitude: float = declared(
-        10.0, 'change of the wind at the peak of ~/gust', 'm/s', -_FASTEST, _FASTEST)
+        10.0, 'change of the wind at the peak of ~/gust', 'm/s', -FASTEST, FASTEST)
     duration: float = declared(5.0, 'from the first change to the last', 's', 0.05, 3600.0)
     rise: float | None = declared(
         None, 'time a cosine gust takes to rise, and to fall; 0 = half of gust.duration', 's',
@@ -116,6 +141,17 @@ class Gust:
             _store(self, 'direction', tuple(c / length for c in self.direction))
 
 
+def velocity_of(speed: float, direction: float) -> tuple[float, float, float]:
+    """
+    Turn a wind as weather stations report it into a velocity [m/s], (3,), world (x is east).
+
+    :param speed: [m/s].
+    :param direction: from where it blows, clockwise from north [degrees].
+    """
+    bearing = math.radians(direction)
+    return -speed * math.sin(bearing), -speed * math.cos(bearing), 0.0
+
+
 def extreme_operating_amplitude(speed: float, sigma: float, extreme_speed: float = 56.0,
                                 diameter: float = 0.0, scale: float = 42.0) -> float:
     """
@@ -128,6 +164,12 @@ def extreme_operating_amplitude(speed: float, sigma: float, extreme_speed: float
     :param scale: turbulence scale parameter Lambda_1 [m].
     """
     return min(1.35 * (extreme_speed - speed), 3.3 * sigma / (1.0 + 0.1 * diameter / scale))
+
+
+def _check_speed(velocity: Sequence[float]) -> None:
+    if math.hypot(*velocity) > FASTEST:
+        raise SceneError(f'wind.velocity is {list(velocity)} m/s, its length must not exceed '
+                         f'{FASTEST:g}')
 
 
 def _store(target: object, name: str, value: object) -> None:

@@ -15,9 +15,7 @@
 
 """The wind over a scene: mean, turbulence and gusts as one function of place and time."""
 
-from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +23,15 @@ import numpy as np
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.wind import kernel, spectra
 from procphys_ros.physics.wind.eddies import DRIFT, Eddies, make_boxes
-from procphys_ros.physics.wind.settings import Gust, GUST_KINDS, WindSettings
+from procphys_ros.physics.wind.history import History
+from procphys_ros.physics.wind.settings import (
+    Gust,
+    GUST_KINDS,
+    MeanWind,
+    Record,
+    velocity_of,
+    WindSettings,
+)
 
 _SLANT = np.array([1.0, *DRIFT])  # of the way of the eddies, along, across and up
 _GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is forgotten
@@ -46,14 +52,6 @@ class Reference(NamedTuple):
     gust: np.ndarray
 
 
-class _Stretch(NamedTuple):
-    """A stretch of time with constant mean wind; `travelled` is the eddies' way at its start."""
-
-    start: float
-    velocity: tuple[float, ...]
-    travelled: float
-
-
 class Wind:
     """
     Air velocity anywhere, at any time.
@@ -63,54 +61,58 @@ class Wind:
     turbulence model). The answer depends on place, time and the commands given, never on the
     calls made before: going back in time gives the same wind again.
 
-    The turbulence turns with the mean wind about the scene's origin.
+    The turbulence turns with the mean wind about the scene's origin, and grows with it.
+
+    :param settings: what blows.
+    :param seed: of the eddies.
+    :param record: of the mean wind, in the place of the settings' velocity; () = there is none.
 
     :ivar settings: what the wind was set up with, or last changed to.
     :ivar enabled: False = still air everywhere; eddies and gusts travel on meanwhile.
     """
 
-    def __init__(self, settings: WindSettings, seed: int = 0):
+    def __init__(self, settings: WindSettings, seed: int = 0, record: Record = ()):
         self._seed = seed
+        self._record = record
         self._draw_eddies(settings)
         self.settings = settings
         self.reset()
 
     def reset(self) -> None:
-        """Forget every command: the mean wind of the settings from the start, no gusts."""
+        """Forget every command: the mean wind of the settings or the record, no gusts."""
         self.enabled = True
-        self._stretches = [_Stretch(0.0, tuple(self.settings.velocity), 0.0)]
+        self._history = History(self.settings.velocity)
+        if self._record:
+            self._history.follow([row[0] for row in self._record],
+                                 [velocity_of(*row[1:]) for row in self._record])
         self._gusts = np.empty((0, kernel.GUST_COLUMNS))
 
-    def change(self, settings: WindSettings, time: float) -> None:
+    def change(self, settings: WindSettings) -> None:
         """
         Go over to other settings; only another spectrum or reference height takes new eddies.
 
-        :param settings: the new ones; their velocity blows from now on.
-        :param time: now [s].
+        :param settings: the new ones; their velocity is what `reset` goes back to.
         """
         old = self.settings
         if (settings.spectrum, settings.reference_height) != (old.spectrum, old.reference_height):
             self._draw_eddies(settings)
-        self.set_velocity(settings.velocity, time)
         self.settings = settings
 
-    def set_velocity(self, velocity: Sequence[float], time: float) -> None:
+    def set_velocity(self, velocity: Sequence[float], time: float, ramp: float = 0.0) -> None:
         """
         Change the mean wind; the eddies keep their place and travel on from there.
 
         :param velocity: (3,) at the reference height [m/s], world, the direction it blows to.
-        :param time: now [s]; commands given for later times are forgotten.
-        :raises SceneError: when the velocity is not finite or out of range.
+        :param time: now [s]; commands given for later times, and a record, are forgotten.
+        :param ramp: how long the change takes [s]; 0 = at once.
+        :raises SceneError: when a value is not finite or out of range.
         """
-        velocity = tuple(replace(self.settings, velocity=velocity).velocity)
-        travelled = _travelled(self._stretch(time), time)
-        del self._stretches[bisect_left(self._stretches, time, key=_start):]
-        if not self._stretches or self._stretches[-1].velocity != velocity:
-            self._stretches.append(_Stretch(time, velocity, travelled))
+        asked = MeanWind(velocity, ramp)
+        self._history.steer(tuple(asked.velocity), time, asked.ramp)
 
     def mean_velocity(self, time: float) -> tuple[float, ...]:
         """Give the mean wind at the reference height, whether it is switched on or not [m/s]."""
-        return self._stretch(time).velocity
+        return self._history.velocity(time)
 
     def start_gust(self, gust: Gust, time: float) -> None:
         """
@@ -127,7 +129,7 @@ class Wind:
         :param time: now [s].
         :raises CommandError: when it has no direction of its own and there is no mean wind.
         """
-        mean = np.asarray(self._stretch(time).velocity)
+        mean = np.asarray(self._history.velocity(time))
         speed = float(np.linalg.norm(mean))
         if gust.direction is None and speed == 0.0:
             raise CommandError('a gust in still air needs gust.direction, for there is no mean '
@@ -181,17 +183,12 @@ class Wind:
         self._boxes = tuple(_for_kernel(box) for box in boxes)
         self._periods = np.array([box.period for box in boxes])
 
-    def _stretch(self, time: float) -> _Stretch:
-        later = bisect_right(self._stretches, time, key=_start)
-        return self._stretches[max(later - 1, 0)]
-
     def _fill(self, points: np.ndarray, time: float, out: np.ndarray, intensity: float,
               gusts: np.ndarray) -> np.ndarray:
         s = self.settings
-        stretch = self._stretch(time)
-        mean = np.asarray(stretch.velocity)
+        mean = np.asarray(self._history.velocity(time))
         speed = float(np.linalg.norm(mean))
-        way = _travelled(stretch, time)
+        way = self._history.travelled(time)
         profile = kernel.profile_terms(s.profile, s.reference_height, s.roughness_length,
                                        s.exponent)
         axes = _wind_axes(mean, speed)
@@ -205,14 +202,6 @@ class Wind:
         if len(gusts):
             kernel.add_gusts(points, out, gusts, float(time), profile)
         return out
-
-
-def _start(stretch: _Stretch) -> float:
-    return stretch.start
-
-
-def _travelled(stretch: _Stretch, time: float) -> float:
-    return stretch.travelled + float(np.linalg.norm(stretch.velocity)) * (time - stretch.start)
 
 
 def _front_speed(gust: Gust, mean: np.ndarray, direction: np.ndarray) -> float:
