@@ -57,10 +57,12 @@ setup(
         'rapier': ['rapier3d'],  # the other engine of rigid bodies
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],
+        'view': ['viser>=1.1', 'trimesh', 'pillow'],
         'test': ['pytest', 'hypothesis', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
                  'ros-ament-flake8', 'ros-ament-pep257',
                  # readers of what is exported and recorded, none of them ours
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
+                 'viser>=1.1', 'playwright',
                  'mcap>=1.6', 'mcap-ros2-support', 'rosbags'],
     },
     entry_points={
@@ -72,6 +74,7 @@ setup(
             'export = procphys_ros.export.command:main',
             'record = procphys_ros.ros.record:main',
             'replay = procphys_ros.ros.replay:main',
+            'view = procphys_ros.ros.view:main',
         ],
     },
 )

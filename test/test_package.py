@@ -44,12 +44,12 @@ LAYERS = {
     'physics.loads': 4, 'physics.dust': 4, 'physics.foliage': 4, 'physics.touch': 4,
     'physics.world': 5, 'scene': 6, 'simulation': 7,
     'messages': 8, 'warm': 8, 'render': 9, 'command_line': 9, 'export': 10, 'recording': 10,
-    'ros': 11,
+    'view': 10, 'ros': 11,
 }
 # Who may know a library that the rest of the house must not depend on.
 ONLY_IN = {
     'numba': 'compilation', 'rclpy': 'ros', 'pybullet': 'physics.world',
-    'pyvista': 'render', 'vtk': 'render', 'pxr': 'export', 'mcap': 'recording',
+    'pyvista': 'render', 'vtk': 'render', 'pxr': 'export', 'mcap': 'recording', 'viser': 'view',
     'std_msgs': 'ros', 'std_srvs': 'ros', 'geometry_msgs': 'ros', 'sensor_msgs': 'ros',
     'visualization_msgs': 'ros', 'diagnostic_msgs': 'ros', 'rosgraph_msgs': 'ros',
     'rcl_interfaces': 'ros', 'builtin_interfaces': 'ros', 'simulation_interfaces': 'ros',

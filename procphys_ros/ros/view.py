@@ -1,0 +1,84 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Executable `view`: a page in the browser that shows a scene, or a running node."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import signal
+import sys
+from threading import Event
+from typing import Any
+
+from procphys_ros.errors import ProcPhysError
+from procphys_ros.resources import shared_folder
+from procphys_ros.view.page import HOST, Page, PORT
+
+_DONE, _FAILED = 0, 1  # argparse itself ends with 2
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """
+    Serve a page until Ctrl-C.
+
+    :param words: behind the command's name; None = the process's own.
+    :returns: exit code: 0 done, 1 the scene or the page cannot be had, 2 invalid usage.
+    """
+    said = _parser().parse_args(sys.argv[1:] if words is None else list(words))
+    ended = Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    try:
+        source = _play(said.scene)
+        page = Page(source, said.host, said.port, shipped_scenes())
+    except ProcPhysError as error:
+        print(f'view: {error}', file=sys.stderr)
+        return _FAILED
+    print(f'{page.address} shows {said.scene}; Ctrl-C ends it', flush=True)
+    source.start()
+    page.start()
+    ended.wait()
+    page.close()
+    source.close()
+    return _DONE
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """Find the scenes that come with the package, by name."""
+    return {path.stem: path for path in sorted((shared_folder() / 'config').glob('*.yaml'))}
+
+
+def _play(path: str) -> Any:
+    # Late, because kernels and engines take seconds that help and mistakes need not wait for.
+    from procphys_ros.scene import Scene
+    from procphys_ros.simulation import Simulation
+    from procphys_ros.view.player import Player
+
+    return Player(Simulation(Scene.from_yaml(shipped_scenes().get(path, path))))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='view', description='Show a scene on a page in the browser, until Ctrl-C.')
+    parser.add_argument('scene', help='scene file (.yaml), or the name of a shipped scene')
+    parser.add_argument('--host', default=HOST,
+                        help=f'address to serve on (default {HOST}: this machine only; 0.0.0.0 = '
+                        'all of its addresses)')
+    parser.add_argument('--port', type=int, default=PORT, help=f'TCP port (default {PORT})')
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

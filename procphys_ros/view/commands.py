@@ -1,0 +1,57 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Commands of a page about time and scenes; those about physics are the simulation's own."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class SetPause:
+    """Stop time, or let it run again."""
+
+    paused: bool
+
+
+@dataclass(frozen=True)
+class Step:
+    """Run one step while paused."""
+
+
+@dataclass(frozen=True)
+class Reset:
+    """Put everything back to rest and whole."""
+
+
+@dataclass(frozen=True)
+class SetSpeed:
+    """Ask for a real-time factor; 0 = as fast as possible."""
+
+    factor: float
+
+
+@dataclass(frozen=True)
+class StartGust:
+    """Send a gust of this amplitude [m/s] through the scene."""
+
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class LoadScene:
+    """Put the scene of a file in place of the present one."""
+
+    path: Path

@@ -1,0 +1,169 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Page: serves a scene to browsers, sends what moves, and takes clicks."""
+
+from collections.abc import Mapping
+from contextlib import redirect_stdout
+import io
+from pathlib import Path
+import socket
+from threading import Event, Thread
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.view import surroundings
+from procphys_ros.view.batches import Batches
+from procphys_ros.view.clicks import command_of, describe
+from procphys_ros.view.controls import Controls
+from procphys_ros.view.dust import DustCloud
+from procphys_ros.view.library import load_viser, ViewError
+from procphys_ros.view.picking import pick
+from procphys_ros.view.source import Frame, Source
+
+HOST, PORT = 'localhost', 8080
+RATE = 20.0  # [Hz] at which what moves is sent at most
+_STATUS_PERIOD = 0.25  # [s] between looks at how the source is
+
+
+class Page:
+    """
+    A page in the browser.
+
+    :param source: what is shown.
+    :param host: address that it is served on; the default is reached from this machine only.
+    :param port: TCP port.
+    :param scenes: files that may be loaded, by name.
+    :ivar address: where it is.
+    :ivar controls: sliders and buttons.
+    :ivar unit: length of the page that stands for one metre.
+    :raises ViewError: when viser is missing, or the port is taken.
+    """
+
+    def __init__(self, source: Source, host: str = HOST, port: int = PORT,
+                 scenes: Mapping[str, Path] | None = None):
+        self._source = source
+        self.server = _serve(host, port)
+        self.address = f'http://{_shown(host)}:{self.server.get_port()}'
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False)
+        surroundings.light_up(self.server)
+        self.controls = Controls(self.server.gui, source.say, scenes or {})
+        self.server.scene.on_click()(self._clicked)
+        self._frame: Frame | None = None
+        self._batches: Batches | None = None
+        self._dust: DustCloud | None = None
+        self.unit = 1.0
+        self._status_due = 0.0
+        self._ended = Event()
+        self._thread = Thread(target=self.run, name='page', daemon=True)
+
+    def start(self) -> None:
+        """Send what moves from now on, in a thread."""
+        self._thread.start()
+
+    def run(self) -> None:
+        """Send what moves until the page is closed."""
+        due = perf_counter()
+        while not self._ended.wait(max(due - perf_counter(), 0.0)):
+            due = max(due + 1.0 / RATE, perf_counter())
+            self.update(perf_counter())
+
+    def update(self, now: float) -> None:
+        """
+        Send what has changed since the last call.
+
+        :param now: any clock [s].
+        """
+        self._source.watched = bool(self.server.get_clients())
+        if now >= self._status_due:
+            self._status_due = now + _STATUS_PERIOD
+            self.controls.show(self._source.status(), self._source.answer())
+        frame = self._source.frame()
+        if frame is None or frame is self._frame:
+            return
+        with self.server.atomic():
+            self.draw(frame)
+
+    def draw(self, frame: Frame) -> None:
+        """Draw a frame, whatever the source shows."""
+        if not self._continues(frame):
+            self._begin(frame)
+        self._frame = frame
+        assert self._batches is not None and self._dust is not None
+        self._batches.update(frame)
+        self._dust.update(frame.dust)
+
+    def close(self) -> None:
+        """Stop serving."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self.server.stop()
+
+    def click(self, origin: np.ndarray, direction: np.ndarray) -> None:
+        """
+        Do what a click does.
+
+        :param origin: the eye, world [m], (3,).
+        :param direction: of the ray, world, (3,).
+        """
+        frame, strength = self._frame, self.controls.strength
+        hit = pick(frame, origin, direction) if frame is not None else None
+        if frame is None or hit is None:
+            return
+        self.controls.show_selected(describe(hit, frame.content))
+        if strength is not None:
+            sight = np.asarray(direction, float) / np.linalg.norm(direction)
+            self._source.say(command_of(hit, frame.content, sight, strength))
+
+    def _repr_html_(self) -> str:
+        """Show the page in a notebook."""
+        return f'<iframe src="{self.address}" width="100%" height="600"></iframe>'
+
+    def _clicked(self, event: Any) -> None:
+        self.click(np.array(event.ray_origin) / self.unit, np.array(event.ray_direction))
+
+    def _continues(self, frame: Frame) -> bool:
+        return self._frame is not None and frame.content.scene == self._frame.content.scene
+
+    def _begin(self, frame: Frame) -> None:
+        for drawn in (self._batches, self._dust):
+            if drawn is not None:
+                drawn.close()
+        self.unit = surroundings.unit_of(frame)
+        surroundings.arrange(self.server, frame, self.unit)
+        self._batches = Batches(self.server.scene, self.unit)
+        self._dust = DustCloud(self.server.scene, self.unit)
+
+
+def _serve(host: str, port: int) -> Any:
+    """Start a server, quietly; viser itself would take another port than the one asked for."""
+    viser = load_viser()
+    try:
+        family, *_, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(place)
+    except OSError as error:
+        raise ViewError(f'cannot serve the page on {host}:{port}: '
+                        f'{error.strerror}; --port names another one') from error
+    with redirect_stdout(io.StringIO()):
+        return viser.ViserServer(host=host, port=port, label='procphys_ros', verbose=False)
+
+
+def _shown(host: str) -> str:
+    return socket.gethostname() if host in ('0.0.0.0', '::') else host

@@ -1,0 +1,193 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Player: a simulation of this process, in its own thread at its own pace."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from queue import Empty, Queue
+from threading import Event, Thread
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.errors import ProcPhysError
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
+from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step
+from procphys_ros.view.source import Content, Frame, Status
+
+_TURN = 0.01        # [s] between looks at the clock
+_LONGEST = 0.05     # [s] of steps before commands and frames get a turn
+_MOST_BEHIND = 0.1  # [s] of wall time that is caught up; what is later is lost, not piled up
+FRAME_PERIOD = 0.05  # [s] between frames
+
+
+class Player:
+    """
+    Plays a simulation and carries commands out between its steps.
+
+    :param simulation: nobody else may touch it while it is played.
+    :ivar simulation: the one that is played now.
+    :ivar watched: whether frames are wanted.
+    """
+
+    def __init__(self, simulation: Simulation):
+        self.simulation = simulation
+        self.watched = True
+        self._queue: Queue[Any] = Queue()
+        self._ended = Event()
+        self._paused, self._factor, self._scene = False, 1.0, 0
+        self._answer, self._activity = '', ''
+        self._content = self._describe()
+        self._frame = self._take_frame()
+        self._last_frame, self._last_turn = -np.inf, np.nan
+        self._behind = 0.0
+        self._has_news = False
+        self._thread = Thread(target=self._play, name='player', daemon=True)
+        self._actions: dict[type, Callable[[Any], str]] = {
+            SetPause: self._set_pause, Step: self._step_once, Reset: self._reset,
+            SetSpeed: self._set_speed, StartGust: self._gust, LoadScene: self._load}
+
+    def start(self) -> None:
+        """Begin to play."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop playing and wait for the step under way."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def frame(self) -> Frame | None:
+        """Give the newest moment."""
+        return self._frame
+
+    def status(self) -> Status:
+        """Say how it is doing."""
+        simulation = self.simulation
+        text = self._activity or (f'{simulation.time:.1f} s, {len(simulation.poses)} parts, '
+                                  f'{simulation.bonds_broken} bonds broken')
+        wind = simulation.wind.mean_velocity(simulation.time)
+        return Status(True, text, simulation.time, self._paused, self._factor,
+                      (float(wind[0]), float(wind[1]), float(wind[2])))
+
+    def say(self, command: Any) -> None:
+        """Have a command carried out between two steps."""
+        self._queue.put(command)
+
+    def answer(self) -> str:
+        """Give the answer to the last command."""
+        return self._answer
+
+    def turn(self, now: float) -> None:
+        """
+        Carry out what waits, run the steps that are due, and keep the newest frame.
+
+        :param now: any clock [s].
+        """
+        while True:
+            try:
+                command = self._queue.get_nowait()
+            except Empty:
+                break
+            self._carry_out(command)
+        elapsed = 0.0 if np.isnan(self._last_turn) else now - self._last_turn
+        self._last_turn = now
+        if not self._paused:
+            self._run(elapsed)
+        if self._has_news and self.watched and now - self._last_frame >= FRAME_PERIOD:
+            self._frame, self._last_frame, self._has_news = self._take_frame(), now, False
+
+    def _play(self) -> None:
+        while not self._ended.wait(0.0 if self._is_late() else _TURN):
+            try:
+                self.turn(perf_counter())
+            except Exception as error:  # a page that stands still must say why
+                self._paused = True
+                self._answer = f'stopped: {type(error).__name__}: {error}'
+
+    def _is_late(self) -> bool:
+        return not self._paused and (self._factor == 0.0
+                                     or self._behind >= self.simulation.time_step)
+
+    def _run(self, elapsed: float) -> None:
+        step, end = self.simulation.time_step, perf_counter() + _LONGEST
+        self._behind = min(self._behind + elapsed * self._factor,
+                           max(_MOST_BEHIND * self._factor, step))
+        while self._is_late() and perf_counter() < end:
+            self.simulation.step()
+            self._has_news = True
+            self._behind -= step if self._factor else 0.0
+
+    def _carry_out(self, command: Any) -> None:
+        try:
+            action = self._actions.get(type(command))
+            if action is None:
+                self.simulation.apply(command)
+                self._answer = ''
+            else:
+                self._answer = action(command)
+            self._has_news = True
+        except ProcPhysError as error:
+            self._answer = str(error)
+
+    def _set_pause(self, command: SetPause) -> str:
+        self._paused, self._behind = command.paused, 0.0
+        return ''
+
+    def _step_once(self, command: Step) -> str:
+        if not self._paused:
+            return 'pause first'
+        self.simulation.step()
+        return ''
+
+    def _reset(self, command: Reset) -> str:
+        self.simulation.reset()
+        return ''
+
+    def _set_speed(self, command: SetSpeed) -> str:
+        self._factor, self._behind = command.factor, 0.0
+        return ''
+
+    def _gust(self, command: StartGust) -> str:
+        self.simulation.gust(replace(self.simulation.model.settings.gust,
+                                     amplitude=command.amplitude))
+        return ''
+
+    def _load(self, command: LoadScene) -> str:
+        self._activity = f'loading {command.path.stem}'
+        try:
+            simulation = Simulation(Scene.from_yaml(command.path))
+            self.simulation.close()
+            self.simulation = simulation
+            self._scene += 1
+            self._content = self._describe()
+        finally:
+            self._activity = ''
+        return ''
+
+    def _describe(self) -> Content:
+        return Content.of(self.simulation.blueprint, self.simulation.names.name, self._scene)
+
+    def _take_frame(self) -> Frame:
+        simulation = self.simulation
+        if len(simulation.blueprint) < len(self._content):  # what came later went with a reset
+            self._scene += 1
+        if len(simulation.blueprint) != len(self._content):
+            self._content = self._describe()
+        return Frame(self._content, simulation.poses.copy(), simulation.leaf_poses().copy(),
+                     simulation.dust)

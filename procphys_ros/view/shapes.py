@@ -1,0 +1,136 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Shapes: small meshes with a texture each, as GLB files that the page draws many times over."""
+
+from functools import cache
+import io
+
+import numpy as np
+
+from procphys_ros.palette import look
+from procphys_ros.render import texture
+
+TONES = 4  # shades of one texture, so that neighbouring bricks can be told apart
+TAPERS = np.array([0.3, 0.5, 0.7, 0.85, 1.0])  # tip diameters over base diameters
+_SIDES = 9  # faces around a branch
+_LAP = 0.02  # share of its length by which a segment reaches into its neighbours
+_SURFACE_PIXELS, _LEAF_PIXELS = 64, 128
+_CUT_OFF = 0.4  # opacity below which a leaf's image has a hole
+
+
+@cache
+def box(name: str, tone: int) -> bytes:
+    """
+    Write a cube of edge 1 around the origin.
+
+    :param name: of the texture.
+    :param tone: which of the `TONES` shades.
+    """
+    corners, normals, uv = [], [], []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
+                corner = np.zeros(3)
+                corner[[axis, (axis + 1) % 3, (axis + 2) % 3]] = side, side * u, v
+                corners.append(0.5 * corner)
+                normals.append(side * np.eye(3)[axis])
+                uv.append((0.5 * (u + 1), 0.5 * (v + 1)))
+    quads = 4 * np.arange(6)[:, None]
+    faces = np.concatenate([quads + [0, 1, 2], quads + [0, 2, 3]])
+    return _glb(np.array(corners), faces, np.array(normals), np.array(uv), name, tone)
+
+
+@cache
+def branch(name: str, tone: int, taper: int) -> bytes:
+    """
+    Write a cone along z, of length 1 and base diameter 1; else as `box`.
+
+    :param taper: which of `TAPERS`.
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, _SIDES + 1)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    points = np.zeros((4, _SIDES + 1, 3))
+    radius = 0.5 * np.array([0.0, 1.0, TAPERS[taper], 0.0])
+    points[..., :2] = radius[:, None, None] * circle
+    points[..., 2] = np.array([-0.5 - _LAP, -0.5 - _LAP, 0.5 + _LAP, 0.5 + _LAP])[:, None]
+    normals = np.zeros_like(points)
+    normals[1:3, :, :2] = circle
+    normals[0, :, 2], normals[3, :, 2] = -1.0, 1.0
+    uv = np.stack(np.broadcast_arrays(2.0 * turn / (2.0 * np.pi),
+                                      np.array([0.0, 0.0, 1.0, 1.0])[:, None]), axis=-1)
+    index = np.arange(points[..., 0].size).reshape(4, -1)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
+                            np.stack([a, c, d], -1).reshape(-1, 3)])
+    return _glb(points.reshape(-1, 3), faces, normals.reshape(-1, 3), uv.reshape(-1, 2), name,
+                tone)
+
+
+@cache
+def ball(name: str, tone: int) -> bytes:
+    """Write a ball of diameter 1; else as `box`."""
+    import trimesh
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
+    normals = 2.0 * mesh.vertices
+    return _glb(mesh.vertices, mesh.faces, normals, normals[:, :2], name, tone)
+
+
+@cache
+def leaf(name: str, tone: int) -> bytes:
+    """Write two crossed quads of length 1 that stand on the origin along z; else as `box`."""
+    square = np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0], [-0.5, 1.0]])
+    points = np.zeros((8, 3))
+    points[:4, 0] = points[4:, 1] = look(name).aspect * square[:, 0]
+    points[:, 2] = np.tile(square[:, 1], 2)
+    normals = np.tile([0.0, 0.0, 1.0], (8, 1))  # lit as a crown is, not quad by quad
+    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    return _glb(points, faces, normals, np.tile(square + [0.5, 0.0], (2, 1)), name, tone)
+
+
+def tone_of(rows: np.ndarray) -> np.ndarray:
+    """Choose the shade of parts or leaves by their indices, (K,), for life."""
+    mixed = np.asarray(rows, np.uint64) * np.uint64(0x9E3779B97F4A7C15)  # splitmix64 (Steele 2014)
+    mixed = (mixed ^ mixed >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
+    return (mixed >> np.uint64(40)).astype(int) % TONES
+
+
+def _glb(points: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray, name: str,
+         tone: int) -> bytes:
+    from PIL import Image
+    import trimesh
+
+    own = look(name)
+    pixels = texture.image(own.pattern)
+    holes = pixels is not None and bool((pixels[..., 3] < 255).any())
+    side = _LEAF_PIXELS if holes else _SURFACE_PIXELS
+    picture = None if pixels is None else Image.fromarray(pixels).resize((side, side))
+    shade = 1.0 + own.variation * (2.0 * tone / (TONES - 1) - 1.0)
+    colour = np.clip(np.array(own.rgba[:3]) * shade / texture.mean_light(own.pattern), 0.0, 1.0)
+    colour = _linear(colour)
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=picture, baseColorFactor=[*colour, own.rgba[3]], metallicFactor=0.0,
+        roughnessFactor=1.0, doubleSided=holes, alphaCutoff=_CUT_OFF if holes else None,
+        alphaMode='MASK' if holes else 'BLEND' if own.rgba[3] < 1.0 else 'OPAQUE')
+    mesh = trimesh.Trimesh(points, faces, vertex_normals=normals, process=False,
+                           visual=trimesh.visual.TextureVisuals(uv=uv, material=material))
+    data = io.BytesIO()
+    mesh.export(data, file_type='glb', include_normals=True)
+    return data.getvalue()
+
+
+def _linear(colour: np.ndarray) -> np.ndarray:
+    """Turn display values into the linear ones that glTF asks for (sRGB, IEC 61966-2-1)."""
+    return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)

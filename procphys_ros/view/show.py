@@ -1,0 +1,38 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Show: a page for a simulation of this process, in one call."""
+
+from procphys_ros.simulation import Simulation
+from procphys_ros.view.page import HOST, Page, PORT
+from procphys_ros.view.player import Player
+
+
+def show(simulation: Simulation, host: str = HOST, port: int = PORT) -> Page:
+    """
+    Play a simulation on a page; in a notebook the page is shown below the cell.
+
+    The page steps the simulation in a thread of its own until `Page.close`; nobody else may.
+
+    :param simulation: what is played.
+    :param host: address that the page is served on.
+    :param port: TCP port.
+    :raises ViewError: when viser is missing, or the port is taken.
+    """
+    player = Player(simulation)
+    page = Page(player, host, port)
+    player.start()
+    page.start()
+    return page

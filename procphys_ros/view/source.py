@@ -1,0 +1,142 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Source: where a page takes what it shows from, and where it sends commands."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, Leaves, Shape
+from procphys_ros.physics.dust import Puffs
+
+
+@dataclass(frozen=True)
+class Content:
+    """
+    What a scene consists of; rows of later contents of the same scene only join behind.
+
+    :ivar scene: number of the scene; another one has nothing to do with what was shown before.
+    :ivar name: gives the name of a part by its index.
+    :ivar shape: `Shape` of each part, (N,).
+    :ivar size: what is drawn [m], (N, 3), as `Blueprint.visual_size`; balls have three diameters.
+    :ivar mass: [kg], (N,).
+    :ivar ball: parts that are balls, (N,) bool.
+    :ivar texture: index into `textures`, (N,).
+    :ivar material: name of the material by the index of a part.
+    :ivar textures: names.
+    :ivar leaves: leaves on the parts.
+    """
+
+    scene: int
+    name: Callable[[int], str]
+    shape: np.ndarray
+    size: np.ndarray
+    mass: np.ndarray
+    ball: np.ndarray
+    texture: np.ndarray
+    material: Callable[[int], str]
+    textures: Sequence[str]
+    leaves: Leaves
+
+    def __len__(self) -> int:
+        return len(self.shape)
+
+    @classmethod
+    def of(cls, blueprint: Blueprint, name: Callable[[int], str], scene: int) -> 'Content':
+        """
+        Describe a blueprint.
+
+        :param blueprint: parts and leaves.
+        :param name: gives the name of a part by its index.
+        :param scene: number of the scene.
+        """
+        launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
+                                            if kind == 'projectile'])
+        ball = launched & (blueprint.shape == Shape.CAPSULE)
+        return cls(scene, name, blueprint.shape,
+                   np.where(ball[:, None], blueprint.size, blueprint.visual_size),
+                   blueprint.mass, ball, blueprint.texture,
+                   lambda part: blueprint.materials[blueprint.material[part]],
+                   blueprint.textures, blueprint.leaves)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """
+    A moment of a scene.
+
+    :ivar content: what there is.
+    :ivar poses: of its parts, world, (N, 7); NaN = the part is gone.
+    :ivar leaf_poses: petioles of its leaves, world, (L, 7).
+    :ivar dust: puffs in the air.
+    """
+
+    content: Content
+    poses: np.ndarray
+    leaf_poses: np.ndarray
+    dust: Puffs = field(default_factory=Puffs.none)
+
+
+@dataclass(frozen=True)
+class Status:
+    """
+    How the source is doing.
+
+    :ivar alive: whether it answers.
+    :ivar text: one line about it.
+    :ivar time: simulated [s].
+    :ivar paused: whether time stands still.
+    :ivar factor: real-time factor asked for; 0 = as fast as possible.
+    :ivar wind: mean wind at the reference height [m/s], (3,).
+    """
+
+    alive: bool = False
+    text: str = ''
+    time: float = 0.0
+    paused: bool = False
+    factor: float = 1.0
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class Source(Protocol):
+    """
+    A running scene: a simulation of this process, or a node.
+
+    :ivar watched: set by the page: whether anybody looks, so that frames are wanted.
+    """
+
+    watched: bool
+
+    def frame(self) -> Frame | None:
+        """Give the newest moment, the same object while nothing new has come."""
+
+    def status(self) -> Status:
+        """Say how it is doing."""
+
+    def say(self, command: Any) -> None:
+        """
+        Have a command carried out as soon as may be; returns at once.
+
+        :param command: of `view.commands`, or a `SetWind`, `Impulse`, `Projectile` or `Explosion`.
+        """
+
+    def answer(self) -> str:
+        """Give the answer to the last command that was carried out or refused."""
+
+    def close(self) -> None:
+        """End it."""

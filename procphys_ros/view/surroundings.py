@@ -1,0 +1,104 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Surroundings: ground, sun with shadows, sky light, and where the eye stands first."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.palette import rgba
+from procphys_ros.render import camera, light
+from procphys_ros.render.backdrop import SKY_BOTTOM, SKY_TOP
+from procphys_ros.view.source import Frame
+
+_SHADOW_REACH = 18.0  # lengths of the page from the eye within which viser draws shadows (20)
+_SPAN = 40.0          # side of the ground over the radius of the scene
+_HAZE = 0.35          # distance at which the ground begins to fade, over that where it ends
+_LIT = (3.2, 1.6)     # intensity of sun and sky, by eye beside `render`
+_WINDOW = (16, 10)    # width and height of a usual browser window
+_ROOM = 1.3           # by so much further away, because a panel covers a part
+_ROWS = 64            # of the picture of the sky
+
+
+def unit_of(frame: Frame) -> float:
+    """
+    Choose the length of the page for one metre, so that shadows reach over the whole scene.
+
+    :param frame: the scene at first.
+    """
+    eye, target = _view(frame)
+    away = float(np.linalg.norm(np.subtract(eye, target)))
+    return min(1.0, _SHADOW_REACH / (away + _radius(frame)))
+
+
+def arrange(server: Any, frame: Frame, unit: float) -> None:
+    """
+    Put ground, light and the eye around a scene.
+
+    :param server: `ViserServer`.
+    :param frame: the scene at first.
+    :param unit: length of the page [1/m].
+    """
+    points = _points(frame)
+    middle, span = points.mean(axis=0), _SPAN * _radius(frame) * unit
+    ground = _bytes(rgba('ground')[:3])
+    line = _bytes(0.9 * np.array(rgba('ground')[:3]))
+    server.scene.add_grid(
+        '/ground', span, span, position=(float(middle[0]) * unit, float(middle[1]) * unit, 0.0),
+        cell_size=unit, section_size=10.0 * unit, cell_color=line, section_color=line,
+        plane_color=ground, plane_opacity=1.0, shadow_opacity=0.45, fade_distance=span)
+    server.scene.configure_fog(0.5 * _HAZE * span, 0.5 * span, color=_bytes(SKY_BOTTOM))
+    eye, target = _view(frame)
+    for view in (server.initial_camera, *(c.camera for c in server.get_clients().values())):
+        view.fov = np.radians(camera.FIELD_OF_VIEW)
+        view.position, view.look_at = unit * eye, unit * target
+
+
+def light_up(server: Any) -> None:
+    """Put sun and sky over everything, in place of the lamps of a studio."""
+    scene = server.scene
+    scene.configure_default_lights(enabled=False)
+    scene.configure_environment_map(None)
+    scene.add_light_directional('/sun', color=_bytes((1.0, 0.96, 0.88)), intensity=_LIT[0],
+                                cast_shadow=True, position=tuple(100.0 * light.SUN))
+    scene.add_light_hemisphere('/sky', sky_color=_bytes((0.75, 0.83, 0.93)),
+                               ground_color=_bytes((0.47, 0.48, 0.40)), intensity=_LIT[1])
+    share = np.linspace(1.0, 0.0, _ROWS)[:, None, None] ** 0.6
+    sky = share * SKY_TOP + (1.0 - share) * SKY_BOTTOM
+    scene.set_background_image((255.0 * np.repeat(sky, 2, axis=1)).astype(np.uint8))
+
+
+def _view(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Give eye and target [m] that show the whole scene, with room for the panel."""
+    eye, target, _ = camera.frame(_points(frame), _WINDOW)
+    return target + _ROOM * np.subtract(eye, target), np.asarray(target)
+
+
+def _bytes(colour: Sequence[float] | np.ndarray) -> tuple[int, int, int]:
+    red, green, blue = (int(255 * value) for value in colour)
+    return red, green, blue
+
+
+def _points(frame: Frame) -> np.ndarray:
+    points = np.concatenate([frame.poses[:, :3], frame.leaf_poses[:, :3]])
+    points = points[np.isfinite(points[:, 0])]
+    return points if len(points) else np.array([[-2.0, -2.0, 0.0], [2.0, 2.0, 2.0]])
+
+
+def _radius(frame: Frame) -> float:
+    points = _points(frame)
+    return max(2.0, 0.5 * float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))))

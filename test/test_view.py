@@ -1,0 +1,377 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The page in the browser, as far as it can be judged without a browser."""
+
+from dataclasses import replace
+import socket
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from view_scene import DOWN, frame_of, simulation_at_rest, TREE
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.physics.dust import Puffs
+from procphys_ros.ros import view
+from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.simulation.commands import Impulse, SetWind
+from procphys_ros.view.batches import Batches
+from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step
+from procphys_ros.view.page import Page
+from procphys_ros.view.player import Player
+from procphys_ros.view.source import Status
+
+pytest.importorskip('viser')
+ViewClient = pytest.importorskip('view_client').ViewClient
+
+
+@pytest.fixture(scope='module')
+def shared():
+    """Set the scene up once."""
+    return simulation_at_rest()
+
+
+@pytest.fixture
+def simulation(shared):
+    """Give the scene at rest, for a test of its own."""
+    return shared.fork()
+
+
+@pytest.fixture(scope='module')
+def frame(shared):
+    """Take a frame of the scene at rest."""
+    return frame_of(shared)
+
+
+class Drawing:
+    """Stands for `ViserServer.scene`: keeps what is drawn."""
+
+    def __init__(self):
+        self.handles = {}
+
+    def add_batched_glb(self, name, mesh, wxyzs, positions, *, batched_scales, lod):
+        """Keep the copies of a mesh."""
+        handle = SimpleNamespace(mesh=mesh, batched_wxyzs=wxyzs, batched_positions=positions,
+                                 batched_scales=batched_scales,
+                                 remove=lambda: self.handles.pop(name))
+        self.handles[name] = handle
+        return handle
+
+    def positions(self, group):
+        """Gather the positions of all copies of a group, (K, 3)."""
+        return np.concatenate([handle.batched_positions for name, handle in self.handles.items()
+                               if name.startswith(f'/{group}/')])
+
+
+class Scripted:
+    """A source that shows what it is given and keeps what it is told."""
+
+    def __init__(self, frame):
+        self.watched, self.shown, self.said = False, frame, []
+        self.state = Status(True, 'fine', wind=(3.0, 4.0, 0.0))
+
+    def frame(self):
+        return self.shown
+
+    def status(self):
+        return self.state
+
+    def say(self, command):
+        self.said.append(command)
+
+    def answer(self):
+        return ''
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def source(frame):
+    """Give a source that shows the scene at rest."""
+    return Scripted(frame)
+
+
+@pytest.fixture
+def page(source):
+    """Serve a page on a free port."""
+    with socket.socket() as probe:
+        probe.bind(('localhost', 0))
+        port = probe.getsockname()[1]
+    made = Page(source, port=port, scenes={'a': view.Path('a.yaml')})
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def client(page):
+    """Look at the page."""
+    made = ViewClient(page.server.get_port())
+    yield made
+    made.close()
+
+
+def test_every_part_and_leaf_is_drawn_once(frame):
+    """Draw each part and leaf in one batch, at its place, in lengths of the page."""
+    drawing = Drawing()
+    Batches(drawing, 0.5).update(frame)
+    for group, poses in (('parts', frame.poses), ('leaves', frame.leaf_poses)):
+        drawn = drawing.positions(group)
+        assert len(drawn) == len(poses)
+        key = np.lexsort(drawn.round(6).T), np.lexsort((0.5 * poses[:, :3]).round(6).T)
+        np.testing.assert_allclose(drawn[key[0]], 0.5 * poses[key[1], :3], atol=1e-6)
+
+
+def test_only_batches_that_move_are_sent(frame):
+    """Send nothing at rest, the batch of the one part that moved, and nothing again."""
+    drawing = Drawing()
+    batches = Batches(drawing, 1.0)
+    batches.update(frame)
+    batches.update(replace(frame, poses=frame.poses.copy()))
+    assert batches.sent == 0
+    poses = frame.poses.copy()
+    poses[0, 0] += 0.25
+    batches.update(replace(frame, poses=poses))
+    assert batches.sent == 1
+    assert np.any(np.isclose(drawing.positions('parts'), poses[0, :3]).all(axis=1))
+    batches.update(replace(frame, poses=poses.copy()))
+    assert batches.sent == 0
+
+
+def test_slow_motion_is_not_lost(frame):
+    """Send a part that creeps as soon as it is far enough from where it is shown."""
+    batches = Batches(Drawing(), 1.0)
+    batches.update(frame)
+    poses, sent = frame.poses.copy(), []
+    for _ in range(10):
+        poses = poses.copy()
+        poses[0, 2] += 1e-4
+        batches.update(replace(frame, poses=poses))
+        sent.append(batches.sent)
+    assert 1 <= sum(sent) < 5
+
+
+def test_what_is_gone_leaves_the_page(frame):
+    """Put what was pulverised out of sight."""
+    drawing = Drawing()
+    batches = Batches(drawing, 1.0)
+    batches.update(frame)
+    poses = frame.poses.copy()
+    poses[3] = np.nan
+    batches.update(replace(frame, poses=poses))
+    drawn = drawing.positions('parts')
+    assert np.isfinite(drawn).all()
+    assert np.count_nonzero(drawn[:, 2] < -100.0) == 1
+
+
+def test_a_launched_ball_joins_the_page(simulation):
+    """Draw parts that come later beside those that are there."""
+    player = Player(simulation)
+    drawing = Drawing()
+    batches = Batches(drawing, 1.0)
+    batches.update(player.frame())
+    before = set(drawing.handles)
+    player.say(Projectile(size=0.4, position=(0.0, -5.0, 2.0), velocity=(0.0, 1.0, 0.0)))
+    player.turn(0.0)
+    batches.update(player.frame())
+    new, = set(drawing.handles) - before
+    np.testing.assert_allclose(drawing.handles[new].batched_scales, [[0.4, 0.4, 0.4]])
+
+
+def test_time_passes_at_the_pace_asked_for(simulation):
+    """Simulate half a second in a second at half speed, and nothing while paused."""
+    player = Player(simulation)
+    player.say(SetSpeed(0.5))
+    for now in np.arange(0.0, 1.0 + 1e-9, 1.0 / 64.0):
+        player.turn(now)
+    np.testing.assert_allclose(simulation.time, 0.5, atol=1.1 * simulation.time_step)
+    player.say(SetPause(True))
+    before = simulation.time
+    player.turn(2.0)
+    assert simulation.time == before
+    assert player.status().paused
+    player.say(Step())
+    player.turn(3.0)
+    np.testing.assert_allclose(simulation.time, before + simulation.time_step)
+
+
+def test_wind_gust_and_reset_reach_the_simulation(simulation):
+    """Change the wind, start a gust, and go back to the start."""
+    player = Player(simulation)
+    player.say(SetWind((6.0, 0.0, 0.0)))
+    player.say(StartGust(9.0))
+    for now in (0.0, 0.05, 0.1):
+        player.turn(now)
+    np.testing.assert_allclose(player.status().wind, [6.0, 0.0, 0.0])
+    assert simulation.time > 0.0
+    player.say(SetPause(True))
+    player.say(Reset())
+    player.turn(0.2)
+    assert simulation.time == 0.0
+
+
+def test_a_refused_command_is_answered_and_changes_nothing(simulation):
+    """Say why a command cannot be carried out, and go on."""
+    player = Player(simulation)
+    player.say(Impulse('oak', (1.0, 0.0, 0.0)))
+    player.turn(0.0)
+    assert 'there is no part "oak"' in player.answer()
+    player.say(LoadScene(view.Path('nowhere.yaml')))
+    player.turn(0.1)
+    assert 'nowhere.yaml' in player.answer()
+    assert player.simulation is simulation
+    player.say(Step())
+    player.turn(0.2)
+    assert 'pause' in player.answer()
+
+
+def test_another_scene_takes_the_place_of_the_first(simulation, tmp_path):
+    """Load a scene file, and give its frames another number."""
+    path = tmp_path / 'one.yaml'
+    path.write_text(f'/**: {{ros__parameters: {{scene: {{objects: [twig]}}, '
+                    f'twig: {{grammar_text: "{TREE.strip()}"}}}}}}', 'utf-8')
+    player = Player(simulation)
+    first = player.frame()
+    player.say(SetPause(True))
+    player.say(LoadScene(path))
+    player.turn(0.0)
+    assert player.answer() == ''
+    frame = player.frame()
+    assert frame.content.scene != first.content.scene
+    assert len(frame.poses) == np.count_nonzero(first.content.shape == Shape.CAPSULE)
+
+
+def test_nothing_is_made_for_nobody(simulation):
+    """Take no frames while nobody looks."""
+    player = Player(simulation)
+    player.watched = False
+    before = player.frame()
+    for now in (0.0, 0.1, 0.2):
+        player.turn(now)
+    assert simulation.time > 0.0
+    assert player.frame() is before
+
+
+def test_a_client_gets_the_scene_and_then_what_moves(page, source, client, frame):
+    """Send the whole scene once, nothing while nothing moves, and then one batch."""
+    page.update(0.0)
+    client.wait_for(lambda m: m['type'] == 'BatchedGlbMessage')
+    page.server.flush()
+    poses = frame.poses.copy()
+    poses[0, 0] += 0.5
+    for now in (1.0, 2.0, 3.0):
+        page.update(now)
+    source.shown = replace(frame, poses=poses)
+    page.update(4.0)
+    client.wait_for(lambda m: 'batched_positions' in m.get('updates', {}))
+    assert len(set(client.updates('batched_positions'))) == 1
+    assert not client.updates('batched_scales')
+
+
+def test_a_source_knows_whether_anybody_looks(page, source):
+    """Want frames only while a client is there."""
+    page.update(0.0)
+    assert not source.watched
+    client = ViewClient(page.server.get_port())
+    client.wait_for(lambda m: m['type'] == 'BatchedGlbMessage')
+    client.wait_until(lambda: page.update(1.0) or source.watched)
+    client.close()
+
+
+def test_sliders_and_clicks_of_a_client_become_commands(page, source, client):
+    """Take wind, pause, scene and a click on the ground from a client."""
+    page.update(0.0)
+    client.change('speed [m/s]', 8.0)
+    client.change('pause', True)
+    client.change('load', True)
+    client.click((0.0, -50.0 * page.unit, 1.0 * page.unit), (0.0, -1.0, -1.0))
+    client.wait_until(lambda: len(source.said) >= 4)
+    kinds = {type(command): command for command in source.said}
+    np.testing.assert_allclose(kinds[SetWind].velocity, [4.8, 6.4, 0.0], atol=0.1)
+    assert kinds[SetPause] == SetPause(True)
+    assert kinds[LoadScene] == LoadScene(view.Path('a.yaml'))
+    np.testing.assert_allclose(kinds[Explosion].position, [0.0, -51.0, 0.0], atol=1e-5)
+
+
+def test_clicks_may_be_told_to_show_only(page, source):
+    """Show what was clicked and leave it alone."""
+    page.update(0.0)
+    page.controls.acts.value = False
+    page.click(np.array([0.0, -50.0, 1.0]), DOWN)
+    assert not source.said
+    assert 'ground' in page.controls.selected.content
+
+
+def test_what_others_change_moves_the_sliders(page, source):
+    """Show the wind and the pause that somebody else has set, without saying them again."""
+    page.update(0.0)
+    np.testing.assert_allclose(page.controls.wind.value, 5.0)
+    source.state = Status(True, 'fine', paused=True, wind=(0.0, -2.0, 0.0))
+    page.update(1.0)
+    assert page.controls.pause.value is True
+    assert (page.controls.wind.value, page.controls.direction.value) == (2.0, 270)
+    assert not source.said
+
+
+def test_a_dead_source_is_shown_as_such(page, source, client):
+    """Say on the page that nothing answers any more."""
+    page.update(0.0)
+    source.state = Status(False, '/sim does not answer')
+    page.update(1.0)
+    client.wait_for(lambda m: '/sim does not answer' in str(m))
+
+
+def test_dust_is_sent_while_there_is_some(page, source, client, frame):
+    """Draw puffs, and take them away when they are gone."""
+    page.update(0.0)
+    puffs = Puffs(np.ones((3, 3)), np.ones(3), np.full(3, 0.5), np.ones(3))
+    for now, dust in ((1.0, puffs), (2.0, Puffs.none())):
+        source.shown = replace(frame, dust=dust)
+        page.update(now)
+        client.wait_for(lambda m: m.get('name') == '/dust')
+    handle = page.server.scene.get_handle_by_name('/dust')
+    assert not handle.batched_opacities.any()
+
+
+@pytest.mark.parametrize('words, says', [
+    (['nowhere.yaml'], 'nowhere.yaml'),
+    (['garden', '--host', '192.0.2.1'], '192.0.2.1:8080'),
+])
+def test_mistakes_are_answered_in_one_line(words, says, capsys):
+    """End with one readable line."""
+    assert view.main(words) == 1
+    complaint = capsys.readouterr().err
+    assert says in complaint
+    assert complaint.count('\n') == 1
+    assert complaint.startswith('view: ')
+
+
+def test_a_port_that_is_taken_is_named(frame):
+    """Refuse to serve on another port than the one asked for."""
+    with socket.socket() as taken:
+        taken.bind(('localhost', 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(view.ProcPhysError, match=f'localhost:{port}.*in use'):
+            Page(Scripted(frame), port=port)
+
+
+def test_without_viser_the_remedy_is_said(frame, monkeypatch):
+    """Say what to install."""
+    monkeypatch.setitem(sys.modules, 'viser', None)
+    with pytest.raises(view.ProcPhysError, match=r'pip install procphys_ros\[view\]'):
+        Page(Scripted(frame))

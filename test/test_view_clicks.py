@@ -1,0 +1,142 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Clicks on the page: what is met, and what is done to it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from view_scene import DOWN, frame_of, NORTH, simulation_at_rest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Shape
+from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.simulation.commands import Impulse
+from procphys_ros.view.clicks import command_of, describe, Strength
+from procphys_ros.view.picking import GROUND, pick
+
+
+@pytest.fixture(scope='module')
+def frame():
+    """Take a frame of the scene at rest."""
+    return frame_of(simulation_at_rest())
+
+
+def middle_of_wall(frame):
+    """Give a brick in the wall."""
+    boxes = np.flatnonzero(frame.content.shape == Shape.BOX)
+    return int(boxes[len(boxes) // 2])
+
+
+def test_a_ray_meets_the_nearest_part(frame):
+    """Meet the face of a brick, not its middle, and not what lies behind it."""
+    brick = middle_of_wall(frame)
+    place = frame.poses[brick, :3]
+    hit = pick(frame, place - 3.0 * NORTH, NORTH)
+    assert hit.part == brick
+    half = 0.5 * frame.content.size[brick, 1]
+    np.testing.assert_allclose(hit.distance, 3.0 - half, atol=0.02)  # parts may be missed a bit
+
+
+def test_a_turned_part_is_met_where_it_is_now(frame):
+    """Hit a brick that lies elsewhere, turned, and no longer where it stood."""
+    brick = middle_of_wall(frame)
+    old = frame.poses[brick, :3].copy()
+    poses = frame.poses.copy()
+    poses[brick] = [0.0, 40.0, 1.0, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+    moved = replace(frame, poses=poses)
+    assert pick(moved, np.array([0.0, 37.0, 1.0]), NORTH).part == brick
+    assert pick(moved, old - 3.0 * NORTH, NORTH) is None or pick(
+        moved, old - 3.0 * NORTH, NORTH).part != brick
+
+
+def test_a_ray_down_meets_the_ground_where_nothing_is(frame):
+    """Give the point on the ground, and nothing in the sky."""
+    sloping = np.array([1.0, 0.0, -1.0])
+    hit = pick(frame, np.array([-30.0, 7.0, 2.0]), sloping)
+    assert hit.part == GROUND
+    np.testing.assert_allclose(hit.point, [-28.0, 7.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(hit.distance, np.sqrt(8.0))
+    assert pick(frame, np.array([-30.0, 7.0, 2.0]), -DOWN) is None
+
+
+def test_a_leaf_counts_as_the_branch_that_carries_it(frame):
+    """Pick the branch whose leaf is before the eye."""
+    leaf = frame.leaf_poses[0]
+    middle = leaf[:3] + rotation.rotate(leaf[3:], np.array([0.0, 0.0, 0.15]))
+    eye = middle + np.array([0.3, -3.0, 0.1])
+    hit = pick(frame, eye, middle - eye)
+    assert hit.part == frame.content.leaves.part[0]
+
+
+def test_what_is_gone_is_not_met(frame):
+    """Look through a brick that was pulverised."""
+    brick = middle_of_wall(frame)
+    poses = frame.poses.copy()
+    place = poses[brick, :3].copy()
+    poses[brick] = np.nan
+    hit = pick(replace(frame, poses=poses), place - 3.0 * NORTH, NORTH)
+    assert hit is None or hit.part != brick
+
+
+def test_a_click_on_a_branch_pulls_it_towards_the_eye(frame):
+    """Give the branch the speed of the slider, against the line of sight."""
+    hit = pick(frame, np.array([0.0, -5.0, 0.5]), NORTH)
+    command = command_of(hit, frame.content, NORTH, Strength(pull=4.0))
+    assert isinstance(command, Impulse)
+    assert frame.content.shape[command.part] == Shape.CAPSULE
+    np.testing.assert_allclose(command.linear,
+                               -4.0 * frame.content.mass[command.part] * NORTH)
+
+
+def test_a_click_on_a_wall_throws_a_ball_that_hits_it(frame):
+    """Let the ball fly at the point that was clicked, from above the ground."""
+    place = frame.poses[middle_of_wall(frame), :3]
+    eye = place + np.array([0.0, -20.0, 8.0])
+    sight = (place - eye) / np.linalg.norm(place - eye)
+    hit = pick(frame, eye, sight)
+    ball = command_of(hit, frame.content, sight, Strength(ball_speed=30.0, ball_size=0.4))
+    assert isinstance(ball, Projectile)
+    velocity, start = np.array(ball.velocity), np.array(ball.position)
+    np.testing.assert_allclose(np.linalg.norm(velocity), 30.0)
+    reach = np.linalg.norm(hit.point - start)
+    np.testing.assert_allclose(start + reach * velocity / 30.0, hit.point, atol=1e-9)
+    assert start[2] > 0.2
+
+
+def test_a_ball_from_a_worm_s_eye_starts_above_the_ground(frame):
+    """Lift a ball that would start in the ground, and still aim at the wall."""
+    place = frame.poses[middle_of_wall(frame), :3]
+    eye = np.array([place[0], -10.0, 0.05])
+    sight = (place - eye) / np.linalg.norm(place - eye)
+    ball = command_of(pick(frame, eye, sight), frame.content, sight, Strength(ball_size=1.0))
+    assert ball.position[2] > 0.5
+
+
+def test_a_click_on_the_ground_sets_off_a_charge(frame):
+    """Set the charge of the slider off where the ground was clicked."""
+    hit = pick(frame, np.array([-9.0, 3.0, 5.0]), DOWN)
+    command = command_of(hit, frame.content, DOWN, Strength(charge=2.5))
+    assert command == Explosion([-9.0, 3.0, 0.0], 2.5)
+
+
+def test_what_was_clicked_is_named(frame):
+    """Say name, material and mass."""
+    brick = middle_of_wall(frame)
+    hit = pick(frame, frame.poses[brick, :3] - 3.0 * NORTH, NORTH)
+    text = describe(hit, frame.content)
+    assert frame.content.name(brick) in text
+    assert f'{frame.content.mass[brick]:.3g} kg' in text
