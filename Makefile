@@ -1,9 +1,10 @@
-# make run: the node on the demo scene.  make warm: compile all kernels.  make test: lint, types,
-# tests.  make bench: figures.
+# make run: the node on the demo scene, and a page that shows it (at PORT).  make warm: compile all
+# kernels.  make test: lint, types, tests.  make bench: figures.
 # PYTHON chooses the interpreter of the virtual environment (3.11 or 3.12).
 PYTHON ?= python3
 VENV := .venv
 SCENE ?= config/demo.yaml
+PORT ?= 8080
 BIN := $(VENV)/bin
 SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts launch config grammars -type f \
   -not -name '*.pyc' -not -name '*.nb?')
@@ -11,7 +12,8 @@ SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts laun
 .PHONY: run warm test lint types pytest bench clean
 
 run: warm
-	$(VENV)/lib/procphys_ros/sim --ros-args --params-file $(SCENE)
+	trap 'kill $$page 2>/dev/null' EXIT INT TERM; $(BIN)/view --port $(PORT) & page=$$!; \
+	  $(VENV)/lib/procphys_ros/sim --ros-args --params-file $(SCENE)
 
 # Compiles nothing when the user's cache folder has everything.
 warm: $(VENV)/.installed-run
@@ -41,7 +43,7 @@ $(BIN)/python:
 # Installed anew when any source has changed; what it depends on is then there already.
 $(VENV)/.installed-run: $(SOURCES) | $(BIN)/python
 	rm -rf build
-	$(BIN)/pip install --quiet '.[wheels,render,usd,record]'
+	$(BIN)/pip install --quiet '.[wheels,render,usd,record,view]'
 	@touch $@
 
 $(VENV)/.installed-test: $(SOURCES) | $(BIN)/python

@@ -35,3 +35,19 @@ def pose_array(poses: np.ndarray, at: Stamp, frame_id: str) -> bytes:
         writer.align(8)
     body = np.ascontiguousarray(poses, '<f8').tobytes()
     return b''.join((ENCAPSULATION, writer.getvalue(), body))
+
+
+def read_pose_array(data: bytes) -> np.ndarray:
+    """
+    Read the poses of a geometry_msgs/PoseArray, as `pose_array` wrote them.
+
+    :param data: little-endian CDR with its encapsulation.
+    :returns: x y z qx qy qz qw, (N, 7).
+    """
+    name = int.from_bytes(data[12:16], 'little')  # behind encapsulation and stamp: frame_id
+    at = 12 + name + (-name) % 4  # in the body, behind the encapsulation
+    count = int.from_bytes(data[4 + at:8 + at], 'little')
+    at += 4
+    at += (-at) % 8
+    return np.frombuffer(data, '<f8', 7 * count, 4 + at).reshape(count, 7) if count \
+        else np.zeros((0, 7))

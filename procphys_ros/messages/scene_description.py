@@ -39,7 +39,8 @@ class SceneDescription:
         self._frame = frame_id
         self._objects = self.parts = self._bonds = 0
         self._lists: dict[str, dict[str, list[str]]] = {
-            'parts': {name: [] for name in ('name', 'kind', 'shape', 'size', 'mass', 'material')},
+            'parts': {name: [] for name in ('name', 'kind', 'shape', 'size', 'visual_size', 'mass',
+                                            'material', 'texture')},
             'bonds': {name: [] for name in ('parts', 'law')}}
         self._owners: list[dict[str, Any]] = []
 
@@ -61,7 +62,8 @@ class SceneDescription:
         groups = [f'"{group}":{{{",".join(_listed(lists))}}}'
                   for group, lists in self._lists.items()]
         owners = [o | {'removed': True} if o['name'] in removed else o for o in self._owners]
-        head = json.dumps({'frame': self._frame, 'objects': owners}, separators=(',', ':'))
+        head = json.dumps({'frame': self._frame, 'objects': owners,
+                           'textures': blueprint.textures}, separators=(',', ':'))
         return f'{head[:-1]},{",".join(groups)}}}'
 
     def _add_parts(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> None:
@@ -73,8 +75,10 @@ class SceneDescription:
                   kind=kinds,
                   shape=[Shape(s).name.lower() for s in blueprint.shape[new]],
                   size=blueprint.size[new].round(_DIGITS).tolist(),
+                  visual_size=blueprint.visual_size[new].round(_DIGITS).tolist(),
                   mass=blueprint.mass[new].round(_DIGITS).tolist(),
-                  material=[blueprint.materials[m] for m in blueprint.material[new]])
+                  material=[blueprint.materials[m] for m in blueprint.material[new]],
+                  texture=[_texture(blueprint, t) for t in blueprint.texture[new]])
 
     def _add_bonds(self, blueprint: Blueprint) -> None:
         new = slice(self._bonds, None)
@@ -86,6 +90,10 @@ class SceneDescription:
             if values:
                 self._lists[group][name].append(
                     json.dumps(values, separators=(',', ':'))[1:-1])
+
+
+def _texture(blueprint: Blueprint, index: int) -> str:
+    return blueprint.textures[index] if blueprint.textures else ''
 
 
 def _listed(lists: dict[str, list[str]]) -> Iterable[str]:

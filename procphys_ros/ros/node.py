@@ -76,6 +76,8 @@ class SimNode(Node):
         ~/scene_description (std_msgs/String, depth 1, latched): objects, parts, bonds as JSON
         ~/breaks (sensor_msgs/PointCloud2, depth 100): a row per broken bond
         ~/broken_bonds (sensor_msgs/PointCloud2, depth 1, latched): all of them since the start
+        ~/leaves (sensor_msgs/PointCloud2, depth 1, latched): a row per leaf: petiole on its part
+        ~/leaf_poses (geometry_msgs/PoseArray, depth 5): petioles of all leaves, at `marker_rate`
         ~/dust (sensor_msgs/PointCloud2, depth 1): dust of bursting mortar and impacts
         ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): wind at reference height, all included
         ~/intruder_wrench (geometry_msgs/WrenchStamped, depth 5): on the intruder, smoothed over

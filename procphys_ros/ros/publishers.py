@@ -30,6 +30,7 @@ from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.messages.points import BREAK
 from procphys_ros.ros import qos
 from procphys_ros.ros.late_joiners import LateJoinerTracker
+from procphys_ros.ros.leaf_publisher import LeafPublisher
 from procphys_ros.ros.pacing import RateLimiter
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.simulation import Simulation
@@ -64,6 +65,7 @@ class Publishers:
                                               qos.arrays())
         self._broken = qos.publisher(node, PointCloud2, '~/broken_bonds', qos.latched())
         self._ready = qos.publisher(node, Bool, '~/ready', qos.latched())
+        self._leaves = LeafPublisher(node, frame)
         self._ready.publish(Bool(data=False))
         # Time has one source, also when several nodes share a scene.
         self._clock = (qos.publisher(node, Clock, '/clock', qos.newest())
@@ -104,6 +106,7 @@ class Publishers:
         if self._scene_markers is not None and self._style().shard:
             self._markers.publish(self._scene_markers.deletions((0, 0)))
         self._scene_markers = None
+        self._leaves.restart()
         self._marker_limiter.hasten()
         self._described: tuple | None = None
 
@@ -125,6 +128,7 @@ class Publishers:
             self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
         self._follow_content(simulation)
         self._publish_markers(simulation, at)
+        self._leaves.publish(simulation, has_moved, self._parameters['marker_rate'])
         self._publish_breaks(simulation, at)
         if has_moved and self._dust.get_subscription_count():
             self._publish_dust(simulation, at)
@@ -154,6 +158,7 @@ class Publishers:
     def _describe(self, simulation: Simulation) -> None:
         text = self._describer.write(simulation.blueprint, simulation.objects, simulation.removed)
         self._description.publish(String(data=text))
+        self._leaves.describe(simulation)
         self._described, self._added = _content(simulation), simulation.added
 
     def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:

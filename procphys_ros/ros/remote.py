@@ -56,12 +56,13 @@ class Remote:
     :param name: of the node, absolute, such as /sim.
     :param timeout: how long to look for it [s].
     :param patience: how long to wait for an answer once it is found [s].
+    :ivar patience: as given; may be changed from call to call.
     :raises NoNodeError: when it is not found; the message says which nodes are there.
     """
 
     def __init__(self, name: str, timeout: float, patience: float = 120.0):
         self.name = '/' + name.strip('/')
-        self._patience = patience
+        self.patience = patience
         self._node = rclpy.create_node(f'command_{os.getpid()}', start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -146,7 +147,7 @@ class Remote:
         received: list[String] = []
         subscription = self._node.create_subscription(
             String, f'{self.name}/scene_description', received.append, qos.latched())
-        self._spin_until(lambda: received, self._patience)
+        self._spin_until(lambda: received, self.patience)
         self._node.destroy_subscription(subscription)
         return received[-1].data
 
@@ -164,15 +165,15 @@ class Remote:
         """Publish a command, and wait until the node has it."""
         publisher = self._node.create_publisher(type(message), f'{self.name}/{topic}',
                                                 qos.commands())
-        self._spin_until(publisher.get_subscription_count, self._patience)
+        self._spin_until(publisher.get_subscription_count, self.patience)
         publisher.publish(message)
-        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=self._patience))
+        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=self.patience))
 
     def _call(self, kind: type, service: str, request: Any) -> Any:
         client = self._node.create_client(kind, f'{self.name}/{service}')
-        self._spin_until(client.service_is_ready, self._patience)
+        self._spin_until(client.service_is_ready, self.patience)
         future: Future = client.call_async(request)
-        self._spin_until(future.done, self._patience)
+        self._spin_until(future.done, self.patience)
         self._node.destroy_client(client)
         return future.result()
 

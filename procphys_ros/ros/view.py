@@ -15,7 +15,8 @@
 """Executable `view`: a page in the browser that shows a scene, or a running node."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 import signal
 import sys
@@ -36,22 +37,22 @@ def main(words: Sequence[str] | None = None) -> int:
     :param words: behind the command's name; None = the process's own.
     :returns: exit code: 0 done, 1 the scene or the page cannot be had, 2 invalid usage.
     """
-    said = _parser().parse_args(sys.argv[1:] if words is None else list(words))
+    said, others = _parser().parse_known_args(sys.argv[1:] if words is None else list(words))
+    if others and '--ros-args' not in others:
+        _parser().error(f'unrecognized arguments: {" ".join(others)}')
     ended = Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     try:
-        source = _play(said.scene)
-        page = Page(source, said.host, said.port, shipped_scenes())
+        if said.scene is None:
+            with _followed(said.node, others) as source:
+                _serve(source, said, f'node {source.name}', ended)
+        else:
+            with closing(_played(said.scene)) as source:
+                _serve(source, said, said.scene, ended)
     except ProcPhysError as error:
         print(f'view: {error}', file=sys.stderr)
         return _FAILED
-    print(f'{page.address} shows {said.scene}; Ctrl-C ends it', flush=True)
-    source.start()
-    page.start()
-    ended.wait()
-    page.close()
-    source.close()
     return _DONE
 
 
@@ -60,7 +61,15 @@ def shipped_scenes() -> dict[str, Path]:
     return {path.stem: path for path in sorted((shared_folder() / 'config').glob('*.yaml'))}
 
 
-def _play(path: str) -> Any:
+def _serve(source: Any, said: argparse.Namespace, title: str, ended: Event) -> None:
+    with closing(Page(source, said.host, said.port, shipped_scenes())) as page:
+        print(f'{page.address} shows {title}; Ctrl-C ends it', flush=True)
+        source.start()
+        page.start()
+        ended.wait()
+
+
+def _played(path: str) -> Any:
     # Late, because kernels and engines take seconds that help and mistakes need not wait for.
     from procphys_ros.scene import Scene
     from procphys_ros.simulation import Simulation
@@ -69,10 +78,26 @@ def _play(path: str) -> Any:
     return Player(Simulation(Scene.from_yaml(shipped_scenes().get(path, path))))
 
 
+@contextmanager
+def _followed(name: str, ros_words: Sequence[str]) -> Iterator[Any]:
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from procphys_ros.ros.followed_node import FollowedNode
+    rclpy.init(args=['view', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        with closing(FollowedNode(name)) as node:
+            yield node
+    finally:
+        rclpy.try_shutdown()
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='view', description='Show a scene on a page in the browser, until Ctrl-C.')
-    parser.add_argument('scene', help='scene file (.yaml), or the name of a shipped scene')
+    parser.add_argument('scene', nargs='?', help='scene file (.yaml), or the name of a shipped '
+                        'scene; none = what a running node publishes')
+    parser.add_argument('--node', default='/sim', help='the node to follow (default /sim)')
     parser.add_argument('--host', default=HOST,
                         help=f'address to serve on (default {HOST}: this machine only; 0.0.0.0 = '
                         'all of its addresses)')

@@ -112,7 +112,8 @@ class Page:
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
-        self.server.stop()
+        with redirect_stdout(io.StringIO()):  # viser says that it has stopped
+            self.server.stop()
 
     def click(self, origin: np.ndarray, direction: np.ndarray) -> None:
         """

@@ -1,0 +1,247 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Followed node: a running `sim` node as a source of the page, from its topics alone."""
+
+from dataclasses import replace
+import json
+import os
+from threading import Event, Thread
+from time import monotonic
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Leaves, Shape
+from procphys_ros.messages.leaves import LEAF, leaves_of
+from procphys_ros.messages.points import DUST
+from procphys_ros.messages.poses import read_pose_array
+from procphys_ros.physics.dust import Puffs
+from procphys_ros.ros import qos
+from procphys_ros.ros.page_commands import PageCommands
+from procphys_ros.view.source import Content, Frame, Status
+
+_TURN = 0.05  # [s] between looks at whether it is to end
+_SILENCE = 5.0  # [s] without diagnostics, which come each second: then a node counts as dead
+
+
+class FollowedNode:
+    """
+    Subscribes to what a node publishes; finds the node again when it has been restarted.
+
+    :param name: of the node, such as /sim.
+    :ivar watched: whether poses are wanted; without, only the description and the status come.
+    """
+
+    def __init__(self, name: str):
+        self.name = '/' + name.strip('/')
+        self.watched = True
+        self._node: Node = rclpy.create_node(f'view_{os.getpid()}', start_parameter_services=False)
+        self._state = _SceneState()
+        self._heard, self._diagnosis = -np.inf, Status()
+        self._moving: list[Subscription] = []
+        self._node.create_subscription(String, f'{self.name}/scene_description',
+                                       self._describe, qos.latched())
+        self._node.create_subscription(PointCloud2, f'{self.name}/leaves', self._take_leaves,
+                                       qos.latched())
+        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._diagnose,
+                                       qos.arrays())
+        self._commands = PageCommands(self.name)
+        self._ended = Event()
+        self._thread = Thread(target=self._spin, name='follow', daemon=True)
+
+    def start(self) -> None:
+        """Begin to listen."""
+        self._thread.start()
+        self._commands.start()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._ended.set()
+        self._commands.close()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._node.destroy_node()
+
+    def frame(self) -> Frame | None:
+        """Give the newest moment."""
+        return self._state.frame()
+
+    def status(self) -> Status:
+        """Say how the node is, or that it is silent."""
+        silence = monotonic() - self._heard
+        if silence > _SILENCE:
+            since = '' if np.isinf(silence) else f' for {silence:.0f} s'
+            return Status(False, f'{self.name} does not answer{since}')
+        known = self._commands.known
+        return Status(True, self._diagnosis.text, self._diagnosis.time, self._diagnosis.paused,
+                      self._diagnosis.factor, known)
+
+    def say(self, command: Any) -> None:
+        """Have a command carried out by the node."""
+        self._commands.put(command)
+
+    def answer(self) -> str:
+        """Give the answer to the last command."""
+        return self._commands.answer
+
+    def _spin(self) -> None:
+        executor = SingleThreadedExecutor()
+        executor.add_node(self._node)
+        try:
+            while not self._ended.is_set():
+                self._watch()
+                executor.spin_once(timeout_sec=_TURN)
+        except ExternalShutdownException:
+            pass
+        executor.shutdown()
+
+    def _watch(self) -> None:
+        """Subscribe to what moves while somebody looks; the node builds nothing for nobody."""
+        if self.watched and not self._moving:
+            state = self._state
+            for kind, topic, take, profile, raw in (
+                    (PoseArray, 'poses', state.take_poses, qos.arrays(), True),
+                    (PoseArray, 'leaf_poses', state.take_leaf_poses, qos.arrays(), True),
+                    (PointCloud2, 'dust', self._take_dust, qos.newest(), False)):
+                self._moving.append(self._node.create_subscription(
+                    kind, f'{self.name}/{topic}', take, profile, raw=raw))
+        elif not self.watched and self._moving:
+            for subscription in self._moving:
+                self._node.destroy_subscription(subscription)
+            self._moving.clear()
+
+    def _describe(self, message: String) -> None:
+        self._state.describe(message.data)
+
+    def _take_leaves(self, message: PointCloud2) -> None:
+        self._state.take_leaves(leaves_of(np.frombuffer(bytes(message.data), LEAF)))
+
+    def _take_dust(self, message: PointCloud2) -> None:
+        rows = np.frombuffer(bytes(message.data), DUST)
+        self._state.take_dust(Puffs(np.stack([rows['x'], rows['y'], rows['z']], axis=-1),
+                                    rows['size'], rows['opacity'], np.zeros(len(rows))))
+
+    def _diagnose(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name != f'{self.name}: simulation':
+                continue
+            values = {v.key: v.value for v in status.values}
+            time = float(values.get('simulation time [s]', 0.0))
+            broken = values.get('bonds broken', '0')
+            self._heard = monotonic()
+            self._diagnosis = Status(
+                True, f'{time:.1f} s, {status.message}, {values.get("parts", "0")} parts, '
+                f'{broken} bonds broken', time, status.message.startswith('paused'),
+                float(values.get('real-time factor wanted', 1.0)))
+
+
+class _SceneState:
+    """What has been received of a scene: from the thread of ROS, for the thread of the page."""
+
+    def __init__(self) -> None:
+        self._content: Content | None = None
+        self._leaves = Leaves()
+        self._scene = 0
+        self._poses = self._leaf_poses = np.zeros((0, 7))
+        self._dust = Puffs.none()
+        self._newest: Frame | None = None
+        self._is_stale = False
+
+    def frame(self) -> Frame | None:
+        """Give the newest moment, the same object while nothing new has come."""
+        content, poses = self._content, self._poses
+        # Poses may be ahead of the description; those that are fewer are of another scene.
+        if self._is_stale and content is not None and 0 < len(content) <= len(poses):
+            self._is_stale = False
+            self._newest = self._make(content, poses[:len(content)])
+        return self._newest
+
+    def describe(self, text: str) -> None:
+        """Take a description of the scene up; one that goes on where the last ended is no news."""
+        content = _content_of(json.loads(text), self._leaves, self._scene)
+        old = self._content
+        if old is not None and not _continues(old, content):
+            self._begin(content)
+        else:
+            self._content = content
+        self._is_stale = True
+
+    def take_leaves(self, leaves: Leaves) -> None:
+        """Take leaves up, which may come before or after the description that they belong to."""
+        self._leaves = leaves
+        if self._content is not None:
+            self._begin(self._content)
+
+    def take_poses(self, data: bytes) -> None:
+        """Take a geometry_msgs/PoseArray up, CDR with its encapsulation."""
+        self._poses, self._is_stale = read_pose_array(data), True
+
+    def take_leaf_poses(self, data: bytes) -> None:
+        """Take the poses of leaves up; else as `take_poses`."""
+        self._leaf_poses, self._is_stale = read_pose_array(data), True
+
+    def take_dust(self, puffs: Puffs) -> None:
+        """Take dust up."""
+        self._dust, self._is_stale = puffs, True
+
+    def _begin(self, content: Content) -> None:
+        self._scene += 1
+        leaves = self._leaves
+        if len(leaves) and leaves.part.max() >= len(content):  # those of another scene
+            leaves = Leaves()
+        self._content = replace(content, scene=self._scene, leaves=leaves)
+        self._is_stale = True
+
+    def _make(self, content: Content, poses: np.ndarray) -> Frame:
+        leaf_poses = self._leaf_poses
+        if len(leaf_poses) != len(content.leaves):
+            leaf_poses = rotation.compose(poses[content.leaves.part], content.leaves.pose)
+        return Frame(content, poses, leaf_poses, self._dust)
+
+
+def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content:
+    """Read a scene description."""
+    parts = described['parts']
+    shape = np.array([Shape[name.upper()] for name in parts['shape']], np.uint8)
+    size = np.array(parts['size'], float).reshape(-1, 3)
+    ball = (np.array(parts['kind']) == 'projectile') & (shape == Shape.CAPSULE)
+    drawn = np.array(parts.get('visual_size', parts['size']), float).reshape(-1, 3)
+    textures = list(dict.fromkeys([*described.get('textures', ()), *parts.get('texture', ())]))
+    number = {name: i for i, name in enumerate(textures)}
+    texture = np.array([number[name] for name in parts.get('texture', ())], int)
+    if len(texture) != len(shape):
+        texture = np.zeros(len(shape), int)
+    if len(leaves) and leaves.part.max() >= len(shape):
+        leaves = Leaves()
+    return Content(scene, parts['name'].__getitem__, shape,
+                   np.where(ball[:, None], size, drawn), np.array(parts['mass'], float), ball,
+                   texture, parts['material'].__getitem__, textures or [''], leaves)
+
+
+def _continues(old: Content, new: Content) -> bool:
+    """Say whether a content has the parts of another, and perhaps more."""
+    count = len(old)
+    return (len(new) >= count and np.array_equal(old.size, new.size[:count])
+            and all(old.name(i) == new.name(i) for i in range(count)))

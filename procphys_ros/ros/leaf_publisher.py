@@ -1,0 +1,72 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Leaf publisher: what leaves there are, and where they are while somebody wants to know."""
+
+from geometry_msgs.msg import PoseArray
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from procphys_ros import messages
+from procphys_ros.messages.leaves import leaf_rows
+from procphys_ros.ros import qos
+from procphys_ros.ros.late_joiners import LateJoinerTracker
+from procphys_ros.ros.pacing import RateLimiter
+from procphys_ros.simulation import Simulation
+
+_EARLY = 0.2  # share of their period that poses may come early, for turns that jitter
+
+
+class LeafPublisher:
+    """
+    Publishes the leaves of a simulation.
+
+    :param node: the node that publishes.
+    :param frame: `frame_id` of everything.
+    """
+
+    def __init__(self, node: Node, frame: str):
+        self._frame = frame
+        self._new = LateJoinerTracker()
+        self._leaves = qos.publisher(node, PointCloud2, '~/leaves', qos.latched())
+        self._poses = qos.publisher(node, PoseArray, '~/leaf_poses', qos.arrays(),
+                                    event_callbacks=self._new.events)
+        self._limiter = RateLimiter(1.0, _EARLY)
+        self._described = -1
+
+    def restart(self) -> None:
+        """Say next time what leaves there are, also if there are as many as before."""
+        self._described = -1
+
+    def describe(self, simulation: Simulation) -> None:
+        """Say what leaves there are, unless that was said."""
+        if len(simulation.blueprint.leaves) == self._described:
+            return
+        self._described = len(simulation.blueprint.leaves)
+        self._leaves.publish(messages.point_cloud(
+            leaf_rows(simulation.blueprint.leaves), messages.stamp(simulation.time), self._frame))
+
+    def publish(self, simulation: Simulation, has_moved: bool, rate: float) -> None:
+        """
+        Publish where all leaves are, fluttering, flying or fallen.
+
+        :param has_moved: whether steps were run since the last call.
+        :param rate: at most so often [Hz].
+        """
+        self._limiter.rate = rate
+        is_news = self._new.are_waiting() or has_moved
+        if is_news and self._poses.get_subscription_count() and self._limiter.is_due():
+            self._poses.publish(messages.pose_array(
+                simulation.leaf_poses(), messages.stamp(simulation.time), self._frame))

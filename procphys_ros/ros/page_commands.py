@@ -1,0 +1,187 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Page commands: what is done at a page, said to a node in the order in which it was done."""
+
+from collections.abc import Callable, Mapping
+from queue import Empty, Queue
+from threading import Event, Thread
+from time import monotonic
+from typing import Any
+
+from rclpy.executors import ExternalShutdownException
+
+from procphys_ros.errors import ProcPhysError
+from procphys_ros.ros.parameter_table import GLOBAL, OBJECT
+from procphys_ros.ros.remote import NoNodeError, Remote
+from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.scene.yaml_file import read_yaml
+from procphys_ros.simulation.commands import Impulse, SetWind
+from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step
+
+_TURN = 0.1      # [s] between looks at whether it is to end
+_TIMEOUT = 3.0   # [s] to look for the node
+_PATIENCE = 5.0  # [s] for an answer; a node that dies gives none
+_LONG_PATIENCE = 600.0  # [s] for a scene to be built
+_LOOK = 1.0      # [s] between looks at the wind that the node has
+
+
+class PageCommands:
+    """
+    Says commands to a node in a thread of its own, because each waits for its answer.
+
+    :param name: of the node.
+    :ivar answer: to the last command.
+    :ivar known: mean wind that the node was last found to have [m/s], (3,).
+    """
+
+    def __init__(self, name: str):
+        self._name = name
+        self.answer = ''
+        self.known: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self._queue: Queue[Any] = Queue()
+        self._ended = Event()
+        self._thread = Thread(target=self._work, name='commands', daemon=True)
+        self._remote: Remote | None = None
+        self._next_look = 0.0
+
+    def start(self) -> None:
+        """Begin to carry commands out."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End, after the command under way."""
+        self._ended.set()
+        if self._thread.is_alive():
+            self._thread.join(_TIMEOUT)
+
+    def put(self, command: Any) -> None:
+        """Have a command carried out."""
+        self._queue.put(command)
+
+    def _work(self) -> None:
+        try:
+            while not self._ended.is_set():
+                self._turn()
+        except ExternalShutdownException:
+            pass
+        if self._remote is not None:
+            self._remote.close()
+
+    def _turn(self) -> None:
+        waiting = self._take()
+        try:
+            if self._remote is None:
+                self._remote = Remote(self._name, _TIMEOUT, _PATIENCE)
+            for command in waiting:
+                self._remote.patience = (_LONG_PATIENCE if isinstance(command, LoadScene)
+                                         else _PATIENCE)
+                self.answer = carry_out(self._remote, command)
+            if monotonic() > self._next_look:
+                self._next_look = monotonic() + _LOOK
+                self._remote.patience = _PATIENCE
+                x, y, z = self._remote.values(['wind.velocity'])[0]
+                self.known = (x, y, z)
+        except NoNodeError as error:
+            self.answer = str(error) if waiting else self.answer
+            if self._remote is not None:
+                self._remote.close()
+                self._remote = None
+        except ProcPhysError as error:
+            self.answer = str(error)
+
+    def _take(self) -> list[Any]:
+        """Wait a moment for commands; of the positions of a slider only the last counts."""
+        waiting = []
+        try:
+            waiting.append(self._queue.get(timeout=_TURN))
+            while True:
+                waiting.append(self._queue.get_nowait())
+        except Empty:
+            pass
+        last = {type(command): i for i, command in enumerate(waiting)}
+        return [command for i, command in enumerate(waiting)
+                if not isinstance(command, SetWind | SetSpeed) or last[type(command)] == i]
+
+
+def carry_out(remote: Remote, command: Any) -> str:
+    """
+    Say a command of a page to a node.
+
+    :param remote: the node.
+    :param command: see `Source.say`.
+    :returns: what the node answers.
+    :raises CommandError: when it refuses.
+    :raises SceneError: when a scene file cannot be read.
+    :raises NoNodeError: when it does not answer.
+    """
+    return _ACTIONS[type(command)](remote, command) or ''
+
+
+def _launch(remote: Remote, ball: Projectile) -> str:
+    remote.change({'projectile.shape': ball.shape, 'projectile.size': list(ball.edges),
+                   'projectile.mass': ball.mass, 'projectile.position': list(ball.position),
+                   'projectile.velocity': list(ball.velocity)})
+    return remote.trigger('launch_projectile')
+
+
+def _explode(remote: Remote, charge: Explosion) -> str:
+    remote.change({'explosion.position': list(charge.position),
+                   'explosion.charge': charge.charge})
+    return remote.trigger('explode')
+
+
+def _gust(remote: Remote, gust: StartGust) -> str:
+    remote.change({'gust.amplitude': gust.amplitude})
+    return remote.trigger('gust')
+
+
+def _load(remote: Remote, scene: LoadScene) -> str:
+    """Give the node the parameters of a scene file, and what the file leaves out its default."""
+    given = _flat(read_yaml(scene.path))
+    objects = list(given.get('scene.objects', []))
+    remote.change({'scene.objects': objects})  # declares the parameters of new ones
+    wanted = {p.name: p.default for p in GLOBAL if _belongs_to_scene(p)}
+    wanted |= {f'{name}.{p.name}': p.default for name in objects for p in OBJECT}
+    wanted |= {name: value for name, value in given.items() if name in wanted}
+    remote.change(wanted)
+    return remote.trigger('reload_scene')
+
+
+def _belongs_to_scene(parameter: Any) -> bool:
+    name = parameter.name
+    return not parameter.read_only and (
+        parameter.takes_effect == 'reload' or name.startswith(('wind.', 'gust.', 'demolition.')))
+
+
+def _flat(nested: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in nested.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f'{prefix}{key}.')
+        else:
+            flat[prefix + key] = value
+    return flat
+
+
+_ACTIONS: dict[type, Callable[[Remote, Any], str | None]] = {
+    SetPause: lambda remote, c: remote.switch('set_pause', c.paused),
+    Step: lambda remote, c: remote.trigger('step_simulation'),
+    Reset: lambda remote, c: remote.trigger('reset_simulation'),
+    SetSpeed: lambda remote, c: remote.change({'real_time_factor': c.factor}),
+    SetWind: lambda remote, c: remote.change({'wind.velocity': list(c.velocity)}),
+    Impulse: lambda remote, c: remote.push('impulse', str(c.part), c.linear, c.angular),
+    StartGust: _gust, Projectile: _launch, Explosion: _explode, LoadScene: _load,
+}
