@@ -37,6 +37,7 @@ from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
 from procphys_ros.recording.marker_state import find_markers
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
+from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
 
@@ -70,6 +71,7 @@ def show(simulation: Simulation) -> None:
         if data is not None:
             find_markers(bytes(data))
     pose_array(simulation.poses, stamp(simulation.time), 'world')
+    simulation.scan(LidarSettings(rows=4, columns=8))
 
 
 def stand(name: str) -> Simulation:

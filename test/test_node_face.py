@@ -32,8 +32,9 @@ from rclpy.qos import (
 )
 import yaml
 
-from procphys_ros.messages.points import BREAK, DUST
+from procphys_ros.messages.points import BREAK, DUST, SCAN
 from procphys_ros.ros.diagnostics import Diagnostics
+from procphys_ros.ros.lidar import LidarPublisher
 from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.ros.publishers import Publishers
@@ -48,6 +49,7 @@ PUBLISHED = {
     '/sim/dust': 'sensor_msgs/msg/PointCloud2',
     '/sim/leaves': 'sensor_msgs/msg/PointCloud2',
     '/sim/leaf_poses': 'geometry_msgs/msg/PoseArray',
+    '/sim/lidar': 'sensor_msgs/msg/PointCloud2',
     '/sim/wind_info': 'geometry_msgs/msg/Vector3Stamped',
     '/sim/intruder_wrench': 'geometry_msgs/msg/WrenchStamped',
     '/clock': 'rosgraph_msgs/msg/Clock',
@@ -67,7 +69,7 @@ SERVICES = {
         (f'/sim/{name}' for name in (
             'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'clear_wrenches',
             'step_simulation', 'reset_simulation', 'reload_scene', 'cancel_reload', 'save_state',
-            'restore_state')),
+            'restore_state', 'spawn', 'remove')),
         'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.
@@ -167,7 +169,7 @@ def test_rviz_colours_clouds_by_what_they_hold():
     """Colour points by a field that the rows of the topic have."""
     displays = yaml.safe_load((ROOT / 'config/procphys.rviz').read_text('utf-8'))[
         'Visualization Manager']['Displays']
-    fields = {'/sim/breaks': BREAK.names, '/sim/dust': DUST.names}
+    fields = {'/sim/breaks': BREAK.names, '/sim/dust': DUST.names, '/sim/lidar': SCAN.names}
     clouds = [d for d in displays if d['Class'] == 'rviz_default_plugins/PointCloud2']
     assert len(clouds) == len(fields)
     for display in clouds:
@@ -192,6 +194,7 @@ def test_quality_of_service_is_told_as_it_is(topic):
         get_fully_qualified_name=lambda: '/sim')
     parameters = {row.name: row.default for row in GLOBAL}
     Publishers(node, 'world', parameters)
+    LidarPublisher(node, SimpleNamespace(nested=lambda: {'lidar': {}}))
     Diagnostics(node, None, None, None, None, None)
     name = topic.replace('/sim/', '~/')
     offered = made[name]

@@ -17,9 +17,9 @@
 
 from procphys_ros.messages.cdr import Stamp, stamp
 from procphys_ros.messages.markers import MarkerStyle, SceneMarkers
-from procphys_ros.messages.points import break_rows, dust_rows, point_cloud
+from procphys_ros.messages.points import break_rows, dust_rows, point_cloud, scan_rows
 from procphys_ros.messages.poses import pose_array
 from procphys_ros.messages.scene_description import SceneDescription
 
 __all__ = ['break_rows', 'dust_rows', 'MarkerStyle', 'point_cloud', 'pose_array',
-           'SceneDescription', 'SceneMarkers', 'Stamp', 'stamp']
+           'scan_rows', 'SceneDescription', 'SceneMarkers', 'Stamp', 'stamp']

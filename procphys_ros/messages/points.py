@@ -31,17 +31,23 @@ BREAK = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('bond', '<i4'), ('p
 DUST = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('size', '<f4'), ('opacity', '<f4')])
 
 
+# Points that a lidar measures: the range along the ray, and the part that was hit.
+SCAN = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('range', '<f4'), ('part', '<i4')])
+
+
 def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
     """
     Write a sensor_msgs/PointCloud2, one field per column.
 
-    :param rows: structured array with x, y, z and any other numbers, (N,).
+    :param rows: structured array with x, y, z and any other numbers, (N,); or (H, W) where points
+        are ordered as in an image, those that are not there NaN.
     :param at: stamp of the message.
     :param frame_id: name of the frame.
     """
     writer = Writer()
     writer.header(at, frame_id)
-    writer.numbers('I', 1, len(rows))  # height, width
+    height, width = rows.shape if rows.ndim == 2 else (1, len(rows))
+    writer.numbers('I', height, width)
     fields: Mapping = rows.dtype.fields or {}
     writer.numbers('I', len(fields))
     for name, (kind, offset, *_) in fields.items():
@@ -50,9 +56,10 @@ def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
         writer.numbers('B', _DATATYPES[kind.str[1:]])
         writer.numbers('I', 1)
     writer.numbers('?', False)  # little endian
-    writer.numbers('I', rows.dtype.itemsize, rows.nbytes, rows.nbytes)  # steps, length of data
+    step = rows.dtype.itemsize
+    writer.numbers('I', step, step * width, rows.nbytes)  # of a point, of a row, of all
     writer.raw(np.ascontiguousarray(rows))
-    writer.numbers('?', True)  # no invalid points
+    writer.numbers('?', rows.ndim == 1)  # no invalid points
     return ENCAPSULATION + writer.getvalue()
 
 
@@ -68,6 +75,22 @@ def dust_rows(positions: np.ndarray, sizes: np.ndarray, opacity: np.ndarray) -> 
     rows = np.empty(len(positions), DUST)
     rows['x'], rows['y'], rows['z'] = positions.T
     rows['size'], rows['opacity'] = sizes, opacity
+    return rows
+
+
+def scan_rows(points: np.ndarray, ranges: np.ndarray, parts: np.ndarray) -> np.ndarray:
+    """
+    Turn what a lidar measured into rows of a point cloud.
+
+    :param points: [m], (H, W, 3), NaN where nothing is.
+    :param ranges: [m], (H, W).
+    :param parts: that were hit, (H, W).
+    :returns: rows of dtype `SCAN`, (H, W).
+    """
+    rows = np.empty(ranges.shape, SCAN)
+    for axis, name in enumerate('xyz'):
+        rows[name] = points[..., axis]
+    rows['range'], rows['part'] = ranges, parts
     return rows
 
 

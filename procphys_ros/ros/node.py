@@ -32,6 +32,7 @@ from procphys_ros.ros.background_compilation import BackgroundCompilation
 from procphys_ros.ros.building import Builder
 from procphys_ros.ros.commands import Command, CommandQueue, describe
 from procphys_ros.ros.diagnostics import Diagnostics, status_line
+from procphys_ros.ros.lidar import LidarPublisher
 from procphys_ros.ros.loading import Loading
 from procphys_ros.ros.loop import Loop
 from procphys_ros.ros.pacing import Pacer, RateLimiter, Speedometer
@@ -79,6 +80,7 @@ class SimNode(Node):
         ~/leaves (sensor_msgs/PointCloud2, depth 1, latched): a row per leaf: petiole on its part
         ~/leaf_poses (geometry_msgs/PoseArray, depth 5): petioles of all leaves, at `marker_rate`
         ~/dust (sensor_msgs/PointCloud2, depth 1): dust of bursting mortar and impacts
+        ~/lidar (sensor_msgs/PointCloud2, depth 5): ranges of the sensor of `lidar.*`, as an image
         ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): wind at reference height, all included
         ~/intruder_wrench (geometry_msgs/WrenchStamped, depth 5): on the intruder, smoothed over
             0.1 s
@@ -124,13 +126,14 @@ class SimNode(Node):
         self._compilation = BackgroundCompilation(self.get_logger().info)
         self.builder = Builder()
         self._output = Publishers(self, self.parameters['world_frame'], self.parameters)
+        self._lidar = LidarPublisher(self, self.parameters)
         self.diagnostics = Diagnostics(self, self.commands, Speedometer(self.pacer),
                                        self.loop.activity, self.builder.activity,
                                        self._compilation)
         self._offer()
         self.session.on_scene = self._start_scene
         self.session.on_reset = self._output.reset
-        self.session.on_steps = lambda: self._output.publish(self.session.simulation, True)
+        self.session.on_steps = self._show_steps
         self.session.on_wind = self.create_guard_condition(self._tell_wind).trigger
         self.parameters.on_change(self._change)
         self._moved = False
@@ -215,7 +218,12 @@ class SimNode(Node):
     def _step(self) -> None:
         with progress.stage('a step'):
             self.session.simulation.step()
+            self._lidar.look(self.session.simulation)
         self.diagnostics.note(self.session.simulation.timings)
+
+    def _show_steps(self) -> None:
+        self._lidar.look(self.session.simulation)
+        self._output.publish(self.session.simulation, True)
 
     def _start_scene(self) -> None:
         self._output.start_scene(self.session.simulation)
@@ -237,6 +245,7 @@ class SimNode(Node):
             self.pacer.factor = self.parameters['real_time_factor']
             self.pacer.restart()
         self._output.apply(names)
+        self._lidar.apply(names)
         if wind is not None and self.session.has_scene:
             self.session.change_wind(wind, names)
         return f'{", ".join(sorted(names))} changed'

@@ -25,6 +25,7 @@ from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.intruder import IntruderSettings
+from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.objects import ObjectSpec
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.settings import Settings
@@ -79,6 +80,7 @@ GLOBAL = (
     *parameters(Explosion, 'explosion', takes_effect='use'),
     *parameters(Demolition, 'demolition', takes_effect='use'),
     *parameters(Spawn, 'spawn', takes_effect='use'),
+    *parameters(LidarSettings, 'lidar'),
 )
 OBJECT = parameters(ObjectSpec, takes_effect='reload')
 

@@ -39,6 +39,7 @@ from procphys_ros.ros.parameter_table import (
     OBJECT,
     Parameter,
 )
+from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.yaml_file import read_yaml
 
@@ -68,7 +69,7 @@ class Parameters:
         for parameter in GLOBAL:
             self._declare(parameter, parameter.name)
         self._declare_objects()
-        read_settings(self.nested())
+        _check_groups(self.nested())
         node.add_pre_set_parameters_callback(self._type_empty_lists)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take_over)
@@ -140,7 +141,7 @@ class Parameters:
                 if parameter is not None:
                     values[change.name] = parameter.read(change.value, change.name)
             check_object_names(values['scene.objects'])
-            read_settings(nested(values, self._objects))
+            _check_groups(nested(values, self._objects))
         except Exception as error:
             return SetParametersResult(successful=False, reason=shortened(describe(error)))
         return SetParametersResult(successful=True)
@@ -158,6 +159,12 @@ class Parameters:
             self._declare_objects()
         if names:
             self._on_change(names)
+
+
+def _check_groups(values: Mapping[str, Any]) -> None:
+    """Raise SceneError when values that are allowed one by one make no sense together."""
+    read_settings(values)
+    LidarSettings(**values.get('lidar', {}))
 
 
 def demo() -> dict[str, Any]:

@@ -91,6 +91,11 @@ def sum_wrench(model: Model, state: State, dt: float) -> None:
                                                                          - own.smooth_wrench)
 
 
+def bodies(state: State) -> dict[str, int]:
+    """Give the ids in the world of the intruders that have been placed, by name."""
+    return {} if state.intruder.body < 0 else {'intruder': state.intruder.body}
+
+
 def _bounds(state: State, velocity: np.ndarray, dt: float) -> np.ndarray:
     """Give bounds of its ball, before and after a step, (1, 6)."""
     bodies, body = state.world.bodies, state.intruder.body

@@ -29,10 +29,12 @@ from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.foliage import Flutter
 from procphys_ros.physics.wind import Gust, Wind
 from procphys_ros.scene import Scene, SceneObject
+from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation import additions, commands, foliage, fragments, masonry, snapshot
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import Impact, MomentumLedger
+from procphys_ros.simulation.lidar import Scan, scan
 from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.parts import Owner
@@ -181,6 +183,15 @@ class Simulation:
     def smooth_intruder_wrench(self) -> np.ndarray:
         """Give the same through a first-order low pass of `intruder.SMOOTHING`, (6,)."""
         return self.state.intruder.smooth_wrench
+
+    def scan(self, lidar: LidarSettings) -> Scan | None:
+        """
+        Measure ranges as a lidar or a depth camera does.
+
+        :param lidar: its rays, and where it is.
+        :returns: None when it is attached to an intruder that is not there yet.
+        """
+        return scan(self.model, self.state, lidar)
 
     def leaf_poses(self) -> np.ndarray:
         """Work out the petioles of all leaves, fluttering, flying or fallen, world, (L, 7)."""

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Objects that join a running node and leave it: services, command line, topics."""
+"""Objects that join a running node and leave it, and a lidar that looks at them."""
 
 import json
 import subprocess
@@ -24,9 +24,12 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from procphys_ros.messages.points import SCAN
+from procphys_ros.physics.lidar import GROUND
 from procphys_ros.ros import qos
 from procphys_ros.ros.node import SimNode
 
@@ -176,3 +179,28 @@ def test_the_command_line_spawns_and_removes(client, tmp_path):
     assert speaker.say('remove', 'mine_0') == 0 and 'mine_0 is gone' in speaker.heard
     assert speaker.say('list') == 0 and 'mine_0' not in speaker.heard
     assert 'sapling' in speaker.heard
+
+
+def test_a_lidar_scans_at_its_rate_of_simulated_time(client):
+    """Hear organised clouds at stamps a period apart, with the parts that were hit."""
+    assert not client.set_parameter('lidar.horizontal_field', 9.0).successful
+    assert client.set_parameter('lidar.columns', 91).successful
+    assert client.set_parameter('lidar.position', [-2.0, 0.0, 0.5]).successful
+    received = client.listen(PointCloud2, '/sim/lidar')
+    assert client.set_parameter('lidar.rate', 5.0).successful
+    client.spin_until(lambda: len(received) > 3, 'scans')
+    stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in received]
+    np.testing.assert_allclose(np.diff(stamps), 0.2, atol=1e-6)
+    cloud = received[-1]
+    assert (cloud.height, cloud.width, cloud.is_dense) == (64, 91, False)
+    assert cloud.header.frame_id == 'world' and cloud.row_step * cloud.height == len(cloud.data)
+    rows = np.frombuffer(cloud.data, SCAN).reshape(64, 91)
+    stem = rows[rows['part'] == 0]
+    assert len(stem) and np.hypot(stem['x'], stem['y']).max() < 0.1
+    ground = rows[rows['part'] == GROUND]
+    np.testing.assert_allclose(ground['z'], 0.0, atol=1e-4)
+    assert client.set_parameter('lidar.frame', 'sensor').successful
+    client.spin_until(lambda: received[-1].header.frame_id == 'sensor', 'another frame')
+    rows = np.frombuffer(received[-1].data, SCAN)
+    np.testing.assert_allclose(rows['z'][rows['part'] == GROUND], -0.5, atol=1e-4)
+    assert client.set_parameter('lidar.rate', 0.0).successful

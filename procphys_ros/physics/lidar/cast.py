@@ -1,0 +1,169 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Rays against boxes and capsules.
+
+Each part is looked for by the rays that can meet it only: its corners bound the rows and columns
+of the sensor that see it. Parts come from near to far, so that what is hidden costs a comparison.
+For 64 x 512 rays and 15,000 parts that is several times cheaper than to walk each ray through a
+grid of cells: most parts are seen by few rays or by none.
+"""
+
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.lidar.pattern import Pattern, window
+from procphys_ros.rotation_kernels import matrix_rows
+
+GROUND, NOTHING = -1, -2  # in place of a part
+_CAPSULE = int(Shape.CAPSULE)
+_PARALLEL = 1e-12  # [-] of a ray along a face
+
+
+def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
+         poses: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Measure how far it is to the first part, or to the ground z = 0, along each ray.
+
+    Parts that the sensor is inside of are not seen.
+
+    :param pattern: the rays.
+    :param pose: of the sensor, world, (7,).
+    :param reach: longest range [m].
+    :param shapes: `Shape` of each part, (N,).
+    :param poses: world, (N, 7).
+    :param sizes: as in `Blueprint.size` [m], (N, 3).
+    :returns: ranges [m], inf = nothing, (V, H), and the row of the part that was hit, `GROUND` or
+        `NOTHING`, (V, H) int32.
+    """
+    pose = np.ascontiguousarray(pose, float)
+    away = np.linalg.norm(poses[:, :3] - pose[:3], axis=1)
+    radius = 0.5 * np.linalg.norm(sizes, axis=1)
+    near = np.flatnonzero(away - radius < reach)
+    order = near[np.argsort((away - radius)[near])]
+    ranges = np.full(pattern.directions.shape[:2], np.inf)
+    hit = np.full(ranges.shape, NOTHING, np.int32)
+    _ground(pattern.directions, pose, reach, ranges, hit)
+    _cast(pattern, pose, reach, order, (away - radius)[order], np.asarray(shapes, np.uint8),
+          np.asarray(poses, float), np.asarray(sizes, float), ranges, hit)
+    return ranges, hit
+
+
+@kernel
+def _ground(directions, pose, reach, ranges, hit):
+    up, height = matrix_rows(pose[3:])[2], pose[2]
+    for i in range(directions.shape[0]):
+        for j in range(directions.shape[1]):
+            down = -_dot(up, directions[i, j])
+            if down * reach > height >= 0.0 and down > 0.0:
+                ranges[i, j], hit[i, j] = height / down, GROUND
+
+
+@kernel
+def _cast(pattern, pose, reach, order, nearest, shapes, poses, sizes, ranges, hit):
+    rows, columns = ranges.shape
+    u, v, w = matrix_rows(pose[3:])
+    turn = 2.0 * np.pi
+    turns = 0 if pattern.is_pinhole else 1
+    for n in range(len(order)):
+        k = order[n]
+        offset = (poses[k, 0] - pose[0], poses[k, 1] - pose[1], poses[k, 2] - pose[2])
+        centre = _to_frame(u, v, w, offset)
+        a, b, c = matrix_rows(poses[k, 3:])
+        half = (0.5 * sizes[k, 0], 0.5 * sizes[k, 1], 0.5 * sizes[k, 2])
+        x = _to_frame(u, v, w, (a[0], b[0], c[0]))  # axes of the part as the sensor sees them
+        y = _to_frame(u, v, w, (a[1], b[1], c[1]))
+        z = _to_frame(u, v, w, (a[2], b[2], c[2]))
+        middle, right, left, low, high = window(
+            pattern.is_pinhole, centre, (half[0] * x[0], half[0] * x[1], half[0] * x[2]),
+            (half[1] * y[0], half[1] * y[1], half[1] * y[2]),
+            (half[2] * z[0], half[2] * z[1], half[2] * z[2]))
+        top = max(0.0, np.ceil(rows * (0.5 - high / pattern.height) - 0.5))
+        bottom = min(rows - 1.0, np.floor(rows * (0.5 - low / pattern.height) - 0.5))
+        origin = (-_dot(x, centre), -_dot(y, centre), -_dot(z, centre))
+        for way in range(-turns, turns + 1):  # the seam behind the sensor lies between turns
+            shift = middle + way * turn
+            first = np.ceil(columns * (0.5 - (left + shift) / pattern.width) - 0.5)
+            last = np.floor(columns * (0.5 - (right + shift) / pattern.width) - 0.5)
+            if np.isinf(left) and way != 0:
+                continue
+            for j in range(int(max(0.0, first)), int(min(columns - 1.0, last)) + 1):
+                for i in range(int(top), int(bottom) + 1):
+                    if nearest[n] >= ranges[i, j]:
+                        continue
+                    d = pattern.directions[i, j]
+                    ray = (_dot(x, d), _dot(y, d), _dot(z, d))
+                    if shapes[k] == _CAPSULE:
+                        far = _to_capsule(origin, ray, half[0], max(half[2] - half[0], 0.0))
+                    else:
+                        far = _to_box(origin, ray, half)
+                    if 0.0 < far <= reach and far < ranges[i, j]:
+                        ranges[i, j], hit[i, j] = far, k
+
+
+@kernel
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def _to_frame(u, v, w, a):
+    """Turn a vector into a frame whose axes in the world are the columns of rows u, v, w."""
+    return (u[0] * a[0] + v[0] * a[1] + w[0] * a[2], u[1] * a[0] + v[1] * a[1] + w[1] * a[2],
+            u[2] * a[0] + v[2] * a[1] + w[2] * a[2])
+
+
+@kernel
+def _to_box(origin, ray, half):
+    """Give how far it is to a box about the origin of its axes, inf = past it (slab method)."""
+    enter, leave = -np.inf, np.inf
+    for a in range(3):
+        if abs(ray[a]) < _PARALLEL:
+            if abs(origin[a]) > half[a]:
+                return np.inf
+            continue
+        one, other = (-half[a] - origin[a]) / ray[a], (half[a] - origin[a]) / ray[a]
+        enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
+    return enter if enter <= leave and enter > 0.0 else np.inf
+
+
+@kernel
+def _to_capsule(origin, ray, radius, straight):
+    """Give how far it is to a capsule along z, whose straight half this long is; else as above."""
+    z = min(max(origin[2], -straight), straight)
+    if origin[0] ** 2 + origin[1] ** 2 + (origin[2] - z) ** 2 <= radius ** 2:
+        return np.inf  # the sensor is inside
+    a = ray[0] ** 2 + ray[1] ** 2
+    b = origin[0] * ray[0] + origin[1] * ray[1]
+    c = origin[0] ** 2 + origin[1] ** 2 - radius ** 2
+    if a > _PARALLEL:
+        room = b * b - a * c
+        if room < 0.0:
+            return np.inf
+        far = (-b - np.sqrt(room)) / a
+        if far > 0.0 and abs(origin[2] + far * ray[2]) <= straight:
+            return far
+    nearest = np.inf
+    for end in (-straight, straight):
+        b = origin[0] * ray[0] + origin[1] * ray[1] + (origin[2] - end) * ray[2]
+        c = origin[0] ** 2 + origin[1] ** 2 + (origin[2] - end) ** 2 - radius ** 2
+        room = b * b - c
+        if room >= 0.0:
+            far = -b - np.sqrt(room)
+            if 0.0 < far < nearest:
+                nearest = far
+    return nearest

@@ -1,0 +1,109 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Lidar: what a sensor of ranges sees of a scene."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.lidar import cast, NOTHING, Pattern, pinhole, spherical
+from procphys_ros.scene.lidar import LidarSettings
+from procphys_ros.simulation import intruder
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State
+
+INTRUDER = -3  # in place of a part
+
+
+@dataclass(frozen=True)
+class Scan:
+    """
+    Ranges that were measured at one instant.
+
+    :ivar pose: of the sensor, world, (7,).
+    :ivar ranges: [m], inf = nothing, (V, H).
+    :ivar parts: that were hit, (V, H); `lidar.GROUND`, `lidar.NOTHING`, or `INTRUDER`.
+    :ivar directions: of the rays in the frame of the sensor, (V, H, 3).
+    """
+
+    pose: np.ndarray
+    ranges: np.ndarray
+    parts: np.ndarray
+    directions: np.ndarray
+
+    def points(self, in_world: bool) -> np.ndarray:
+        """Give what was hit [m], (V, H, 3), in the world or the sensor's frame; NaN = nothing."""
+        ranges = np.where(np.isfinite(self.ranges), self.ranges, np.nan)
+        points = self.directions * ranges[..., None]
+        if not in_world:
+            return points
+        return points @ rotation.to_matrix(self.pose[3:]).T + self.pose[:3]
+
+
+def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
+    """
+    Look around once; everything stands still meanwhile.
+
+    Parts are seen as the boxes and capsules that they collide as, those in walls with the mortar
+    around them, so that no ray slips through a joint; leaves and dust are not seen.
+
+    :returns: None when the sensor is attached to an intruder that is not there yet.
+    """
+    pose, carrier = _pose(state, settings)
+    if pose is None:
+        return None
+    parts = state.parts
+    seen = np.flatnonzero(parts.owner != Owner.GONE)
+    shapes, poses, sizes = parts.shape[seen], parts.poses[seen], parts.solid_size[seen]
+    stands = parts.owner[seen] == Owner.STANDING
+    sizes[stands] = model.masonry.closed_sizes[seen[stands]]
+    bodies = [body for body in intruder.bodies(state).values() if body != carrier]
+    others = [(state.world.pieces(body), state.world.bodies.poses[body]) for body in bodies]
+    shapes = np.concatenate([shapes, *(pieces.shapes for pieces, _ in others)])
+    poses = np.concatenate([poses, *(rotation.compose(place, pieces.local_poses)
+                                     for pieces, place in others)])
+    sizes = np.concatenate([sizes, *(pieces.sizes for pieces, _ in others)])
+    pattern = _pattern(settings.pattern, settings.rows, settings.columns, settings.vertical_field,
+                       settings.horizontal_field)
+    ranges, row = cast(pattern, pose, settings.range, shapes, poses, sizes)
+    hit = np.where(row < len(seen), np.append(seen, NOTHING)[np.minimum(row, len(seen))], INTRUDER)
+    return Scan(pose, ranges, np.where(row < 0, row, hit), pattern.directions)
+
+
+def _pose(state: State, settings: LidarSettings) -> tuple[np.ndarray | None, int]:
+    """Give where the sensor is, (7,), and the body that carries it, -1 for none."""
+    own = np.concatenate([settings.position, _attitude(settings.rotation)])
+    if not settings.attached_to:
+        return own, -1
+    carrier = intruder.bodies(state).get(settings.attached_to)
+    if carrier is None:
+        return None, -1
+    return rotation.compose(state.world.bodies.poses[carrier], own), carrier
+
+
+def _attitude(angles: tuple[float, ...]) -> np.ndarray:
+    """Turn roll, pitch and yaw about the fixed axes x, y, z into a quaternion (4,)."""
+    roll, pitch, yaw = (rotation.from_axis_angle(axis, np.asarray(angle))
+                        for axis, angle in zip(np.eye(3), angles))
+    return rotation.multiply(yaw, rotation.multiply(pitch, roll))
+
+
+@lru_cache(maxsize=4)
+def _pattern(kind: str, rows: int, columns: int, height: float, width: float) -> Pattern:
+    return (spherical if kind == 'spherical' else pinhole)(rows, columns, height, width)
