@@ -57,6 +57,7 @@ setup(
         'rapier': ['rapier3d'],  # the other engine of rigid bodies
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],
+        'mesh': ['trimesh'],  # intruders in the shape of a mesh
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
         'test': ['pytest', 'hypothesis', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
                  'ros-ament-flake8', 'ros-ament-pep257',

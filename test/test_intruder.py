@@ -78,7 +78,7 @@ def test_it_pushes_a_mast_aside_with_the_force_of_its_stiffness():
         simulation.step()
     assert simulation.intruder_pose[0] == pytest.approx(start[0] + 0.05 + push, abs=1e-9)
     simulation.step(120)
-    force = simulation.smooth_intruder_wrench[0]
+    force = simulation.wrench_on_intruder('intruder')[0]
     assert -force == pytest.approx(3.0 * BENDING * push / height ** 3, rel=0.05)
     assert simulation.intruder_wrench[0] == pytest.approx(force, rel=0.02)
 
@@ -92,7 +92,7 @@ def test_the_mast_springs_back_when_it_leaves():
     simulation.step(600)
     assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-3
     assert np.abs(simulation.intruder_wrench).max() == 0.0
-    assert np.abs(simulation.smooth_intruder_wrench).max() < 1e-6
+    assert np.abs(simulation.wrench_on_intruder('intruder')).max() < 1e-6
 
 
 def test_it_pushes_loose_blocks_along():
@@ -110,7 +110,7 @@ def test_it_pushes_loose_blocks_along():
         if i % 3 == 0:
             simulation.place_intruder([*(start + [0.4 * simulation.time, 0.0, 0.0]), *_TURN])
         simulation.step()
-        forces.append(simulation.smooth_intruder_wrench[0])
+        forces.append(simulation.wrench_on_intruder('intruder')[0])
     assert simulation.state.world.bodies.velocities[body, 0] == pytest.approx(0.4, abs=0.05)
     friction, weight = 0.7, 20.0 * 9.81
     least, most = friction * weight, friction * weight / (1.0 - friction ** 2)

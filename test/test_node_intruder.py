@@ -15,12 +15,13 @@
 
 """The intruder through the node, over loopback."""
 
-from geometry_msgs.msg import PoseStamped, WrenchStamped
+from geometry_msgs.msg import Pose, PoseArray, PoseStamped, WrenchStamped
 from node_process import Client, SAPLING, serve
 import pytest
 
 SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': SAPLING},
-         'intruder': {'shape': 'sphere', 'size': [0.3]}}
+         'intruder': {'shape': 'sphere', 'size': [0.3]},
+         'intruders': {'names': ['drone', 'arm'], 'shapes': ['sphere 0.3', 'capsule 0.1 0.8']}}
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -58,4 +59,41 @@ def test_a_pose_that_is_none_is_rejected():
     client.send_until(lambda: int(status()['commands rejected']) > 0, 'a rejection',
                       (client.publisher(PoseStamped, '/sim/intruder'), message))
     assert status()['last rejection'].startswith('intruder: intruder orientation')
+    client.close()
+
+
+def place(x, y, z):
+    """Make a pose."""
+    made = Pose()
+    made.orientation.w = 1.0
+    made.position.x, made.position.y, made.position.z = x, y, z
+    return made
+
+
+def test_intruders_by_name_are_moved_together_or_alone():
+    """Move two in one message, then one: each has a wrench of its own."""
+    client = Client()
+    both = client.publisher(PoseArray, '/sim/intruders')
+    alone = client.publisher(PoseStamped, '/sim/intruders/arm')
+    felt = {name: client.listen(WrenchStamped, f'/sim/intruders/{name}/wrench')
+            for name in ('drone', 'arm')}
+    array = PoseArray(poses=[place(9.0, 9.0, 2.0), place(0.0, -0.4, 1.5)])
+    client.send_until(lambda: all(felt.values()), 'wrenches of both', (both, array))
+    message = PoseStamped()
+    for i in range(12):
+        message.pose = place(0.0, -0.4 + 0.03 * i, 1.5)
+        alone.publish(message)
+        seen = len(felt['arm'])
+        client.spin_until(lambda: len(felt['arm']) > seen, 'the next force')  # noqa: B023
+    client.spin_until(lambda: felt['arm'][-1].wrench.force.y < -1.0, 'the stem that pushes back')
+    assert felt['drone'][-1].wrench.force.y == 0.0
+    client.close()
+
+
+def test_poses_that_do_not_fit_the_intruders_are_rejected():
+    """Count an array of the wrong length as a rejected command, and name the intruders."""
+    client = Client()
+    status = client.watch_status()
+    client.send_until(lambda: 'drone, arm' in status()['last rejection'], 'a rejection',
+                      (client.publisher(PoseArray, '/sim/intruders'), PoseArray()))
     client.close()

@@ -24,6 +24,7 @@ from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.world import BodyState, installed_engines, rigid_sum, World
 from procphys_ros.physics.world import engine as engine_module
+from procphys_ros.physics.world.pieces import single
 
 _ENGINES = pytest.mark.parametrize('engine', installed_engines())
 
@@ -43,7 +44,7 @@ def busy_world(engine):
                        total.pose)
     gone = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 5, 1))
     world.add_projectile(Shape.CAPSULE, np.full(3, 0.1), 3.0, at(-3, 0, 0.3), [30, 0, 1, 0, 0, 0])
-    world.drive(world.add_driven(Shape.BOX, [0.2, 1.0, 0.2], at(-0.6, 0, 0.11)),
+    world.drive(world.add_driven(single(Shape.BOX, [0.2, 1.0, 0.2]), at(-0.6, 0, 0.11)),
                 at(-0.5, 0, 0.11))
     world.remove([gone])
     world.thaw(standing[:2])

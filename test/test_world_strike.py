@@ -25,6 +25,7 @@ import pytest
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.physics.world import BodyState, rigid_sum, velocity_between, World
+from procphys_ros.physics.world.pieces import single
 
 
 def wall(world, rows=14, columns=10):
@@ -124,7 +125,7 @@ def test_driven_body_keeps_its_course_and_feels_what_it_pushes():
     with World(friction=0.0) as world:
         crate = world.add_projectile(Shape.BOX, [0.5, 0.5, 0.5], 20.0, at(0.36, 0, 0.2505),
                                      np.zeros(6), friction=0.0, restitution=0.0)
-        pusher = world.add_driven(Shape.BOX, [0.2, 0.4, 0.2], at(0, 0, 0.25), friction=0.0)
+        pusher = world.add_driven(single(Shape.BOX, [0.2, 0.4, 0.2]), at(0, 0, 0.25), friction=0.0)
         forces = []
         for step in range(120):
             world.drive(pusher, at(((step + 1) * DT) ** 2, 0, 0.25))
@@ -138,7 +139,7 @@ def test_driven_body_keeps_its_course_and_feels_what_it_pushes():
 def test_contacts_act_where_they_were_found():
     """Graze a crate on ice with a smooth ball: the force goes through the ball's centre."""
     with World(gravity=(0, 0, 0)) as world:
-        ball = world.add_driven(Shape.CAPSULE, np.full(3, 0.4), at(0, 0, 1), friction=0.0)
+        ball = world.add_driven(single(Shape.CAPSULE, np.full(3, 0.4)), at(0, 0, 1), friction=0.0)
         world.add_body(Shape.BOX, [1.0, 4.0, 1.0], 50.0, at(0.75, 0.6, 1), friction=0.0)
         felt = []
         for i in range(1, 20):
@@ -157,7 +158,7 @@ def test_driven_body_turns_exactly_and_wakes_what_rests():
         for _ in range(90):
             world.step(DT)
         assert world.bodies.state[brick] == BodyState.RESTING
-        bar = world.add_driven(Shape.BOX, [2.0, 0.1, 0.1], at(0, 0, 0.07))
+        bar = world.add_driven(single(Shape.BOX, [2.0, 0.1, 0.1]), at(0, 0, 0.07))
         for step in range(60):
             world.drive(bar, at(0, 0, 0.07, rotation.from_yaw(2.0 * DT * (step + 1))))
             world.step(DT)

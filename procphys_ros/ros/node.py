@@ -84,6 +84,7 @@ class SimNode(Node):
         ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): wind at reference height, all included
         ~/intruder_wrench (geometry_msgs/WrenchStamped, depth 5): on the intruder, smoothed over
             0.1 s
+        ~/intruders/<name>/wrench (geometry_msgs/WrenchStamped, depth 5): on a named one, likewise
         ~/ready (std_msgs/Bool, depth 1, latched): whether a scene is there
         /clock (rosgraph_msgs/Clock, depth 1): simulation time
         /diagnostics (diagnostic_msgs/DiagnosticArray, depth 5): once a second
@@ -95,6 +96,8 @@ class SimNode(Node):
         ~/explosion (geometry_msgs/PointStamped): where `explosion.charge` goes off
         ~/observer (geometry_msgs/PoseStamped): the camera for `culling.*`, looking along its x
         ~/intruder (geometry_msgs/PoseStamped): where the body of `intruder.*` is to be
+        ~/intruders (geometry_msgs/PoseArray): the same of those of `intruders.names`, all at once
+        ~/intruders/<name> (geometry_msgs/PoseStamped): the same of one of them
 
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
@@ -143,7 +146,8 @@ class SimNode(Node):
         """Take commands on topics and services."""
         frame = self.parameters['world_frame']
         requests = Requests(self.parameters, self.session)
-        self._topics = TopicCommands(self, self.commands, self.session, requests, frame)
+        self._topics = TopicCommands(self, self.commands, self.session, requests, frame,
+                                     self.parameters['intruders.names'])
         answers = Answers(self, self.commands, lambda: self.parameters['service_deadline'],
                           self.steady_clock)
         loading = Loading(self.builder, self.commands, self.parameters, self.session)

@@ -25,6 +25,7 @@ from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.intruder import IntruderSettings
+from procphys_ros.scene.intruders import IntrudersSettings
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.objects import ObjectSpec
 from procphys_ros.scene.particles import DustSettings, LeafSettings
@@ -73,6 +74,7 @@ GLOBAL = (
     *parameters(DustSettings, 'dust', takes_effect='reload'),
     *parameters(CullingSettings, 'culling', takes_effect='reload'),
     *parameters(IntruderSettings, 'intruder', takes_effect='reload'),
+    *parameters(IntrudersSettings, 'intruders', read_only=True),
     Parameter('state.file', '', 'that ~/save_state writes and ~/restore_state reads',
               takes_effect='use'),
     *parameters(Blow, 'impulse', takes_effect='use'),

@@ -33,6 +33,7 @@ from procphys_ros.ros.late_joiners import LateJoinerTracker
 from procphys_ros.ros.leaf_publisher import LeafPublisher
 from procphys_ros.ros.pacing import RateLimiter
 from procphys_ros.ros.parameters import Parameters
+from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.simulation import Simulation
 
 _EARLY = 0.2  # share of their period that markers may come early, for turns that jitter
@@ -61,8 +62,11 @@ class Publishers:
         self._dust = qos.publisher(node, PointCloud2, '~/dust', qos.newest())
         self._description = qos.publisher(node, String, '~/scene_description', qos.latched())
         self._wind_info = qos.publisher(node, Vector3Stamped, '~/wind_info', qos.arrays())
-        self._intruder_wrench = qos.publisher(node, WrenchStamped, '~/intruder_wrench',
-                                              qos.arrays())
+        self._wrenches = {INTRUDER: qos.publisher(node, WrenchStamped, '~/intruder_wrench',
+                                                  qos.arrays())}
+        self._wrenches |= {name: qos.publisher(node, WrenchStamped, f'~/intruders/{name}/wrench',
+                                               qos.arrays())
+                           for name in parameters['intruders.names']}
         self._broken = qos.publisher(node, PointCloud2, '~/broken_bonds', qos.latched())
         self._ready = qos.publisher(node, Bool, '~/ready', qos.latched())
         self._leaves = LeafPublisher(node, frame)
@@ -138,9 +142,8 @@ class Publishers:
             self._clock.publish(clock)
         if self._wind_info.get_subscription_count():
             self._publish_wind(simulation, at)
-        if (has_moved and simulation.intruder_pose is not None
-                and self._intruder_wrench.get_subscription_count()):
-            self._publish_intruder_wrench(simulation, at)
+        if has_moved:
+            self._publish_wrenches(simulation, at)
 
     def _forget_breaks(self) -> None:
         self._broken_rows = np.empty(0, BREAK)
@@ -213,14 +216,18 @@ class Publishers:
         message.vector = Vector3(x=x, y=y, z=z)
         self._wind_info.publish(message)
 
-    def _publish_intruder_wrench(self, simulation: Simulation, at: messages.Stamp) -> None:
-        message = WrenchStamped()
-        message.header.stamp.sec, message.header.stamp.nanosec = at
-        message.header.frame_id = self._frame
-        wrench = simulation.smooth_intruder_wrench.tolist()
-        message.wrench.force = Vector3(**dict(zip('xyz', wrench[:3])))
-        message.wrench.torque = Vector3(**dict(zip('xyz', wrench[3:])))
-        self._intruder_wrench.publish(message)
+    def _publish_wrenches(self, simulation: Simulation, at: messages.Stamp) -> None:
+        for name, publisher in self._wrenches.items():
+            if (not publisher.get_subscription_count() or name not in simulation.intruders
+                    or simulation.pose_of_intruder(name) is None):
+                continue
+            message = WrenchStamped()
+            message.header.stamp.sec, message.header.stamp.nanosec = at
+            message.header.frame_id = self._frame
+            wrench = simulation.wrench_on_intruder(name).tolist()
+            message.wrench.force = Vector3(**dict(zip('xyz', wrench[:3])))
+            message.wrench.torque = Vector3(**dict(zip('xyz', wrench[3:])))
+            publisher.publish(message)
 
 
 def _content(simulation: Simulation) -> tuple[int, int]:

@@ -148,10 +148,10 @@ class Session:
         self.simulation.set_observer(position, orientation)
         return 'looks from there'
 
-    def place_intruder(self, pose: Sequence[float]) -> str:
-        """Move the intruder to a pose x y z qx qy qz qw [m], (7,)."""
-        self.simulation.place_intruder(pose)
-        return f'intruder to {list(pose[:3])} m'
+    def place_intruder(self, name: str, pose: Sequence[float]) -> str:
+        """Move an intruder to a pose x y z qx qy qz qw [m], (7,)."""
+        self.simulation.place_intruder(pose, name=name)
+        return f'{name} to {list(pose[:3])} m'
 
     def spawn(self, spawn: Spawn, blueprint: Blueprint) -> str:
         """Let what has been built join the scene; when it cannot, the scene stays as it was."""

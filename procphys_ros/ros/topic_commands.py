@@ -15,17 +15,27 @@
 
 """Commands on topics: read, checked, and put in the queue; the bad ones dropped and counted."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import PointStamped, PoseStamped, Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import (
+    PointStamped,
+    PoseArray,
+    PoseStamped,
+    Vector3Stamped,
+    WrenchStamped,
+)
 from rclpy.node import Node
 
+from procphys_ros.errors import CommandError
 from procphys_ros.ros.commands import Command, CommandQueue
 from procphys_ros.ros.conversions import Act, check_frame, part_name, pose, triple
 from procphys_ros.ros.receiver import Receiver
 from procphys_ros.ros.requests import Requests
 from procphys_ros.ros.session import Session
+from procphys_ros.scene.intruders import INTRUDER
+from procphys_ros.simulation.validation import checked_rotation, checked_vector
 
 
 class TopicCommands:
@@ -37,10 +47,11 @@ class TopicCommands:
     :param session: carries the commands out.
     :param requests: reads the parameters that a command needs.
     :param frame: frame that vectors must be in.
+    :param intruders: names of the bodies that can be moved besides the nameless one.
     """
 
     def __init__(self, node: Node, queue: CommandQueue, session: Session, requests: Requests,
-                 frame: str):
+                 frame: str, intruders: Sequence[str] = ()):
         self._queue = queue
         self._session = session
         self._requests = requests
@@ -51,8 +62,12 @@ class TopicCommands:
                                  ('wrench', WrenchStamped, self._wrench),
                                  ('explosion', PointStamped, self._explosion),
                                  ('observer', PoseStamped, self._observer),
-                                 ('intruder', PoseStamped, self._intruder)):
+                                 (INTRUDER, PoseStamped, partial(self._intruder, INTRUDER))):
             self._subscribe(name, kind, read)
+        for name in intruders:
+            self._subscribe(f'intruders/{name}', PoseStamped, partial(self._intruder, name))
+        if intruders:
+            self._subscribe('intruders', PoseArray, partial(self._intruders, tuple(intruders)))
 
     def start(self) -> None:
         """Begin to receive."""
@@ -93,10 +108,26 @@ class TopicCommands:
         place = pose(message.pose)
         return lambda: self._session.look_from(place[:3], place[3:])
 
-    def _intruder(self, message: PoseStamped) -> Act:
+    def _intruder(self, name: str, message: PoseStamped) -> Act:
         check_frame(message.header, self._frame)
         place = pose(message.pose)
-        return lambda: self._session.place_intruder(place)
+        return lambda: self._session.place_intruder(name, place)
+
+    def _intruders(self, names: tuple[str, ...], message: PoseArray) -> Act:
+        check_frame(message.header, self._frame)
+        if len(message.poses) != len(names):
+            raise CommandError(f'there are {len(message.poses)} poses for {len(names)} intruders '
+                               f'({", ".join(names)})')
+        places = [pose(one) for one in message.poses]
+        for name, place in zip(names, places):  # all of them, before any is moved
+            checked_vector(f'{name} position', place[:3])
+            checked_rotation(f'{name} orientation', place[3:])
+
+        def act() -> str:
+            for name, place in zip(names, places):
+                self._session.place_intruder(name, place)
+            return f'{len(names)} intruders moved'
+        return act
 
 
 def _on_part(message: WrenchStamped, linear: str, angular: str) -> tuple:

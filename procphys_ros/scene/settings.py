@@ -18,12 +18,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar
 
+from procphys_ros.blueprint import Shape
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.wind import Gust, Record, WindSettings
-from procphys_ros.physics.world import DEFAULT_ENGINE, ENGINES
+from procphys_ros.physics.world import DEFAULT_ENGINE, ENGINES, Pieces
+from procphys_ros.physics.world.pieces import single
 from procphys_ros.scene.cues import Cue, read_cues
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.intruder import IntruderSettings
+from procphys_ros.scene.intruders import INTRUDER, IntrudersSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.schema import check, declared
 from procphys_ros.schema import parameters as declarations
@@ -48,6 +51,7 @@ class Settings:
     :ivar dust: of bursting mortar and impacts.
     :ivar culling: what is simulated less, because nobody looks closely.
     :ivar intruder: shape and size of a body moved from outside.
+    :ivar intruders: further ones, by name.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -64,9 +68,19 @@ class Settings:
     dust: DustSettings = field(default_factory=DustSettings)
     culling: CullingSettings = field(default_factory=CullingSettings)
     intruder: IntruderSettings = field(default_factory=IntruderSettings)
+    intruders: IntrudersSettings = field(default_factory=IntrudersSettings)
 
     def __post_init__(self) -> None:
         check(self)
+
+    def intruder_pieces(self) -> dict[str, Pieces]:
+        """
+        Give the collision shapes of all intruders, by name.
+
+        :raises SceneError: when the file of a mesh cannot be read.
+        """
+        shape = Shape.BOX if self.intruder.shape == 'box' else Shape.CAPSULE
+        return {INTRUDER: single(shape, self.intruder.edges), **self.intruders.pieces()}
 
 
 def read_settings(parameters: Mapping[str, Any]) -> Settings:
@@ -82,7 +96,8 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
                     leaves=_group(parameters, 'leaves', LeafSettings),
                     dust=_group(parameters, 'dust', DustSettings),
                     culling=_group(parameters, 'culling', CullingSettings),
-                    intruder=_group(parameters, 'intruder', IntruderSettings))
+                    intruder=_group(parameters, 'intruder', IntruderSettings),
+                    intruders=_group(parameters, 'intruders', IntrudersSettings))
 
 
 def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:

@@ -26,6 +26,7 @@ from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.wind import Gust, MeanWind
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
+from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation import (
     blasts,
@@ -120,14 +121,16 @@ class SetBodyState:
 @dataclass(frozen=True)
 class PlaceIntruder:
     """
-    Put the intruder into the scene, or move it on.
+    Put an intruder into the scene, or move it on.
 
     :ivar pose: x y z qx qy qz qw [m], (7,), world.
     :ivar time: when it is there [s]; None = now.
+    :ivar name: of the intruder.
     """
 
     pose: Sequence[float]
     time: float | None = None
+    name: str = INTRUDER
 
 
 @dataclass(frozen=True)
@@ -237,9 +240,9 @@ def _clear_wrenches(model: Model, state: State, command: ClearWrenches) -> int:
 
 
 def _place_intruder(model: Model, state: State, command: PlaceIntruder) -> None:
-    pose = _checked_pose('intruder', command.pose)
+    pose = _checked_pose(command.name, command.pose)
     time = state.time if command.time is None else command.time
-    intruder.place(model, state, pose, time)
+    intruder.place(model, state, command.name, pose, time)
 
 
 def _observe(model: Model, state: State, command: Observe) -> None:

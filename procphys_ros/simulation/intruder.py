@@ -13,112 +13,121 @@
 # limitations under the License.
 
 
-"""Intruder: a body moved from outside that pushes branches, debris and walls, and feels them."""
+"""Intruders: bodies moved from outside that push branches, debris and walls, and feel them."""
+
+from collections.abc import Iterator
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.physics.touch import overlap, overlaps
-from procphys_ros.physics.world import BodyState
+from procphys_ros.physics.world import BodyState, Pieces
 from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.state import State
+from procphys_ros.simulation.obstacles import Obstacles
+from procphys_ros.simulation.state import IntruderState, State
 
 SMOOTHING = 0.1  # [s] time constant of the wrench that is given out; contacts of rigid bodies jump
 _YIELD = 0.003   # [m] that a brick gives before its bonds exert all their strength
 _STILL = 1e-3    # [m/s] slower, debris at rest is left so
-_LAYER = 'intruder'
+_SPACING = 0.25  # [radii] of the balls that a capsule presses walls as; 1 % of the radius between
 
 
-def place(model: Model, state: State, pose: np.ndarray, time: float) -> None:
+def place(model: Model, state: State, name: str, pose: np.ndarray, time: float) -> None:
     """
-    Say where the intruder is to be; see `PoseInterpolator` for how it gets there.
+    Say where an intruder is to be; see `PoseInterpolator` for how it gets there.
 
+    :param name: of the intruder.
     :param pose: x y z [m], unit quaternion, (7,), world.
     :param time: of the simulation, at which the pose is valid [s].
+    :raises CommandError: when there is no such intruder.
     """
-    own, world = state.intruder, state.world
+    own, world = state.intruders.get(name), state.world
+    if own is None:
+        raise CommandError(f'there is no intruder "{name}"{nearest_names(name, state.intruders)}')
     if not own.path.set_target(pose, time):
         return
     pose = own.path.pose
     if own.body < 0:
-        settings = model.settings.intruder
-        shape = Shape.CAPSULE if settings.shape == 'sphere' else Shape.BOX
-        own.body = world.add_driven(shape, settings.edges, pose)
+        own.body = world.add_driven(model.intruders[name], pose)
     world.set_poses(np.array([own.body]), pose[None])
     world.drive(own.body, pose)
 
 
+def bodies(state: State) -> dict[str, int]:
+    """Give the ids in the world of the intruders that have been placed, by name."""
+    return {name: own.body for name, own in state.intruders.items() if own.body >= 0}
+
+
 def advance(model: Model, state: State, dt: float) -> None:
     """
-    Move the intruder on, whatever is in its way, and press on the walls there.
+    Move the intruders on, whatever is in their way, and press on the walls there.
 
     Branches and loose bodies are pushed aside with their own masses. Bricks that stand press back
     the more the deeper it gets into them, up to the strength of their bonds, and then come out.
-    Writes `state.intruder`, its body and loads; releases.
+    Intruders pass through each other. Writes `state.intruders`, bodies and loads; releases.
     """
-    own, world = state.intruder, state.world
-    own.from_wall = np.zeros(6)
-    if own.body < 0:
-        return
-    velocity = own.path.advance(state.time, dt)
-    own.start = world.bodies.poses[own.body, :3].copy()
-    world.set_velocities(np.array([own.body]), velocity[None])
-    world.drive(own.body, own.path.pose)
-    if np.abs(velocity).max() > _STILL:
-        _wake(state, velocity, dt)
-    if len(model.masonry.bricks):
-        _press(model, state, velocity, dt)
+    world = state.world
+    for name, own in state.intruders.items():
+        own.from_wall = np.zeros(6)
+        if own.body < 0:
+            continue
+        velocity = own.path.advance(state.time, dt)
+        own.start = world.bodies.poses[own.body, :3].copy()
+        world.set_velocities(np.array([own.body]), velocity[None])
+        world.drive(own.body, own.path.pose)
+        if np.abs(velocity).max() > _STILL:
+            _wake(state, own, velocity, dt)
+        if len(model.masonry.bricks):
+            _press(model, state, name, velocity, dt)
 
 
 def sum_wrench(model: Model, state: State, dt: float) -> None:
-    """Sum up what acted on the intruder in the engine's step; writes its wrenches."""
-    own, world = state.intruder, state.world
-    if own.body < 0:
-        return
-    own.wrench = own.from_wall.copy()
-    bodies = world.bodies
-    away = np.linalg.norm(bodies.poses[:, :3] - own.path.pose[:3], axis=1)
-    near = away < bodies.radius + bodies.radius[own.body] + 0.1
-    if (near & (bodies.state == BodyState.AWAKE)).any():
-        own.wrench += world.wrench(own.body)
-    mine = state.contacts.body == own.body
-    force = -state.contacts.impulse[mine] / dt
-    own.wrench[:3] += force.sum(axis=0)
-    own.wrench[3:] += np.cross(state.contacts.point[mine] - own.start, force).sum(axis=0)
-    own.smooth_wrench = own.smooth_wrench - np.expm1(-dt / SMOOTHING) * (own.wrench
-                                                                         - own.smooth_wrench)
+    """Sum up what acted on the intruders in the engine's step; writes their wrenches."""
+    world = state.world
+    for own in state.intruders.values():
+        if own.body < 0:
+            continue
+        own.wrench = own.from_wall.copy()
+        table = world.bodies
+        away = np.linalg.norm(table.poses[:, :3] - own.path.pose[:3], axis=1)
+        near = away < table.radius + table.radius[own.body] + 0.1
+        if (near & (table.state == BodyState.AWAKE)).any():
+            own.wrench += world.wrench(own.body)
+        mine = state.contacts.body == own.body
+        force = -state.contacts.impulse[mine] / dt
+        own.wrench[:3] += force.sum(axis=0)
+        own.wrench[3:] += np.cross(state.contacts.point[mine] - own.start, force).sum(axis=0)
+        own.smooth_wrench = own.smooth_wrench - np.expm1(-dt / SMOOTHING) * (own.wrench
+                                                                             - own.smooth_wrench)
 
 
-def bodies(state: State) -> dict[str, int]:
-    """Give the ids in the world of the intruders that have been placed, by name."""
-    return {} if state.intruder.body < 0 else {'intruder': state.intruder.body}
-
-
-def _bounds(state: State, velocity: np.ndarray, dt: float) -> np.ndarray:
+def _bounds(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> np.ndarray:
     """Give bounds of its ball, before and after a step, (1, 6)."""
-    bodies, body = state.world.bodies, state.intruder.body
-    centre, room = bodies.poses[body, :3], bodies.radius[body]
+    table = state.world.bodies
+    centre, room = table.poses[own.body, :3], table.radius[own.body]
     way = velocity[:3] * dt
     return np.concatenate([centre - room + np.minimum(way, 0.0),
                            centre + room + np.maximum(way, 0.0)])[None]
 
 
-def _wake(state: State, velocity: np.ndarray, dt: float) -> None:
+def _wake(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> None:
     """Set debris at rest free that it comes to, however slowly."""
-    bodies = state.world.bodies
-    resting = np.flatnonzero(bodies.state == BodyState.RESTING)
-    _, hit = overlaps(_bounds(state, velocity, dt), bodies.bounds[resting])
+    table = state.world.bodies
+    resting = np.flatnonzero(table.state == BodyState.RESTING)
+    _, hit = overlaps(_bounds(state, own, velocity, dt), table.bounds[resting])
     state.world.thaw(resting[hit])
 
 
-def _press(model: Model, state: State, velocity: np.ndarray, dt: float) -> None:
-    settings, pose = model.settings.intruder, state.intruder.path.pose
-    near = model.masonry.bricks.within(_bounds(state, velocity, dt), state.standing,
+def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: float) -> None:
+    own = state.intruders[name]
+    pose = own.path.pose
+    near = model.masonry.bricks.within(_bounds(state, own, velocity, dt), state.standing,
                                        state.parts.body)
-    depth, normal, point = overlap(settings.shape == 'sphere', pose, settings.edges, near.pose,
-                                   near.size)
+    depth, normal, point = _deepest(model.intruders[name], pose, near)
     parts, wrenches = [], []
     for i in np.flatnonzero(depth > 0.0).tolist():
         part, push = np.array([near.part[i]]), -normal[i]
@@ -134,5 +143,34 @@ def _press(model: Model, state: State, velocity: np.ndarray, dt: float) -> None:
         else:
             parts.append(part[0])
             wrenches.append(np.concatenate([force * push, np.zeros(3)]))
-        state.intruder.from_wall += np.concatenate([-force * push, np.cross(arm, -force * push)])
-    state.loads.set_layer(_LAYER, np.array(parts, np.intp), np.array(wrenches).reshape(-1, 6))
+        own.from_wall += np.concatenate([-force * push, np.cross(arm, -force * push)])
+    state.loads.set_layer(f'intruder {name}', np.array(parts, np.intp),
+                          np.array(wrenches).reshape(-1, 6))
+
+
+def _deepest(pieces: Pieces, pose: np.ndarray,
+             near: Obstacles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give how deep an intruder sticks in each brick with its deepest piece; see `overlap`."""
+    depth, normal = np.zeros(len(near.pose)), np.zeros((len(near.pose), 3))
+    point = np.zeros((len(near.pose), 3))
+    if not len(near.pose):
+        return depth, normal, point
+    for ball, local, size in _solids(pieces):
+        found = overlap(ball, rotation.compose(pose, local), size, near.pose, near.size)
+        deeper = found[0] > depth
+        for best, other in zip((depth, normal, point), found):
+            best[deeper] = other[deeper]
+    return depth, normal, point
+
+
+def _solids(pieces: Pieces) -> Iterator[tuple[bool, np.ndarray, np.ndarray]]:
+    """Cut pieces into boxes and balls; a capsule becomes a close row of balls."""
+    for shape, local, size in zip(pieces.shapes, pieces.local_poses, pieces.sizes):
+        straight = size[2] - size[0]
+        if shape == Shape.BOX or straight <= 0.0:
+            yield shape != Shape.BOX, local, size
+            continue
+        count = int(np.ceil(straight / (_SPACING * size[0]))) + 1
+        for along in np.linspace(-0.5 * straight, 0.5 * straight, count):
+            middle = np.array([0.0, 0.0, along, *rotation.IDENTITY])
+            yield True, rotation.compose(local, middle), np.full(3, size[0])

@@ -28,7 +28,7 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-INTRUDER = -3  # in place of a part
+INTRUDER = -3  # in place of a part; those with names are -4, -5, … in their order
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Scan:
 
     :ivar pose: of the sensor, world, (7,).
     :ivar ranges: [m], inf = nothing, (V, H).
-    :ivar parts: that were hit, (V, H); `lidar.GROUND`, `lidar.NOTHING`, or `INTRUDER`.
+    :ivar parts: that were hit, (V, H); `lidar.GROUND`, `lidar.NOTHING`, or `INTRUDER` and less.
     :ivar directions: of the rays in the frame of the sensor, (V, H, 3).
     """
 
@@ -73,8 +73,11 @@ def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     shapes, poses, sizes = parts.shape[seen], parts.poses[seen], parts.solid_size[seen]
     stands = parts.owner[seen] == Owner.STANDING
     sizes[stands] = model.masonry.closed_sizes[seen[stands]]
-    bodies = [body for body in intruder.bodies(state).values() if body != carrier]
-    others = [(state.world.pieces(body), state.world.bodies.poses[body]) for body in bodies]
+    numbers = {name: INTRUDER - i for i, name in enumerate(state.intruders)}
+    bodies = {numbers[name]: body for name, body in intruder.bodies(state).items()
+              if body != carrier}
+    others = [(state.world.pieces(body), state.world.bodies.poses[body])
+              for body in bodies.values()]
     shapes = np.concatenate([shapes, *(pieces.shapes for pieces, _ in others)])
     poses = np.concatenate([poses, *(rotation.compose(place, pieces.local_poses)
                                      for pieces, place in others)])
@@ -82,8 +85,9 @@ def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     pattern = _pattern(settings.pattern, settings.rows, settings.columns, settings.vertical_field,
                        settings.horizontal_field)
     ranges, row = cast(pattern, pose, settings.range, shapes, poses, sizes)
-    hit = np.where(row < len(seen), np.append(seen, NOTHING)[np.minimum(row, len(seen))], INTRUDER)
-    return Scan(pose, ranges, np.where(row < 0, row, hit), pattern.directions)
+    met = np.concatenate([seen, *(np.full(len(pieces.shapes), number)
+                                  for number, (pieces, _) in zip(bodies, others)), [NOTHING]])
+    return Scan(pose, ranges, np.where(row < 0, row, met[row]), pattern.directions)
 
 
 def _pose(state: State, settings: LidarSettings) -> tuple[np.ndarray | None, int]:

@@ -25,6 +25,7 @@ from procphys_ros.physics.foliage import speed_of, strengths
 from procphys_ros.physics.masonry import BondGraph, FreeBodies
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.wind import Wind
+from procphys_ros.physics.world import Pieces
 from procphys_ros.scene import SceneObject, Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.simulation.contact_pairs import survey
@@ -137,6 +138,7 @@ class Model:
     :ivar loose_bonds: all bonds, whole, for what will leave its wall or tree.
     :ivar mortar: which bonds are mortar, (M,) bool.
     :ivar wooden: parts with a hinge, (K,).
+    :ivar intruders: collision shapes of the bodies that are moved from outside, by name.
     """
 
     settings: Settings
@@ -153,6 +155,7 @@ class Model:
     loose_bonds: FreeBodies
     mortar: np.ndarray
     wooden: np.ndarray
+    intruders: dict[str, Pieces]
 
     @property
     def gravity(self) -> float:
@@ -182,7 +185,7 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     return Model(settings, time_step, seed, shard, blueprint, tuple(objects),
                  wind or Wind(settings.wind, seed, settings.wind_record), trees, masonry,
                  _glass(blueprint, loose_bonds), _leaves(blueprint, settings, trees, seed),
-                 loose_bonds, mortar, np.unique(pairs[pairs >= 0]))
+                 loose_bonds, mortar, np.unique(pairs[pairs >= 0]), settings.intruder_pieces())
 
 
 def _masonry(blueprint: Blueprint) -> MasonryModel:

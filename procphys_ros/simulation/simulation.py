@@ -29,6 +29,7 @@ from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.foliage import Flutter
 from procphys_ros.physics.wind import Gust, Wind
 from procphys_ros.scene import Scene, SceneObject
+from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation import additions, commands, foliage, fragments, masonry, snapshot
@@ -171,18 +172,26 @@ class Simulation:
     @property
     def intruder_pose(self) -> np.ndarray | None:
         """Where the intruder is, (7,), world; None before it was placed."""
-        path = self.state.intruder.path
-        return path.pose if path.placed else None
+        return self.pose_of_intruder(INTRUDER)
 
     @property
     def intruder_wrench(self) -> np.ndarray:
         """Force and moment on the intruder in the last step [N], [N·m], world, (6,)."""
-        return self.state.intruder.wrench
+        return self.state.intruders[INTRUDER].wrench
 
     @property
-    def smooth_intruder_wrench(self) -> np.ndarray:
-        """Give the same through a first-order low pass of `intruder.SMOOTHING`, (6,)."""
-        return self.state.intruder.smooth_wrench
+    def intruders(self) -> tuple[str, ...]:
+        """Names of all bodies that can be moved from outside."""
+        return tuple(self.state.intruders)
+
+    def pose_of_intruder(self, name: str) -> np.ndarray | None:
+        """Give where an intruder is, (7,), world; None before it was placed."""
+        path = self.state.intruders[name].path
+        return path.pose if path.placed else None
+
+    def wrench_on_intruder(self, name: str) -> np.ndarray:
+        """Give force and moment on an intruder [N], [N·m], world, smoothed, (6,)."""
+        return self.state.intruders[name].smooth_wrench
 
     def scan(self, lidar: LidarSettings) -> Scan | None:
         """
@@ -430,15 +439,17 @@ class Simulation:
         """
         self.apply(commands.SetBodyState(part, pose, twist))
 
-    def place_intruder(self, pose: Sequence[float], time: float | None = None) -> None:
+    def place_intruder(self, pose: Sequence[float], time: float | None = None,
+                       name: str = INTRUDER) -> None:
         """
-        Put the body of `Settings.intruder` into the scene, or move it on.
+        Put a body of `Settings.intruder` or `Settings.intruders` into the scene, or move it on.
 
         :param pose: x y z qx qy qz qw [m], (7,), world.
         :param time: when it is there [s]; None = now.
-        :raises CommandError: when the pose is none.
+        :param name: of the intruder.
+        :raises CommandError: when the pose is none, or there is no such intruder.
         """
-        self.apply(commands.PlaceIntruder(pose, time))
+        self.apply(commands.PlaceIntruder(pose, time, name))
 
 
 def _at_rest(model: Model) -> State:

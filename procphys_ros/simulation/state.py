@@ -142,7 +142,7 @@ class WallWindState:
 @dataclass
 class IntruderState:
     """
-    The body that is moved from outside.
+    A body that is moved from outside.
 
     :ivar path: where it goes.
     :ivar body: id in the world, -1 before it was placed.
@@ -301,7 +301,7 @@ class State:
     branch_loads: BranchLoads = field(default_factory=BranchLoads)
     missiles: list[Missile] = field(default_factory=list)
     wall_wind: WallWindState = field(default_factory=WallWindState)
-    intruder: IntruderState = field(default_factory=IntruderState)
+    intruders: dict[str, IntruderState] = field(default_factory=dict)
     charges: list[tuple[float, np.ndarray, float]] = field(default_factory=list)
     wrenches: dict[int, np.ndarray] = field(default_factory=dict)
     skyline: SkylineState = field(default_factory=SkylineState)
@@ -337,6 +337,7 @@ class State:
             dust=DustState(DustCloud(dust.capacity, (_DUST_SEED << 64) + model.seed,
                                      model.gravity) if dust.enabled else None))
         state.blueprints.append(model.blueprint)
+        state.intruders = {name: IntruderState() for name in model.intruders}
         return state
 
     @property

@@ -167,20 +167,20 @@ class World:
             BodyState.AWAKE, pieces, mass, inertia, pose, velocity, friction, restitution, damped,
             plain=False))
 
-    def add_driven(self, shape: int, size: np.ndarray, pose: np.ndarray,
-                   friction: float = FRICTION) -> int:
+    def add_driven(self, pieces: Pieces, pose: np.ndarray, friction: float = FRICTION) -> int:
         """
         Add a kinematic body: it goes where `drive` says, whatever is in its way but the fixed.
 
-        :param size: as in `Blueprint.size` [m], (3,).
+        :param pieces: its collision shapes.
         :param pose: (7,).
         :param friction: against a body of the same kind.
         """
-        size = np.asarray(size, float)
-        inertia = solid_inertia(shape, size, kinematic.MASS)
+        inertia = np.full(3, 0.4 * kinematic.MASS * pieces.radius() ** 2)  # nothing can turn it
+        plain = len(pieces.shapes) == 1 and np.array_equal(pieces.local_poses[0],
+                                                           [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
         return self._enter(self._bodies.add_body(
-            BodyState.KINEMATIC, single(shape, size), kinematic.MASS, inertia, pose, None,
-            friction, 0.0, damped=False, plain=True))
+            BodyState.KINEMATIC, pieces, kinematic.MASS, inertia, pose, None, friction, 0.0,
+            damped=False, plain=plain))
 
     def add_bricks(self, poses: np.ndarray, sizes: np.ndarray, mass: np.ndarray,
                    friction: float = FRICTION, restitution: float = 0.0) -> np.ndarray:

@@ -1,0 +1,199 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Several intruders by name: balls, boxes, capsules and meshes, each with its own wrench."""
+
+from grown_trees import BENDING
+import numpy as np
+import pytest
+from test_intruder import mast, wall
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.physics.world import installed_engines
+from procphys_ros.scene import Scene
+from procphys_ros.scene.intruders import IntrudersSettings
+from procphys_ros.scene.lidar import LidarSettings
+from procphys_ros.scene.mesh import boxes_in
+from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.lidar import INTRUDER
+
+_TURN = [0.0, 0.0, 0.0, 1.0]
+_LYING = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # z of the body along -y of the world
+
+
+def cube(low=(-0.5, -0.5, -0.5), high=(0.5, 0.5, 0.5)):
+    """Give the twelve triangles of a box, outwards."""
+    low, high = np.array(low), np.array(high)
+    faces = []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for side in (0, 1):
+            corner = np.array([low, low, low, low], float)
+            corner[:, axis] = (low, high)[side][axis]
+            corner[[1, 2], u] = high[u]
+            corner[[2, 3], v] = high[v]
+            ring = corner if side else corner[::-1]
+            faces += [ring[[0, 1, 2]], ring[[0, 2, 3]]]
+    return np.array(faces)
+
+
+def written(path, triangles):
+    """Write triangles as STL text."""
+    facets = ''.join('facet normal 0 0 0\nouter loop\n' + ''.join(
+        'vertex {:.6f} {:.6f} {:.6f}\n'.format(*corner) for corner in triangle)
+        + 'endloop\nendfacet\n' for triangle in triangles)
+    path.write_text(f'solid thing\n{facets}endsolid thing\n', 'ascii')
+    return path
+
+
+def scene_of(blueprint, gravity=0.0, **shapes):
+    """Simulate a blueprint with intruders of these shapes by name."""
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'gravity': gravity, 'intruders': {
+        'names': list(shapes), 'shapes': list(shapes.values())}})
+    scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'thing')
+    return Simulation(scene)
+
+
+def press_the_mast(shape, reach, turn=_TURN, push=0.15, height=3.125):
+    """Push a cantilever aside by so much, and give the force on the intruder along the push."""
+    simulation = scene_of(mast(), body=shape)
+    radius = 0.5 * float(simulation.blueprint.size[0, 0])
+    start = -reach - radius - 0.05
+    for step in range(300):
+        if step % 6 == 0:
+            way = min(0.05 + push, simulation.time * 0.1)
+            simulation.place_intruder([start + way, 0.0, height, *turn], name='body')
+        simulation.step()
+    return simulation.wrench_on_intruder('body')[0]
+
+
+@pytest.mark.parametrize('shape', ['sphere 0.2', 'capsule 0.2 0.9', 'mesh'])
+def test_every_shape_feels_the_stiffness_of_what_it_bends(shape, tmp_path):
+    """Feel k·x of a weightless cantilever, k = 3·E·I/a³, with each shape."""
+    reach = 0.1
+    if shape == 'mesh':
+        pytest.importorskip('trimesh')
+        shape = f'mesh {written(tmp_path / "bar.stl", cube((-1, -4, -1), (1, 4, 1)))} 0.1'
+    force = press_the_mast(shape, reach, _LYING if 'capsule' in shape else _TURN)
+    edge = 0.1 if 'mesh' in shape else 0.0  # a box bends it by its upper or its lower edge
+    stiffness = [3.0 * BENDING / (3.125 + off) ** 3 for off in (-edge, edge)]
+    assert 0.95 * min(stiffness) * 0.15 < -force < 1.05 * max(stiffness) * 0.15
+
+
+def test_each_feels_what_it_does_itself():
+    """Move two at once: one bends the mast, the other is in the air; a third is not placed."""
+    simulation = scene_of(mast(), left='sphere 0.2', right='box 0.2 0.2 0.2', absent='sphere 1')
+    for step in range(120):
+        if step % 6 == 0:
+            way = min(0.2, 0.1 * simulation.time)
+            simulation.place_intruder([-0.15 - 0.1 + way, 0.0, 3.0, *_TURN], name='left')
+            simulation.place_intruder([4.0 - way, 0.0, 3.0, *_TURN], name='right')
+        simulation.step()
+    assert simulation.wrench_on_intruder('left')[0] < -1.0
+    assert not simulation.wrench_on_intruder('right').any()
+    assert simulation.pose_of_intruder('absent') is None
+    assert simulation.intruders == ('intruder', 'left', 'right', 'absent')
+    with pytest.raises(CommandError, match='no intruder "lefd"; did you mean left'):
+        simulation.place_intruder([0.0, 0.0, 1.0, *_TURN], name='lefd')
+
+
+@pytest.mark.parametrize('shape', ['capsule 0.4 1.2', 'box 0.4 0.4 1.2'])
+def test_a_lying_capsule_presses_a_wall_where_a_box_would(shape):
+    """Lean on a wall with a bar: it holds and presses back; drive on, and bricks come out."""
+    simulation = scene_of(wall(), gravity=9.81, bar=shape)
+    simulation.place_intruder([-0.1 - 0.2 + 2e-5, 1.6, 0.625, *_LYING], name='bar')
+    simulation.step(30)
+    assert simulation.bonds_broken == 0 and simulation.wrench_on_intruder('bar')[0] < -100.0
+    for step in range(60):
+        simulation.place_intruder([-0.3 + 0.02 * step, 1.6, 0.625, *_LYING], name='bar')
+        simulation.step()
+    assert simulation.bonds_broken > 5
+
+
+@pytest.mark.parametrize('engine', installed_engines())
+def test_a_bent_mesh_pushes_with_its_arm(engine, tmp_path):
+    """Drive an L along: its arm takes a block with it, one in its corner is left alone."""
+    pytest.importorskip('trimesh')
+    bent = np.concatenate([cube((0, 0, 0), (2, 1, 1)), cube((0, 0, 1.0001), (1, 1, 2))])
+    path = written(tmp_path / 'bent.stl', bent)
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'engine': engine, 'intruders': {
+        'names': ['bent'], 'shapes': [f'mesh {path}']}})
+    simulation = Simulation(scene)
+    low = simulation.state.world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
+                                          np.array([2.3, 0.5, 0.2, *_TURN]))
+    high = simulation.state.world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
+                                           np.array([1.5, 0.5, 1.24, *_TURN]), damped=False)
+    for step in range(30):
+        simulation.place_intruder([0.02 * step, 0.0, 0.03, *_TURN], name='bent')
+        simulation.step()
+    velocities = simulation.state.world.bodies.velocities
+    assert velocities[low, 0] == pytest.approx(1.2, abs=0.1)
+    assert 1.2 < simulation.state.world.bodies.poses[high, 2] < 1.3  # it rides on the foot
+    assert simulation.wrench_on_intruder('bent')[2] < -100.0
+
+
+def test_a_mesh_is_filled_with_boxes():
+    """Fill a cube with one box, an L with its volume; a sheet becomes the box around it."""
+    whole = boxes_in(cube())
+    assert len(whole.shapes) == 1 and whole.shapes[0] == Shape.BOX
+    np.testing.assert_allclose(whole.sizes[0], 1.0)
+    np.testing.assert_allclose(whole.local_poses[0], [0, 0, 0, *_TURN], atol=1e-12)
+    corner = np.concatenate([cube((0, 0, 0), (2, 1, 1)), cube((0, 0, 1.0001), (1, 1, 2))])
+    bent = boxes_in(corner)
+    assert np.prod(bent.sizes, axis=1).sum() == pytest.approx(3.0, rel=0.05)
+    assert 2 <= len(bent.shapes) <= 4
+    sheet = boxes_in(cube()[:2])
+    assert len(sheet.shapes) == 1 and sheet.sizes[0].min() == pytest.approx(1e-3)
+
+
+def test_snapshots_have_intruders_and_lidars_see_them():
+    """Save with a placed intruder, restore in another simulation; see which one a ray meets."""
+    def make():
+        return scene_of(mast(), ball='sphere 0.4', car='box 1 1 1')
+    simulation = make()
+    simulation.place_intruder([3.0, 0.0, 1.0, *_TURN], name='car')
+    simulation.step(3)
+    other = make()
+    other.restore(simulation.save())
+    np.testing.assert_array_equal(other.pose_of_intruder('car'), [3.0, 0.0, 1.0, *_TURN])
+    scan = other.scan(LidarSettings(rows=1, columns=1, horizontal_field=0.1,
+                                    position=(6.0, 0.0, 1.0), rotation=(0.0, 0.0, np.pi)))
+    assert scan.parts[0, 0] == INTRUDER - 2 and scan.ranges[0, 0] == pytest.approx(2.5)
+    other.reset()
+    assert other.pose_of_intruder('car') is None
+
+
+@pytest.mark.parametrize('names, shapes, reason', [
+    (['a'], [], 'one shape'), (['a', 'a'], ['sphere 1'] * 2, 'twice'),
+    (['a b'], ['sphere 1'], 'cannot name'), (['intruder'], ['sphere 1'], 'cannot name'),
+    (['a'], ['cone 1'], 'no shape'), (['a'], ['box 1 2'], '3 numbers'),
+    (['a'], ['sphere 0'], 'above 0'), (['a'], ['capsule 1 x'], '2 numbers'),
+    (['a'], ['mesh'], 'no shape'), (['a'], ['sphere 99'], 'up to 50')])
+def test_settings_that_make_no_sense_are_refused(names, shapes, reason):
+    """Name what is wrong and what is allowed."""
+    with pytest.raises(SceneError, match=reason):
+        IntrudersSettings(tuple(names), tuple(shapes))
+
+
+@pytest.mark.parametrize('content', [None, b'', b'solid x\nendsolid x\n', b'\0' * 400])
+def test_meshes_that_cannot_be_read_are_refused(tmp_path, content):
+    """Name the file."""
+    pytest.importorskip('trimesh')
+    path = tmp_path / 'thing.stl'
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(SceneError, match='thing.stl'):
+        IntrudersSettings(('a',), (f'mesh {path}',)).pieces()
