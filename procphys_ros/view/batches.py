@@ -24,28 +24,69 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.view import shapes
 from procphys_ros.view.source import Content, Frame
 
-_MOST = 512  # copies in a batch: one brick that moves has to be sent with its whole batch
-_VISIBLE = 5e-4  # [m] and [-]: moves of parts below this are not sent
+_MOST_BOXES = 512    # copies in a batch: one brick that moves is sent with its whole batch
+_MOST_OTHERS = 8192  # the same for branches and leaves, which move all at once or not at all
+_VISIBLE = 5e-4      # [m] and [-]: moves of parts below this are not sent
 _VISIBLE_LEAF = 4e-3  # the same for leaves, which nobody looks at one by one
 _AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where parts go that are no more
+_BOX, _BALL = -1, -2  # kinds of meshes; others are places in `shapes.TAPERS`
+_COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
 
 
-class _Batch:
+class _Group:
     """
-    Copies of one mesh.
+    Copies of many meshes whose poses come in one array.
 
-    :param handle: the copies on the page.
-    :param rows: part or leaf behind each copy, (K,).
+    :param scene: `ViserServer.scene` or what takes its place.
+    :param name: of the group on the page.
     :param unit: length of the page [1/m].
+    :param visible: smallest move that is sent [m], [-].
     """
 
-    def __init__(self, handle: Any, rows: np.ndarray, unit: float):
-        self.handle, self.rows, self._unit = handle, rows, unit
+    def __init__(self, scene: Any, name: str, unit: float, visible: float):
+        self._scene, self._name = scene, name
+        self._scale = np.array([unit] * 3 + [1.0] * 4, np.float32)
+        self._limit = visible * self._scale
+        self._handles: list[Any] = []
+        self._rows = np.zeros(0, np.intp)  # part or leaf behind each copy, batch after batch
+        self._starts = np.zeros(0, np.intp)  # of the batches
+        self._sent = np.zeros((0, 7), np.float32)
 
-    def send(self, poses: np.ndarray) -> None:
-        """Send the poses of all copies, (K, 7)."""
-        self.handle.batched_positions = self._unit * poses[:, :3]
-        self.handle.batched_wxyzs = poses[:, [6, 3, 4, 5]]
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, mesh: bytes, rows: np.ndarray, poses: np.ndarray, scales: np.ndarray) -> None:
+        """Draw a batch: copies of a mesh for these rows of the poses."""
+        now = self._placed(poses, rows)
+        self._handles.append(self._scene.add_batched_glb(
+            f'/{self._name}/{len(self._handles)}', mesh, now[:, 3:], now[:, :3],
+            batched_scales=self._scale[0] * scales, lod='off'))
+        self._starts = np.append(self._starts, len(self._rows))
+        self._rows = np.append(self._rows, rows)
+        self._sent = np.concatenate([self._sent, now])
+
+    def send(self, poses: np.ndarray) -> int:
+        """Send the batches of which anything has moved; give their number."""
+        if not len(self):
+            return 0
+        now = self._placed(poses, self._rows)
+        moved = (np.abs(now - self._sent) > self._limit).any(axis=1)
+        chosen = np.flatnonzero(np.logical_or.reduceat(moved, self._starts))
+        for i in chosen:
+            end = self._starts[i + 1] if i + 1 < len(self._starts) else len(self)
+            mine = slice(self._starts[i], end)
+            self._sent[mine] = now[mine]
+            self._handles[i].batched_positions = now[mine, :3]
+            self._handles[i].batched_wxyzs = now[mine, 3:]
+        return len(chosen)
+
+    def close(self) -> None:
+        """Take everything off the page."""
+        for handle in self._handles:
+            handle.remove()
+
+    def _placed(self, poses: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        return poses.astype(np.float32)[:, _COLUMNS][rows] * self._scale
 
 
 class Batches:
@@ -58,60 +99,27 @@ class Batches:
     """
 
     def __init__(self, scene: Any, unit: float):
-        self._scene, self._unit = scene, unit
-        self._batches: list[_Batch] = []
-        self._leaf_batches: list[_Batch] = []
-        self._poses, self._leaf_poses = np.zeros((0, 7)), np.zeros((0, 7))
+        self._parts = _Group(scene, 'parts', unit, _VISIBLE)
+        self._leaves = _Group(scene, 'leaves', unit, _VISIBLE_LEAF)
         self.sent = 0
 
     def update(self, frame: Frame) -> None:
         """Draw what is new, and send what has moved."""
-        poses = _present(frame.poses)
-        leaves = _present(frame.leaf_poses)
-        self._grow(frame.content, poses, leaves)
-        self.sent = (_send(self._batches, self._poses, poses, _VISIBLE)
-                     + _send(self._leaf_batches, self._leaf_poses, leaves, _VISIBLE_LEAF))
+        poses, leaves = _present(frame.poses), _present(frame.leaf_poses)
+        content = frame.content
+        if len(self._parts) < len(poses):
+            for rows, mesh in _part_groups(content, np.arange(len(self._parts), len(poses))):
+                self._parts.add(mesh, rows, poses, _scales(content, rows))
+        if len(self._leaves) < len(leaves):
+            for rows, mesh in _leaf_groups(content, np.arange(len(self._leaves), len(leaves))):
+                self._leaves.add(mesh, rows, leaves,
+                                 np.repeat(content.leaves.size[rows, None], 3, axis=1))
+        self.sent = self._parts.send(poses) + self._leaves.send(leaves)
 
     def close(self) -> None:
         """Take everything off the page."""
-        for batch in [*self._batches, *self._leaf_batches]:
-            batch.handle.remove()
-
-    def _grow(self, content: Content, poses: np.ndarray, leaves: np.ndarray) -> None:
-        first, first_leaf = len(self._poses), len(self._leaf_poses)
-        if first < len(poses):
-            self._poses = np.concatenate([self._poses, poses[first:]])
-            for rows, mesh in _part_groups(content, np.arange(first, len(poses))):
-                self._batches.append(self._add('parts', rows, mesh, poses,
-                                               _scales(content, rows)))
-        if first_leaf < len(leaves):
-            self._leaf_poses = np.concatenate([self._leaf_poses, leaves[first_leaf:]])
-            for rows, mesh in _leaf_groups(content, np.arange(first_leaf, len(leaves))):
-                scales = np.repeat(content.leaves.size[rows, None], 3, axis=1)
-                self._leaf_batches.append(self._add('leaves', rows, mesh, leaves, scales))
-
-    def _add(self, group: str, rows: np.ndarray, mesh: bytes, poses: np.ndarray,
-             scales: np.ndarray) -> _Batch:
-        number = len(self._leaf_batches if group == 'leaves' else self._batches)
-        handle = self._scene.add_batched_glb(
-            f'/{group}/{number}', mesh, poses[rows][:, [6, 3, 4, 5]],
-            self._unit * poses[rows, :3], batched_scales=self._unit * scales, lod='off')
-        return _Batch(handle, rows, self._unit)
-
-
-def _send(batches: list[_Batch], sent: np.ndarray, poses: np.ndarray, visible: float) -> int:
-    """Send the batches of which anything has moved, and remember; give their number."""
-    if not len(poses):
-        return 0
-    moved = (np.abs(poses - sent) > visible).any(axis=1)
-    count = 0
-    for batch in batches:
-        if moved[batch.rows].any():
-            now = poses[batch.rows]
-            sent[batch.rows] = now
-            batch.send(now)
-            count += 1
-    return count
+        self._parts.close()
+        self._leaves.close()
 
 
 def _present(poses: np.ndarray) -> np.ndarray:
@@ -132,10 +140,9 @@ def _part_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarra
     """Split parts by what they look like; give rows and mesh."""
     capsule = content.shape[rows] == Shape.CAPSULE
     taper = content.size[rows, 1] / np.maximum(content.size[rows, 0], 1e-9)
-    kind = np.where(capsule, np.abs(taper[:, None] - shapes.TAPERS).argmin(axis=1), -1)
-    kind[content.ball[rows]] = len(shapes.TAPERS)
-    makers: dict[int, Callable[[str, int], bytes]] = {
-        -1: shapes.box, len(shapes.TAPERS): shapes.ball}
+    kind = np.where(capsule, np.abs(taper[:, None] - shapes.TAPERS).argmin(axis=1), _BOX)
+    kind[content.ball[rows]] = _BALL
+    makers: dict[int, Callable[[str, int], bytes]] = {_BOX: shapes.box, _BALL: shapes.ball}
     for chosen, name, tone, which in _groups(content, rows, content.texture[rows], kind):
         maker = makers.get(which)
         yield chosen, (maker(name, tone) if maker else shapes.branch(name, tone, which))
@@ -149,11 +156,13 @@ def _leaf_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarra
 
 def _groups(content: Content, rows: np.ndarray, texture: np.ndarray, kind: np.ndarray
             ) -> Iterator[tuple[np.ndarray, str, int, int]]:
-    """Give rows of one texture, tone and kind, at most `_MOST` at a time."""
-    keys = np.column_stack([texture, shapes.tone_of(rows), kind])
+    """Give rows of one texture, tone and kind, not too many at a time."""
+    names = content.textures or ['']
+    tones = np.array([shapes.tones(name) for name in names])[texture]
+    keys = np.column_stack([texture, shapes.tone_of(rows, tones), kind])
     distinct, place = np.unique(keys, axis=0, return_inverse=True)
     for number, (index, tone, which) in enumerate(distinct.tolist()):
         mine = rows[place.ravel() == number]
-        name = content.textures[index] if content.textures else ''
-        for start in range(0, len(mine), _MOST):
-            yield mine[start:start + _MOST], name, tone, which
+        most = _MOST_BOXES if which == _BOX else _MOST_OTHERS
+        for start in range(0, len(mine), most):
+            yield mine[start:start + most], names[index], tone, which

@@ -23,8 +23,9 @@ import numpy as np
 from procphys_ros.palette import look
 from procphys_ros.render import texture
 
-TONES = 4  # shades of one texture, so that neighbouring bricks can be told apart
-TAPERS = np.array([0.3, 0.5, 0.7, 0.85, 1.0])  # tip diameters over base diameters
+_TONES = 4  # shades of a texture, so that neighbouring bricks can be told apart
+_UNIFORM = 0.08  # variation of looks below which one shade is enough
+TAPERS = np.array([0.4, 0.75, 1.0])  # tip diameters over base diameters
 _SIDES = 9  # faces around a branch
 _LAP = 0.02  # share of its length by which a segment reaches into its neighbours
 _SURFACE_PIXELS, _LEAF_PIXELS = 64, 128
@@ -37,7 +38,7 @@ def box(name: str, tone: int) -> bytes:
     Write a cube of edge 1 around the origin.
 
     :param name: of the texture.
-    :param tone: which of the `TONES` shades.
+    :param tone: which of its `tones`.
     """
     corners, normals, uv = [], [], []
     for axis in range(3):
@@ -100,11 +101,16 @@ def leaf(name: str, tone: int) -> bytes:
     return _glb(points, faces, normals, np.tile(square + [0.5, 0.0], (2, 1)), name, tone)
 
 
-def tone_of(rows: np.ndarray) -> np.ndarray:
-    """Choose the shade of parts or leaves by their indices, (K,), for life."""
+def tones(name: str) -> int:
+    """Give the number of shades of a texture."""
+    return _TONES if look(name).variation >= _UNIFORM else 1
+
+
+def tone_of(rows: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Choose among shades for parts or leaves by their indices, (K,), for life."""
     mixed = np.asarray(rows, np.uint64) * np.uint64(0x9E3779B97F4A7C15)  # splitmix64 (Steele 2014)
     mixed = (mixed ^ mixed >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
-    return (mixed >> np.uint64(40)).astype(int) % TONES
+    return (mixed >> np.uint64(40)).astype(int) % count
 
 
 def _glb(points: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray, name: str,
@@ -117,7 +123,7 @@ def _glb(points: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndar
     holes = pixels is not None and bool((pixels[..., 3] < 255).any())
     side = _LEAF_PIXELS if holes else _SURFACE_PIXELS
     picture = None if pixels is None else Image.fromarray(pixels).resize((side, side))
-    shade = 1.0 + own.variation * (2.0 * tone / (TONES - 1) - 1.0)
+    shade = 1.0 + own.variation * (2.0 * (tone + 0.5) / tones(name) - 1.0)
     colour = np.clip(np.array(own.rgba[:3]) * shade / texture.mean_light(own.pattern), 0.0, 1.0)
     colour = _linear(colour)
     material = trimesh.visual.material.PBRMaterial(
