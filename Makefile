@@ -49,6 +49,7 @@ $(VENV)/.installed-run: $(SOURCES) | $(BIN)/python
 $(VENV)/.installed-test: $(SOURCES) | $(BIN)/python
 	rm -rf build
 	$(BIN)/pip install --quiet '.[wheels,render,test]'
+	./.ci/browser
 	@touch $@ $(VENV)/.installed-run
 
 clean:

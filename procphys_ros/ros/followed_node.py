@@ -113,7 +113,7 @@ class FollowedNode:
             while not self._ended.is_set():
                 self._watch()
                 executor.spin_once(timeout_sec=_TURN)
-        except ExternalShutdownException:
+        except ExternalShutdownException:  # ROS was shut down meanwhile
             pass
         executor.shutdown()
 

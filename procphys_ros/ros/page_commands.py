@@ -75,10 +75,11 @@ class PageCommands:
         try:
             while not self._ended.is_set():
                 self._turn()
-        except ExternalShutdownException:
-            pass
-        if self._remote is not None:
-            self._remote.close()
+            if self._remote is not None:
+                self._remote.close()
+        except (ExternalShutdownException, RuntimeError):  # ROS was shut down meanwhile
+            if not self._ended.is_set():
+                raise
 
     def _turn(self) -> None:
         waiting = self._take()
