@@ -30,7 +30,15 @@ from procphys_ros.ros import view
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.batches import Batches
-from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step
+from procphys_ros.view.commands import (
+    Inspect,
+    LoadScene,
+    Reset,
+    SetPause,
+    SetSpeed,
+    StartGust,
+    Step,
+)
 from procphys_ros.view.page import Page
 from procphys_ros.view.player import Player
 from procphys_ros.view.source import Status
@@ -237,6 +245,9 @@ def test_a_refused_command_is_answered_and_changes_nothing(simulation):
     player.say(Step())
     player.turn(0.2)
     assert 'pause' in player.answer()
+    player.say(Inspect(0))
+    player.turn(0.3)
+    assert player.answer().startswith('tree/segment_0 carries ')
 
 
 def test_another_scene_takes_the_place_of_the_first(simulation, tmp_path):
@@ -305,6 +316,16 @@ def test_sliders_and_clicks_of_a_client_become_commands(page, source, client):
     assert kinds[SetPause] == SetPause(True)
     assert kinds[LoadScene] == LoadScene(view.Path('a.yaml'))
     np.testing.assert_allclose(kinds[Explosion].position, [0.0, -51.0, 0.0], atol=1e-5)
+
+
+def test_a_click_asks_what_the_part_carries(page, source, frame):
+    """Pull the trunk, and ask for its load."""
+    page.update(0.0)
+    page.click(np.array([0.0, -5.0, 0.5]), np.array([0.0, 1.0, 0.0]))
+    pull, question = source.said
+    assert isinstance(pull, Impulse)
+    assert question == Inspect(pull.part)
+    assert frame.content.name(pull.part) in page.controls.selected.content
 
 
 def test_clicks_may_be_told_to_show_only(page, source):

@@ -30,7 +30,15 @@ from procphys_ros.messages.poses import read_pose_array
 from procphys_ros.ros.followed_node import FollowedNode
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse, SetWind
-from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step
+from procphys_ros.view.commands import (
+    Inspect,
+    LoadScene,
+    Reset,
+    SetPause,
+    SetSpeed,
+    StartGust,
+    Step,
+)
 
 LEAFY = SAPLING.strip() + ' Leaf(0.3) Leaf(0.2)'
 SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': LEAFY, 'count': 3,
@@ -132,6 +140,7 @@ def test_commands_reach_the_node(node, followed):
     followed.say(SetWind((0.0, 4.0, 0.0)))
     wait_until(lambda: followed.status().wind == (0.0, 4.0, 0.0), 'the wind')
     followed.say(Impulse(0, (5.0, 0.0, 0.0)))
+    assert says(followed, Inspect(0)).startswith('sapling_0/segment_0 carries ')
     assert says(followed, Reset()) == 'back at 0 s'
     wait_until(lambda: not followed.frame().content.ball.any(), 'the ball to be gone')
     assert says(followed, SetPause(False)).startswith('running')

@@ -103,7 +103,7 @@ class SimNode(Node):
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
         ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/clear_wrenches,
         ~/step_simulation, ~/reset_simulation, ~/reload_scene, ~/cancel_reload, ~/save_state,
-        ~/restore_state, ~/spawn, ~/remove (std_srvs/Trigger)
+        ~/inspect, ~/restore_state, ~/spawn, ~/remove (std_srvs/Trigger)
         ~/simulation_interfaces/…, if that package is there: see `simulation_interfaces.py`
 
     Parameters (default; unit; range; when a change takes effect):

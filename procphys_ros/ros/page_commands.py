@@ -29,7 +29,15 @@ from procphys_ros.ros.remote import NoNodeError, Remote
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.scene.yaml_file import read_yaml
 from procphys_ros.simulation.commands import Impulse, SetWind
-from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step
+from procphys_ros.view.commands import (
+    Inspect,
+    LoadScene,
+    Reset,
+    SetPause,
+    SetSpeed,
+    StartGust,
+    Step,
+)
 
 _TURN = 0.1      # [s] between looks at whether it is to end
 _TIMEOUT = 3.0   # [s] to look for the node
@@ -144,6 +152,11 @@ def _explode(remote: Remote, charge: Explosion) -> str:
     return remote.trigger('explode')
 
 
+def _inspect(remote: Remote, wanted: Inspect) -> str:
+    remote.change({'inspect.part': str(wanted.part)})
+    return remote.trigger('inspect')
+
+
 def _gust(remote: Remote, gust: StartGust) -> str:
     remote.change({'gust.amplitude': gust.amplitude})
     return remote.trigger('gust')
@@ -184,5 +197,6 @@ _ACTIONS: dict[type, Callable[[Remote, Any], str | None]] = {
     SetSpeed: lambda remote, c: remote.change({'real_time_factor': c.factor}),
     SetWind: lambda remote, c: remote.change({'wind.velocity': list(c.velocity)}),
     Impulse: lambda remote, c: remote.push('impulse', str(c.part), c.linear, c.angular),
-    StartGust: _gust, Projectile: _launch, Explosion: _explode, LoadScene: _load,
+    Inspect: _inspect, StartGust: _gust, Projectile: _launch, Explosion: _explode,
+    LoadScene: _load,
 }

@@ -82,6 +82,8 @@ GLOBAL = (
     *parameters(Explosion, 'explosion', takes_effect='use'),
     *parameters(Demolition, 'demolition', takes_effect='use'),
     *parameters(Spawn, 'spawn', takes_effect='use'),
+    Parameter('inspect.part', '', 'name or index of the part that ~/inspect describes',
+              takes_effect='use'),
     *parameters(LidarSettings, 'lidar'),
 )
 OBJECT = parameters(ObjectSpec, takes_effect='reload')

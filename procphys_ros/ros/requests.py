@@ -111,6 +111,11 @@ class Requests:
             raise CommandError('spawn.name is empty, it must name the object to remove')
         return lambda: self._session.remove(name)
 
+    def inspect(self) -> Act:
+        """Say what the part `inspect.part` carries."""
+        part = part_name(self._parameters['inspect.part'], 'the parameter inspect.part')
+        return lambda: self._session.inspect(part)
+
     def _state_file(self) -> Path:
         name = self._parameters['state.file']
         if not name:

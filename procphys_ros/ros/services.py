@@ -64,6 +64,8 @@ class Actions(Protocol):
 
     def remove(self) -> Act: ...
 
+    def inspect(self) -> Act: ...
+
 
 class Scenes(Protocol):
     """Loads scenes, and what joins them; each is told whom to answer."""
@@ -77,7 +79,7 @@ class Scenes(Protocol):
 
 _TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish',
              'clear_wrenches', 'step_simulation', 'reset_simulation', 'save_state',
-             'restore_state', 'remove')
+             'restore_state', 'remove', 'inspect')
 _SWITCHES = ('set_wind_enabled', 'set_pause')
 
 

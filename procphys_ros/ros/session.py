@@ -27,7 +27,7 @@ from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import part_loads, Simulation
 
 REMEDY = 'time stands still until ~/reset_simulation or ~/reload_scene'
 
@@ -173,6 +173,11 @@ class Session:
         self.simulation.remove(name)
         self.on_steps()
         return f'{name} is gone'
+
+    def inspect(self, part: str) -> str:
+        """Say what a part carries."""
+        state = self.simulation.state
+        return part_loads.describe(state, state.names.index(part))
 
     def remove_added(self) -> str:
         """Take out everything that was spawned."""

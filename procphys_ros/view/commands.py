@@ -51,6 +51,13 @@ class StartGust:
 
 
 @dataclass(frozen=True)
+class Inspect:
+    """Answer what the part of this index carries."""
+
+    part: int
+
+
+@dataclass(frozen=True)
 class LoadScene:
     """Put the scene of a file in place of the present one."""
 

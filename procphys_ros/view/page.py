@@ -29,10 +29,11 @@ import numpy as np
 from procphys_ros.view import surroundings
 from procphys_ros.view.batches import Batches
 from procphys_ros.view.clicks import command_of, describe
+from procphys_ros.view.commands import Inspect
 from procphys_ros.view.controls import Controls
 from procphys_ros.view.dust import DustCloud
 from procphys_ros.view.library import load_viser, ViewError
-from procphys_ros.view.picking import pick
+from procphys_ros.view.picking import GROUND, pick
 from procphys_ros.view.source import Frame, Source
 
 HOST, PORT = 'localhost', 8080
@@ -130,6 +131,8 @@ class Page:
         if strength is not None:
             sight = np.asarray(direction, float) / np.linalg.norm(direction)
             self._source.say(command_of(hit, frame.content, sight, strength))
+        if hit.part != GROUND:
+            self._source.say(Inspect(hit.part))
 
     def _repr_html_(self) -> str:
         """Show the page in a notebook."""

@@ -26,8 +26,16 @@ import numpy as np
 
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Simulation
-from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step
+from procphys_ros.simulation import part_loads, Simulation
+from procphys_ros.view.commands import (
+    Inspect,
+    LoadScene,
+    Reset,
+    SetPause,
+    SetSpeed,
+    StartGust,
+    Step,
+)
 from procphys_ros.view.source import Content, Frame, Status
 
 _TURN = 0.01        # [s] between looks at the clock
@@ -60,7 +68,8 @@ class Player:
         self._thread = Thread(target=self._play, name='player', daemon=True)
         self._actions: dict[type, Callable[[Any], str]] = {
             SetPause: self._set_pause, Step: self._step_once, Reset: self._reset,
-            SetSpeed: self._set_speed, StartGust: self._gust, LoadScene: self._load}
+            SetSpeed: self._set_speed, StartGust: self._gust, Inspect: self._inspect,
+            LoadScene: self._load}
 
     def start(self) -> None:
         """Begin to play."""
@@ -167,6 +176,9 @@ class Player:
         self.simulation.gust(replace(self.simulation.model.settings.gust,
                                      amplitude=command.amplitude))
         return ''
+
+    def _inspect(self, command: Inspect) -> str:
+        return part_loads.describe(self.simulation.state, command.part)
 
     def _load(self, command: LoadScene) -> str:
         self._activity = f'loading {command.path.stem}'

@@ -1,0 +1,83 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+
+
+"""What a part carries, against closed forms."""
+
+from grown_trees import beam
+from masonry_walls import wall
+import numpy as np
+import pytest
+
+from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.part_loads import describe, load_of
+
+GRAVITY = 9.81
+STRENGTH = 40e6  # [Pa]
+
+
+@pytest.fixture(scope='module')
+def simulation():
+    """Stand a beam and a pier of bricks up, and let a ball lie beside them."""
+    scene = Scene()
+    scene.add(beam(strength=STRENGTH), name='beam')
+    scene.add(wall(2, 9), (9.0, 0.0, 0.0), name='pier')
+    made = Simulation(scene)
+    made.launch(Projectile(size=0.4, position=(-20.0, 0.0, 0.2), velocity=(0.0, 0.0, 0.0)))
+    made.step(30)
+    return made
+
+
+def test_a_trunk_carries_all_that_stands_on_it(simulation):
+    """Find the whole weight at the foot, a tenth of it at the top, and no bending."""
+    parts = np.arange(10)
+    weights = GRAVITY * simulation.blueprint.mass[parts]
+    for part in (0, 4, 9):
+        load = load_of(simulation.state, part)
+        np.testing.assert_allclose(load.force, weights[part:].sum(), rtol=1e-3)
+        assert load.share < 1e-3
+
+
+def test_a_bent_trunk_is_loaded_by_the_stress_in_its_fibres(simulation):
+    """Push a cantilever aside at its tip: the moment at the foot is force times height."""
+    pushed = simulation.fork()
+    pushed.apply_wrench(9, (30.0, 0.0, 0.0))
+    pushed.step(1500)
+    foot = load_of(pushed.state, 0)
+    arm = pushed.poses[9, 2]
+    sag = pushed.poses[:10, 0] @ (GRAVITY * pushed.blueprint.mass[:10])
+    np.testing.assert_allclose(foot.moment, 30.0 * arm + sag, rtol=0.03)
+    width = pushed.blueprint.bond_extent[0, 0]
+    np.testing.assert_allclose(foot.share, foot.moment / (np.pi / 32.0 * width ** 3) / STRENGTH,
+                               rtol=1e-3)
+
+
+def test_the_bricks_at_the_foot_carry_the_pier(simulation):
+    """Find the weight above in the bonds of the bottom course, shared by its two bricks."""
+    pier = simulation.objects[1]
+    parts = np.arange(pier.first, pier.first + pier.count)
+    weight = GRAVITY * simulation.blueprint.mass[parts].sum()
+    foot = parts[np.argsort(simulation.blueprint.poses[parts, 2])[:2]]
+    loads = [load_of(simulation.state, int(part)) for part in foot]
+    np.testing.assert_allclose(sum(load.force for load in loads), weight, rtol=0.02)
+    assert all(0.0 < load.share < 0.1 for load in loads)
+
+
+def test_loads_are_said_in_one_line(simulation):
+    """Say what carries what, and what lies loose."""
+    assert describe(simulation.state, 0).startswith('beam/segment_0 carries ')
+    ball = len(simulation.poses) - 1
+    assert 'is loose' in describe(simulation.state, ball)
+    assert load_of(simulation.state, ball).force == 0.0
