@@ -57,6 +57,7 @@ setup(
         'rapier': ['rapier3d'],  # the other engine of rigid bodies
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],
+        'batch': ['pyarrow', 'distributed'],  # Parquet tables, clusters of machines
         'mesh': ['trimesh'],  # intruders in the shape of a mesh
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
         'test': ['pytest', 'hypothesis', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
@@ -64,7 +65,7 @@ setup(
                  # readers of what is exported and recorded, none of them ours
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
                  'viser>=1.1', 'playwright',
-                 'mcap>=1.6', 'mcap-ros2-support', 'rosbags'],
+                 'mcap>=1.6', 'mcap-ros2-support', 'rosbags', 'pyarrow', 'distributed'],
     },
     entry_points={
         'console_scripts': [
@@ -73,6 +74,7 @@ setup(
             'command = procphys_ros.ros.command:main',
             'render = procphys_ros.render.command:main',
             'export = procphys_ros.export.command:main',
+            'batch = procphys_ros.batch.command:main',
             'record = procphys_ros.ros.record:main',
             'replay = procphys_ros.ros.replay:main',
             'view = procphys_ros.ros.view:main',

@@ -1,0 +1,144 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Executable `batch`: many runs of a scene without anyone watching, a row of a table each."""
+
+import argparse
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+import math
+import os
+from pathlib import Path
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+from procphys_ros.batch.sweep import Sweep
+from procphys_ros.batch.table import check_format, Table
+from procphys_ros.batch.workers import dask_cluster, processes, Workers
+from procphys_ros.command_line.bar import Bar
+from procphys_ros.errors import ProcPhysError
+
+_EXAMPLES = """\
+values: name=[v, …] in YAML, name=v,v,…, or name=first..last/number
+examples:
+  batch config/palms_in_a_gust.yaml --vary gust.amplitude=10..40/4 --seeds 20 --out palms.csv
+  batch config/demo.yaml --vary 'wind.velocity=[[8, 0, 0], [16, 0, 0]]' --out wind.parquet
+A run that was killed goes on when it is said again: finished rows stay.
+"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser whose complaints are one line and exit code 1, as all of ours are."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(1, f'{self.prog}: {message}\n')
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the command.
+
+    :param arguments: words after the command's name; the process's own when not given.
+    :returns: exit code: 0 all rows are there, 1 a mistake or runs that failed, 130 interrupted.
+    """
+    options = _parser().parse_args(arguments)
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        check_format(options.out)
+        sweep = Sweep.read(options.scene, options.vary, options.seeds, options.duration)
+        table = Table(options.out, sweep.columns, sweep.digest)
+    except ProcPhysError as error:
+        print(f'batch: {error}', file=sys.stderr)
+        return 1
+    workers: AbstractContextManager[Workers] = (
+        processes(options.jobs) if options.dask is None
+        else dask_cluster(options.dask, options.jobs))
+    failed: list[str] = []
+    code = 0
+    try:
+        with workers as work, Bar(f'batch {options.out.name}', sys.stderr) as bar:
+            failed = _work(sweep, table, work, bar)
+    except ProcPhysError as error:
+        failed.append(str(error))
+    except KeyboardInterrupt:
+        code = 130
+    whole = len(table.done) == len(sweep)
+    table.close(whole)
+    for reason, number in sorted({reason: failed.count(reason) for reason in failed}.items()):
+        print(f'batch: {reason}' + (f' ({number} runs)' if number > 1 else ''), file=sys.stderr)
+    print(f'{options.out}: {len(table.done)} of {len(sweep)} runs'
+          + ('' if whole else '; say it again to go on'))
+    return code or int(bool(failed))
+
+
+def _work(sweep: Sweep, table: Table, work: Workers, bar: Bar) -> list[str]:
+    """Have the runs that are missing carried out, and give why some could not be."""
+    missing = {run.number: (values, run) for values, run in sweep.runs()
+               if run.number not in table.done}
+    bar.show(len(table.done), len(sweep))
+    failed = []
+    for number, measures, reason in work([run for _, run in missing.values()]):
+        if measures is None:
+            failed.append(reason)
+        else:
+            table.add(number, missing[number][0], measures)
+        bar.show(len(table.done), len(sweep))
+    return failed
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def _parser() -> _Parser:
+    parser = _Parser(prog='batch', epilog=_EXAMPLES,
+                     formatter_class=argparse.RawDescriptionHelpFormatter,
+                     description='Simulate a scene many times with varied parameters, without '
+                                 'anyone watching, and write a row of a table for each run.')
+    parser.add_argument('scene', type=Path, help='scene file (.yaml)')
+    parser.add_argument('--vary', action='append', default=[], metavar='NAME=VALUES',
+                        help='values of a parameter; several are combined with each other')
+    parser.add_argument('--seeds', type=_count, default=1, metavar='N',
+                        help='runs of each combination, with seeds that follow that of the scene')
+    parser.add_argument('--duration', type=_positive, default=10.0, metavar='S',
+                        help='simulated time of each run [s] (default %(default)g)')
+    parser.add_argument('--out', required=True, type=Path, help='table: .csv or .parquet')
+    parser.add_argument('--jobs', type=_count, default=len(os.sched_getaffinity(0)), metavar='N',
+                        help='processes (default: one for each core, %(default)s)')
+    parser.add_argument('--dask', nargs='?', const='', default=None, metavar='ADDRESS',
+                        help='use a Dask cluster, of that scheduler or a local one')
+    return parser
+
+
+def _count(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f'"{text}" is not a whole number above 0')
+    return int(text)
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f'"{text}" is not a number above 0')
+    return value
+
+
+if __name__ == '__main__':
+    sys.exit(main())

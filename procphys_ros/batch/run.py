@@ -1,0 +1,100 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Run: one simulation of a batch, and what is to be known of it afterwards."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Cause, EVENT, Simulation
+from procphys_ros.simulation.parts import Owner, owners
+
+_TAKEN_EVERY = 60  # steps, long before the log of breaks would be full
+MEASURES = ('parts', 'mass_kg', 'bonds', 'bonds_broken',
+            *(f'broken_by_{cause.name.lower()}' for cause in Cause), 'parts_fallen',
+            'mass_fallen_kg', 'first_break_s', 'last_break_s', 'wall_time_s')
+"""Columns of a table behind those that say what was varied."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """
+    One simulation of a batch.
+
+    :ivar number: of the run.
+    :ivar parameters: of the scene, nested, with what is varied.
+    :ivar folder: of the scene file, where grammars are looked for first.
+    :ivar duration: simulated time [s].
+    """
+
+    number: int
+    parameters: Mapping[str, Any]
+    folder: Path
+    duration: float
+
+
+def run(what: Run) -> dict[str, float]:
+    """
+    Simulate, and sum up what happened.
+
+    Bonds that break under their own weight while the scene is set up count too. A part has fallen
+    when it was part of a building or a tree and is loose, on a branch that came off, or gone.
+
+    :returns: values of `MEASURES`; NaN for times of breaks when nothing broke.
+    :raises ProcPhysError: when the scene cannot be built.
+    """
+    start = perf_counter()
+    simulation = Simulation(Scene.from_parameters(what.parameters, what.folder))
+    built = owners(simulation.model) != Owner.BODY
+    events = [simulation.log.take()]
+    steps = int(round(what.duration / simulation.time_step))
+    while steps > 0:
+        simulation.step(min(_TAKEN_EVERY, steps))
+        steps -= _TAKEN_EVERY
+        events.append(simulation.log.take())
+    breaks = np.concatenate(events) if events else np.zeros(0, EVENT)
+    fallen = built & _loose(simulation)[:len(built)]
+    mass = simulation.model.blueprint.mass
+    result: dict[str, float] = {
+        'parts': len(built), 'mass_kg': float(mass.sum()),
+        'bonds': len(simulation.model.blueprint.bonds), 'bonds_broken': len(breaks),
+        'parts_fallen': int(np.count_nonzero(fallen)),
+        'mass_fallen_kg': float(mass[fallen].sum()),
+        'first_break_s': float(breaks['time'].min()) if len(breaks) else np.nan,
+        'last_break_s': float(breaks['time'].max()) if len(breaks) else np.nan}
+    for cause in Cause:
+        result[f'broken_by_{cause.name.lower()}'] = int(np.count_nonzero(breaks['cause'] == cause))
+    simulation.close()
+    result['wall_time_s'] = round(perf_counter() - start, 3)
+    return {name: result[name] for name in MEASURES}
+
+
+def _loose(simulation: Simulation) -> np.ndarray:
+    """Say which parts neither stand nor hang on something that does, (N,) bool."""
+    parts, forest = simulation.state.parts, simulation.state.forest
+    loose = (parts.owner == Owner.BODY) | (parts.owner == Owner.GONE)
+    grown = np.flatnonzero(parts.owner == Owner.TREE)
+    if len(grown):
+        roots = parts.row[grown]
+        while (forest.parents[roots] >= 0).any():
+            roots = np.where(forest.parents[roots] >= 0, forest.parents[roots], roots)
+        loose[grown] = forest.is_free(roots)
+    return loose

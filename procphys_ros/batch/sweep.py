@@ -1,0 +1,156 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Sweep: which values of which parameters are combined, and the runs that this makes."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+import hashlib
+from itertools import product
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from procphys_ros.batch.run import Run
+from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.ros.parameter_table import find, GLOBAL, OBJECT
+from procphys_ros.scene.yaml_file import read_yaml
+
+_MOST = 1_000_000  # runs
+
+
+@dataclass(frozen=True)
+class Variation:
+    """
+    Values that one parameter takes in turn.
+
+    :ivar name: full name of the parameter, such as `wind.velocity` or `oak.seed`.
+    :ivar values: of its type.
+    """
+
+    name: str
+    values: tuple[Any, ...]
+
+    @classmethod
+    def read(cls, text: str, objects: Sequence[str]) -> 'Variation':
+        """
+        Read a variation as the command line has it.
+
+        :param text: `name=[value, …]` in YAML, `name=value,value,…`, or `name=first..last/number`
+            for evenly spaced numbers.
+        :param objects: names of the objects of the scene.
+        :raises SceneError: when there is no such parameter, or a value is not allowed.
+        """
+        name, sign, given = text.partition('=')
+        parameter = find(name.strip(), list(objects))
+        if parameter is None or not sign:
+            known = [p.name for p in GLOBAL] + [f'{o}.{p.name}' for o in objects for p in OBJECT]
+            raise SceneError(f'--vary {text}: say name=values; there is no parameter '
+                             f'"{name.strip()}"{nearest_names(name.strip(), known)}')
+        if parameter.name == 'seed':
+            raise SceneError('--vary seed: say --seeds and their number')
+        values = tuple(parameter.read(value, name.strip()) for value in _values(given, text))
+        if not values:
+            raise SceneError(f'--vary {text}: there are no values')
+        return cls(name.strip(), values)
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """
+    All combinations of some variations, each with some seeds.
+
+    :ivar scene: scene file.
+    :ivar parameters: nested, as in that file.
+    :ivar variations: what is varied, the last one fastest.
+    :ivar seeds: runs of each combination; the first has the seed of the scene.
+    :ivar duration: simulated time of each run [s].
+    """
+
+    scene: Path
+    parameters: Mapping[str, Any]
+    variations: tuple[Variation, ...]
+    seeds: int
+    duration: float
+
+    @classmethod
+    def read(cls, scene: Path, variations: Sequence[str], seeds: int, duration: float) -> 'Sweep':
+        """
+        Read a sweep as the command line has it.
+
+        :raises SceneError: when the file cannot be read, or a variation makes no sense.
+        """
+        parameters = read_yaml(scene)
+        objects = [str(name) for name in parameters.get('scene', {}).get('objects') or []]
+        read = tuple(Variation.read(text, objects) for text in variations)
+        names = [variation.name for variation in read]
+        for name in names:
+            if names.count(name) > 1:
+                raise SceneError(f'--vary {name} stands there twice')
+        sweep = cls(scene, parameters, read, seeds, duration)
+        if len(sweep) > _MOST:
+            raise SceneError(f'these are {len(sweep)} runs, at most {_MOST} are possible')
+        return sweep
+
+    def __len__(self) -> int:
+        """Give the number of runs."""
+        return int(np.prod([len(v.values) for v in self.variations], dtype=object)) * self.seeds
+
+    @property
+    def digest(self) -> str:
+        """Tell sweeps apart: by the scene file, its variations, seeds and the duration."""
+        about = json.dumps([self.parameters, [(v.name, v.values) for v in self.variations],
+                            self.seeds, self.duration], sort_keys=True, default=str)
+        return hashlib.sha256(about.encode()).hexdigest()[:12]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of what is varied."""
+        return (*(variation.name for variation in self.variations), 'seed')
+
+    def runs(self) -> Iterator[tuple[tuple[Any, ...], Run]]:
+        """Give the values of `columns` and the run of each combination."""
+        first = int(self.parameters.get('seed', 0))
+        combinations = product(*(variation.values for variation in self.variations),
+                               range(first, first + self.seeds))
+        for number, values in enumerate(combinations):
+            parameters: dict[str, Any] = deepcopy(dict(self.parameters))
+            for name, value in zip(self.columns, values):
+                *groups, last = name.split('.')
+                target = parameters
+                for group in groups:
+                    target = target.setdefault(group, {})
+                target[last] = value
+            yield values, Run(number, parameters, self.scene.absolute().parent, self.duration)
+
+
+def _values(given: str, text: str) -> list[Any]:
+    """Read what stands behind the equals sign."""
+    first, dots, rest = given.partition('..')
+    if dots and not given.startswith('['):
+        last, _, number = rest.partition('/')
+        try:
+            return [float(v) for v in np.linspace(float(first), float(last), int(number or 0))]
+        except ValueError:
+            raise SceneError(f'--vary {text}: say first..last/number, as in 0..20/5') from None
+    try:
+        values = yaml.safe_load(given if given.startswith('[') else f'[{given}]')
+    except yaml.YAMLError as error:
+        raise SceneError(f'--vary {text}: cannot be read as YAML') from error
+    return values if isinstance(values, list) else [values]

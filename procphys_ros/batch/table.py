@@ -1,0 +1,141 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Table: rows of a batch on disk, each safe as soon as its run is over."""
+
+from collections.abc import Mapping, Sequence
+import csv
+import io
+import json
+import os
+from pathlib import Path
+from typing import Any, TextIO
+
+from procphys_ros.batch.run import MEASURES
+from procphys_ros.errors import SceneError
+
+SUFFIXES = ('.csv', '.parquet')
+
+
+class Table:
+    """
+    Appends rows to a CSV file; a Parquet file is made of it when all are there.
+
+    :param path: file to write; until a Parquet file is complete its rows are in `<path>.rows.csv`.
+    :param columns: names of what is varied.
+    :param digest: of the sweep, in a column of its own, so that another one cannot go on with it.
+    :ivar done: numbers of the runs whose rows are there.
+    :raises SceneError: when the file cannot be written, or holds rows of another sweep.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str], digest: str):
+        if path.suffix not in SUFFIXES:
+            raise SceneError(f'--out {path}: it must end in {" or ".join(SUFFIXES)}')
+        self._path, self._digest = path, digest
+        self._columns = ('run', *columns, *MEASURES, 'sweep')
+        self._rows = path if path.suffix == '.csv' else path.with_name(f'{path.name}.rows.csv')
+        self._file: TextIO | None = None  # none when there is nothing left to write
+        self.done: set[int] = set()
+        try:
+            self._go_on()
+        except OSError as error:
+            raise SceneError(f'--out {path}: {error.strerror or error}') from error
+
+    def _go_on(self) -> None:
+        """Read what is there, cut off half a row at its end, and keep the file open."""
+        if self._path.suffix == '.parquet' and self._path.exists():
+            self._check(*_parquet_rows(self._path))
+            return
+        text = self._rows.read_text('utf-8') if self._rows.exists() else ''
+        whole = text[:text.rfind('\n') + 1]
+        if whole != text:
+            os.truncate(self._rows, len(whole.encode()))
+        read = csv.DictReader(io.StringIO(whole))
+        if whole:
+            self._check(list(read.fieldnames or []), list(read))
+        self._file = self._rows.open('a', encoding='utf-8', newline='')
+        if not whole:
+            self._append(self._columns)
+
+    def _check(self, columns: list[str], rows: list[dict]) -> None:
+        """Take over the rows that are there, unless they are those of another sweep."""
+        if columns != list(self._columns) or any(row['sweep'] != self._digest for row in rows):
+            raise SceneError(f'--out {self._path}: holds another sweep, or one of another scene; '
+                             'choose another file, or delete it')
+        self.done = {int(row['run']) for row in rows}
+
+    def add(self, number: int, values: Sequence[Any], measures: Mapping[str, float]) -> None:
+        """
+        Write the row of a run, so that no kill can take it away.
+
+        :param number: of the run.
+        :param values: of what is varied.
+        :param measures: values of `MEASURES`.
+        :raises SceneError: when the disk is full.
+        """
+        texts = [json.dumps(v) if isinstance(v, (list, tuple)) else v for v in values]
+        try:
+            self._append([number, *texts, *(measures[name] for name in MEASURES), self._digest])
+        except OSError as error:
+            raise SceneError(f'--out {self._path}: {error.strerror or error}') from error
+        self.done.add(number)
+
+    def _append(self, row: Sequence[Any]) -> None:
+        assert self._file is not None, 'the table is complete'
+        csv.writer(self._file, lineterminator='\n').writerow(row)
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close(self, complete: bool) -> None:
+        """
+        End writing.
+
+        :param complete: whether all rows are there, so that a Parquet file can be made of them.
+        """
+        if self._file is None:
+            return
+        self._file.close()
+        if not complete or self._path.suffix != '.parquet':
+            return
+        from pyarrow import csv as arrow
+        from pyarrow import parquet
+        rows = arrow.read_csv(self._rows).sort_by('run')
+        whole = self._path.with_name(f'{self._path.name}.part')
+        parquet.write_table(rows, whole)
+        os.replace(whole, self._path)
+        self._rows.unlink()
+
+
+def _parquet_rows(path: Path) -> tuple[list[str], list[dict]]:
+    """Read the names of the columns, and the rows."""
+    from pyarrow import ArrowInvalid, parquet
+    try:
+        table = parquet.read_table(path)
+    except ArrowInvalid as error:
+        raise SceneError(f'--out {path}: is no Parquet file') from error
+    return table.column_names, table.to_pylist()
+
+
+def check_format(path: Path) -> None:
+    """
+    Make sure that a kind of table can be written.
+
+    :raises SceneError: when a package is missing.
+    """
+    if path.suffix == '.parquet':
+        try:
+            import pyarrow  # noqa: F401
+        except ImportError as error:
+            raise SceneError(f'--out {path}: Parquet needs pyarrow, pip install it') from error

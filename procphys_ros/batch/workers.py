@@ -1,0 +1,127 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Workers: processes of this machine, or of a Dask cluster, that take runs."""
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import as_completed, Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import active_children, get_context, parent_process
+import os
+import signal
+from threading import Thread
+from typing import Any
+
+from procphys_ros.batch.run import Run, run
+from procphys_ros.errors import ProcPhysError, SceneError
+
+Outcome = tuple[int, dict[str, float] | None, str]
+"""Number of a run, its measures or None, and what went wrong."""
+Workers = Callable[[Iterable[Run]], Iterator[Outcome]]
+
+_ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS')
+
+
+def attempt(what: Run) -> Outcome:
+    """Carry a run out; what goes wrong in it is told, and ends nothing else."""
+    try:
+        return what.number, run(what), ''
+    except ProcPhysError as error:
+        return what.number, None, str(error)
+    except Exception as error:
+        return what.number, None, f'internal error, {type(error).__name__}: {error}'
+
+
+def _end_with_parent() -> None:
+    """Leave Ctrl-C to the parent, and end when it is killed, which the pool would not notice."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+    def wait() -> None:
+        parent = parent_process()
+        if parent is not None:
+            parent.join()
+            os._exit(1)
+    Thread(target=wait, daemon=True).start()
+
+
+@contextmanager
+def processes(count: int) -> Iterator[Workers]:
+    """
+    Start processes of this machine, with a thread each.
+
+    :param count: of them.
+    :raises SceneError: in the iteration, when one of them is killed.
+    """
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(dict.fromkeys(_ONE_THREAD, '1'))
+    pool = ProcessPoolExecutor(count, get_context('spawn'), initializer=_end_with_parent)
+
+    def work(runs: Iterable[Run]) -> Iterator[Outcome]:
+        futures: list[Future] = [pool.submit(attempt, one) for one in runs]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        except BrokenProcessPool as error:
+            raise SceneError('a process of the batch was killed, perhaps for want of memory; '
+                             'what is finished is in the table') from error
+    try:
+        yield work
+    except KeyboardInterrupt:  # a run may take minutes more
+        for process in active_children():
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def dask_cluster(address: str, count: int) -> Iterator[Workers]:
+    """
+    Use a Dask cluster; its workers need this package installed.
+
+    :param address: of its scheduler, such as tcp://host:8786; '' = start a local cluster.
+    :param count: of processes of a local cluster.
+    :raises SceneError: when Dask is missing, or no scheduler answers.
+    """
+    try:
+        from distributed import as_completed as in_turn
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise SceneError('--dask needs the package distributed, pip install it') from error
+    cluster = None if address else LocalCluster(n_workers=count, threads_per_worker=1,
+                                                dashboard_address=None)
+    try:
+        client = Client(cluster or address, timeout='20s')
+    except (OSError, ValueError) as error:
+        raise SceneError(f'--dask {address}: no scheduler answers there: {error}') from error
+
+    def work(runs: Iterable[Run]) -> Iterator[Outcome]:
+        futures: Any = client.map(attempt, list(runs), pure=False)
+        for future in in_turn(futures):
+            yield future.result()
+            future.release()
+    try:
+        yield work
+    finally:
+        client.close()
+        if cluster is not None:
+            cluster.close()

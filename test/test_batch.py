@@ -1,0 +1,206 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Batches of runs: what is varied, what a row says, and that no kill loses a row."""
+
+from contextlib import contextmanager
+import csv
+import json
+import math
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+from node_process import SAPLING
+import pytest
+
+from procphys_ros.batch import command, Run, run, Sweep
+from procphys_ros.batch.command import main
+from procphys_ros.batch.table import Table
+from procphys_ros.batch.workers import attempt
+from procphys_ros.errors import SceneError
+
+ROOT = Path(__file__).resolve().parents[1]
+STRUCK = {
+    'scene': {'objects': ['wall', 'post'],
+              'cues': ['0.1 launch position=0.45,-3.0,0.3 velocity=0,25,0 size=0.2']},
+    'projectile': {'mass': 20.0}, 'wind': {'turbulence_intensity': 0.0},
+    'wall': {'grammar': 'garden_wall.wall', 'defines': ['length=0.89', 'height=0.6']},
+    'post': {'grammar_text': SAPLING, 'origin': [5.0, 0.0, 0.0]}}
+CALM = {'scene': {'objects': ['post']}, 'post': {'grammar_text': SAPLING}}
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Write a scene file of a tree in the wind, which takes no time to simulate."""
+    path = tmp_path / 'calm.yaml'
+    path.write_text(json.dumps({'/**': {'ros__parameters': CALM}}), 'utf-8')
+    return path
+
+
+def rows(path):
+    """Read a table."""
+    with path.open(encoding='utf-8') as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_row_says_what_broke_and_fell():
+    """Throw a ball at a wall: its bonds break by impact, its bricks fall, the tree stands."""
+    told = run(Run(0, STRUCK, ROOT, 1.0))
+    causes = {name: value for name, value in told.items() if name.startswith('broken_by_')}
+    assert told['bonds_broken'] == sum(causes.values()) > 5
+    assert causes['broken_by_impact'] > 0 and causes['broken_by_bending'] == 0
+    assert 1 < told['parts_fallen'] < told['parts'] - 3
+    assert 0.0 < told['mass_fallen_kg'] < told['mass_kg']
+    assert 0.1 < told['first_break_s'] < 0.3 and told['first_break_s'] <= told['last_break_s'] <= 1
+    again = run(Run(1, STRUCK, ROOT, 1.0))
+    assert told | {'wall_time_s': 0.0} == again | {'wall_time_s': 0.0}
+
+
+def test_a_branch_that_comes_off_has_fallen():
+    """Blow a weak tree over: all that is beyond the break counts, and its mass."""
+    weak = {'scene': {'objects': ['tree']}, 'wind': {'velocity': [60.0, 0.0, 0.0],
+                                                     'turbulence_intensity': 0.0},
+            'tree': {'grammar_text': 'axiom: Density(700) Modulus(8e9) Strength(2e5) '
+                                     'DampingRatio(0.05) Width(0.08) F(1) F(1) F(1)'}}
+    told = run(Run(0, weak, ROOT, 1.0))
+    assert told['broken_by_bending'] >= 1 and 1 <= told['parts_fallen'] <= 3
+    assert told['mass_fallen_kg'] == pytest.approx(told['mass_kg'] * told['parts_fallen'] / 3)
+
+
+def test_nothing_that_happens_is_a_row_of_zeros():
+    """Leave a tree in peace: no bond breaks, and there are no times of breaks."""
+    told = run(Run(0, CALM, ROOT, 0.1))
+    assert told['parts'] == 4 and told['bonds_broken'] == told['parts_fallen'] == 0
+    assert math.isnan(told['first_break_s']) and math.isnan(told['last_break_s'])
+
+
+def test_variations_are_combined(scene):
+    """Combine lists, YAML and evenly spaced numbers with seeds, the last one fastest."""
+    sweep = Sweep.read(scene, ['wind.velocity=[[1, 0, 0], [2, 0, 0]]', 'gust.duration=1..2/3',
+                               'post.count=1,4'], 2, 5.0)
+    runs = list(sweep.runs())
+    assert len(runs) == len(sweep) == 2 * 3 * 2 * 2
+    assert sweep.columns == ('wind.velocity', 'gust.duration', 'post.count', 'seed')
+    assert runs[0][0] == ([1.0, 0.0, 0.0], 1.0, 1, 0) and runs[1][0][3] == 1
+    values, last = runs[-1]
+    assert values == ([2.0, 0.0, 0.0], 2.0, 4, 1) and last.number == 23
+    assert last.parameters['wind'] == {'velocity': [2.0, 0.0, 0.0]}
+    assert last.parameters['post']['count'] == 4 and last.parameters['seed'] == 1
+    assert 'count' not in CALM['post']
+
+
+@pytest.mark.parametrize('text, reason', [
+    ('wind.velocty=[1,0,0]', 'did you mean wind.velocity'), ('wind.velocity', 'name=values'),
+    ('wind.velocity=1,2', 'list of 3'), ('post.count=-1', 'post.count'), ('seed=1,2', '--seeds'),
+    ('gust.duration=[', 'YAML'), ('gust.duration=1..2', 'no values'), ('elm.count=2', 'elm.count'),
+    ('gust.duration=1..x/3', 'first..last'), ('gust.duration=', 'no values')])
+def test_variations_that_make_no_sense_are_refused(scene, text, reason):
+    """Say what is wrong in one line."""
+    with pytest.raises(SceneError, match=reason):
+        Sweep.read(scene, [text], 1, 1.0)
+
+
+def test_a_table_goes_on_where_it_was_cut(tmp_path):
+    """Cut the last row in half: it is done again; rows of another sweep are not taken over."""
+    path = tmp_path / 'table.csv'
+    told = run(Run(0, CALM, ROOT, 0.02))
+    table = Table(path, ('wind.velocity', 'seed'), 'abc')
+    for number in range(3):
+        table.add(number, ([1.0, 0.0, 0.0], number), told)
+    table.close(True)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-9])
+    table = Table(path, ('wind.velocity', 'seed'), 'abc')
+    assert table.done == {0, 1}
+    table.add(2, ([1.0, 0.0, 0.0], 2), told)
+    table.close(True)
+    assert path.read_bytes() == whole and rows(path)[2]['wind.velocity'] == '[1.0, 0.0, 0.0]'
+    for columns, digest in ((('wind.velocity', 'seed'), 'other'), (('seed',), 'abc')):
+        with pytest.raises(SceneError, match='another sweep'):
+            Table(path, columns, digest)
+    with pytest.raises(SceneError, match='.csv or .parquet'):
+        Table(tmp_path / 'table.xlsx', ('seed',), 'abc')
+
+
+def test_a_killed_batch_goes_on(scene, tmp_path, capsys):
+    """Kill it after its first rows; said again, it does the others, with the same results."""
+    path = tmp_path / 'table.parquet'
+    parquet = pytest.importorskip('pyarrow.parquet')
+    words = [str(scene), '--vary', 'wind.velocity=[[0, 0, 0], [9, 0, 0]]', '--seeds', '3',
+             '--duration', '2', '--out', str(path), '--jobs', '1']
+    process = subprocess.Popen([sys.executable, '-m', 'procphys_ros.batch.command', *words],
+                               cwd=ROOT, stdout=subprocess.DEVNULL)
+    early = tmp_path / 'table.parquet.rows.csv'
+    while process.poll() is None and not (early.exists() and len(rows(early)) > 1):
+        try:
+            process.wait(0.02)
+        except subprocess.TimeoutExpired:
+            pass
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    finished = rows(early)
+    assert 1 < len(finished) < 6 and not path.exists()
+    assert main(words) == 0
+    assert '6 of 6 runs' in capsys.readouterr().out and not early.exists()
+    table = parquet.read_table(path).to_pylist()
+    assert [row['run'] for row in table] == list(range(6))
+    assert [row['seed'] for row in table] == 2 * [0, 1, 2]
+    assert table[5]['wind.velocity'] == '[9.0, 0.0, 0.0]' and table[5]['parts'] == 4
+    assert [float(row['wall_time_s']) for row in finished] == [
+        row['wall_time_s'] for row in table if str(row['run']) in {r['run'] for r in finished}]
+    assert main(words) == 0  # nothing is left to be done
+    assert parquet.read_table(path).num_rows == 6
+
+
+def test_a_dask_cluster_gives_the_same_rows(scene, tmp_path):
+    """Use a local cluster; but for the time that it took, its rows are those of this process."""
+    pytest.importorskip('distributed')
+    path = tmp_path / 'table.csv'
+    assert main([str(scene), '--seeds', '2', '--duration', '0.5', '--out', str(path),
+                 '--jobs', '1', '--dask']) == 0
+    found = sorted(rows(path), key=lambda row: int(row['run']))
+    for (values, what), row in zip(Sweep.read(scene, [], 2, 0.5).runs(), found):
+        told = run(what)
+        assert int(row['seed']) == values[0] and int(row['parts']) == told['parts']
+        assert float(row['mass_kg']) == told['mass_kg']
+
+
+def test_runs_that_fail_are_told_and_done_again(scene, tmp_path, capsys, monkeypatch):
+    """Vary a define that there is not: the other rows are written, and the exit code is 1."""
+    @contextmanager
+    def here(count):
+        yield lambda runs: map(attempt, runs)
+    monkeypatch.setattr(command, 'processes', here)
+    path = tmp_path / 'table.csv'
+    words = [str(scene), '--vary', 'post.defines=[[], ["nothing=1"]]', '--duration', '0.1',
+             '--out', str(path), '--jobs', '1']
+    assert main(words) == 1
+    said = capsys.readouterr()
+    assert 'nothing' in said.err and '1 of 2 runs; say it again' in said.out
+    assert len(rows(path)) == 1
+
+
+@pytest.mark.parametrize('words', [
+    ['no_such.yaml', '--out', 'a.csv'], ['{scene}', '--out', 'a.txt'],
+    ['{scene}', '--out', '/no folder/a.csv'], ['{scene}', '--out', 'a.csv', '--vary', 'x=1']])
+def test_mistakes_end_with_one_line(scene, tmp_path, monkeypatch, capsys, words):
+    """Exit with code 1 and say what is wrong."""
+    monkeypatch.chdir(tmp_path)
+    assert main([word.format(scene=scene) for word in words]) == 1
+    assert capsys.readouterr().err.count('\n') == 1
+    assert os.listdir(tmp_path) == ['calm.yaml']
