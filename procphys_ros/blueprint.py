@@ -80,6 +80,9 @@ class Hinges(_Table):
     :ivar break_force: transmitted force that destroys the joint [N], (H,); inf = never.
     :ivar break_torque: twisting moment that destroys the joint [N·m], (H,); inf = never.
     :ivar strength: bending stress that breaks the wood [Pa], (H,); inf = never.
+    :ivar root_moment: moment that turns a root plate out of the ground [N·m], (H,); inf = never.
+    :ivar preload: share of the weight carried that the joint's shape at rest allows for, (H,); 1 =
+        the part rests where it was put, 0 = it was put there unloaded and sags.
     """
 
     swing_limit: np.ndarray = _column()
@@ -93,6 +96,8 @@ class Hinges(_Table):
     break_force: np.ndarray = _column()
     break_torque: np.ndarray = _column()
     strength: np.ndarray = _column()
+    root_moment: np.ndarray = _column()
+    preload: np.ndarray = _column()
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,8 @@ class Branches:
     :ivar base: start point [m], (S, 3).
     :ivar attitude: z along the segment, x and y as the turtle's left and up, xyzw, (S, 4).
     :ivar length: [m], (S,).
-    :ivar width: diameter at the base, which the physics uses throughout [m], (S,).
-    :ivar tip_width: diameter drawn at the end [m], (S,).
+    :ivar width: diameter at the base [m], (S,).
+    :ivar tip_width: diameter at the end; between the two a segment tapers evenly [m], (S,).
     :ivar density: [kg/m³], (S,).
     :ivar modulus: Young's modulus along the grain [Pa], (S,).
     :ivar strength: bending strength [Pa], (S,); inf = never breaks.
@@ -63,6 +63,10 @@ class Branches:
     :ivar twist_stiffness, stretch_stiffness: [N·m/rad], [N/m], (S,); NaN = locked.
     :ivar twist_damping, stretch_damping: [N·m·s/rad], [N·s/m], (S,); NaN = from damping_ratio.
     :ivar break_force, break_torque: [N], [N·m], (S,); inf = never.
+    :ivar root_stiffness: of the root plate in the ground [N·m/rad], (S,); NaN = rigid. It and
+        root_moment count for segments on the ground only.
+    :ivar root_moment: that turns the root plate out of the ground [N·m], (S,); inf = never.
+    :ivar preload: share of the weight that the shape allows for, 0 to 1, (S,).
     :ivar texture: index into the texture names, (S,) int16.
     """
 
@@ -87,6 +91,9 @@ class Branches:
     stretch_damping: np.ndarray
     break_force: np.ndarray
     break_torque: np.ndarray
+    root_stiffness: np.ndarray
+    root_moment: np.ndarray
+    preload: np.ndarray
     texture: np.ndarray
 
     def __len__(self) -> int:
@@ -98,8 +105,8 @@ def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PL
     """
     Turn segments into capsule bones joined by elastic hinges; part i is segment i.
 
-    A part's frame sits at the middle of its segment. It weighs as a solid cylinder of the base
-    width over the full length plus its leaves, which count as spread along the segment.
+    A part's frame sits at the middle of its segment, and so does its mass: that of its wood, see
+    `wood_mass`, plus its leaves, which count as spread along the segment.
 
     :param branches: segments, each parent before its children.
     :param leaves: with `part` = segment and poses in the frame of the part.
@@ -114,7 +121,8 @@ def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PL
     middle = branches.base + 0.5 * branches.length[:, None] * axis
     area = 0.25 * np.pi * branches.width ** 2
     leaf_area = np.bincount(leaves.part, leaves.size ** 2, minlength=count)
-    mass = branches.density * area * branches.length + LEAF_AREAL_DENSITY * leaf_area
+    mass = wood_mass(branches) + LEAF_AREAL_DENSITY * leaf_area
+    mean_width = 0.5 * (branches.width + branches.tip_width)
     bone = branches.bone_ratio * branches.length
     thickness = np.minimum(branches.width, bone)
     return Blueprint(
@@ -122,7 +130,7 @@ def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PL
         size=np.column_stack([thickness, thickness, bone]),
         visual_size=np.column_stack([branches.width, branches.tip_width, branches.length]),
         density=branches.density, mass=mass,
-        inertia=cylinder_inertia(mass, branches.width, branches.length),
+        inertia=cylinder_inertia(mass, mean_width, branches.length),
         poses=np.column_stack([middle, branches.attitude]),
         kind=np.zeros(count, np.int16), material=np.zeros(count, np.int16),
         texture=branches.texture.astype(np.int16), leaf_area=leaf_area,
@@ -141,12 +149,44 @@ def bending_stiffness(branches: Branches) -> np.ndarray:
     A joint stands for the bending of the two half segments beside it, in series: E·I/L between
     equal segments. Where a segment starts clamped (at the ground, or sideways on its parent) only
     its own half bends, so 2·E·I/L; with it a ten-segment cantilever's first frequency is within
-    0.5 % of the Euler-Bernoulli beam, without it 9 % low.
+    0.5 % of the Euler-Bernoulli beam, without it 9 % low. The bending of tapered halves is
+    integrated along them; the root plate is one more spring in series.
     """
-    half = 0.5 * branches.length / (
-        branches.modulus * np.pi * branches.width ** 4 / 64.0)  # [rad/(N·m)]
+    tip = np.where(branches.tip_width > 0.0, branches.tip_width, branches.width)
+    middle = 0.5 * (branches.width + tip)
+    near, far = (_bend_of_half(branches, first, last)
+                 for first, last in ((branches.width, middle), (middle, tip)))
     follows = (branches.parent >= 0) & ~branches.lateral
-    return 1.0 / (half + np.where(follows, half[branches.parent], 0.0))
+    rooted = (branches.parent < 0) & ~np.isnan(branches.root_stiffness)
+    return 1.0 / (near + np.where(follows, far[branches.parent], 0.0)
+                  + np.where(rooted, 1.0 / branches.root_stiffness, 0.0))
+
+
+def wood_mass(branches: Branches) -> np.ndarray:
+    """
+    Give the mass of every segment's wood, a frustum [kg], (S,).
+
+    The centre of mass of a tapered segment lies below its middle. Where it carries a branch on, it
+    leaves as much of its mass to the segment below as keeps the branch's centre of mass: with it
+    the first frequency of ten segments that taper to a tenth is 1.7 % low, without it 3 %.
+    """
+    first, last = branches.width, branches.tip_width
+    square = first ** 2 + first * last + last ** 2
+    mass = branches.density * np.pi / 12.0 * branches.length * square
+    below = 0.5 - (first ** 2 + 2.0 * first * last + 3.0 * last ** 2) / (4.0 * square)  # of length
+    follows = np.flatnonzero((branches.parent >= 0) & ~branches.lateral)
+    parent = branches.parent[follows]
+    apart = 0.5 * (branches.length[follows] + branches.length[parent])
+    left = mass[follows] * below[follows] * branches.length[follows] / apart
+    mass[follows] -= left
+    np.add.at(mass, parent, left)
+    return mass
+
+
+def _bend_of_half(branches: Branches, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Integrate 1/(E·I) over half a segment whose width goes from first to last [rad/(N·m)]."""
+    mean = (first ** 2 + first * last + last ** 2) / (3.0 * (first * last) ** 3)  # of 1/d⁴
+    return 0.5 * branches.length * 64.0 / (np.pi * branches.modulus) * mean
 
 
 def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
@@ -187,7 +227,8 @@ def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
         damping_ratio=damping_ratio * same, twist_stiffness=np.nan * same,
         twist_damping=np.nan * same, stretch_stiffness=np.nan * same,
         stretch_damping=np.nan * same, break_force=break_force * same,
-        break_torque=break_torque * same, texture=np.zeros(len(tip), np.int16)),
+        break_torque=break_torque * same, root_stiffness=np.nan * same,
+        root_moment=np.inf * same, preload=same, texture=np.zeros(len(tip), np.int16)),
         material=material)
 
 
@@ -203,7 +244,9 @@ def _hinges(branches: Branches) -> Hinges:
         twist_damping=branches.twist_damping,
         stretch_stiffness=default(branches.stretch_stiffness, np.inf),
         stretch_damping=branches.stretch_damping, break_force=branches.break_force,
-        break_torque=branches.break_torque, strength=branches.strength)
+        break_torque=branches.break_torque, strength=branches.strength,
+        root_moment=np.where(branches.parent < 0, branches.root_moment, np.inf),
+        preload=branches.preload)
 
 
 def _shortest_turn(direction: np.ndarray) -> np.ndarray:
@@ -227,12 +270,14 @@ def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
             'zero or more')
     _demand((branches.bone_ratio > 0.0) & (branches.bone_ratio <= 1.0), 'segment', 'bone ratio',
             branches.bone_ratio, 'above 0 and at most 1')
-    for name in ('strength', 'swing_limit', 'break_force', 'break_torque'):
+    for name in ('strength', 'swing_limit', 'break_force', 'break_torque', 'root_moment'):
         _demand(getattr(branches, name) > 0.0, 'segment', name.replace('_', ' '),
                 getattr(branches, name), 'above zero')
     _demand(~(branches.swing_stiffness <= 0.0) & ~np.isinf(branches.swing_stiffness), 'segment',
             'swing stiffness', branches.swing_stiffness, 'finite and above zero')
-    for name in ('twist_stiffness', 'stretch_stiffness'):
+    _demand((branches.preload >= 0.0) & (branches.preload <= 1.0), 'segment', 'preload',
+            branches.preload, 'from 0 to 1')
+    for name in ('twist_stiffness', 'stretch_stiffness', 'root_stiffness'):
         _demand(~(getattr(branches, name) <= 0.0), 'segment', name.replace('_', ' '),
                 getattr(branches, name), 'above zero')
     for name in ('swing_damping', 'twist_damping', 'stretch_damping', 'damping_ratio'):

@@ -39,13 +39,14 @@ def _branches(count: int = 3, **changes: np.ndarray) -> skeleton.Branches:
     columns = {
         'parent': np.arange(count) - 1, 'lateral': np.zeros(count, bool), 'base': base,
         'attitude': np.tile(rotation.IDENTITY, (count, 1)), 'length': 0.5 * ones,
-        'width': 0.1 * ones, 'tip_width': 0.08 * ones, 'density': 800.0 * ones,
+        'width': 0.1 * ones, 'tip_width': 0.1 * ones, 'density': 800.0 * ones,
         'modulus': 8e9 * ones, 'strength': 60e6 * ones, 'bone_ratio': 0.9 * ones,
         'swing_limit': ones, 'swing_stiffness': np.nan * ones, 'swing_damping': np.nan * ones,
         'damping_ratio': 0.05 * ones, 'twist_stiffness': np.nan * ones,
         'twist_damping': np.nan * ones, 'stretch_stiffness': np.nan * ones,
         'stretch_damping': np.nan * ones, 'break_force': np.inf * ones,
-        'break_torque': np.inf * ones, 'texture': np.zeros(count, np.int16)}
+        'break_torque': np.inf * ones, 'root_stiffness': np.nan * ones,
+        'root_moment': np.inf * ones, 'preload': ones, 'texture': np.zeros(count, np.int16)}
     return skeleton.Branches(**{**columns, **changes})
 
 
@@ -58,9 +59,44 @@ def test_joint_stiffness_follows_beam_theory():
 
 def test_unequal_halves_bend_in_series():
     """Expect the flexibility of a joint to be the sum of its two half segments."""
-    branches = _branches(2, width=np.array([0.1, 0.05]), modulus=np.array([8e9, 6e9]))
+    width = np.array([0.1, 0.05])
+    branches = _branches(2, width=width, tip_width=width, modulus=np.array([8e9, 6e9]))
     parts = 0.25 / (branches.modulus * np.pi * branches.width ** 4 / 64)
     assert np.isclose(skeleton.build(branches).hinges.swing_stiffness[1], 1 / parts.sum())
+
+
+def test_tapered_halves_are_integrated():
+    """Compare with a numerical integral of 1/(E·I) over the half segments beside a joint."""
+    width, tip = np.array([0.1, 0.06]), np.array([0.06, 0.02])
+    stiffness = skeleton.build(_branches(2, width=width, tip_width=tip)).hinges.swing_stiffness
+    along = (np.arange(20000) + 0.5) / 20000
+    bend = [(64.0 / (8e9 * np.pi * (a + (b - a) * along) ** 4) * 0.5 / 20000)
+            for a, b in zip(width, tip)]
+    assert stiffness[0] == pytest.approx(1.0 / bend[0][:10000].sum(), rel=1e-6)
+    assert stiffness[1] == pytest.approx(
+        1.0 / (bend[0][10000:].sum() + bend[1][:10000].sum()), rel=1e-6)
+
+
+def test_a_cone_keeps_mass_and_centre_of_mass():
+    """Cut a cone into segments: total mass and its moment about the ground are the cone's."""
+    ends = np.linspace(0.3, 0.0, 6)
+    tree = skeleton.build(_branches(5, width=ends[:-1], tip_width=ends[1:]))
+    cone = 800.0 * np.pi / 12.0 * 0.3 ** 2 * 2.5
+    assert tree.mass.sum() == pytest.approx(cone)
+    first = 800.0 * np.pi / 4.0 * 0.5 * (ends[0] ** 2 + ends[0] * ends[1] + ends[1] ** 2) / 3.0
+    off = 0.5 * (0.5 - (ends[0] ** 2 + 2.0 * ends[0] * ends[1] + 3.0 * ends[1] ** 2) / (
+        4.0 * (ends[0] ** 2 + ends[0] * ends[1] + ends[1] ** 2)))  # nothing below takes this over
+    moment = tree.mass @ tree.poses[:, 2] - first * off
+    assert moment == pytest.approx(cone * 2.5 / 4.0)
+
+
+def test_a_root_plate_gives_way_in_series():
+    """Add the flexibility of the ground to that of the lowest half segment."""
+    rigid, soft = (skeleton.build(_branches(2, root_stiffness=np.full(2, k))).hinges
+                   for k in (np.nan, 3e4))
+    assert soft.swing_stiffness[0] == pytest.approx(1.0 / (1.0 / 3e4
+                                                           + 1.0 / rigid.swing_stiffness[0]))
+    assert soft.swing_stiffness[1] == rigid.swing_stiffness[1]
 
 
 def test_side_branch_is_clamped_on_its_parent():
@@ -79,7 +115,7 @@ def test_given_stiffness_is_kept():
 
 
 def test_parts_weigh_as_cylinders_with_leaves():
-    """Expect mass from density, base width, full length and leaf area."""
+    """Expect mass from density, width, full length and leaf area."""
     leaves = Leaves(part=np.array([2, 2]), pose=np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 1)),
                     size=np.array([0.2, 0.1]), texture=np.zeros(2, np.int16))
     blueprint = skeleton.build(_branches(), leaves)
@@ -93,7 +129,7 @@ def test_parts_weigh_as_cylinders_with_leaves():
 
 def test_stout_bone_keeps_its_length():
     """Expect a segment thicker than long to get a ball no longer than its bone."""
-    size = skeleton.build(_branches(width=np.full(3, 0.7))).size
+    size = skeleton.build(_branches(width=np.full(3, 0.7), tip_width=np.full(3, 0.7))).size
     assert np.allclose(size, 0.45)
 
 
@@ -128,7 +164,8 @@ def test_several_roots_stand_side_by_side():
     ('twist_stiffness', -1.0, 'twist stiffness'), ('swing_damping', -1.0, 'swing damping'),
     ('damping_ratio', np.nan, 'damping ratio'), ('strength', 0.0, 'strength'),
     ('tip_width', -1.0, 'tip width'), ('parent', 1, 'segment 1: parent is 1'),
-    ('attitude', np.nan, 'attitude'),
+    ('attitude', np.nan, 'attitude'), ('preload', 1.5, 'preload'),
+    ('root_stiffness', 0.0, 'root stiffness'), ('root_moment', 0.0, 'root moment'),
 ])
 def test_impossible_segments_are_refused(column: str, value: float, words: str):
     """Expect the first bad segment, its value and the remedy in the message."""

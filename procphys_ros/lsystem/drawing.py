@@ -88,6 +88,8 @@ def _branches(segments: np.ndarray) -> Branches:
         twist_stiffness=value('TwistForce'), twist_damping=value('TwistDamper'),
         stretch_stiffness=value('StretchForce'), stretch_damping=value('StretchDamper'),
         break_force=value('BreakForce'), break_torque=value('BreakTorque'),
+        root_stiffness=value('RootStiffness'), root_moment=value('RootMoment'),
+        preload=value('Preload'),
         texture=value('Texture').astype(np.int16))
 
 

@@ -112,6 +112,9 @@ ATTRIBUTES = (
     Attribute('StretchDamper', np.nan, _DAMPING._replace(unit='N·s/m')),
     Attribute('BreakForce', np.inf, Range(1e-9, 1e15, 'N')),
     Attribute('BreakTorque', np.inf, Range(1e-9, 1e15, 'N·m')),
+    Attribute('RootStiffness', np.nan, _STIFFNESS),  # absent: clamped in the ground
+    Attribute('RootMoment', np.inf, Range(1e-9, 1e15, 'N·m')),
+    Attribute('Preload', 1.0, Range(0.0, 1.0)),    # 0: drawn as it would be without weight
     Attribute('BoneRatio', 0.9, Range(0.8, 0.95)),  # bone length over segment length
     Attribute('Texture', 0.0, TEXTURE_NUMBER),
     Attribute('Leaf', 1.0, Range(0.0, 1e6)),        # factor on the sizes of leaves, for LeafRate

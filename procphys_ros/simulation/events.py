@@ -32,6 +32,7 @@ class Cause(IntEnum):
     IMPACT = 6       # struck by a projectile or by debris
     BLAST = 7        # torn out by an explosion
     DEMOLITION = 8   # cut by a timed charge
+    UPROOTING = 9    # root plate turned out of the ground
 
 
 EVENT = np.dtype([

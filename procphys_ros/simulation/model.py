@@ -46,7 +46,8 @@ class TreeModel:
     :ivar span: parts of the rows, as a slice where they follow each other.
     :ivar sizes: of the segments as others meet them [m], (S, 3).
     :ivar joint_arm: from the centre of each segment to its joint [m], (S,).
-    :ivar capacity: force [N], torque [N·m] and stress [Pa] that break each joint, (S, 3).
+    :ivar capacity: force [N], torque [N·m] and stress [Pa] that break each joint, and moment
+        [N·m] that uproots it, (S, 4).
     :ivar beside: whether the tree of each row may reach a wall, (S,) bool.
     :ivar slack: overlap of each row with ground and walls that it was authored with [m], (S,).
     """
@@ -202,8 +203,8 @@ def _trees(blueprint: Blueprint, gravity: float, bricks: Bricks) -> TreeModel:
     row[forest.parts] = np.arange(len(forest))
     hinge_row = np.cumsum(blueprint.bond_law == Law.HINGE) - 1
     hinges = blueprint.hinges
-    capacity = np.column_stack([hinges.break_force, hinges.break_torque, hinges.strength])[
-        hinge_row[forest.bonds]]
+    capacity = np.column_stack([hinges.break_force, hinges.break_torque, hinges.strength,
+                                hinges.root_moment])[hinge_row[forest.bonds]]
     sizes = blueprint.solid_size(forest.parts)
     beside, slack = survey(forest, sizes, bricks)
     joint_arm = 0.5 * blueprint.visual_size[forest.parts, 2]

@@ -338,6 +338,8 @@ class State:
                                      model.gravity) if dust.enabled else None))
         state.blueprints.append(model.blueprint)
         state.intruders = {name: IntruderState() for name in model.intruders}
+        if forest.has_sagged:
+            state.parts.poses[forest.parts] = forest.poses
         return state
 
     @property

@@ -30,6 +30,7 @@ class Cause(IntEnum):
     FORCE = 0    # transmitted force beyond `break_force`; load in N
     TWIST = 1    # twisting moment beyond `break_torque`; load in N·m
     BENDING = 2  # bending stress M/Z beyond `strength`; load in Pa
+    UPROOTING = 3  # moment at the ground beyond `root_moment`; load in N·m
 
 
 @kernel(**KERNEL)
@@ -41,7 +42,7 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out,
     :param wrenches: force and moment at the joints [N], [N·m], (S, 6).
     :param frame: frames with the segment axis last, (S, 12).
     :param section: section modulus Z [m³], (S,).
-    :param capacity: break force [N], break torque [N·m], strength [Pa], (S, 3).
+    :param capacity: break force [N], break torque [N·m], strength [Pa], root moment [N·m], (S, 4).
     :returns: how many were found.
     """
     found = 0
@@ -52,11 +53,12 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out,
         bending = f[3] * f[3] + f[4] * f[4] + f[5] * f[5] - twist * twist
         strong = capacity[i, 2] * section[i]
         if (force <= capacity[i, 0] ** 2 and abs(twist) <= capacity[i, 1]
-                and bending <= strong * strong):
+                and bending <= strong * strong and bending <= capacity[i, 3] ** 2):
             continue  # squares suffice for the many that hold
-        loads = (math.sqrt(force), abs(twist), math.sqrt(max(0.0, bending)) / section[i])
+        moment = math.sqrt(max(0.0, bending))
+        loads = (math.sqrt(force), abs(twist), moment / section[i], moment)
         worst = 0.0
-        for j in range(3):
+        for j in range(4):
             use = loads[j] / capacity[i, j]
             if use > worst:
                 worst = use

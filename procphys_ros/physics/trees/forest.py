@@ -48,6 +48,8 @@ from procphys_ros.physics.trees.layout import (
     STIFFNESS,
 )
 
+_SAGS, _SAGGED = 1000, 1e-12  # turns at most, and the rest of a bend [rad] that ends them
+_SHORTEST = 0.02  # share of a bend that one of these turns makes up for
 _TIME_STEP = 1.0 / 60.0  # [s], for effective masses asked for before the first step
 
 
@@ -56,7 +58,8 @@ class Forest:
     Every part of a blueprint that hangs on a hinge, moved by an O(n) articulated kernel.
 
     Rows are the segments in depth-first preorder: parents stand first, every subtree is a range.
-    A tree at rest is preloaded against its weight and stays exactly where it was authored. Poses
+    A tree at rest is preloaded against its weight and stays exactly where it was authored, but for
+    joints with less preload: they have sagged before the first step. Poses
     are those at the end of the last step; velocities are what segments carry into the next one.
 
     :ivar parts: part index of each row, (S,).
@@ -93,12 +96,18 @@ class Forest:
         hinges = blueprint.hinges
         self._section = breaks.section_modulus(rows.width)
         self._capacity = np.column_stack([hinges.break_force, hinges.break_torque,
-                                          hinges.strength])[rows.hinge]
+                                          hinges.strength, hinges.root_moment])[rows.hinge]
+        self._rest_bend = np.zeros_like(self._state.bend)
         self.reset()
         ratio = hinges.damping_ratio[rows.hinge]
         set_damping(rows, modes.damping_rate(rows, ratio, self._state.frame))
         passes.balance(self._plan, self._model, self._state, self._scratch, self._gravity,
                        _TIME_STEP)
+        share = hinges.preload[rows.hinge][:, None]
+        self._model.swing[:, [PRELOAD_X, PRELOAD_Y]] *= share
+        self._model.extra[:, [EXTRA_PRELOAD, EXTRA_STRIDE + EXTRA_PRELOAD]] *= share
+        if (share < 1.0).any():
+            self._sag()
         self._rest_height = self.poses[:, :3] @ self._gravity
 
     def __len__(self) -> int:
@@ -118,6 +127,11 @@ class Forest:
         return self._state.velocities
 
     @property
+    def has_sagged(self) -> bool:
+        """Say whether weight bends anything before the first step."""
+        return bool(self._rest_bend.any())
+
+    @property
     def bends(self) -> np.ndarray:
         return self._state.bend
 
@@ -129,6 +143,7 @@ class Forest:
         """Put everything back to rest and whole, bit for bit as it was first built."""
         for column in self._state:
             column[:] = 0.0
+        self._state.bend[:] = self._rest_bend
         self._model.joint[:] = self._joints
         self._model.body[:, LEAF_FLOW] = self._foliage
         self.parents = self._rooted.copy()
@@ -381,6 +396,21 @@ class Forest:
         held = self._model.joint[moving] != state.Joint.FREE
         return float((0.5 * kinetic - body[:, MASS] * height).sum()
                      + (0.5 * elastic - preload)[held].sum())
+
+    def _sag(self) -> None:
+        """Bend what was drawn unloaded to where springs and weight are in balance."""
+        share, before = 1.0, np.inf
+        for _ in range(_SAGS):
+            left = passes.sag(self._plan, self._model, self._state, self._scratch, self._gravity,
+                              _TIME_STEP, share)
+            if left > before:  # weight outdoes the springs: go in shorter steps
+                share = max(0.5 * share, _SHORTEST)
+            before = left
+            pose.place_all(self._plan, self._model, self._state)
+            if left < _SAGGED:
+                break
+        self._rest_bend[:] = self._state.bend
+        self.reset()
 
     def _breathe(self, dt: float, wind: np.ndarray | None) -> None:
         """Take over the time step and the air of the step that begins."""

@@ -93,7 +93,7 @@ def arrange(blueprint: Blueprint, air_density: float) -> Rows:
     length = blueprint.visual_size[part, 2]
     body = np.column_stack([
         blueprint.mass[part], inertia[:, 0], inertia[:, 2], inner[:, 2], length,
-        0.5 * air_density * CYLINDER_DRAG * width * length,
+        0.5 * air_density * CYLINDER_DRAG * blueprint.visual_size[part, :2].mean(axis=1) * length,
         0.5 * air_density * FOLIAGE_DRAG * blueprint.leaf_area[part]])
     swing, extra = _springs(blueprint.hinges, order)
     return Rows(part, bond, order, parent, end, _axes(parent, width, frame), mount, body, swing,

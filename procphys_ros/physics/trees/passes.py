@@ -303,6 +303,24 @@ def give(k, d, x, y, z, axis, f, p):
 
 
 @kernel
+def sag(plan, model, state, scratch, gravity, dt, share):
+    """
+    Bend every joint by a share of what would balance the loads that it carries now.
+
+    :returns: the largest rest of a load over its spring [rad].
+    """
+    still, worst = np.zeros((len(state.poses), 3)), 0.0
+    for t in range(len(plan.start) - 1):
+        rows = plan.row[plan.start[t]:plan.start[t + 1]]
+        above = plan.above[plan.start[t]:plan.start[t + 1]]
+        factor(rows, above, model, state, scratch, state.middle, still, gravity, dt, dt, 0.0,
+               False)
+        for k in range(len(rows)):
+            worst = max(worst, joints.give_way(rows[k], k, share, model, state, scratch))
+    return worst
+
+
+@kernel
 def balance(plan, model, state, scratch, gravity, dt):
     """Preload every joint with what the weight of the rest pose asks of it."""
     still = np.zeros((len(state.poses), 3))
