@@ -195,16 +195,40 @@ def test_drag_of_the_unbent_tree_is_that_of_forestgales(name, seed):
         assert _drag(tree, speed) == pytest.approx(expected, rel=0.3)
 
 
-@pytest.mark.parametrize('seed', _SEEDS)
-def test_pine_sways_like_conifers_of_its_size(seed):
+def test_pines_sway_like_those_of_their_size():
     """
-    Hold the first frequency within 40 % of 0.0766 + 3.1219 DBH/H2 [cm/m2].
+    Stay on or below 0.0766 + 3.1219 DBH/H2 [cm/m2] for heights of 6 m to 30 m, with that slope.
 
-    Linear in that ratio as Moore & Maguire 2004 found; coefficients are quoted at second hand.
+    Linear in that ratio as Moore & Maguire 2004 found of conifers, of which pines are the slowest.
     """
-    tree = _build('pine', seed)
-    expected = 0.0766 + 3.1219 * 100.0 * tree.bond_extent[0, 0] / _height(tree) ** 2
-    assert _sway_frequency(tree) == pytest.approx(expected, rel=0.4)
+    ratio, found = [], []
+    for height in (6.0, 12.0, 16.5, 30.0):
+        tree = _build('pine', 0, height=height)
+        breast = np.interp(1.3, tree.bond_frame[:3, 2], tree.bond_extent[:3, 0])
+        ratio.append(100.0 * breast / _height(tree) ** 2)
+        found.append(_sway_frequency(tree))
+    line = 0.0766 + 3.1219 * np.array(ratio)
+    assert (np.array(found) < 1.02 * line).all() and (np.array(found) > 0.75 * line).all()
+    assert np.polyfit(ratio, found, 1)[0] == pytest.approx(3.1, abs=0.3)
+
+
+def test_a_birch_sways_like_those_in_the_field():
+    """Hold a birch of 16 m to 0.19 Hz to 0.26 Hz (UK field trees of Jackson et al. 2019)."""
+    assert 0.19 < _sway_frequency(_build('birch', 0, height=16.0)) < 0.26
+
+
+@pytest.mark.parametrize('seed', _SEEDS)
+def test_an_oak_sways_within_the_models_of_its_size(seed):
+    """
+    Keep an oak of 16 m below its size's mean of scanned trees, above the slowest in the field.
+
+    Finite element models of 1082 scanned broadleaved trees gave -0.039 + 3.12 DBH/H2 [cm/m2];
+    trees pulled in UK forests, which are more slender, swayed at 0.17 Hz to 0.26 Hz (Jackson et
+    al. 2019).
+    """
+    tree = _build('oak', seed, height=16.0)
+    mean = -0.039 + 3.12 * 100.0 * tree.bond_extent[0, 0] / _height(tree) ** 2
+    assert 0.17 < _sway_frequency(tree) < mean
 
 
 @_TREES
@@ -220,20 +244,25 @@ def test_stand_is_whole_after_a_gale(name, layout, way):
 
 @_TREES
 def test_trees_break_in_a_hurricane(name):
-    """Hold a rising wind to 32 m/s and lose wood on most trees at 50 (Virot 2016: about 42)."""
+    """
+    Hold a rising wind to 32 m/s and lose most trees' wood or roots at 50 (Virot 2016: about 42).
+
+    Birches are the weakest: in a forest they are lost at hourly means of 15 m/s and their gusts.
+    """
+    held = 27.0 if name == 'birch' else 32.0
     stand = _stand(name, 'scatter', turbulence_intensity=0.0, profile='uniform')
     speeds = np.arange(20.0, 50.0, 0.1)
     for speed in speeds:
         stand.set_wind((speed, 0.0, 0.0))
         stand.step(4)
-        if speed < 32.0:
+        if speed < held:
             assert _trees_broken(stand) == 0
     assert _trees_broken(stand) > 4
 
 
 @_TREES
 def test_trees_bend_in_a_breeze_but_not_like_rubber(name):
-    """Bend by centimetres per metre of height at 12 m/s, the top by a tenth of it at most."""
+    """Bend by centimetres per metre of height at 12 m/s, the top by a sixth of it at most."""
     tree = _build(name)
     forest, away = Forest(tree), []
     rest, top = forest.poses[:, :3].copy(), forest.poses[:, 2].argmax()
@@ -243,7 +272,7 @@ def test_trees_bend_in_a_breeze_but_not_like_rubber(name):
         away.append(np.linalg.norm(forest.poses[:, :3] - rest, axis=1))
     bent = np.mean(away[600:], axis=0)
     assert bent.max() > 0.02 * _height(tree)
-    assert bent[top] < 0.1 * _height(tree)
+    assert bent[top] < _height(tree) / 6.0
 
 
 def test_oak_forks_keep_the_area_of_wood():

@@ -27,10 +27,10 @@ LEAF_DRAG = 0.4  # [-], per one-sided area, of a leaf that no other shelters; se
 # others. Calibrated on ForestGALES (R package fgr): the force on a whole tree, its wood included,
 # is ½·ρ·C·v^-N·A·u² with v = u within 10 to 20 or 25 m/s and A = crown depth · breadth / 2. C and
 # N are 2.6575 and 0.846 for oak, 1.9627 and 0.881 for birch, 3.07 and 0.75 for Scots pine: 1362,
-# 493 and 1185 N at 10 m/s for the shipped trees. Less 293, 144 and 335 N on their wood, over 346,
-# 104 and 185 m² of leaves, 0.050, 0.055 and 0.075 remain; with one value whole trees come
+# 493 and 1185 N at 10 m/s for the shipped trees. Less 250, 130 and 296 N on their wood, over 345,
+# 105 and 180 m² of leaves, 0.051, 0.057 and 0.084 remain; with one value whole trees come
 # within 30 %.
-FOLIAGE_DRAG = 0.055  # [-]
+FOLIAGE_DRAG = 0.06  # [-]
 # Foliage folds: from 10 to 25 m/s its drag grows with the speed, not with its square (Vollsinger
 # et al. 2005, Can. J. For. Res. 35:1238), beyond that ForestGALES holds the coefficient constant.
 # Below 10 m/s leaves have hardly moved. The wood does not fold: whole trees come out at u^1.3 to
