@@ -25,7 +25,8 @@ from procphys_ros import skeleton
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.trees import Cause, Forest
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause as EventCause, Simulation
+from procphys_ros.simulation import Cause as EventCause
+from procphys_ros.simulation import Simulation
 
 _HEIGHT, _WIDTH, _DENSITY, _MODULUS = 10.0, 0.3, 900.0, 8e9  # SI
 _BRANCH = 'axiom: Width(0.04) &(90) Density(800) Modulus(8e9) {shape} {segments}\n'
@@ -93,7 +94,7 @@ def test_a_branch_drawn_unloaded_sags_as_beam_theory():
 
 
 def test_a_whip_that_is_drawn_level_hangs():
-    """Let a branch sag that its weight outdoes: it hangs down, at rest, with its joints balanced."""
+    """Let a branch sag that its weight outdoes: it hangs down, at rest, in balance."""
     text = _BRANCH.format(shape='Width(0.004) SwingLimit(90) Preload(0)', segments='F(0.1) ' * 20)
     forest = Forest(LSystem.parse(text).build())
     rest = forest.poses.copy()
