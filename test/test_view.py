@@ -39,6 +39,7 @@ from procphys_ros.view.commands import (
     StartGust,
     Step,
 )
+from procphys_ros.view.cracks import seams
 from procphys_ros.view.page import Page
 from procphys_ros.view.player import Player
 from procphys_ros.view.source import Status
@@ -354,6 +355,44 @@ def test_a_dead_source_is_shown_as_such(page, source, client):
     source.state = Status(False, '/sim does not answer')
     page.update(1.0)
     client.wait_for(lambda m: '/sim does not answer' in str(m))
+
+
+def test_a_crack_fills_the_joint_between_two_bricks(frame):
+    """Draw a seam as wide as the mortar across the face that two bricks share, and no other."""
+    bricks = np.flatnonzero(frame.content.shape == Shape.BOX)
+    first = bricks[0]
+    above = bricks[frame.poses[bricks, 2] > frame.poses[first, 2] + 0.01]
+    second = above[np.abs(frame.poses[above, :3] - frame.poses[first, :3]).sum(axis=1).argmin()]
+    far = bricks[-1]
+    pairs = np.array([(first, second), (first, far), (-1, first), (0, 1)])
+    poses, size = seams(replace(frame, broken=pairs))
+    assert len(poses) == 1  # the far one is far, the ground no brick, a branch no brick
+    one, other = frame.poses[[first, second], :3]
+    heights = 0.5 * frame.content.size[[first, second], 2]
+    gap = other[2] - one[2] - heights.sum()
+    np.testing.assert_allclose(poses[0, 2], one[2] + heights[0] + 0.5 * gap, atol=1e-9)
+    np.testing.assert_allclose(size[0, 2], gap, atol=0.004)
+    shared = 0.5 * frame.content.size[[first, second], 0].sum() - abs(other[0] - one[0])
+    np.testing.assert_allclose(size[0, 0], shared, atol=0.007)
+    np.testing.assert_allclose(size[0, 1], frame.content.size[first, 1], atol=0.007)
+
+
+def test_a_player_remembers_what_broke(simulation):
+    """Give the pairs of parts of all broken bonds, and forget them after a reset."""
+    player = Player(simulation)
+    wall = np.flatnonzero(player.frame().content.shape == Shape.BOX)
+    place = player.frame().poses[wall[-1], :3]
+    player.say(Projectile(size=0.3, mass=20.0, position=tuple(place - [0.0, 0.6, 0.0]),
+                          velocity=(0.0, 30.0, 0.0)))
+    for now in np.arange(0.0, 1.0, 0.06):
+        player.turn(now)
+    broken = player.frame().broken
+    assert 0 < len(broken) == simulation.bonds_broken
+    assert np.isin(broken[broken != -1], wall).all()
+    player.say(Reset())
+    player.say(SetPause(True))
+    player.turn(1.1)
+    assert len(player.frame().broken) == 0
 
 
 def test_dust_is_sent_while_there_is_some(page, source, client, frame):

@@ -35,7 +35,7 @@ from std_msgs.msg import String
 from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves, Shape
 from procphys_ros.messages.leaves import LEAF, leaves_of
-from procphys_ros.messages.points import DUST
+from procphys_ros.messages.points import BREAK, DUST
 from procphys_ros.messages.poses import read_pose_array
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.ros import qos
@@ -65,6 +65,8 @@ class FollowedNode:
                                        self._describe, qos.latched())
         self._node.create_subscription(PointCloud2, f'{self.name}/leaves', self._take_leaves,
                                        qos.latched())
+        self._node.create_subscription(PointCloud2, f'{self.name}/broken_bonds',
+                                       self._take_breaks, qos.latched())
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._diagnose,
                                        qos.arrays())
         self._commands = PageCommands(self.name)
@@ -138,6 +140,10 @@ class FollowedNode:
     def _take_leaves(self, message: PointCloud2) -> None:
         self._state.take_leaves(leaves_of(np.frombuffer(bytes(message.data), LEAF)))
 
+    def _take_breaks(self, message: PointCloud2) -> None:
+        rows = np.frombuffer(bytes(message.data), BREAK)
+        self._state.take_breaks(np.stack([rows['part_a'], rows['part_b']], axis=-1))
+
     def _take_dust(self, message: PointCloud2) -> None:
         rows = np.frombuffer(bytes(message.data), DUST)
         self._state.take_dust(Puffs(np.stack([rows['x'], rows['y'], rows['z']], axis=-1),
@@ -166,6 +172,7 @@ class _SceneState:
         self._scene = 0
         self._poses = self._leaf_poses = np.zeros((0, 7))
         self._dust = Puffs.none()
+        self._broken = np.zeros((0, 2), int)
         self._newest: Frame | None = None
         self._is_stale = False
 
@@ -206,6 +213,10 @@ class _SceneState:
         """Take dust up."""
         self._dust, self._is_stale = puffs, True
 
+    def take_breaks(self, pairs: np.ndarray) -> None:
+        """Take up the parts of all bonds that have broken, (K, 2)."""
+        self._broken, self._is_stale = pairs, True
+
     def _begin(self, content: Content) -> None:
         self._scene += 1
         leaves = self._leaves
@@ -218,7 +229,7 @@ class _SceneState:
         leaf_poses = self._leaf_poses
         if len(leaf_poses) != len(content.leaves):
             leaf_poses = rotation.compose(poses[content.leaves.part], content.leaves.pose)
-        return Frame(content, poses, leaf_poses, self._dust)
+        return Frame(content, poses, leaf_poses, self._dust, self._broken)
 
 
 def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.palette import rgba
-from procphys_ros.physics.dust import Puffs
+from procphys_ros.view.source import Frame
 
 _MOST = 1500  # puffs drawn at once; of more, evenly chosen ones
 _FAINTEST = 0.01  # opacity that nobody sees
@@ -39,8 +39,9 @@ class DustCloud:
         self._handle: Any = None
         self._drawn = np.zeros((0, 3))
 
-    def update(self, puffs: Puffs) -> None:
+    def update(self, frame: Frame) -> None:
         """Draw the puffs that there are now."""
+        puffs = frame.dust
         seen = np.flatnonzero(puffs.opacity > _FAINTEST)
         seen = seen[::-(-len(seen) // _MOST) or 1]
         place = puffs.positions[seen]

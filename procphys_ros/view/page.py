@@ -31,6 +31,7 @@ from procphys_ros.view.batches import Batches
 from procphys_ros.view.clicks import command_of, describe
 from procphys_ros.view.commands import Inspect
 from procphys_ros.view.controls import Controls
+from procphys_ros.view.cracks import Cracks
 from procphys_ros.view.dust import DustCloud
 from procphys_ros.view.library import load_viser, ViewError
 from procphys_ros.view.picking import GROUND, pick
@@ -65,8 +66,7 @@ class Page:
         self.controls = Controls(self.server.gui, source.say, scenes or {})
         self.server.scene.on_click()(self._clicked)
         self._frame: Frame | None = None
-        self._batches: Batches | None = None
-        self._dust: DustCloud | None = None
+        self._drawn: tuple[Batches, DustCloud, Cracks] | None = None
         self.unit = 1.0
         self._status_due = 0.0
         self._ended = Event()
@@ -104,9 +104,9 @@ class Page:
         if not self._continues(frame):
             self._begin(frame)
         self._frame = frame
-        assert self._batches is not None and self._dust is not None
-        self._batches.update(frame)
-        self._dust.update(frame.dust)
+        assert self._drawn is not None
+        for drawn in self._drawn:
+            drawn.update(frame)
 
     def close(self) -> None:
         """Stop serving."""
@@ -145,13 +145,13 @@ class Page:
         return self._frame is not None and frame.content.scene == self._frame.content.scene
 
     def _begin(self, frame: Frame) -> None:
-        for drawn in (self._batches, self._dust):
-            if drawn is not None:
-                drawn.close()
+        for drawn in self._drawn or ():
+            drawn.close()
         self.unit = surroundings.unit_of(frame)
         surroundings.arrange(self.server, frame, self.unit)
-        self._batches = Batches(self.server.scene, self.unit)
-        self._dust = DustCloud(self.server.scene, self.unit)
+        scene = self.server.scene
+        self._drawn = (Batches(scene, self.unit), DustCloud(scene, self.unit),
+                       Cracks(scene, self.unit))
 
 
 def _serve(host: str, port: int) -> Any:

@@ -41,6 +41,7 @@ from procphys_ros.view.source import Content, Frame, Status
 _TURN = 0.01        # [s] between looks at the clock
 _LONGEST = 0.05     # [s] of steps before commands and frames get a turn
 _MOST_BEHIND = 0.1  # [s] of wall time that is caught up; what is later is lost, not piled up
+_NONE_BROKEN = np.zeros((0, 2), int)
 FRAME_PERIOD = 0.05  # [s] between frames
 
 
@@ -60,6 +61,7 @@ class Player:
         self._ended = Event()
         self._paused, self._factor, self._scene = False, 1.0, 0
         self._answer, self._activity = '', ''
+        self._known_breaks, self._broken = 0, _NONE_BROKEN
         self._content = self._describe()
         self._frame = self._take_frame()
         self._last_frame, self._last_turn = -np.inf, np.nan
@@ -187,6 +189,7 @@ class Player:
             self.simulation.close()
             self.simulation = simulation
             self._scene += 1
+            self._known_breaks, self._broken = 0, _NONE_BROKEN
             self._content = self._describe()
         finally:
             self._activity = ''
@@ -202,4 +205,16 @@ class Player:
         if len(simulation.blueprint) != len(self._content):
             self._content = self._describe()
         return Frame(self._content, simulation.poses.copy(), simulation.leaf_poses().copy(),
-                     simulation.dust)
+                     simulation.dust, self._broken_bonds())
+
+    def _broken_bonds(self) -> np.ndarray:
+        log = self.simulation.log
+        if log.total < self._known_breaks:  # time has jumped back
+            self._known_breaks, self._broken = 0, _NONE_BROKEN
+        new = min(log.total - self._known_breaks, len(log.rows))
+        self._known_breaks = log.total
+        if new:
+            rows = log.rows[-new:]
+            pairs = np.stack([rows['part_a'], rows['part_b']], axis=-1)
+            self._broken = np.concatenate([self._broken, pairs])
+        return self._broken

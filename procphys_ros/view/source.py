@@ -84,12 +84,14 @@ class Frame:
     :ivar poses: of its parts, world, (N, 7); NaN = the part is gone.
     :ivar leaf_poses: petioles of its leaves, world, (L, 7).
     :ivar dust: puffs in the air.
+    :ivar broken: parts of the bonds that have broken, in pairs, oldest first, (K, 2); -1 = ground.
     """
 
     content: Content
     poses: np.ndarray
     leaf_poses: np.ndarray
     dust: Puffs = field(default_factory=Puffs.none)
+    broken: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), int))
 
 
 @dataclass(frozen=True)
