@@ -31,6 +31,7 @@ _HAZE = 0.35          # distance at which the ground begins to fade, over that w
 _LIT = (3.2, 1.6)     # intensity of sun and sky, by eye beside `render`
 _WINDOW = (16, 10)    # width and height of a usual browser window
 _ROOM = 1.3           # by so much further away, because a panel covers a part
+_LIFT = 0.004         # [m] of the grid above the ground
 _ROWS = 64            # of the picture of the sky
 
 
@@ -55,12 +56,16 @@ def arrange(server: Any, frame: Frame, unit: float) -> None:
     """
     points = _points(frame)
     middle, span = points.mean(axis=0), _SPAN * _radius(frame) * unit
-    ground = _bytes(rgba('ground')[:3])
-    line = _bytes(0.9 * np.array(rgba('ground')[:3]))
+    ground, line = (_bytes(tone * np.array(rgba('ground')[:3])) for tone in (1.0, 0.85))
+    place = float(middle[0]) * unit, float(middle[1]) * unit
+    # A mesh, because a grid is drawn with what is translucent, and would be hidden by dust.
+    corners = 0.5 * span * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    server.scene.add_mesh_simple('/ground', corners, np.array([[0, 1, 2], [0, 2, 3]]),
+                                 color=ground, position=(*place, 0.0), cast_shadow=False)
     server.scene.add_grid(
-        '/ground', span, span, position=(float(middle[0]) * unit, float(middle[1]) * unit, 0.0),
-        cell_size=unit, section_size=10.0 * unit, cell_color=line, section_color=line,
-        plane_color=ground, plane_opacity=1.0, shadow_opacity=0.45, fade_distance=span)
+        '/grid', span, span, position=(*place, _LIFT * unit), cell_size=unit,
+        section_size=10.0 * unit, cell_color=line, section_color=line, shadow_opacity=0.0,
+        fade_distance=span)
     server.scene.configure_fog(0.5 * _HAZE * span, 0.5 * span, color=_bytes(SKY_BOTTOM))
     eye, target = _view(frame)
     for view in (server.initial_camera, *(c.camera for c in server.get_clients().values())):
