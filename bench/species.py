@@ -16,12 +16,15 @@
 Measure how the shipped trees sway and break, one row per species for docs/trees.md.
 
 Frequency and damping: of a tree that 6 m/s have bent, in still air afterwards. Tip at 12 m/s: the
-mean distance of the topmost segment from its place at rest. Break speeds: a steady wind that rises
-by 0.5 m/s each second on 16 trees, when the first of them and when half of them have lost wood.
-Run: python bench/species.py
+mean distance of the topmost segment from its place at rest. Winds: a steady wind that rises by
+0.5 m/s each second on 16 trees, when the first of them and when half of them have lost wood or
+hold, and how many of those lost were uprooted.
+Run: python bench/species.py [species …]
 """
 
+from dataclasses import replace
 from pathlib import Path
+import sys
 
 import numpy as np
 
@@ -29,10 +32,14 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.trees import Forest
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import Cause, Simulation
+from procphys_ros.skeleton import LEAF_AREAL_DENSITY
 
 _GRAMMARS = Path(__file__).resolve().parents[1] / 'grammars'
-_SPECIES = ('oak', 'pine', 'birch', 'willow', 'palm', 'shrub')
+_SPECIES = ('oak', 'pine', 'birch', 'willow', 'palm', 'shrub', 'spruce', 'hedge')
+# Frequencies that were published for trees of that size; docs/trees.md has the sources.
+_PUBLISHED = {'oak': '0.17 to 0.62', 'pine': 'up to 0.37', 'birch': '0.25 to 0.35',
+              'spruce': '0.45 and more'}
 _STEP = 1.0 / 60.0  # [s]
 _COUNT = 16  # trees that the wind rises on
 _FASTEST, _RISE = 60.0, 0.5  # [m/s], [m/s²]
@@ -80,8 +87,18 @@ def lean(tree: Blueprint, speed: float) -> float:
     return float(np.mean(away[len(away) // 2:]))
 
 
-def break_speeds(name: str) -> np.ndarray:
-    """Give the speed of a slowly rising wind at which each of many trees loses wood [m/s]."""
+def bare(tree: Blueprint) -> Blueprint:
+    """Take all leaves off a tree."""
+    return replace(tree, mass=tree.mass - LEAF_AREAL_DENSITY * tree.leaf_area,
+                   leaf_area=np.zeros(len(tree)))
+
+
+def break_speeds(name: str) -> tuple[np.ndarray, int]:
+    """
+    Let a wind rise slowly on many trees.
+
+    :returns: speeds at which each loses wood or hold [m/s], ascending; how many are uprooted.
+    """
     scene = Scene.from_parameters({
         'scene': {'objects': [name]}, 'wind': {'turbulence_intensity': 0.0, 'profile': 'uniform'},
         name: {'grammar': f'{name}.lsys', 'count': _COUNT, 'layout': 'scatter', 'spacing': 14.0}})
@@ -90,25 +107,34 @@ def break_speeds(name: str) -> np.ndarray:
     for speed in np.arange(10.0, _FASTEST, 0.1 * _RISE):
         simulation.set_wind((speed, 0.0, 0.0))
         simulation.step(round(0.1 / simulation.time_step))
+    uprooted = np.count_nonzero(simulation.events['cause'] == Cause.UPROOTING)
     broken = np.full(_COUNT, np.inf)
     tree = owner[simulation.blueprint.bonds[simulation.events['bond'], 1]]
     np.minimum.at(broken, tree, 10.0 + _RISE * simulation.events['time'])
-    return np.sort(broken)
+    return np.sort(broken), uprooted
+
+
+def _shown(speed: float) -> str:
+    return f'{speed:.0f}' if np.isfinite(speed) else f'over {_FASTEST:.0f}'
 
 
 def main() -> None:
     """Print the table."""
-    print('| species | height [m] | trunk [cm] | leaves [m²] | frequency [Hz] | damping | '
-          'tip at 12 m/s [m] | first breaks at [m/s] | half broken at [m/s] |')
-    print('|---|---|---|---|---|---|---|---|---|')
-    for name in _SPECIES:
+    print('| species | height [m] | trunk [cm] | mass [kg] | leaves [m²] | frequency [Hz] | '
+          'published [Hz] | damping | leafless [Hz] | damping | tip at 12 m/s [m] | '
+          'first lost at [m/s] | half lost at [m/s] | uprooted |')
+    print('|' + 14 * '---|')
+    for name in sys.argv[1:] or _SPECIES:
         tree = LSystem.load(_GRAMMARS / f'{name}.lsys').build(seed=0)
         height = (2.0 * tree.poses - tree.bond_frame)[:, 2].max()
         rate, damping = sway(tree)
-        speeds = break_speeds(name)
+        bare_rate, bare_damping = sway(bare(tree))
+        speeds, uprooted = break_speeds(name)
         print(f'| {name} | {height:.1f} | {100.0 * tree.bond_extent[0, 0]:.0f} | '
-              f'{tree.leaf_area.sum():.0f} | {rate:.2f} | {damping:.3f} | '
-              f'{lean(tree, 12.0):.2f} | {speeds[0]:.0f} | {speeds[_COUNT // 2 - 1]:.0f} |')
+              f'{tree.mass.sum():.0f} | {tree.leaf_area.sum():.0f} | {rate:.2f} | '
+              f'{_PUBLISHED.get(name, "–")} | {damping:.3f} | {bare_rate:.2f} | '
+              f'{bare_damping:.3f} | {lean(tree, 12.0):.2f} | {_shown(speeds[0])} | '
+              f'{_shown(speeds[_COUNT // 2 - 1])} | {uprooted} of {_COUNT} |', flush=True)
 
 
 if __name__ == '__main__':
