@@ -223,3 +223,37 @@ def test_bricks_that_join_after_others_were_removed_are_where_they_belong(engine
         world.step(DT)
         assert (world.poses(second)[:, 2] > 0.5 * BRICK[2]).all()
         np.testing.assert_array_equal(world.poses(first[1::2]), row(0.0)[1::2])
+
+
+def test_new_bodies_answer_to_contacts_as_old_ones_do(engine):
+    """Drop a beam on its end: created above an edge, or elsewhere, moved and stopped first."""
+    spins = []
+    for start in (0.0, 50.0):
+        with World(engine=engine) as world:
+            world.add_bricks(at(0, 0, 0.0325)[None], BRICK[None], np.array([BRICK_MASS]))
+            beam = world.add_body(Shape.BOX, [2.0, 0.2, 0.2], 60.0, at(start + 0.9, 0, 0.165))
+            if start:
+                world.step(DT)
+            world.set_poses(beam, at(0.9, 0, 0.165))
+            world.set_velocities(beam, np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0]))
+            world.step(DT)
+            spins.append(world.velocities([beam])[0])
+    assert abs(spins[1][4]) > 0.5
+    np.testing.assert_allclose(spins[0], spins[1], atol=0.02)
+
+
+def test_the_spin_of_what_is_thrown_makes_no_energy(engine):
+    """Throw a crooked piece that turns at 200 rad/s: its energy of rotation never grows."""
+    inertia = np.array([2e-5, 4e-5, 5.5e-5])
+    with World((0.0, 0.0, 0.0), engine=engine) as world:
+        body = world.add_fragment(
+            np.full(2, Shape.BOX), np.array([[0.04, 0.02, 0.02], [0.01, 0.05, 0.01]]),
+            np.array([at(0, 0, 0), at(0.02, 0.02, 0.005)]), 0.1, inertia, at(0, 0, 9),
+            np.array([0.0, 0.0, 0.0, 90.0, 145.0, 130.0]), damped=False)
+        energy = []
+        for _ in range(60):
+            pose, spin = world.poses([body])[0], world.velocities([body])[0, 3:]
+            inner = rotation.rotate(rotation.conjugate(pose[3:]), spin)
+            energy.append(0.5 * (inertia * inner ** 2).sum())
+            world.step(DT)
+    assert max(energy) <= 1.001 * energy[0]

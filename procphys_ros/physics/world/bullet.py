@@ -144,16 +144,18 @@ class BulletEngine:
 
     def _create_plain(self, table: BodyTable, ids: np.ndarray) -> list[int]:
         """
-        Create bodies of one shape and attitude, at once: 5 times faster than one by one.
+        Create bodies of one shape, mass and attitude, at once: 5 times faster than one by one.
 
         PyBullet takes the numbers of bodies made at once for consecutive, and they are not where
-        it gives numbers of removed bodies again.
+        it gives numbers of removed bodies again. Bullet keeps the inverse inertia along world axes
+        with which a body was created until the end of the next step, whatever mass it is given in
+        between.
         """
         piece = table.pieces(int(ids[0]))
         shape, turn = self._shape(int(piece.shapes[0]), piece.sizes[0]), table.poses[ids[0], 3:]
         places = table.poses[ids, :3].tolist()
-        create = partial(pybullet.createMultiBody, 1.0, shape, self._visual,
-                         baseOrientation=turn.tolist(), useMaximalCoordinates=1, flags=_SLEEPING,
+        create = partial(pybullet.createMultiBody, float(table.mass[ids[0]]), shape,
+                         self._visual, baseOrientation=turn.tolist(), useMaximalCoordinates=1, flags=_SLEEPING,
                          physicsClientId=self._client)
         if self._has_removed:
             return [create(basePosition=place) for place in places]
@@ -198,7 +200,7 @@ class BulletEngine:
             os.unlink(path)
 
     def _set_up(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Give bodies that were created with 1 kg their masses, surfaces and velocities."""
+        """Give bodies their inertia, surfaces and velocities."""
         handles, states = self._handles[ids].tolist(), table.state[ids]
         for body, handle, state in zip(ids.tolist(), handles, states.tolist()):
             if state >= BodyState.AWAKE:
@@ -312,7 +314,7 @@ class BulletEngine:
 
 
 def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:
-    """Group plain bodies of one shape, size and attitude; others are alone, and come first."""
+    """Group plain bodies alike in shape, size, mass and attitude; others are alone, and first."""
     plain = table.least[ids] > 0.0
     alone, ids = [np.array([body]) for body in ids[~plain].tolist()], ids[plain]
     if not len(ids):
@@ -320,6 +322,7 @@ def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:
     piece = table.first_piece[ids]
     keys = np.column_stack([table.piece_size[piece], table.poses[ids, 3:],
                             table.piece_shape[piece]]).round(_ROUND)
+    keys = np.column_stack([keys, table.mass[ids]])
     kind = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
     order = np.argsort(kind, kind='stable')
     return [*alone, *np.split(ids[order], np.flatnonzero(np.diff(kind[order])) + 1)]

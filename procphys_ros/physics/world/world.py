@@ -31,6 +31,7 @@ from procphys_ros.physics.world.ground import (
 )
 from procphys_ros.physics.world.merging import TOOTHING
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
+from procphys_ros.physics.world.spin import limit_spin
 from procphys_ros.physics.world.waking import about_to_be_hit, sweep_fast
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
@@ -310,12 +311,14 @@ class World:
         sweep_fast(self._engine, bodies, self.awake, time_step)
         self._places = bodies.poses[:, :3].copy()
         kinematic.set_out(self._engine, bodies, self._gravity, time_step)
+        awake = self.awake
+        poses, spin = bodies.poses[awake], bodies.velocities[awake, 3:]
         if (bodies.state >= BodyState.AWAKE).any():  # what stands costs even while it sleeps
             self._engine.step(time_step)
         kinematic.arrive(self._engine, bodies)
-        awake = self.awake
         if len(awake):
             bodies.poses[awake], bodies.velocities[awake] = self._engine.read(awake)
+            self.set_velocities(*limit_spin(bodies, awake, poses, spin, time_step))
         self._lifts = self._correct(lift_fallen(
             bodies, awake, self._places[awake, 2], self._gravity, time_step))
         self._point_contacts = self._correct(touch_with_points(
