@@ -170,3 +170,19 @@ def test_work_grows_linearly(monkeypatch):
         parts = len(WallGrammar.parse(text).build(width=width))
         per_brick.append(sum(work) / parts)
     assert per_brick[2] < 1.05 * per_brick[1] < 1.1 * per_brick[0]
+
+
+def test_panels_meet_without_a_gap_that_is_too_thin_for_bricks():
+    """Divide a wall a joint and a little below a course line: what is above still stands on it."""
+    text = """building b(level = 0.666)
+  footprint: (0, 0) (2.8, 0)
+  facades: front
+  storey_height: 1.33
+rule front -> split(y) { level: wall | ~1: other }
+material stone { density: 2000 tension: 1e5 cohesion: 2e5 compression: 1e7 }
+layout laid { bond: running unit: 0.2805 0.181 0.2153 joint: 0.0166 material: stone }
+panel wall: laid
+panel other: laid
+"""
+    for level in np.arange(0.64, 0.72, 0.005):
+        assert len(WallGrammar.parse(text).build(level=float(level))) > 40

@@ -176,7 +176,7 @@ class _Construction:
         site.frames += [np.array([0.0, 0.0, 0.0, *rotation.from_yaw(yaw)])
                         for yaw in self.plan.yaws]
         elevations = [walls.Elevation(
-            facade, self._fit(walls.gauge_pieces(pieces, self.layout.gauge), facade.length),
+            facade, self._fit(walls.gauge_pieces(pieces, self.layout), facade.length),
             grammar.spec.panels, grammar.layouts, self.layout)
             for facade, pieces in zip(self.plan.facades, self.pieces)]
         interior = Interior(site, self.plan, elevations, grammar.spec.building, self.storeys,

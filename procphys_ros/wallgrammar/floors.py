@@ -158,7 +158,7 @@ def slab_floor(site: Site, plan: Footprint, level: int, depth: int,
     :raises GrammarError: when a window or beam stands where the slab passes.
     """
     layout = walls[0].layout
-    bottom = int(snap_level(level - depth, layout.gauge))
+    bottom = int(snap_level(level - depth, layout))
     for wall in walls:
         found = wall.obstacle(0, bottom, wall.facade.length, level)
         if found:

@@ -73,7 +73,7 @@ class Interior:
         else:
             only_top = False
         layout = self.walls[0].layout
-        levels = [int(snap_level(micro(s * self.storey_height), layout.gauge))
+        levels = [int(snap_level(micro(s * self.storey_height), layout))
                   for s in range(self.storeys + 1)]
         rooms, inner = self._rooms(partitions, least, levels)
         for level in levels[-1:] if only_top else levels[1:]:

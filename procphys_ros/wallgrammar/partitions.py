@@ -106,7 +106,7 @@ def elevations(walls: Sequence[tuple[Rectangle, int]], layout: Layout, levels: S
 
 def _door(length: int, floor: int, ceiling: int, layout: Layout, place: Place) -> list[Piece]:
     left = round(_DOOR_PLACE * length) - _DOOR[0] // 2
-    head = int(snap_level(floor + _DOOR[1], layout.gauge))
+    head = int(snap_level(floor + _DOOR[1], layout))
     over = head + -(-_LINTEL // layout.gauge) * layout.gauge
     if left < _PIER or left + _DOOR[0] + _PIER > length or over + layout.gauge > ceiling:
         return []

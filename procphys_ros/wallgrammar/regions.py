@@ -21,23 +21,26 @@ import numpy as np
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.contacts import spread
 from procphys_ros.wallgrammar.footprint import Corner, Facade
-from procphys_ros.wallgrammar.tiling import Runs
+from procphys_ros.wallgrammar.tiling import LEAST, Runs
 
 EMPTY = -1
 _SNAP = 25_000         # [µm] level edges this close to a bed joint move onto it, as masons gauge
 _FINEST = 20_000_000   # squares of one facade's grid
 
 
-def snap_level(height: np.ndarray | int, gauge: int) -> np.ndarray:
+def snap_level(height: np.ndarray | int, layout: Layout) -> np.ndarray:
     """
-    Move heights onto the nearest course line when it is near, so that no sliver is laid.
+    Move heights onto the nearest course line when it is near.
+
+    So no sliver is laid, and no gap is left where one would be too thin to be laid.
 
     :param height: [µm], any shape.
-    :param gauge: height of a course with its bed joint [µm].
+    :param layout: with the courses.
     """
-    height = np.asarray(height, np.int64)
+    height, gauge = np.asarray(height, np.int64), layout.gauge
     line = (height + gauge // 2) // gauge * gauge
-    return np.where(np.abs(height - line) <= min(_SNAP, gauge // 2), line, height)
+    near = min(max(_SNAP, layout.joint + LEAST), gauge // 2)
+    return np.where(np.abs(height - line) <= near, line, height)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from procphys_ros.wallgrammar.boxes import Boxes, from_cells, split_along, stack
 from procphys_ros.wallgrammar.contacts import spread
 
 _SLIVER = 0.2     # of a unit's pitch: a shorter end piece is merged with the unit beside it
-_LEAST = 15_000   # [µm] a run that leaves less than this between its joints stays empty
+LEAST = 15_000   # [µm] a run that leaves less than this between its joints stays empty
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,12 @@ def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int) ->
     :param first_member: number that members may be counted from, when units have pieces.
     """
     room = runs.right - runs.left - runs.left_joint - runs.right_joint
-    runs = runs.take(room >= _LEAST)
+    runs = runs.take(room >= LEAST)
     courses = layout.courses()
     cells = [_cut(runs.take(runs.course % len(courses) == k), course, layout)
              for k, course in enumerate(courses)]
     columns = _join_courses([np.concatenate(column) for column in zip(*cells)])
-    low = columns[6] - columns[5] - layout.joint < min(_LEAST, layout.unit[2])
+    low = columns[6] - columns[5] - layout.joint < min(LEAST, layout.unit[2])
     boxes = _units([column[~low] for column in columns], layout, kind, joint)
     order = np.lexsort((boxes.low[:, 1], boxes.low[:, 0], boxes.low[:, 2]))
     boxes = boxes.take(order)

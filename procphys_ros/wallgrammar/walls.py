@@ -37,10 +37,10 @@ _OPENING = -2
 _BEAM = -3
 
 
-def gauge_pieces(pieces: Sequence[Piece], gauge: int) -> list[Piece]:
+def gauge_pieces(pieces: Sequence[Piece], layout: Layout) -> list[Piece]:
     """Move level edges of panels onto near course lines; panels that vanish are dropped."""
-    moved = [p._replace(scope=p.scope._replace(bottom=int(snap_level(p.scope.bottom, gauge)),
-                                               top=int(snap_level(p.scope.top, gauge))))
+    moved = [p._replace(scope=p.scope._replace(bottom=int(snap_level(p.scope.bottom, layout)),
+                                               top=int(snap_level(p.scope.top, layout))))
              for p in pieces]
     return [p for p in moved if p.scope.top > p.scope.bottom]
 
