@@ -19,9 +19,17 @@ import numpy as np
 
 from procphys_ros import skeleton
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.trees import Forest
 
 LENGTH, RADIUS, DENSITY, MODULUS = 5.0, 0.05, 900.0, 8e9  # of the beam, SI
 BENDING = MODULUS * np.pi * RADIUS ** 4 / 4.0  # E·I [N·m²]
+
+
+def effective_mass(forest: Forest, row: int, point: np.ndarray, way: np.ndarray,
+                   dt: float = 1.0 / 60.0) -> float:
+    """Give the mass that a point shows along a unit vector, springs of the step included [kg]."""
+    look = forest.predict_response(np.array([row]), np.array([point], float), dt)
+    return 1.0 / float(way @ look.response[0] @ way)
 
 
 def beam(segments: int = 10, **material: float) -> Blueprint:

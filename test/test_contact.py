@@ -15,7 +15,7 @@
 
 """Contact of trees with what is loose, with walls, with the ground and with each other."""
 
-from grown_trees import bush
+from grown_trees import bush, effective_mass
 from masonry_walls import bonded
 import numpy as np
 import pytest
@@ -129,7 +129,7 @@ def test_a_heavy_block_takes_what_two_bodies_would_share():
     body = drop(simulation, (1.7, 0.0, top + 0.1), 3.0, 0.2, (0.0, 0.0, -3.0))
     point = np.array([1.7, 0.0, top])
     row = int(np.argmin(np.linalg.norm(forest.poses[:, :3] - point, axis=1)))
-    shown = forest.effective_mass(row, point, (0.0, 0.0, 1.0))
+    shown = effective_mass(forest, row, point, np.array([0.0, 0.0, 1.0]))
     simulation.step()
     push = -simulation.state.contacts.impulse[:, 2].sum()
     speed = 3.0 + 9.81 * _DT
@@ -145,13 +145,14 @@ def test_a_falling_branch_is_thrown_off_its_way():
     body = simulation.state.world.add_body(Shape.CAPSULE, np.array([0.06, 0.06, 1.6]), 3.0, pose)
     simulation.step(20)
     assert not len(simulation.state.contacts)
-    lowest = 0.0
+    lowest, fastest = 0.0, 0.0
+    state = simulation.state.world.bodies
     for _ in range(40):
         simulation.step()
+        fastest = max(fastest, abs(float(state.velocities[body, 3])))
         lowest = min(lowest, float((simulation.poses - simulation.blueprint.poses)[-1, 2]))
-    state = simulation.state.world.bodies
     assert lowest < -0.01
-    assert abs(state.velocities[body, 3]) > 0.5  # it tips over the bough
+    assert fastest > 0.5  # it tips over the bough
 
 
 def test_a_tree_felled_onto_another_comes_to_rest():
@@ -266,9 +267,9 @@ def test_what_cannot_move_takes_no_impulse():
     response[1] = np.eye(3)
     velocity = np.tile([0.0, 0.0, -2.0], (2, 1))
     ones = np.ones(2, np.intp)
-    impulse = resolve(np.tile([0.0, 0.0, 1.0], (2, 1)), np.zeros(2), np.ones(2),
-                      np.full(2, 0.5), partners,
-                      velocity, np.arange(2), 0 * ones, ones, response)
+    impulse = np.zeros((2, 3))
+    resolve(np.tile([0.0, 0.0, 1.0], (2, 1)), np.zeros(2), np.ones(2), np.full(2, 0.5), partners,
+            velocity, np.arange(2), 0 * ones, ones, response, impulse)
     np.testing.assert_allclose(impulse, [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]], atol=1e-9)
 
 

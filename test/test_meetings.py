@@ -15,7 +15,7 @@
 
 """What meets trees, one sentence after the other: blows, roofs, heaps of trees, and rest."""
 
-from grown_trees import bush
+from grown_trees import bush, effective_mass
 from masonry_walls import bonded
 import numpy as np
 import pytest
@@ -83,7 +83,7 @@ def test_whatever_hits_a_bough_is_stopped_by_the_mass_that_it_shows(kind, mass):
     body = falling(simulation, kind, mass, 5.0)
     point = np.array([1.75, 0.0, 2.0 + _RADIUS])
     row = int(np.argmin(np.linalg.norm(forest.poses[:, :3] - point, axis=1)))
-    shown = forest.effective_mass(row, point, (0.0, 0.0, 1.0))
+    shown = effective_mass(forest, row, point, np.array([0.0, 0.0, 1.0]))
     before = simulation.state.world.bodies.velocities[body, 2]
     simulation.step()
     touches = simulation.state.contacts

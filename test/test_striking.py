@@ -15,6 +15,7 @@
 
 """Striking: projectiles against walls, panes and trees; blows on bricks; wind on walls."""
 
+from grown_trees import effective_mass
 from masonry_walls import blueprint, bonded, BRICK, wall, wall_boxes
 import numpy as np
 import pytest
@@ -225,7 +226,8 @@ def test_a_tree_gets_exactly_what_the_ball_loses():
     """Pass on the impulse of two bodies, one of them as heavy as the tree is there."""
     simulation = stand(trunk(), gravity=0.0)
     forest = simulation.state.forest
-    effective = forest.effective_mass(1, (0.0, -0.06, 1.5), (0.0, 1.0, 0.0))
+    effective = effective_mass(forest, 1, np.array([0.0, -0.06, 1.5]),
+                               np.array([0.0, 1.0, 0.0]))
     throw(simulation, 3.0, 12.0, 1.5, x=0.0, start=-0.4)
     simulation.step(3)
     impact, = simulation.impacts

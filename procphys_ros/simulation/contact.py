@@ -32,6 +32,9 @@ _RECOVERY = 0.2  # share of a deeper overlap that is undone per step
 _PUSH_OUT = 0.5  # [m/s] speed at most that this gives
 _WAKE = 0.3      # [m/s] change of speed that sets a resting body free, as in the world's settling
 _SHOWN = 100.0   # masses of a tree at most that it may show at a contact
+_SURE = 0.01     # [m/s] slower points may show any mass
+_LOOKS = 4       # ahead at most, while limits of bends take hold or let go
+_AGREES = 0.01   # share of the fastest point, by which what was foreseen may differ
 _ROUNDS = 3      # of solving, while what is hit gives way
 
 
@@ -107,17 +110,46 @@ def _solve(model: Model, state: State, pairs: Pairs,
     order = np.argsort(forest.roots(rows), kind='stable')
     place = np.empty(len(rows), np.intp)
     place[order] = np.arange(len(rows))
+    rows, points = rows[order], points[order]
     air = None if state.trees.still else state.trees.air
-    look = forest.predict_response(rows[order], points[order], dt, air)
+    look = forest.predict_response(rows, points, dt, air)
     end, other = place[:len(pairs.row)], np.full(len(pairs.row), -1, np.intp)
     other[both] = place[len(pairs.row):]
     partners, bodies = _partners(model, state, pairs, end, other, dt)
-    free = partners.motion.copy()
-    impulse = resolve(pairs.normal, _least_speed(pairs, look, end, other, dt),
-                      _SHOWN * _tree_mass(state, pairs), np.full(len(end), _FRICTION), partners,
-                      look.velocity, look.first, look.place, look.count, look.response)
+    free, impulse = partners.motion.copy(), np.zeros((len(end), 3))
+    least = _least_speed(pairs, look, partners, state.world.bodies.velocities[bodies], dt)
+    for _ in range(_LOOKS):
+        mass = _most_mass(state, pairs, look, partners)
+        resolve(pairs.normal, least, mass, np.full(len(end), _FRICTION), partners, look.velocity,
+                look.first, look.place, look.count, look.response, impulse)
+        if not look.held.any():
+            break
+        foreseen = look.velocity
+        signed = np.concatenate([impulse, -impulse[both]])[order]
+        look = forest.predict_response(rows, points, dt, air, signed)
+        if np.abs(look.velocity - foreseen).max() < _AGREES * np.abs(foreseen).max():
+            break
     return (TreeContacts(pairs.row, pairs.other, pairs.body, pairs.part, pairs.point, impulse),
             partners.motion - free, bodies)
+
+
+def _most_mass(state: State, pairs: Pairs, look: ContactResponse,
+               partners: Partners) -> np.ndarray:
+    """
+    Give the mass that a contact may show at most [kg], (C,).
+
+    A point that moves at v shows no more than 2·E / v², or its tree would have to have more energy
+    E than it has. Linearised in the middle of a step, a pole that tumbles onto its tip may show
+    any mass.
+    """
+    limit = _SHOWN * _tree_mass(state, pairs)
+    for end, side in ((partners.end, 1.0), (partners.other, -1.0)):
+        rows = np.flatnonzero(end >= 0)
+        speed = side * (look.velocity[end[rows]] * pairs.normal[rows]).sum(axis=1)
+        fast = speed < -_SURE
+        rows = rows[fast]
+        limit[rows] = np.minimum(limit[rows], 2.0 * look.energy[end[rows]] / speed[fast] ** 2)
+    return np.maximum(limit, 1e-12)
 
 
 def _tree_mass(state: State, pairs: Pairs) -> np.ndarray:
@@ -148,15 +180,28 @@ def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: 
                     np.einsum('bij,bj,bkj->bik', axes, spin, axes), motion), ids
 
 
-def _least_speed(pairs: Pairs, look: ContactResponse, end: np.ndarray, other: np.ndarray,
+def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: np.ndarray,
                  dt: float) -> np.ndarray:
     """
     Give the normal velocity that each contact must have at the end of the step [m/s], (C,).
 
-    A gap may close, but not more; joints that lag behind take part of it. Deep overlaps open.
+    A gap may close, but not more; what trees move by their old velocity takes part of it. Deep
+    overlaps open. An impulse J does the work J·(v₀ + v₁)/2, v being the velocity of opening: so a
+    stiff twig that swings away from a body first, v₀ > 0, may come back as fast. Were it stopped,
+    v₁ = 0, it would throw the body off.
+
+    :param old: velocities of the bodies at the beginning of the step, (B, 6).
     """
-    lag = look.lag[end] - np.where(other[:, None] >= 0, look.lag[other], 0.0)
-    closing = np.minimum((lag * pairs.normal).sum(axis=1), 0.0)
-    room = pairs.gap + dt * closing
+    end, other = partners.end, np.maximum(partners.other, 0)
+    meeting = (partners.other >= 0)[:, None]
+    before = look.before[end] - np.where(meeting, look.before[other], 0.0)
+    lag = look.old_share[end] * (before * pairs.normal).sum(axis=1)
+    room = pairs.gap + dt * np.minimum(lag, 0.0)
     out = np.clip(_RECOVERY * (-room - _SLOP) / dt, 0.0, _PUSH_OUT)
-    return np.where(room > 0.0, -room / dt, out)
+    least = np.where(room > 0.0, -room / dt, out)
+    hit = np.flatnonzero(partners.body >= 0)
+    body = old[partners.body[hit]]
+    before[hit] -= body[:, :3] + np.cross(body[:, 3:], partners.arm[hit])
+    opening = (before * pairs.normal).sum(axis=1)
+    swings_back = (partners.body >= 0) & (look.old_share[end] > 0.0) & (opening > 0.0)
+    return np.where(swings_back, np.minimum(least, 2.0 * out - opening), least)

@@ -111,7 +111,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
         before = velocity[:3].copy()
         if is_tree:
             passed.add(int(hits.index[0]))
-            _hit_tree(state, missile, hits, velocity)
+            _hit_tree(state, missile, hits, velocity, dt)
             goes_on = before @ velocity[:3] > 0.0
         else:
             goes_on = _hit_wall(model, state, missile, hits, way, velocity)
@@ -169,16 +169,20 @@ def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, wa
     return _take(wall, together & (panes == panes[0])), False
 
 
-def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray) -> None:
-    forest, row = state.forest, int(hits.index[0])
+def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
+              dt: float) -> None:
+    """Throw the projectile back from where the branch will be at the end of the step."""
+    forest, row = state.forest, hits.index[:1]
     point, normal = hits.point[0], hits.normal[0]
-    moving = forest.velocities[row]
-    slip = velocity[:3] - moving[:3] - np.cross(moving[3:], point - forest.poses[row, :3])
-    yielding = 1.0 / missile.mass + 1.0 / forest.effective_mass(row, point, normal)
-    impulse = (1.0 + RESTITUTION) * (normal @ slip) / yielding * normal  # on the tree
-    forest.apply_impulse(row, point, impulse)
+    air = None if state.trees.still else state.trees.air
+    look = forest.predict_response(row, point[None], dt, air)
+    closing = normal @ (look.before[0] - velocity[:3])
+    then = normal @ (look.velocity[0] - velocity[:3])
+    yielding = 1.0 / missile.mass + normal @ look.response[0] @ normal
+    impulse = -max(then + RESTITUTION * closing, 0.0) / yielding * normal  # on the tree
+    forest.apply_impulse(int(row[0]), point, impulse)
     velocity[:3] -= impulse / missile.mass
-    _record(state, missile, point, forest.parts[[row]], False, impulse, impulse, 0.0)
+    _record(state, missile, point, forest.parts[row], False, impulse, impulse, 0.0)
 
 
 def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.ndarray,

@@ -59,7 +59,8 @@ class Partners(NamedTuple):
 
 
 @kernel
-def resolve(normal, least, mass, friction, partners, velocity, first, place, count, response):
+def resolve(normal, least, mass, friction, partners, velocity, first, place, count, response,
+            total):
     """
     Find the impulses of all contacts.
 
@@ -68,12 +69,12 @@ def resolve(normal, least, mass, friction, partners, velocity, first, place, cou
     :param mass: most that a contact may show [kg], (C,). Close to a joint a tree shows ever more,
         and what moves on there is let in slowly rather than turned by such an impulse.
     :param friction: Coulomb coefficient, (C,).
-    :param velocity: of the points on trees without contact [m/s], (E, 3), the points of a tree
-        one after the other; changed to that with.
+    :param velocity: of the points on trees [m/s], (E, 3), the points of a tree one after the
+        other.
     :param first, place, count, response: as in the `ContactResponse` of the trees.
-    :returns: impulses on the trees [N·s], (C, 3).
+    :param total: impulses on the trees [N·s], (C, 3); velocities are those with these, and all
+        are changed to what they must be.
     """
-    total = np.zeros_like(normal)
     soft = np.empty(len(normal))
     friction = friction.copy()
     yielding = np.empty(len(normal))
@@ -89,7 +90,6 @@ def resolve(normal, least, mass, friction, partners, velocity, first, place, cou
             _resolve_island(order[begin:n], normal, least, friction, partners, velocity, first,
                             place, count, response, yielding, sliding, soft, total)
             begin = n
-    return total
 
 
 @kernel

@@ -28,11 +28,23 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees import integrator, joints, passes
-from procphys_ros.physics.trees.response import descend, reach
+from procphys_ros.physics.trees.layout import (
+    ACROSS,
+    ALONG,
+    EXTRA_STIFFNESS,
+    EXTRA_STRIDE,
+    MASS,
+    REACH,
+    STIFFNESS,
+)
+from procphys_ros.physics.trees.spatial import shift_load
 from procphys_ros.physics.trees.state import Joint, Plan, State
 
 _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
+# A spring k held at F stores F²/2k; the midpoint rule, to which it shows a mass of k·dt²/4, lets
+# it work off four times that in one step.
+_IMPLICIT = 4.0
 
 
 @dataclass(frozen=True)
@@ -44,8 +56,13 @@ class ContactResponse:
     `response[first[e] + place[f] * count[e] + place[e]]`.
 
     :ivar velocity: at the end of the next step without contact [m/s], (E, 3).
-    :ivar lag: part of the next step's displacement, over the step, that is decided already,
-        because points move with a mean of old and new velocities [m/s], (E, 3).
+    :ivar before: velocity at the beginning of the step [m/s], (E, 3).
+    :ivar old_share: of this velocity in the displacement of the step, over the step: one half, as
+        points move with the mean of old and new velocities, or none where a limit acts, (E,).
+    :ivar energy: that contact may take from the whole tree: kinetic at the end of the step, and
+        four times what springs hold, as most counts in an implicit step [J], (E,).
+    :ivar held: whether a bend of the tree is at its limit, which an impulse may lift it off: then
+        the tree answers in another way than it says here, (E,) bool.
     :ivar tree: which tree each point is on, counted over the trees touched, (E,).
     :ivar first: where the responses of this tree begin, (E,).
     :ivar place: of the point among those on its tree, (E,).
@@ -54,7 +71,10 @@ class ContactResponse:
     """
 
     velocity: np.ndarray
-    lag: np.ndarray
+    before: np.ndarray
+    old_share: np.ndarray
+    energy: np.ndarray
+    held: np.ndarray
     tree: np.ndarray
     first: np.ndarray
     place: np.ndarray
@@ -79,16 +99,20 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, model: t
     place = np.empty(len(entry), np.int64)
     place[order] = np.arange(len(entry)) - begin[tree[order]]
     base = np.concatenate([[0], np.cumsum(size ** 2)])
-    velocity, lag = np.empty((len(entry), 3)), np.zeros((len(entry), 3))
+    velocity, before = np.empty((len(entry), 3)), np.empty((len(entry), 3))
+    old_share, energy = np.zeros(len(entry)), np.empty(len(entry))
+    held = np.zeros(len(entry), bool)
     response = np.empty((int(base[-1]), 3, 3))
     _foresee(plan, trees, order, begin, base, entry - plan.start[owner], points, model, state,
-             scratch, wind, gravity, dt, velocity, lag, response)
-    return ContactResponse(velocity, lag, tree, base[tree], place, size[tree], response)
+             scratch, wind, gravity, dt, velocity, before, old_share, energy,
+             held, response)
+    return ContactResponse(velocity, before, old_share, energy, held, tree, base[tree], place,
+                           size[tree], response)
 
 
 @kernel
 def _foresee(plan, trees, order, begin, base, entry, points, model, state, scratch, wind, gravity,
-             dt, velocity, lag, response):
+             dt, velocity, before, old_share, energy, held, response):
     moved = np.empty(3)
     for n in range(len(trees)):
         first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
@@ -98,19 +122,47 @@ def _foresee(plan, trees, order, begin, base, entry, points, model, state, scrat
         path = _paths(entry[ends], above)
         theta = integrator.solve(rows, above, model, state, scratch, wind, gravity, dt)
         kicked = theta < 1.0 and state.struck[rows[0], 0] != 0.0
+        limited = theta == 1.0 or state.stop[rows].any()
+        whole = _energy(rows, model, state, scratch, dt, theta)
         for e in ends:
+            energy[e], held[e] = whole, limited
             arm = _arm(entry[e], rows, model, state, points[e])
             _read(entry[e], scratch.motion, arm, dt, velocity[e])
+            _carried(entry[e], rows, state, scratch, points[e], before[e])
             if theta < 1.0:
-                _carried(entry[e], rows, state, scratch, points[e], moved)
-                velocity[e] -= moved  # the mean velocity twice, less the old one
-                lag[e] = 0.5 * moved
+                velocity[e] -= before[e]  # the mean velocity twice, less the old one
+                old_share[e] = 0.5
             if kicked:
                 _read(entry[e], scratch.kick, arm, 1.0, moved)
                 velocity[e] += moved
         _respond(path, rows, above, model, state, scratch, entry[ends], points[ends],
                  response[base[n]:base[n + 1]])
         state.stop[rows] = stop
+
+
+@kernel
+def _energy(rows, model, state, scratch, dt, theta):
+    """Add up what one tree moves with at the end of the step, and its springs hold [J]."""
+    total, v = 0.0, np.empty(3)
+    for k in range(len(rows)):
+        i = rows[k]
+        body, bend, axis = model.body[i], state.bend[i], state.middle[i, 9:]
+        _read(k, scratch.motion, _reach(i, model, state) * axis, dt, v)
+        spin = dt * scratch.motion[k, :3]
+        if theta < 1.0:
+            v -= state.carried[i, :3]
+            spin -= scratch.spin[k]
+        along = (spin * axis).sum()
+        total += body[MASS] * (v ** 2).sum() + body[ACROSS] * (spin ** 2).sum() + (
+            body[ALONG] - body[ACROSS]) * along ** 2
+        if model.joint[i] != _FREE:
+            total += _IMPLICIT * model.swing[i, STIFFNESS] * (bend[0] ** 2 + bend[1] ** 2)
+        if model.joint[i] == _SPRUNG:
+            for d in range(2):
+                stiffness = model.extra[i, d * EXTRA_STRIDE + EXTRA_STIFFNESS]
+                if bend[2 + d] != 0.0:
+                    total += _IMPLICIT * stiffness * bend[2 + d] ** 2
+    return 0.5 * total
 
 
 @kernel
@@ -128,7 +180,7 @@ def _paths(entry, above):
 def _arm(k, rows, model, state, point):
     """Give the way from the joint point of entry k to a point, in the middle of the step."""
     i = rows[k]
-    return point - state.poses[i, :3] + reach(i, model, state) * state.middle[i, 9:]
+    return point - state.poses[i, :3] + _reach(i, model, state) * state.middle[i, 9:]
 
 
 @kernel
@@ -168,7 +220,7 @@ def _respond(path, rows, above, model, state, scratch, entry, points, response):
             one = (1.0 if axis == 0 else 0.0, 1.0 if axis == 1 else 0.0,
                    1.0 if axis == 2 else 0.0)
             push = (hits[0][axis], hits[1][axis], hits[2][axis], one[0], one[1], one[2])
-            passed = descend(entry[e], rows, above, model, state, scratch, push)
+            passed = _descend(entry[e], rows, above, model, state, scratch, push)
             _ascend(path, rows, above, model, state, scratch)
             for g in range(count):
                 _read(entry[g], motion, arms[g], 1.0, moved)
@@ -195,3 +247,28 @@ def _ascend(path, rows, above, model, state, scratch):
                                   scratch.jump)
         (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
          motion[k, 5]) = v
+
+
+@kernel
+def _reach(i, model, state):
+    """Give the distance of the centre of mass of row i from its joint point [m]."""
+    return model.body[i, REACH] + state.bend[i, 3]
+
+
+@kernel
+def _descend(k, rows, above, model, state, scratch, push):
+    """Pass a push at entry k down to the root; give the entries passed."""
+    path = [k]
+    while True:
+        i, up = rows[path[-1]], above[path[-1]]
+        if model.joint[i] == _FREE:
+            for c in range(6):
+                scratch.inertia[path[-1], 21 + c] = push[c]
+            break
+        push = passes.pass_on(i, path[-1], model, state.stop, state.middle, scratch.factor, push)
+        if up < 0:
+            break
+        x, y, z = passes.apart(state.middle, i, rows[up])
+        push = shift_load(push, x, y, z)
+        path.append(up)
+    return path

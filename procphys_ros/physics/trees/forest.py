@@ -28,7 +28,6 @@ from procphys_ros.physics.trees import (
     modes,
     passes,
     pose,
-    response,
     state,
     subset,
 )
@@ -336,7 +335,8 @@ class Forest:
         return self._model.joint[roots] == state.Joint.FREE
 
     def predict_response(self, rows: np.ndarray, points: np.ndarray, dt: float,
-                         wind: np.ndarray | None = None) -> contact_response.ContactResponse:
+                         wind: np.ndarray | None = None, impulses: np.ndarray | None = None
+                         ) -> contact_response.ContactResponse:
         """
         Tell how points will move in the next step, and what impulses would change about it.
 
@@ -344,36 +344,22 @@ class Forest:
         :param points: on them [m], (E, 3), world.
         :param dt: of the next step [s].
         :param wind: of the next step, as for `step`.
+        :param impulses: at the points, as if they had been pushed [N·s], (E, 3).
         """
         if self._stale:
             self._replan()
         wind = self._still if wind is None else np.ascontiguousarray(wind, float)
-        return contact_response.predict_response(
+        kept = () if impulses is None else (self._state.push, self._state.struck,
+                                            self._state.velocities)
+        given = [column.copy() for column in kept]
+        if impulses is not None:
+            self.push(rows, points, impulses)
+        found = contact_response.predict_response(
             self._plan, self._entry[rows], np.ascontiguousarray(points), self._model, self._state,
             self._scratch, wind, self._gravity, float(dt))
-
-    def effective_mass(self, row: int, point: Sequence[float],
-                       direction: Sequence[float]) -> float:
-        """
-        Give the mass that a point shows to an impulse, springs of the next step included [kg].
-
-        :param row: the segment that is hit.
-        :param point: [m], (3,), world.
-        :param direction: (3,), world; need not be a unit vector.
-        """
-        if self._stale:
-            self._replan()
-        plan = self._plan
-        entry = int(np.flatnonzero(plan.row == row)[0])
-        tree = int(np.searchsorted(plan.start, entry, side='right')) - 1
-        first, last = plan.start[tree], plan.start[tree + 1]
-        rows, above = plan.row[first:last], plan.above[first:last]
-        passes.factor(rows, above, self._model, self._state, self._scratch, self._state.middle,
-                      self._wind, self._gravity, 0.5 * self._time_step, self._time_step, 1.0,
-                      False)
-        unit = np.asarray(direction, float) / np.linalg.norm(direction)
-        return 1.0 / response.yielding(entry - first, rows, above, self._model, self._state,
-                                       self._scratch, np.asarray(point, float), unit)
+        for column, values in zip(kept, given):
+            column[:] = values
+        return found
 
     def energy(self) -> float:
         """Give the mechanical energy of the active rows above that of the rest pose [J]."""
