@@ -65,7 +65,6 @@ class EnergyLedger:
         """Book a projectile [kg, m/s]."""
         self._grow()
         self._given[self._owner[part]] += 0.5 * mass * speed ** 2
-        self._touchable[self._owner[part]] = True
 
     def struck(self, part: int, impulse: float) -> None:
         """Book an impulse on a part [N·s]; call this before it acts."""
@@ -109,15 +108,9 @@ class EnergyLedger:
         return self._given + self._sum(self._fallen) + self._sum_joints(self._preload)
 
     @property
-    def limited(self) -> np.ndarray:
-        """
-        Say which objects touched something, as it seems, after a joint had reached its limit.
-
-        A contact is solved with the limits that hold without it: where it pushes a joint back from
-        its limit, the branch is lighter than it seemed, and gets too much. Trees that broke count
-        too: pieces that overlapped as branches of one tree push each other out. (K,) bool.
-        """
-        return (self._limited & self._touchable) | self._broken
+    def broken(self) -> np.ndarray:
+        """Say which objects are trees that broke, (K,) bool."""
+        return self._broken
 
     def _sum_joints(self, values: np.ndarray) -> np.ndarray:
         return np.bincount(self._joint_owner, values, minlength=len(self._given))
@@ -168,10 +161,7 @@ class EnergyLedger:
         self._moment = self._gravity * np.linalg.norm(arm[:, :2], axis=1)
         self._weight = self._gravity * above
         self._preload = np.zeros(len(above))
-        self._limit = source.hinges.swing_limit
-        self._limited = np.zeros(len(self._given), bool)
         self._broken = np.zeros(len(self._given), bool)
-        self._touchable = np.zeros(len(self._given), bool)
         self._anchors = [rotation.relative(pose, self._frame) for pose in (
             source.poses[np.maximum(self._parent, 0)], source.poses[self._child])]
 
@@ -183,9 +173,5 @@ class EnergyLedger:
         second = rotation.compose(poses[self._child], self._anchors[1])
         cosine = np.abs((first[:, 3:] * second[:, 3:]).sum(axis=1))
         turn = 2.0 * np.arccos(np.minimum(cosine, 1.0))
-        self._limited |= self._sum_joints(turn > 0.95 * self._limit) > 0.0
-        size = self._simulation.blueprint.size[self._child].max(axis=1)
-        low = (poses[self._child, 2] < size) & (self._parent != GROUND)
-        self._touchable |= self._sum_joints(low) > 0.0
         stretch = np.linalg.norm(first[:, :3] - second[:, :3], axis=1)
         self._preload = np.fmax(self._preload, self._moment * turn + self._weight * stretch)

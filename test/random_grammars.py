@@ -13,13 +13,12 @@
 # limitations under the License.
 
 
-"""Random grammars for `hypothesis`, valid by their make: trees, walls and what hits them."""
+"""Random grammars, valid by their make: trees, walls and what hits them."""
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from hypothesis import strategies as st
-
-_FINE = 1000  # steps between the ends of a range: two bytes per number, so that many fit
+import numpy as np
 
 
 class Event(NamedTuple):
@@ -55,80 +54,93 @@ class Sample(NamedTuple):
     event: Event
 
 
-def even(low: float, high: float) -> st.SearchStrategy[float]:
-    """Draw evenly between two ends."""
-    return st.integers(0, _FINE).map(lambda n: low + (high - low) * n / _FINE)
+_Draw = Callable[[np.random.Generator], float]
+_ENDS = 0.03  # share of the numbers that are drawn from each end of a range itself
 
 
-def log(low: float, high: float) -> st.SearchStrategy[float]:
+def draw(seed: int, grown: int, built: int) -> tuple[list[Sample], float]:
+    """Draw the trees and the walls of one scene, and its wind [m/s]."""
+    rng = np.random.default_rng(seed)
+    samples = [_tree(rng) for _ in range(grown)] + [_wall(rng) for _ in range(built)]
+    return samples, rng.uniform(0.0, 50.0)
+
+
+def _even(low: float, high: float) -> _Draw:
+    """Draw evenly between two ends, and now and then an end itself."""
+    def one(rng: np.random.Generator) -> float:
+        share = rng.random() * (1.0 + 2.0 * _ENDS) - _ENDS
+        return low + (high - low) * min(max(share, 0.0), 1.0)
+    return one
+
+
+def _log(low: float, high: float) -> _Draw:
     """Draw evenly in the logarithm; neither end is passed by rounding."""
-    return st.integers(0, _FINE).map(
-        lambda n: min(max(low * (high / low) ** (n / _FINE), low), high))
+    share = _even(0.0, 1.0)
+    return lambda rng: min(max(low * (high / low) ** share(rng), low), high)
 
 
-def seldom(strategy: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
-    """Draw a text in one of three cases, else nothing."""
-    return st.one_of(st.just(''), st.just(''), strategy)
+def _pick(rng: np.random.Generator, texts: Sequence[str]) -> str:
+    return texts[rng.integers(len(texts))]
 
 
-def _symbol(name: str, value: st.SearchStrategy[float]) -> st.SearchStrategy[str]:
-    return value.map(lambda x: f'{name}({x:.6g}) ')
+def _event(rng: np.random.Generator) -> Event:
+    return Event(
+        _even(0.0, 0.999)(rng), _even(0.0, 20.0)(rng), int(rng.integers(31)),
+        _even(0.0, 1.0)(rng), _log(50.0, 8000.0)(rng) if rng.integers(2) else 0.0,
+        _log(0.05, 1.0)(rng), _even(1.0, 40.0)(rng), _even(0.05, 1.0)(rng))
 
 
-_EVENTS = st.builds(
-    Event, even(0.0, 0.999), even(0.0, 20.0), st.integers(0, 30), even(0.0, 1.0),
-    st.one_of(st.just(0.0), log(50.0, 8000.0)), log(0.05, 1.0), even(1.0, 40.0), even(0.05, 1.0))
-
-# Physics of the wood, set once in the axiom; the first three always.
-_WOOD = (
-    _symbol('Density', log(1.0, 20e3)), _symbol('Modulus', log(1e5, 2e12)),
-    _symbol('DampingRatio', even(0.0, 1.0)),
-    seldom(_symbol('SwingForce', log(1e-3, 1e9))),
-    seldom(_symbol('SwingDamper', log(1e-6, 1e6))),
-    seldom(_symbol('SwingLimit', log(0.1, 180.0))),
-    seldom(_symbol('TwistForce', log(1e-3, 1e9))),
-    seldom(_symbol('StretchForce', log(1e-3, 1e9))),
-    seldom(_symbol('Strength', log(1e3, 1e9))),
-    seldom(_symbol('BreakForce', log(1e-3, 1e6))),
-    seldom(_symbol('BreakTorque', log(1e-3, 1e6))),
-    seldom(_symbol('WidthRate', even(0.5, 1.2))),
-    seldom(_symbol('BoneRatio', even(0.8, 0.95))),
-    seldom(_symbol('Tropism(0, 0, -1, 0.2) DensityRate', even(0.8, 1.2))),
+# Physics of the wood, set once in the axiom.
+_ALWAYS = (('Density', _log(1.0, 20e3)), ('Modulus', _log(1e5, 2e12)),
+           ('DampingRatio', _even(0.0, 1.0)))
+_SELDOM = (  # each in one of three trees
+    ('SwingForce', _log(1e-3, 1e9)), ('SwingDamper', _log(1e-6, 1e6)),
+    ('SwingLimit', _log(0.1, 180.0)), ('TwistForce', _log(1e-3, 1e9)),
+    ('StretchForce', _log(1e-3, 1e9)), ('Strength', _log(1e3, 1e9)),
+    ('BreakForce', _log(1e-3, 1e6)), ('BreakTorque', _log(1e-3, 1e6)),
+    ('WidthRate', _even(0.5, 1.2)), ('BoneRatio', _even(0.8, 0.95)),
+    ('Tropism(0, 0, -1, 0.2) DensityRate', _even(0.8, 1.2)),
 )
-_ORGANS = seldom(_symbol('~', log(0.01, 1.0)) | st.sampled_from(
-    ['Leaf(0.2, 1) ', 'G(0.3) ', '{ . f(0.1) +(120) . f(0.1) . } ', "' $ "]))
+_ORGANS = ('Leaf(0.2, 1) ', 'G(0.3) ', '{ . f(0.1) +(120) . f(0.1) . } ', "' $ ")
 _DEEPEST = (8, 4, 3, 2)  # derivation steps by number of side branches: at most 40 segments
 
 
-@st.composite
-def trees(draw: st.DrawFn) -> Sample:
+def _organ(rng: np.random.Generator) -> str:
+    if rng.integers(3):
+        return ''
+    return _pick(rng, _ORGANS) if rng.integers(2) else f'~({_log(0.01, 1.0)(rng):.6g}) '
+
+
+def _tree(rng: np.random.Generator) -> Sample:
     """Draw an L-system of a tree of at most 40 segments."""
-    wood = ''.join(draw(part) for part in _WOOD)
-    sides = draw(st.integers(0, 3))
-    steps = draw(st.integers(1, _DEEPEST[sides]))
+    given = [*_ALWAYS, *(pair for pair in _SELDOM if not rng.integers(3))]
+    wood = ''.join(f'{name}({value(rng):.6g}) ' for name, value in given)
+    sides = int(rng.integers(4))
+    steps = rng.integers(1, _DEEPEST[sides] + 1)
     branches = ''.join(
-        f'[ /({draw(even(0, 360)):g}) &({draw(even(0, 150)):g}) {draw(_ORGANS)}'
-        f'A(l * {draw(even(0.4, 1)):g}, w * {draw(even(0.3, 1)):g}) ] ' for _ in range(sides))
-    weight = ' : 3' if draw(st.booleans()) else ''
+        f'[ /({_even(0, 360)(rng):g}) &({_even(0, 150)(rng):g}) {_organ(rng)}'
+        f'A(l * {_even(0.4, 1)(rng):g}, w * {_even(0.3, 1)(rng):g}) ] ' for _ in range(sides))
+    weight = ' : 3' if rng.integers(2) else ''
     other = '\n  A(l, w) : l > 0 -> !(w) F(l) : 1' if weight else ''
-    start = f'&({draw(even(0, 60)):g}) A({draw(log(0.01, 5)):.6g}, {draw(log(1e-3, 2)):.6g})'
+    start = (f'&({_even(0, 60)(rng):g}) '
+             f'A({_log(0.01, 5)(rng):.6g}, {_log(1e-3, 2)(rng):.6g})')
     text = f"""axiom: {wood}{start}
 derivation length: {steps}
 production:
-  A(l, w) : l > 0 -> !(w) F(l) {draw(_ORGANS)}{branches}A(l * {draw(even(0.5, 1)):g}, w * {
-      draw(even(0.5, 1)):g}){weight}{other}
+  A(l, w) : l > 0 -> !(w) F(l) {_organ(rng)}{branches}A(l * {_even(0.5, 1)(rng):g}, w * {
+      _even(0.5, 1)(rng):g}){weight}{other}
 decomposition:
   A(l, w) : l < 0.01 -> A(0.01, w)
   A(l, w) : w < 0.001 -> A(l, 0.001)
 interpretation:
   A(l, w) -> !(w) F(l)
 """
-    return Sample('lsys', text, draw(st.integers(0, 99)), draw(_EVENTS))
+    return Sample('lsys', text, int(rng.integers(100)), _event(rng))
 
 
-_MATERIAL = (('density', log(1.0, 25e3)), ('tension', log(1.0, 1e9)), ('cohesion', log(1.0, 1e9)),
-             ('friction', even(0.0, 2.0)), ('compression', log(1e3, 1e9)),
-             ('modulus', log(1e6, 1e11)))
+_MATERIAL = (('density', _log(1.0, 25e3)), ('tension', _log(1.0, 1e9)),
+             ('cohesion', _log(1.0, 1e9)), ('friction', _even(0.0, 2.0)),
+             ('compression', _log(1e3, 1e9)), ('modulus', _log(1e6, 1e11)))
 _FRONTS = (
     'wall', 'split(x) { ~1: wall | 0.9: opening | ~1: wall }', 'border(0.25) { wall | wall }',
     'split(y) { ~1: wall | ~1: other }', 'split(x) { { ~0.8: wall }* }',
@@ -139,32 +151,30 @@ _OPENINGS = ('split(y) { ~1: wall | 0.9: window | 0.2: lintel | ~0.6: wall }',
 _PLANS = ('(0, 0) (length, 0)', '(0, 0) (length, 0) (length, 2) (0, 2)')
 
 
-@st.composite
-def walls(draw: st.DrawFn) -> Sample:
+def _wall(rng: np.random.Generator) -> Sample:
     """Draw a wall grammar of a free wall or a hut of at most some 300 parts."""
-    plan = draw(st.integers(0, 1))
-    bond = draw(st.sampled_from(['running', 'stack', 'english', 'flemish']))
-    joint = draw(even(0.0, 0.02))
-    width = draw(even(0.1, 0.25))
-    length = 2 * width + joint if bond in ('english', 'flemish') else draw(even(0.25, 0.6))
-    roof = draw(st.sampled_from(['none', 'none', 'gable(40)', 'hip(35)', 'flat'])) if plan else ''
-    floors = draw(st.sampled_from(['floors: timber', 'floors: slab(0.15)', ''])) if plan else ''
-    material = ' '.join(f'{key}: {draw(value):.6g}' for key, value in _MATERIAL)
-    text = f"""building b(length = {draw(even(2.5, 3.2)):g})
+    plan = int(rng.integers(2))
+    bond = _pick(rng, ('running', 'stack', 'english', 'flemish'))
+    joint, width = _even(0.0, 0.02)(rng), _even(0.1, 0.25)(rng)
+    length = (2 * width + joint if bond in ('english', 'flemish') else _even(0.25, 0.6)(rng))
+    roof = _pick(rng, ('none', 'none', 'gable(40)', 'hip(35)', 'flat')) if plan else ''
+    floors = _pick(rng, ('floors: timber', 'floors: slab(0.15)', '')) if plan else ''
+    material = ' '.join(f'{key}: {value(rng):.6g}' for key, value in _MATERIAL)
+    text = f"""building b(length = {_even(2.5, 3.2)(rng):g})
   footprint: {_PLANS[plan]}
   facades: front
-  storey_height: {draw(even(1.2, 2.0)):g}
+  storey_height: {_even(1.2, 2.0)(rng):g}
   {f'roof: {roof}' if roof else ''}
   {floors}
-rule front -> {draw(st.sampled_from(_FRONTS))}
-rule opening -> {'wall' if 'slab' in floors else draw(st.sampled_from(_OPENINGS))}
+rule front -> {_pick(rng, _FRONTS)}
+rule opening -> {'wall' if 'slab' in floors else _pick(rng, _OPENINGS)}
 material stone {{ {material} }}
-layout laid {{ bond: {bond} unit: {length:.4f} {width:.4f} {draw(even(0.18, 0.3)):.4f}
-  joint: {joint:.4f} offset: {draw(st.sampled_from([0.5, 0.25, 0.33]))} material: stone }}
+layout laid {{ bond: {bond} unit: {length:.4f} {width:.4f} {_even(0.18, 0.3)(rng):.4f}
+  joint: {joint:.4f} offset: {_pick(rng, ('0.5', '0.25', '0.33'))} material: stone }}
 panel wall: laid
 panel other: laid
 panel door: boards(oak)
 panel window: glazing(timber, glass)
 panel lintel: beam(concrete)
 """
-    return Sample('wall', text, draw(st.integers(0, 99)), draw(_EVENTS))
+    return Sample('wall', text, int(rng.integers(100)), _event(rng))
