@@ -60,8 +60,11 @@ setup(
         'batch': ['pyarrow', 'distributed'],  # Parquet tables, clusters of machines
         'mesh': ['trimesh'],  # intruders in the shape of a mesh
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
-        'test': ['pytest', 'hypothesis', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
-                 'ros-ament-flake8', 'ros-ament-pep257',
+        'test': ['pytest', 'pytest-xdist', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
+                 # the wheels of ament's linters do not name what they need
+                 'ros-ament-flake8', 'flake8', 'flake8-builtins', 'flake8-comprehensions',
+                 'flake8-docstrings', 'flake8-import-order', 'flake8-quotes',
+                 'ros-ament-pep257', 'pydocstyle',
                  # readers of what is exported and recorded, none of them ours
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
                  'viser>=1.1', 'playwright',

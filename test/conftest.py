@@ -25,8 +25,3 @@ def frees_what_refusals_hold():
     """Free simulations that the traceback of an expected error holds: each takes some 80 MB."""
     yield
     gc.collect(1)
-
-
-def pytest_collection_modifyitems(items):
-    """Run random grammars first, in a process as fresh as that of their bench."""
-    items.sort(key=lambda item: item.path.name != 'test_random_grammars.py')

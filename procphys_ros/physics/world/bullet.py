@@ -155,8 +155,8 @@ class BulletEngine:
         shape, turn = self._shape(int(piece.shapes[0]), piece.sizes[0]), table.poses[ids[0], 3:]
         places = table.poses[ids, :3].tolist()
         create = partial(pybullet.createMultiBody, float(table.mass[ids[0]]), shape,
-                         self._visual, baseOrientation=turn.tolist(), useMaximalCoordinates=1, flags=_SLEEPING,
-                         physicsClientId=self._client)
+                         self._visual, baseOrientation=turn.tolist(), useMaximalCoordinates=1,
+                         flags=_SLEEPING, physicsClientId=self._client)
         if self._has_removed:
             return [create(basePosition=place) for place in places]
         return list(create(batchPositions=places))
