@@ -59,6 +59,18 @@ production:
 A < B -> F(0.5)
 A > F -> F(0.5)
 """}}
+# A wall of so poor mortar that its joints crack in the wind, open and close.
+_CRACKED: dict[str, Any] = {
+    'scene': {'objects': ['wall']}, 'wind': {'velocity': [0.0, 16.0, 0.0]},
+    'wall': {'grammar_text': """
+building wall
+  footprint: (0, 0) (2, 0)
+  facades: brickwork
+  storey_height: 1.5
+layout running { unit: 0.215 0.1025 0.065  joint: 0.01  material: brick }
+panel brickwork: running
+material brick { tension: 500  cohesion: 500 }
+"""}}
 
 
 def show(simulation: Simulation) -> None:
@@ -112,6 +124,10 @@ def exercise(share: float) -> Iterator[None]:
     culled = Simulation(Scene.from_parameters(_CULLED))
     culled.set_observer((-8.0, 0.0, 1.0))
     culled.step(20)
+    cracked = Simulation(Scene.from_parameters(_CRACKED))
+    cracked.step(60)
+    cracked.apply_impulse(len(cracked.blueprint) // 2, (0.0, 2.0, 0.0))
+    cracked.step(60)
     simulations = [stand(name) for name in _SCENES]
     demo.step(int(200 * share))
     damage(demo)

@@ -16,7 +16,10 @@
 """Boxes laid and bonded by plain geometry, as blueprints for the stress solver's tests."""
 
 import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import lil_matrix
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 
 from procphys_ros.blueprint import Blueprint, box_inertia, GROUND, Law, Mortar, Shape
 
@@ -162,3 +165,36 @@ def building(side=27, storeys=4, courses=38, windows=4, **strengths):
         boxes.append((np.array([[width / 2, width / 2, top + slab / 2]]),
                       np.array([[width, width, slab]])))
     return bonded(np.vstack([b[0] for b in boxes]), np.vstack([b[1] for b in boxes]), **strengths)
+
+
+def admissible(plan, friction, standing=None):
+    """
+    Say whether dry joints can carry what stands in the plane of x and z, by limit analysis (LP).
+
+    Each joint presses at the two edges of its patch, and rubs; the lower bound theorem.
+
+    :param standing: parts to look at, (N,) bool; None = all.
+    """
+    standing = np.ones(len(plan), bool) if standing is None else standing
+    pairs, axes = plan.bonds, Rotation.from_quat(plan.bond_frame[:, 3:]).as_matrix()
+    rows = np.flatnonzero(np.all((pairs == GROUND) | standing[pairs], axis=1))
+    half = 0.5 * plan.bond_extent[:, 0]
+    balance = lil_matrix((3 * len(plan), 3 * len(rows)))
+    limit = lil_matrix((2 * len(rows), 3 * len(rows)))
+    for n, k in enumerate(rows):
+        edge, normal = axes[k][:, 0], axes[k][:, 2]
+        for body, sign in zip(pairs[k], (-1.0, 1.0)):
+            for column, (force, shift) in enumerate(((normal, -1.0), (normal, 1.0), (edge, 0.0))):
+                if body == GROUND:
+                    continue
+                arm = plan.bond_frame[k, :3] + shift * half[k] * edge - plan.poses[body, :3]
+                balance[3 * body:3 * body + 3, 3 * n + column] = sign * np.array(
+                    [[force[0]], [force[2]], [arm[2] * force[0] - arm[0] * force[2]]])
+        limit[2 * n:2 * n + 2, 3 * n:3 * n + 3] = [[-friction, -friction, 1.0],
+                                                   [-friction, -friction, -1.0]]
+    load = np.zeros(3 * len(plan))
+    load[1::3] = np.where(standing, plan.mass * 9.81, 0.0)
+    found = linprog(np.zeros(3 * len(rows)), A_ub=limit.tocsr(), b_ub=np.zeros(2 * len(rows)),
+                    A_eq=balance.tocsr(), b_eq=load,
+                    bounds=[(0, None), (0, None), (None, None)] * len(rows), method='highs')
+    return found.status == 0

@@ -111,7 +111,7 @@ def test_the_shock_of_a_loss_does_not_last():
     shock = np.abs(state.solver.sudden_loads).max()
     assert shock > 1.0
     bond = np.zeros(1, np.intp)
-    broke = Failures(bond, np.zeros(1, np.uint8), np.ones(1), np.ones(1, bool))
+    broke = Failures(bond, np.zeros(1, np.uint8), np.ones(1), np.ones(1, bool), np.zeros(1, bool))
     steps = iter(range(1, 61))
     state.fracture = Scripted(lambda: [] if next(steps) % 20 else [broke])
     for _ in range(60):

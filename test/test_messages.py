@@ -230,22 +230,22 @@ def test_breaks_are_read_back(frame, count):
     """Read a PointCloud2 of break events back, data and description."""
     events = np.zeros(count, [('time', 'f8'), ('position', 'f8', 3), ('bond', 'i4'),
                               ('part_a', 'i4'), ('part_b', 'i4'), ('cause', 'u1'),
-                              ('load', 'f4')])
+                              ('load', 'f4'), ('crack', 'u1')])
     events['position'] = np.arange(3 * count).reshape(-1, 3)
     events['bond'], events['part_a'] = np.arange(count) + 7, -1
-    events['cause'], events['load'] = 3, 1.25
+    events['cause'], events['load'], events['crack'] = 3, 1.25, 1
     rows = messages.break_rows(events)
     message = deserialize_message(messages.point_cloud(rows, AT, frame), PointCloud2)
     assert message.header.frame_id == frame and message.is_dense and not message.is_bigendian
     assert (message.height, message.width) == (1, count)
     assert [f.name for f in message.fields] == ['x', 'y', 'z', 'bond', 'part_a', 'part_b',
-                                                'cause', 'load']
+                                                'cause', 'load', 'crack']
     assert message.row_step == message.point_step * count == len(message.data)
     layout = np.dtype({'names': [f.name for f in message.fields],
-                       'formats': ['f4', 'f4', 'f4', 'i4', 'i4', 'i4', 'u4', 'f4'],
+                       'formats': ['f4', 'f4', 'f4', 'i4', 'i4', 'i4', 'u4', 'f4', 'u4'],
                        'offsets': [f.offset for f in message.fields],
                        'itemsize': message.point_step})
-    assert [f.datatype for f in message.fields] == [7, 7, 7, 5, 5, 5, 6, 7]
+    assert [f.datatype for f in message.fields] == [7, 7, 7, 5, 5, 5, 6, 7, 6]
     np.testing.assert_array_equal(np.frombuffer(bytes(message.data), layout), rows)
     assert np.all(rows['part_a'] == -1) and np.all(rows['y'] == np.arange(count) * 3 + 1)
 

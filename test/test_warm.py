@@ -38,8 +38,6 @@ from procphys_ros.ros.background_compilation import BackgroundCompilation
 
 ROOT = Path(__file__).resolve().parents[1]
 REMEDY = 'run python bench/overloads.py'
-# Joints that crack and close, which no simulation uses yet (docs/decisions/0010).
-UNUSED = 'procphys_ros.physics.masonry.joint_kernels.'
 PATIENCE = 300.0  # [s] far more than a machine under load needs
 
 
@@ -78,8 +76,7 @@ def test_no_kernel_is_forgotten():
         name = waiting.pop()
         reached.add(name)
         waiting |= callees(kernels[name]) - reached
-    forgotten = {name for name in kernels.keys() - reached if not name.startswith(UNUSED)}
-    assert forgotten == set(), REMEDY
+    assert kernels.keys() - reached == set(), REMEDY
 
 
 def test_list_fits_the_kernels():

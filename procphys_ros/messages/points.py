@@ -25,7 +25,7 @@ from procphys_ros.messages.cdr import ENCAPSULATION, Stamp, Writer
 _DATATYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
 
 BREAK = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('bond', '<i4'), ('part_a', '<i4'),
-                  ('part_b', '<i4'), ('cause', '<u4'), ('load', '<f4')])
+                  ('part_b', '<i4'), ('cause', '<u4'), ('load', '<f4'), ('crack', '<u4')])
 
 
 DUST = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('size', '<f4'), ('opacity', '<f4')])
@@ -98,11 +98,11 @@ def break_rows(events: np.ndarray) -> np.ndarray:
     """
     Turn break events into rows of a point cloud.
 
-    :param events: records with position, bond, part_a, part_b, cause and load, (N,).
+    :param events: records with position, bond, part_a, part_b, cause, load and crack, (N,).
     :returns: rows of dtype `BREAK`, (N,).
     """
     rows = np.empty(len(events), BREAK)
     rows['x'], rows['y'], rows['z'] = events['position'].T
-    for name in ('bond', 'part_a', 'part_b', 'cause', 'load'):
+    for name in ('bond', 'part_a', 'part_b', 'cause', 'load', 'crack'):
         rows[name] = events[name]
     return rows

@@ -43,6 +43,7 @@ EVENT = np.dtype([
     ('part_b', 'i4'),         # second part
     ('cause', 'u1'),          # `Cause`
     ('load', 'f4'),           # load over strength at the moment of breaking
+    ('crack', 'u1'),          # 1 = it presses and rubs on, 0 = it is gone
 ])
 
 _CAPACITY = 200_000  # rows kept when nobody takes them; the oldest are let go and counted
@@ -63,7 +64,8 @@ class EventLog:
         self._held = 0
 
     def record(self, time: float, position: np.ndarray, bond: np.ndarray, pairs: np.ndarray,
-               cause: np.ndarray | int, load: np.ndarray) -> None:
+               cause: np.ndarray | int, load: np.ndarray,
+               crack: np.ndarray | bool = False) -> None:
         """
         Add events.
 
@@ -73,6 +75,8 @@ class EventLog:
         :param pairs: the two parts of each bond, (K, 2).
         :param cause: `Cause` of all, or of each, (K,).
         :param load: load over strength, (K,).
+        :param crack: whether they press and rub on, all or each, (K,) bool; what cracked once is
+            not recorded again when it goes.
         """
         rows = np.zeros(len(bond), EVENT)
         rows['time'] = time
@@ -82,6 +86,7 @@ class EventLog:
         rows['part_b'] = pairs[:, 1]
         rows['cause'] = cause
         rows['load'] = load
+        rows['crack'] = crack
         self._chunks.append(rows)
         self._held += len(rows)
         self.total += len(rows)

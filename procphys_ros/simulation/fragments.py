@@ -94,9 +94,11 @@ def vanish(state: State, parts: np.ndarray) -> None:
 
 def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float) -> None:
     """Break and record all bonds of standing parts, (K,) indices."""
+    graph = state.solver.graph
+    cracked = graph.cracked.copy()
     bonds = state.solver.remove_parts(parts)
-    rows = state.solver.graph.rows[bonds]
-    state.loose_bonds.graph.cut(rows)
+    state.loose_bonds.graph.cut(graph.rows[bonds])
+    rows = graph.rows[bonds[~cracked[bonds]]]
     state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
                      model.blueprint.bonds[rows], cause, np.full(len(rows), load))
 

@@ -20,10 +20,10 @@ import math
 
 import numpy as np
 
-from procphys_ros.physics.masonry import Resistance, resistance
+from procphys_ros.physics.masonry import Failures, Resistance, resistance
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
-from procphys_ros.simulation import fragments
+from procphys_ros.simulation import fragments, load_checks
 from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -35,6 +35,7 @@ WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick w
 #                    a blow much shorter than T stresses a wall as the steady force rate·impulse
 
 _ITERATIONS = 8  # of the stress solver per time step while something changed, ...
+_CURVED = 32     # ... as joints open and close, which takes several times as many, ...
 _FEWEST = 3      # ... fewer on large buildings, lest they fall behind real time: ...
 _WORK = 45_000   # ... parts times iterations that take about a third of a step of 1/60 s
 _PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
@@ -152,9 +153,17 @@ def is_stable(state: State) -> bool:
 
 
 @staged('settling stresses')
-def settle(model: Model, state: State) -> None:
-    """Find the stresses under weight alone, as they are when the mortar has set."""
-    _let_go(model, state, _advance(model, state, SETTLING)[0])
+def settle(model: Model, state: State) -> list[str]:
+    """
+    Find the stresses under weight alone, as they are when the mortar has set.
+
+    :returns: what to tell the user of objects that crack or fall under it.
+    """
+    pieces, rounds = _advance(model, state, SETTLING)
+    loose = np.concatenate([np.zeros(0, np.intp), *pieces])
+    _let_go(model, state, pieces)
+    return load_checks.describe_failures(model.blueprint, model.objects, rounds,
+                                         state.solver.graph.rows, loose)
 
 
 def update_stresses(model: Model, state: State, dt: float) -> None:
@@ -165,7 +174,9 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
     """
     state.unjudged += dt
     most = _WORK // max(state.solver.working, 1)
-    pieces, broke = _advance(model, state, min(max(most, _FEWEST), _ITERATIONS))
+    limit = _CURVED if state.solver.curved else _ITERATIONS
+    pieces, rounds = _advance(model, state, min(max(most, _FEWEST), limit))
+    broke = any(failures.broken.any() for failures in rounds)
     if broke:  # a building that crumbles on must not feel released forces for ever
         state.solver.forget_sudden(-math.expm1(-state.unjudged / _PEAK))
     if broke or is_stable(state):
@@ -175,24 +186,26 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
         state.loads.end_blows()
 
 
-def _advance(model: Model, state: State, iterations: int) -> tuple[list[np.ndarray], bool]:
-    """Work on the stresses; give the pieces that lost the ground, and whether bonds broke."""
+def _advance(model: Model, state: State,
+             iterations: int) -> tuple[list[np.ndarray], list[Failures]]:
+    """Work on the stresses; give the pieces that lost the ground, and what failed."""
     if is_stable(state):
-        return [], False
+        return [], []
     rounds = state.fracture.advance(iterations)
     standing = state.standing[:model.masonry.graph.count]
     loose = standing & ~state.solver.supported
     pieces = groups(state.solver.labels, loose) if loose.any() else []
     if not rounds:
-        return pieces, False
-    bond, cause, load = (np.concatenate([getattr(r, name)[r.broken] for r in rounds])
-                         for name in ('bond', 'cause', 'utilisation'))
+        return pieces, rounds
+    bond, cause, load, broken = (
+        np.concatenate([getattr(r, name)[~r.had_cracked] for r in rounds])
+        for name in ('bond', 'cause', 'utilisation', 'broken'))
     rows = state.solver.graph.rows[bond]
     if len(rows):
         source = model.blueprint
         state.log.record(state.time, source.bond_frame[rows, :3], rows, source.bonds[rows],
-                         _CAUSES[cause], load)
-    return pieces, len(rows) > 0
+                         _CAUSES[cause], load, ~broken)
+    return pieces, rounds
 
 
 def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:

@@ -18,6 +18,7 @@
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+import logging
 from time import perf_counter
 from typing import Any, Self
 
@@ -32,7 +33,14 @@ from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation import additions, commands, foliage, fragments, masonry, snapshot
+from procphys_ros.simulation import (
+    additions,
+    commands,
+    foliage,
+    load_checks,
+    snapshot,
+)
+from procphys_ros.simulation.at_rest import at_rest
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import Impact, MomentumLedger
 from procphys_ros.simulation.lidar import Scan, scan
@@ -40,7 +48,8 @@ from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.stages import STAGES
-from procphys_ros.simulation.state import State
+
+_LOG = logging.getLogger(__name__)
 
 
 class Simulation:
@@ -53,6 +62,8 @@ class Simulation:
     :ivar model: what the scene compiled to; constant.
     :ivar state: everything that changes.
     :ivar stages: of each step, in order; see `Stage` to add one.
+    :ivar warnings: what a user should know of the scene: objects that crack under their weight,
+        overlap, or are below the ground, a line each; they are logged, too.
     :ivar timings: wall time of each stage of the last call of `step` [s].
     """
 
@@ -76,7 +87,10 @@ class Simulation:
             settings.seed if seed is None else seed)
         self._flutter: Flutter | None = None
         self._scene_model = self.model  # without what is added while it runs
-        self.state = _at_rest(self.model)
+        self.state, cracked = at_rest(self.model)
+        self.warnings = (*load_checks.check_places(scene.blueprint, scene.objects), *cracked)
+        for line in self.warnings:
+            _LOG.warning(line)
 
     @property
     def time_step(self) -> float:
@@ -219,7 +233,7 @@ class Simulation:
         added, removed = self.state.added, self.state.removed
         self.close()
         self.model, self._flutter = additions.with_added(self._scene_model, added), None
-        self.state = _at_rest(self.model)
+        self.state, _ = at_rest(self.model)
         self.state.added = added
         known = {placed.name for placed in self.state.objects}
         for name in removed:
@@ -450,18 +464,3 @@ class Simulation:
         :raises CommandError: when the pose is none, or there is no such intruder.
         """
         self.apply(commands.PlaceIntruder(pose, time, name))
-
-
-def _at_rest(model: Model) -> State:
-    """Put a scene at rest, and let what cannot stand under its weight go."""
-    state = State.initial(model)
-    bricks = np.flatnonzero(state.standing)
-    if len(bricks):
-        source = model.blueprint
-        state.parts.body[bricks] = state.world.add_bricks(
-            source.poses[bricks], source.size[bricks], source.mass[bricks])
-    for part in np.flatnonzero(state.parts.owner == Owner.BODY):
-        fragments.make_body(state, np.array([part]), state.parts.poses[[part]], np.zeros((1, 6)))
-    masonry.settle(model, state)
-    state.dust.seen = state.log.total
-    return state

@@ -16,12 +16,11 @@
 """Masonry: rigid parts on mortar bonds, their stresses, and how they come apart."""
 
 from procphys_ros.physics.masonry.capacity import Resistance, resistance
-from procphys_ros.physics.masonry.cracking import Cracking
 from procphys_ros.physics.masonry.fracture import Failures, Fracture
 from procphys_ros.physics.masonry.free_body import Breakage, FreeBodies
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
 from procphys_ros.physics.masonry.strength import Cause
 
-__all__ = ['BondGraph', 'Breakage', 'Cause', 'Cracking', 'Failures', 'Fracture', 'FreeBodies',
+__all__ = ['BondGraph', 'Breakage', 'Cause', 'Failures', 'Fracture', 'FreeBodies',
            'resistance', 'Resistance', 'StressSolver']

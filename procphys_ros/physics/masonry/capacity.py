@@ -71,8 +71,9 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
     slide = np.sqrt(1.0 - ahead ** 2)
     pressure = -wrench[:, 2] / area
     friction = mortar.friction[bonds]
-    shear = np.maximum(mortar.cohesion[bonds] + friction * pressure, 0.0)
-    tension = np.maximum(mortar.tension[bonds] + pressure, 0.0)
+    whole = ~graph.cracked[bonds]  # cracked joints only rub, and have taken their work already
+    shear = np.maximum(whole * mortar.cohesion[bonds] + friction * pressure, 0.0)
+    tension = np.maximum(whole * mortar.tension[bonds] + pressure, 0.0)
     crush = np.maximum(mortar.compression[bonds] - pressure, 0.0)
     with np.errstate(divide='ignore', invalid='ignore'):
         limits = np.array([
@@ -82,7 +83,7 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
                      shear / (slide - friction * push + friction * pull), np.inf)])
     work = (FRACTURE_ENERGY_TENSION * pull ** 2
             + FRACTURE_ENERGY_SHEAR * (slide ** 2 + push ** 2))
-    return limits.min(axis=0) * area, work * area
+    return limits.min(axis=0) * area, whole * work * area
 
 
 def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -> Resistance:

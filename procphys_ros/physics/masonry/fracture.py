@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Progressive failure: solve, break the worst bonds, solve again, until nothing breaks."""
+"""Progressive failure: solve, crack or break the worst bonds, solve again, until none fails."""
 
 from dataclasses import dataclass
 
@@ -36,24 +36,32 @@ class Failures:
     :ivar bond: row of the graph, (K,).
     :ivar cause: `strength.Cause`, (K,) uint8.
     :ivar utilisation: demand over capacity at failure, (K,).
-    :ivar broken: True where the bond is gone, False where it only opened, (K,) bool.
+    :ivar broken: True where the bond is gone, False where it only cracked, (K,) bool.
+    :ivar had_cracked: True where it is gone after it had cracked in an earlier round, (K,) bool.
     """
 
     bond: np.ndarray
     cause: np.ndarray
     utilisation: np.ndarray
     broken: np.ndarray
+    had_cracked: np.ndarray
 
 
 class Fracture:
     """
-    Judge bonds when the stresses have converged, or break what clearly breaks shortly before.
+    Judge bonds when the stresses have converged, or fail what clearly fails shortly before.
+
+    A bond pulled or sheared beyond its strength cracks where it is still pressed over a part of
+    its patch (`strength.opening`): from then on it presses and rubs, opens and closes (`joints`).
+    One that is pulled apart or crushed is gone. Bonds without any strength always crack, and all
+    at once: they lose nothing by it. What no equilibrium holds is parted at the joints that open
+    or slide in its motion, and falls if that leaves it loose.
 
     The last stretch to equilibrium takes nearly half of the iterations, and matters to bonds near
     their limit alone. So each problem is glanced at once on the way: if its worst bond carries
-    twice its strength, it breaks then. Nothing counts as sound before convergence.
+    twice its strength, it fails then. Nothing counts as sound before convergence.
 
-    :param solver: loads are set there; bonds break there.
+    :param solver: loads are set there; bonds crack and break there.
     :param dynamic_factor: of bonds that break by overload, see `StressSolver.cut`.
     :param band: see `strength.worst_first`.
     """
@@ -65,6 +73,8 @@ class Fracture:
         self.band = band
         self._judged: int | None = None
         self._glanced: int | None = None
+        mortar = solver.graph.mortar
+        self._dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
 
     @property
     def stable(self) -> bool:
@@ -73,22 +83,24 @@ class Fracture:
 
     def advance(self, iterations: int) -> list[Failures]:
         """
-        Spend some iterations; break what is overloaded each time that equilibrium is reached.
+        Spend some iterations; fail what is overloaded each time that equilibrium is reached.
 
         :param iterations: largest number, over all rounds.
-        :returns: one entry per round that broke something.
+        :returns: one entry per round in which something cracked or broke.
         """
         solver, graph, rounds = self.solver, self.solver.graph, []
         while iterations > 0 and not self.stable:
             before = solver.spent
             solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
             iterations -= max(solver.spent - before, 1)
+            if not solver.converged and len(solver.part_hinges()):
+                continue
             adrift = solver.mechanisms()
             settled = solver.converged or len(adrift) > 0
             if not settled and not self._may_glance():
                 break
             self._glanced = solver.problem
-            if not solver.converged and self._part(adrift):
+            if not solver.converged and self._straighten(adrift):
                 continue
             failures = self._judge(adrift, 1.0 if settled else _CLEARLY)
             if len(failures.bond):
@@ -110,19 +122,15 @@ class Fracture:
     def _may_glance(self) -> bool:
         """Say whether the problem is nearly solved, not glanced at yet, and no mechanism."""
         solver = self.solver
-        near = solver.known and solver.residual <= _ROUGH * solver.tolerance
+        near = solver.known and solver.residual <= _ROUGH * solver.goal
         return near and self._glances()
 
     def _glances(self) -> bool:
         """Say whether the problem is to be glanced at; what is adrift is solved to the end."""
         return self._glanced != self.solver.problem and not len(self.solver.adrift())
 
-    def _part(self, adrift: np.ndarray) -> bool:
-        """Part the hinges of a mechanism of cracked pieces; say if there is one."""
-        return len(adrift) > 0 and len(self.solver.part_hinges()) > 0
-
     def _judge(self, adrift: np.ndarray, least: float) -> Failures:
-        """Break what fails, if anything does; the worst bond must carry `least` its strength."""
+        """Fail what fails, if anything does; the worst bond must carry `least` its strength."""
         solver = self.solver
         graph = solver.graph
         wrench = solver.wrenches()
@@ -130,14 +138,31 @@ class Fracture:
         chosen = np.zeros(len(graph), bool)
         if (solver.converged or not len(adrift)) and share.max(initial=0.0) > least:
             chosen[strength.worst_first(graph, share, self.band)] = True
+            chosen |= (share > 1.0) & self._dry
         moving = np.zeros(graph.count + 1, bool)
         moving[adrift] = True
         moving = (moving[graph.first] | moving[graph.second]) & (share > 1.0)
         cause[moving] = Cause.MECHANISM  # nothing to redistribute to: all around it go at once
         bonds = np.flatnonzero(chosen | moving)
-        stays, low, high = strength.opening(graph, bonds, wrench[bonds])
-        stays &= cause[bonds] == Cause.TENSION
-        if np.any(stays):
-            solver.narrow(bonds[stays], low[stays], high[stays])
-        solver.cut(bonds[~stays], self.dynamic_factor)
-        return Failures(bonds, cause[bonds], share[bonds], ~stays)
+        gone = ~(strength.opening(graph, bonds, wrench[bonds])[0] | self._dry[bonds])
+        gone |= ~np.isin(cause[bonds], (Cause.TENSION, Cause.SHEAR)) | graph.narrowed(bonds)
+        had_cracked = graph.cracked[bonds]
+        solver.crack(bonds[~gone])
+        solver.cut(bonds[gone], self.dynamic_factor)
+        return Failures(bonds, cause[bonds], share[bonds], gone, had_cracked)
+
+    def _straighten(self, parts: np.ndarray) -> bool:
+        """
+        Let the cracked joints of parts that find no balance be linear again; say if any was not.
+
+        They become bonds as narrow as they are pressed, or are gone if they are not.
+        """
+        solver, graph = self.solver, self.solver.graph
+        rows = graph.neighbours(parts)
+        rows = rows[graph.cracked[rows]]
+        if not len(rows):
+            return False
+        stays, low, high = strength.opening(graph, rows, solver.wrenches(rows))
+        solver.narrow(rows[stays], low[stays], high[stays])
+        solver.cut(rows[~stays])
+        return True

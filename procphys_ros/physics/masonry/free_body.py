@@ -111,7 +111,9 @@ class FreeBodies:
         falls = np.zeros(graph.count + 1, bool)
         falls[parts] = True
         bonds = np.flatnonzero(falls[graph.first] & falls[graph.second])
-        self.graph.adopt(graph, bonds, graph.rows[bonds])
+        rows = graph.rows[bonds]
+        self.graph.adopt(graph, bonds, rows)
+        self.graph.cut(rows[graph.cracked[bonds]])  # nothing presses them together in flight
 
     def pieces(self, parts: np.ndarray) -> list[np.ndarray]:
         """List what hangs together among some parts, the largest piece first."""

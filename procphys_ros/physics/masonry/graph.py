@@ -132,7 +132,13 @@ class BondGraph:
         self.centroid[bonds] += np.einsum('kij,kj->ki', self.axes[bonds][:, :, :2], middle)
         self.area[bonds] *= share.prod(axis=1)
         self.extent[bonds] = high - low
+        self.cracked[bonds] = False
+        self.grip[bonds] = 1.0
         self._spread(bonds)
+
+    def narrowed(self, bonds: np.ndarray) -> np.ndarray:
+        """Say which bonds have been narrowed, (K,) bool."""
+        return np.any(self.extent[bonds] != self.whole_extent[bonds], axis=1)
 
     def patches(self, bonds: np.ndarray) -> Patches:
         """Select what the strength of some bonds depends on, (K,) rows."""
@@ -146,10 +152,9 @@ class BondGraph:
         :param theirs: rows there, (K,).
         :param mine: rows here, (K,).
         """
-        for name in ('alive', 'centroid', 'area', 'extent'):
+        for name in ('alive', 'cracked', 'grip', 'centroid', 'area', 'extent'):
             getattr(self, name)[mine] = getattr(other, name)[theirs]
-        self.alive[mine] &= ~other.cracked[theirs]  # nothing presses them together in flight
-        opened = mine[np.any(self.extent[mine] != self.whole_extent[mine], axis=1)]
+        opened = mine[self.narrowed(mine)]
         self._spread(opened)
         self.links[mine[~self.alive[mine]], 6:] = 0.0
 

@@ -171,6 +171,74 @@ def _turned(m, axes, local, world):
 
 
 @kernel
+def _mix(moments, share, extent):
+    """Add a share of the whole rectangle to the moments of its pressed part; give the middle."""
+    area = extent[0] * extent[1]
+    for c in range(6):
+        moments[c] *= 1.0 - share
+    moments[0] += share * area
+    moments[3] += share * area * extent[0] ** 2 / 12.0
+    moments[4] += share * area * extent[1] ** 2 / 12.0
+    return moments[1] / moments[0], moments[2] / moments[0]
+
+
+@kernel
+def _sliding(shear, share, friction, out):
+    """Write the tangent along the patch, 2 x 2; give its part that sticks [N/m]."""
+    slides = shear * max(friction[3], share)
+    size = (friction[0] ** 2 + friction[1] ** 2) ** 0.5
+    for r in range(2):
+        for c in range(2):
+            out[r, c] = slides if r == c else 0.0
+            if friction[3] < 1.0 and size > 0.0:
+                out[r, c] -= (1.0 - share) * slides * friction[r] * friction[c] / size ** 2
+    return slides
+
+
+@kernel
+def _pack(axes, block, link):
+    """Write a symmetric matrix of the bond frame as upper triangle in world axes."""
+    k = 0
+    for r in range(3):
+        for c in range(r, 3):
+            total = 0.0
+            for g in range(3):
+                for h in range(3):
+                    total += axes[r, g] * block[g, h] * axes[c, h]
+            link[k] = total
+            k += 1
+
+
+@kernel
+def _tangent(m, axes, extent, normal, shear, share, friction, middle, moments, links, scratch):
+    """Write the tangent stiffness of a joint; give how much of the whole one it is at least."""
+    block, turn = scratch
+    block[:] = 0.0
+    turn[:] = 0.0
+    x, y = middle[m, 0], middle[m, 1]
+    slides = _sliding(shear, share, friction, block)
+    block[2, 2] = normal * moments[0]
+    turn[0, 0] = normal * (moments[4] - moments[0] * y * y)
+    turn[1, 1] = normal * (moments[3] - moments[0] * x * x)
+    turn[0, 1] = turn[1, 0] = -normal * (moments[5] - moments[0] * x * y)
+    turn[2, 2] = slides * (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0
+    _pack(axes[m], block, links[m, 6:12])
+    _pack(axes[m], turn, links[m, 12:18])
+    whole = normal * extent[m, 0] * extent[m, 1] / 12.0
+    return min(turn[0, 0] / (whole * extent[m, 1] ** 2), turn[1, 1] / (whole * extent[m, 0] ** 2),
+               max(friction[3], share))
+
+
+@kernel
+def _tie(m, first, second, centroid, centre, axes, middle, links):
+    """Write the arms from the parts to the middle of the pressed part."""
+    for c in range(3):
+        at = centroid[m, c] + axes[m, c, 0] * middle[m, 0] + axes[m, c, 1] * middle[m, 1]
+        links[m, c] = at - centre[first[m], c] if first[m] < len(centre) else 0.0
+        links[m, 3 + c] = at - centre[second[m], c] if second[m] < len(centre) else 0.0
+
+
+@kernel
 def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear, friction, slip,
               middle, bound, bias, links, grip, q, residual, shares, renew):
     """
@@ -183,62 +251,28 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
     :param shares: of the whole stiffness that tangents keep, (M,).
     :param renew: whether the bounds of friction follow the pressure.
     """
-    d, moments, whole = np.empty((3, 6))
+    d, moments = np.empty((2, 6))
     n, t = np.empty(3), np.empty(4)
     local, world, force, moved = np.empty((4, 6))
-    block, turn = np.empty((2, 3, 3))
+    scratch = np.empty((3, 3)), np.empty((3, 3))
     for m in rows:
-        share = shares[m]
         _model(m, links, bias, first, second, q, moved, force)
         _scatter(m, first, second, links[m, 0:3], links[m, 3:6], force, -1.0, residual)
         _deltas(m, first, second, centroid, centre, axes, q, d)
-        area = extent[m, 0] * extent[m, 1]
-        stiffness = normal[m] / area
+        stiffness = normal[m] / (extent[m, 0] * extent[m, 1])
         _normal(m, d, stiffness, extent, moments, n)
         if renew:
             bound[m] = friction[m] * max(-n[0], 0.0)
-        whole[:] = 0.0
-        whole[0] = area
-        whole[3], whole[4] = area * extent[m, 0] ** 2 / 12.0, area * extent[m, 1] ** 2 / 12.0
-        for c in range(6):
-            moments[c] = (1.0 - share) * moments[c] + share * whole[c]
-        x, y = moments[1] / moments[0], moments[2] / moments[0]
+        x, y = _mix(moments, shares[m], extent[m])
         middle[m, 0], middle[m, 1] = x, y
         _friction(m, d, shear[m], extent, middle, bound, slip, t)
         local[0], local[1], local[2] = t[0], t[1], n[0]
         local[3], local[4], local[5] = n[1] - y * n[0], n[2] + x * n[0], t[2]
         _turned(m, axes, local, world)
-        for c in range(3):
-            at = centroid[m, c] + axes[m, c, 0] * x + axes[m, c, 1] * y
-            links[m, c] = at - centre[first[m], c] if first[m] < len(centre) else 0.0
-            links[m, 3 + c] = at - centre[second[m], c] if second[m] < len(centre) else 0.0
+        _tie(m, first, second, centroid, centre, axes, middle, links)
         _scatter(m, first, second, links[m, 0:3], links[m, 3:6], world, 1.0, residual)
-        block[:] = 0.0
-        slides = shear[m] * max(t[3], share)
-        size = (t[0] ** 2 + t[1] ** 2) ** 0.5
-        for r in range(2):
-            block[r, r] = slides
-            for c in range(2):
-                if t[3] < 1.0 and size > 0.0:
-                    block[r, c] -= (1.0 - share) * slides * t[r] * t[c] / size ** 2
-        block[2, 2] = stiffness * moments[0]
-        turn[:] = 0.0
-        turn[0, 0] = stiffness * (moments[4] - moments[0] * y * y)
-        turn[1, 1] = stiffness * (moments[3] - moments[0] * x * x)
-        turn[0, 1] = turn[1, 0] = -stiffness * (moments[5] - moments[0] * x * y)
-        grip[m] = min(turn[0, 0] / (stiffness * whole[4]), turn[1, 1] / (stiffness * whole[3]),
-                      max(t[3], share))
-        turn[2, 2] = slides * (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0
-        for start, part in ((6, block), (12, turn)):
-            k = start
-            for r in range(3):
-                for c in range(r, 3):
-                    total = 0.0
-                    for g in range(3):
-                        for h in range(3):
-                            total += axes[m, r, g] * part[g, h] * axes[m, c, h]
-                    links[m, k] = total
-                    k += 1
+        grip[m] = _tangent(m, axes, extent, stiffness, shear[m], shares[m], t, middle, moments,
+                           links, scratch)
         bias[m] = 0.0
         _model(m, links, bias, first, second, q, moved, force)
         for c in range(6):
@@ -279,27 +313,14 @@ def power(rows, label, first, second, centroid, centre, axes, extent, normal, sh
 
 
 @kernel
-def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid, moved):
-    """
-    Write how far joints open at their widest corner, and slide, and their parts move there [m].
-
-    :param gap, slid, moved: (K,) each, written.
-    """
+def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid):
+    """Write how far joints open at their widest corner, and how far they slide [m], (K,) each."""
     d = np.empty(6)
     for k in range(len(rows)):
         m = rows[k]
         _deltas(m, first, second, centroid, centre, axes, q, d)
         gap[k] = d[2] + 0.5 * (abs(d[3]) * extent[m, 1] + abs(d[4]) * extent[m, 0])
         slid[k] = (d[0] ** 2 + d[1] ** 2) ** 0.5 + abs(d[5]) * 0.5 * extent[m].max()
-        moved[k] = 0.0
-        for body in (first[m], second[m]):
-            if body < len(centre):
-                x, y, z = (centroid[m, 0] - centre[body, 0], centroid[m, 1] - centre[body, 1],
-                           centroid[m, 2] - centre[body, 2])
-                a, b, c = q[body, 3], q[body, 4], q[body, 5]
-                far = ((q[body, 0] + b * z - c * y) ** 2 + (q[body, 1] + c * x - a * z) ** 2
-                       + (q[body, 2] + a * y - b * x) ** 2) ** 0.5
-                moved[k] = max(moved[k], far)
 
 
 @kernel

@@ -30,15 +30,16 @@ stiffness stands in for it, which slows motions that nothing holds, and forces n
 
 import numpy as np
 
-from procphys_ros.physics.masonry import joint_kernels
+from procphys_ros.physics.masonry import joint_kernels, links
 from procphys_ros.physics.masonry.graph import BondGraph
 
 _SHARE = 1e-3        # of the whole stiffness: what tangents of open joints keep at first, ...
 _LEAST_SHARE = 1e-7  # ... and at last
 _SHORT, _LONG = 0.3, 0.9         # reach of steps that promised too much, and that were right
 _STIFFEST, _SOFTER = 1e4, 0.1    # change of the share after these
-_HINGE = 0.1         # of the motion of its parts: a joint that opens or slides faster is a hinge
-_PLAY = 0.02         # of the motion of the fastest part: slower joints are not, whatever moves
+_PLAY = 2e-3         # [m] that joints open or slide at most in equilibrium: walls 3 % short of
+#                      overturning open by far less, and what moves further goes on moving
+_HINGE = 0.5         # of the fastest relative motion: joints that move as fast are hinges
 
 
 class CrackedJoints:
@@ -64,6 +65,17 @@ class CrackedJoints:
         for array in (self._bias, self._slip, self._middle, self._bound):
             array[:] = 0.0
         self._share[:] = _SHARE
+
+    def adopt(self, other: 'CrackedJoints', mine: np.ndarray) -> None:
+        """
+        Go on with the joints of another graph, whose bonds this one has adopted.
+
+        :param mine: rows here of all bonds there, (K,).
+        """
+        for name in ('_bias', '_slip', '_middle', '_bound', '_share'):
+            getattr(self, name)[mine] = getattr(other, name)
+        cracked = self.graph.cracked[mine]
+        self.graph.links[mine[cracked]] = other.graph.links[cracked]
 
     @property
     def _geometry(self) -> tuple[np.ndarray, ...]:
@@ -116,20 +128,20 @@ class CrackedJoints:
 
     def hinges(self, rows: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """
-        Choose the joints that open or slide in a motion of the parts, rather than move along.
+        Choose the joints that open or slide without end, in a motion of the parts.
 
-        :param motion: of the parts [m, rad], (N + 1, 6).
-        :returns: rows.
+        :param motion: of the parts since they were in equilibrium [m, rad], (N + 1, 6).
+        :returns: rows; none if no joint has moved further than any does in equilibrium.
         """
-        gap, slid, moved = np.empty((3, len(rows)))
-        joint_kernels.motions(rows, *self._geometry, motion, gap, slid, moved)
+        gap, slid = np.empty((2, len(rows)))
+        joint_kernels.motions(rows, *self._geometry, motion, gap, slid)
         relative = np.maximum(gap, slid)
-        return rows[(relative > _HINGE * moved) & (relative > _PLAY * np.abs(motion[:, :3]).max())]
+        return rows[relative > max(_PLAY, _HINGE * relative.max(initial=0.0))]
 
     def openings(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Give how far joints are open at their widest corner [m], (K,)."""
-        gap, slid, moved = np.empty((3, len(rows)))
-        joint_kernels.motions(rows, *self._geometry, displacement, gap, slid, moved)
+        gap, slid = np.empty((2, len(rows)))
+        joint_kernels.motions(rows, *self._geometry, displacement, gap, slid)
         return np.maximum(gap, 0.0)
 
     def settle(self, rows: np.ndarray, displacement: np.ndarray) -> None:
@@ -144,9 +156,18 @@ class CrackedJoints:
                                self._bias, graph.links, displacement, out)
         return out
 
-    def add_forces(self, rows: np.ndarray, displacement: np.ndarray, out: np.ndarray,
-                   sign: float) -> None:
-        """Add sign times the forces of joints to the parts, (N + 1, 6)."""
+    def add_pulls(self, bonds: np.ndarray, displacement: np.ndarray, out: np.ndarray,
+                  sign: float) -> None:
+        """
+        Add sign times the forces of bonds, whole or cracked, to the parts.
+
+        :param bonds: rows of the graph, (K,).
+        :param displacement: of the parts [m, rad], (N + 1, 6).
+        :param out: forces and moments [N, N·m], (N + 1, 6), changed in place.
+        """
         graph = self.graph
-        joint_kernels.add_forces(rows, graph.first, graph.second, self._bias, graph.links,
-                                 displacement, out, sign)
+        cracked = graph.cracked[bonds]
+        links.add_pulls(bonds[~cracked], graph.links, graph.first, graph.second, displacement,
+                        out, sign)
+        joint_kernels.add_forces(bonds[cracked], graph.first, graph.second, self._bias,
+                                 graph.links, displacement, out, sign)

@@ -25,7 +25,7 @@ _FORCING = 0.1    # of the residual at its start: what a step solves its tangent
 _ITERATIONS = 60  # of conjugate gradients per step: the tangents are out of date by then
 _AGREES = 0.3     # of the first power: what true forces may do or take back at the end of a step
 _TRIES = 40       # to find that end
-_FURTHEST = 0.5   # [m] that a part moves in one step: what gets there is a mechanism
+_FURTHEST = 0.5  # [m] that a part moves in one step: what gets there is a mechanism
 
 
 class Step:

@@ -20,7 +20,7 @@ from typing import Self
 
 import numpy as np
 
-from procphys_ros.physics.masonry import components, links, pcg
+from procphys_ros.physics.masonry import components, links, pcg, tolerances
 from procphys_ros.physics.masonry.coarse import CoarseSpace
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.joints import CrackedJoints
@@ -118,11 +118,13 @@ class StressSolver(StressState):
         self._given = np.zeros((graph.count + 1, 6))
         self._sudden = np.zeros((graph.count + 1, 6))
         self._residual = self._weight.copy()
+        self.goal = self.tolerance  # no more than that may be left unbalanced at present
         self.iterations = np.zeros(graph.count, np.int64)
         self.spent = self._patience = self._worked = 0
 
     def _adopt(self, other: 'StressSolver', first: int, bonds: np.ndarray) -> None:
         self.graph.adopt(other.graph, np.arange(len(other.graph)), bonds)
+        self._joints.adopt(other._joints, bonds)
         rows = slice(first, first + other.graph.count)
         for mine, theirs in ((self.displacement, other.displacement),
                              (self._given, other._given), (self._sudden, other._sudden),
@@ -132,6 +134,8 @@ class StressSolver(StressState):
 
     def _renew(self) -> None:
         """Work out all that follows from bonds and displacements."""
+        self._joints.linearise(np.flatnonzero(self.graph.cracked), self.displacement,
+                               self._residual)
         self._bonds_changed(np.arange(self.graph.count))
         self._relabel()
         self._past.forget(self.labels, self._straight())
@@ -156,6 +160,8 @@ class StressSolver(StressState):
         change[:-1][~self.supported] = 0.0
         if np.any(change[:-1]):
             self._past.guess(self.displacement, self._residual, change)
+            self.goal = tolerances.sharpened(self.tolerance, self._residual, self.labels,
+                                             self.graph.reach)
             self._moved()
             self.state += 1
             self.problem += 1
@@ -176,10 +182,7 @@ class StressSolver(StressState):
         if not len(bonds):
             return
         released = np.zeros_like(self._residual)
-        cracked = graph.cracked[bonds]
-        links.add_pulls(bonds[~cracked], graph.links, graph.first, graph.second,
-                        self.displacement, released, -1.0)
-        self._joints.add_forces(bonds[cracked], self.displacement, released, -1.0)
+        self._joints.add_pulls(bonds, self.displacement, released, -1.0)
         graph.cut(bonds)
         self._residual += dynamic_factor * released
         self._sudden += (dynamic_factor - 1.0) * released
@@ -188,12 +191,9 @@ class StressSolver(StressState):
 
     def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
         """Open bonds partly and for good, see `strength.opening` and `BondGraph.narrow`."""
-        graph = self.graph
-        for sign, change in ((-1.0, lambda: graph.narrow(bonds, low, high)), (1.0, None)):
-            links.add_pulls(bonds, graph.links, graph.first, graph.second, self.displacement,
-                            self._residual, sign)
-            if change:
-                change()
+        self._joints.add_pulls(bonds, self.displacement, self._residual, -1.0)
+        self.graph.narrow(bonds, low, high)
+        self._joints.add_pulls(bonds, self.displacement, self._residual, 1.0)
         self._after_change(bonds)
 
     def crack(self, bonds: np.ndarray) -> None:
@@ -290,9 +290,9 @@ class StressSolver(StressState):
         size = pcg.residual_sizes(self._residual, graph.reach)
         self.residual = float(size.max(initial=0.0))
         active = np.zeros(graph.count + 1, bool)
-        if self.residual > self.tolerance:
+        if self.residual > self.goal:
             restless = np.zeros(graph.count, bool)
-            restless[self.labels[size > self.tolerance]] = True
+            restless[self.labels[size > self.goal]] = True
             active[:-1] = restless[self.labels] & self.supported
         parts = np.flatnonzero(active)
         bonds = np.flatnonzero(graph.alive & (active[graph.first] | active[graph.second]))
@@ -309,7 +309,7 @@ class StressSolver(StressState):
         """Whether every supported part is in equilibrium within the tolerance."""
         if self._stale_view:
             self._look()
-        return self.known and self.residual <= self.tolerance
+        return self.known and self.residual <= self.goal
 
     @property
     def known(self) -> bool:
@@ -324,14 +324,14 @@ class StressSolver(StressState):
         :param enough: largest nodal residual to stop at, in tolerances, not less than 1.
         :returns: the largest nodal residual [N].
         """
-        target = enough * self.tolerance
-        while limit > 0 and not self.converged and self._patience < _PATIENCE:
+        target = enough * self.goal
+        while limit > 0 and not self.converged and not self._exhausted:
             if self.known and self.residual <= target:
                 break
             if not self._begun:
                 self._begin()
             step = self._step
-            if step.curved and len(self.adrift()):
+            if step.curved and len(self._hinges()):
                 break
             stale = not self._coarse_fresh
             after = _CURVED_STALE if step.curved else _STALE_AFTER
@@ -419,32 +419,30 @@ class StressSolver(StressState):
 
     def part_hinges(self) -> np.ndarray:
         """
-        Cut the cracked joints that open or slide in what is adrift.
+        Cut the cracked joints that open or slide without end: the hinges of a mechanism.
 
         All goes back to where it was in equilibrium last: how it moved since does not count.
 
         :returns: rows of the graph.
         """
-        graph = self.graph
-        rows = np.flatnonzero(graph.cracked)
-        if not len(rows):
-            return rows
-        rows = self._joints.hinges(rows, self.displacement - self._calm)
+        rows = self._hinges()
         self.cut(rows)
         if len(rows):
             self._rewind()
         return rows
+
+    def _hinges(self) -> np.ndarray:
+        """List the joints that `part_hinges` would cut; none while a step is under way."""
+        rows = np.flatnonzero(self.graph.cracked) if self.known else np.zeros(0, np.intp)
+        return self._joints.hinges(rows, self.displacement - self._calm) if len(rows) else rows
 
     def _rewind(self) -> None:
         """Return to the displacements of the last equilibrium."""
         graph = self.graph
         self.displacement[:-1] = np.where(self.supported[:, None], self._calm[:-1], 0.0)
         self._residual = self._weight + self._given + self._sudden
-        whole = np.flatnonzero(graph.alive & ~graph.cracked)
-        links.add_pulls(whole, graph.links, graph.first, graph.second, self.displacement,
-                        self._residual, 1.0)
+        self._joints.add_pulls(np.flatnonzero(graph.alive), self.displacement, self._residual, 1.0)
         rows = np.flatnonzero(graph.cracked)
-        self._joints.add_forces(rows, self.displacement, self._residual, 1.0)
         self._joints.linearise(rows, self.displacement, self._residual)
         self._residual[:-1][~self.supported] = 0.0
         self._residual[-1] = 0.0
@@ -457,7 +455,16 @@ class StressSolver(StressState):
         Converged, these are the parts displaced by more than 25 cm; otherwise the parts still
         unbalanced when the iterations since the last change have run out of patience.
         """
-        adrift = self.adrift()
-        if self.converged or self._begun and self._step.curved and len(adrift):
-            return adrift
-        return self.unbalanced() if self._patience >= _PATIENCE else np.zeros(0, np.intp)
+        if self.converged:
+            return self.adrift()
+        return self.unbalanced() if self._exhausted else np.zeros(0, np.intp)
+
+    @property
+    def curved(self) -> bool:
+        """Whether cracked joints are among what is out of balance."""
+        return self._step.curved
+
+    @property
+    def _exhausted(self) -> bool:
+        """Whether the iterations since the last change have run out of patience."""
+        return self._patience >= _PATIENCE

@@ -39,6 +39,7 @@ class StressState:
     supported: np.ndarray
     labels: np.ndarray
     _residual: np.ndarray
+    goal: float
     _joints: CrackedJoints
 
     @property
@@ -71,7 +72,7 @@ class StressState:
     def unbalanced(self) -> np.ndarray:
         """List the parts whose nodal residual exceeds the tolerance."""
         size = pcg.residual_sizes(self._residual, self.graph.reach)
-        return np.flatnonzero((size > self.tolerance) & self.supported)
+        return np.flatnonzero((size > self.goal) & self.supported)
 
     def adrift(self) -> np.ndarray:
         """List the parts displaced by more than 25 cm; none while a step is under way."""

@@ -1,0 +1,44 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""How exactly loads are to be balanced."""
+
+import numpy as np
+
+from procphys_ros.physics.masonry import pcg
+
+_COHERENT = 0.3  # tolerances times the root of the number of parts: largest sum of what is left
+#                  unbalanced in an island; gentle loads on all of a wall together tip it
+_SHARPER = 0.05  # of gentle loads on each part: what may be left of them
+
+
+def sharpened(tolerance: float, residual: np.ndarray, labels: np.ndarray,
+              reach: np.ndarray) -> float:
+    """
+    Give the tolerance that loads on islands as a whole ask for.
+
+    :param tolerance: for loads on single parts, the largest nodal residual [N].
+    :param residual: what nothing balances yet [N, N·m], (N + 1, 6).
+    :param labels: island of each part, (N,).
+    :param reach: see `BondGraph`, (N,).
+    :returns: largest nodal residual [N].
+    """
+    total = np.column_stack([np.bincount(labels, residual[:-1, c], len(labels)) for c in range(3)])
+    parts = np.bincount(labels, minlength=len(labels))
+    pushed = np.linalg.norm(total, axis=1) > _COHERENT * np.sqrt(parts) * tolerance
+    if not pushed.any():
+        return tolerance
+    return min(tolerance, _SHARPER * float(
+        pcg.residual_sizes(residual, reach)[pushed[labels]].max()))

@@ -1,0 +1,38 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Scenes at rest: the state that a simulation starts from."""
+
+import numpy as np
+
+from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State
+
+
+def at_rest(model: Model) -> tuple[State, list[str]]:
+    """Put a scene at rest; let what cannot stand under its weight go, and say what that is."""
+    state = State.initial(model)
+    bricks = np.flatnonzero(state.standing)
+    if len(bricks):
+        source = model.blueprint
+        state.parts.body[bricks] = state.world.add_bricks(
+            source.poses[bricks], source.size[bricks], source.mass[bricks])
+    for part in np.flatnonzero(state.parts.owner == Owner.BODY):
+        fragments.make_body(state, np.array([part]), state.parts.poses[[part]], np.zeros((1, 6)))
+    lines = masonry.settle(model, state)
+    state.dust.seen = state.log.total
+    return state, lines

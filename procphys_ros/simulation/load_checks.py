@@ -1,0 +1,127 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Load checks: what a user should be told of a scene before it starts."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, Law, Shape
+from procphys_ros.physics.masonry import Failures
+from procphys_ros.physics.touch import overlap, overlaps, piece_bounds
+from procphys_ros.scene import SceneObject
+
+_SUNK = 0.01     # [m] below the ground from which on an object is called sunk
+_OVERLAP = 0.01  # [m] depth from which on objects overlap: twice what roofs have by their tiles
+_TWIGS = 0.2     # [m] the same for trees and walls: thinner twigs give way
+_MOST = 10       # lines about overlaps; who places a hundred houses in one place knows by then
+
+
+def check_places(blueprint: Blueprint, objects: Sequence[SceneObject]) -> list[str]:
+    """List what is wrong with where objects are: below the ground, or in each other."""
+    if not len(blueprint) or not objects:
+        return []
+    bounds = piece_bounds(blueprint.shape, blueprint.poses, blueprint.size,
+                          np.zeros((len(blueprint), 6)), 0.0, -0.5 * _OVERLAP)
+    return _sunk(blueprint, objects) + _overlapping(blueprint, objects, bounds)
+
+
+def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
+                      rounds: Sequence[Failures], rows: np.ndarray,
+                      loose: np.ndarray) -> list[str]:
+    """
+    Say which objects crack or break under their own weight, how much, and where first.
+
+    :param rounds: of failure, in their order.
+    :param rows: of the blueprint's bonds, by row of the bond graph.
+    :param loose: parts that fall, (K,).
+    """
+    if not rounds:
+        return []
+    bond = rows[np.concatenate([r.bond for r in rounds])]
+    broken = np.concatenate([r.broken for r in rounds])
+    part = blueprint.bonds[bond].max(axis=1)
+    lines = []
+    for thing in objects:
+        inside = (part >= thing.first) & (part < thing.first + thing.count)
+        if not inside.any():
+            continue
+        falls = np.count_nonzero((loose >= thing.first) & (loose < thing.first + thing.count))
+        x, y, z = blueprint.bond_frame[bond[inside][0], :3]
+        lines.append(
+            f'{thing.name} does not carry its own weight: '
+            f'{len(np.unique(bond[inside & ~broken]))} joints crack, '
+            f'{len(np.unique(bond[inside & broken]))} break, the first at ({x:.2f}, {y:.2f}, '
+            f'{z:.2f}) m; {falls} of {thing.count} parts fall')
+    return lines
+
+
+def _sunk(blueprint: Blueprint, objects: Sequence[SceneObject]) -> list[str]:
+    up = np.abs(rotation.to_matrix(blueprint.poses[:, 3:])[:, 2])
+    size = blueprint.size
+    boxes = 0.5 * (up * size).sum(axis=1)
+    axes = 0.5 * up[:, 2] * np.maximum(size[:, 2] - size[:, 0], 0.0)  # stumps may be rounded off
+    depth = np.where(blueprint.shape == Shape.BOX, boxes, axes) - blueprint.poses[:, 2]
+    lines = []
+    for thing in objects:
+        own = depth[thing.first:thing.first + thing.count]
+        count = np.count_nonzero(own > _SUNK)
+        if count:
+            lines.append(f'{thing.name} is below the ground: {count} of {thing.count} parts, by '
+                         f'up to {own.max():.2f} m (the ground is at z = 0)')
+    return lines
+
+
+def _overlapping(blueprint: Blueprint, objects: Sequence[SceneObject],
+                 bounds: np.ndarray) -> list[str]:
+    """Compare walls with walls and with trees; crowns may well grow into each other."""
+    held = np.zeros(len(blueprint), bool)
+    held[blueprint.bonds[blueprint.bond_law == Law.MORTAR].ravel()] = True
+    first = np.array([thing.first for thing in objects])
+    whole = np.hstack([np.minimum.reduceat(bounds[:, :3], first),
+                       np.maximum.reduceat(bounds[:, 3:], first)])
+    built = np.logical_or.reduceat(held, first)
+    walls = np.flatnonzero(built)
+    lines = []
+    for w, other in zip(*overlaps(whole[walls], whole)):
+        mine = walls[w]
+        if other == mine or (built[other] and other < mine):
+            continue
+        depth, place = _deepest(blueprint, bounds, objects[mine], objects[other])
+        if depth > (_OVERLAP if built[other] else _TWIGS):
+            x, y, z = place
+            lines.append(f'{objects[mine].name} and {objects[other].name} overlap by up to '
+                         f'{depth:.2f} m, at ({x:.2f}, {y:.2f}, {z:.2f}) m')
+    more = len(lines) - _MOST
+    return lines[:_MOST] + ([f'{more} more pairs of objects overlap'] if more > 0 else [])
+
+
+def _deepest(blueprint: Blueprint, bounds: np.ndarray, one: SceneObject,
+             other: SceneObject) -> tuple[float, np.ndarray]:
+    """Give how deep two objects reach into each other, and where [m]."""
+    mine = np.arange(one.first, one.first + one.count)
+    theirs = np.arange(other.first, other.first + other.count)
+    a, b = overlaps(bounds[mine], bounds[theirs])
+    worst, place = 0.0, np.zeros(3)
+    for part in np.unique(b):
+        near = mine[a[b == part]]
+        depth, _, point = overlap(False, blueprint.poses[theirs[part]],
+                                  blueprint.size[theirs[part]], blueprint.poses[near],
+                                  blueprint.size[near])
+        if depth.max() > worst:
+            worst, place = float(depth.max()), point[depth.argmax()]
+    return worst, place

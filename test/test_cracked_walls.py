@@ -1,0 +1,137 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cracked joints in simulations: walls pushed and let go, saved, added to, broken in any order."""
+
+from building_checks import standing
+from masonry_walls import building, wall
+import numpy as np
+import pytest
+
+from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+
+G = 9.81  # [m/s²]
+THICKNESS = 0.1025  # [m]
+
+
+def pushed(tension=0.0):
+    """Stand a wall in a simulation; give it, and how to push it by a share of what tips it."""
+    plan = wall(8, 20, tension=tension, cohesion=1.5 * tension)
+    simulation = standing(plan)
+    face = plan.size[:, 0] * plan.size[:, 2]
+    force = np.zeros((len(plan), 6))
+    force[:, 1] = face * 0.5 * THICKNESS * G * plan.mass.sum() / (face * plan.poses[:, 2]).sum()
+
+    def push(share, steps=60):
+        simulation.state.loads.set_layer('push', np.arange(len(plan)), share * force)
+        simulation.step(steps)
+        return simulation.state.solver.openings().max(initial=0.0)
+    return simulation, push
+
+
+@pytest.mark.parametrize('share', [0.5, 0.7, 0.9])
+def test_a_dry_wall_pushed_to_and_fro_and_let_go_stands_closed(share):
+    """Push a wall of a simulation both ways and let go: all bricks stand, no joint gapes."""
+    simulation, push = pushed()
+    widest = max(push(sign * share) for sign in (1.0, -1.0, 1.0, -1.0))
+    assert widest > 1e-7
+    assert push(0.0) < 0.02 * widest
+    assert simulation.state.standing.all() and simulation.state.fracture.stable
+    push(1.1)
+    assert not simulation.state.standing.any()
+
+
+def test_a_wall_of_poor_mortar_cracks_and_stands_again():
+    """Crack a wall of 10 kPa by 0.7 of what tips it: nothing falls, and nothing stays open."""
+    simulation, push = pushed(1e4)
+    widest = push(0.7, 120)
+    assert simulation.state.solver.graph.cracked.sum() > 10
+    assert push(0.0) < 0.02 * widest
+    assert simulation.state.standing.all()
+
+
+def test_a_snapshot_keeps_cracked_joints():
+    """Save a wall that is pushed half open, let go there and in the copy: bit for bit the same."""
+    simulation, push = pushed()
+    push(0.9, 3)
+    saved = simulation.save()
+    runs = []
+    for _ in range(2):
+        simulation.step(60)
+        solver = simulation.state.solver
+        runs.append((solver.graph.cracked.copy(), solver.displacement.copy()))
+        simulation.restore(saved)
+    assert runs[0][0].any()
+    for one, two in zip(*runs):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_cracked_joints_survive_what_joins_the_scene():
+    """Add a wall beside one that is pushed open: it stays as it is, and closes later."""
+    simulation, push = pushed()
+    widest = push(0.9)
+    cracked = simulation.state.solver.graph.cracked.sum()
+    simulation.add(wall(3, 4), (5.0, 5.0, 0.0), name='other')
+    solver = simulation.state.solver
+    assert solver.graph.cracked.sum() == cracked > 0
+    assert solver.openings().max() == pytest.approx(widest, rel=1e-6)
+    simulation.step(30)
+    assert simulation.state.standing.all()
+    assert push(0.0) < 0.02 * widest
+
+
+def without(plan, order, turns, each):
+    """Take parts out in turns, with so many iterations at a time; say which parts stand then."""
+    fracture = Fracture(StressSolver(BondGraph(plan)))
+    fracture.advance(5000)
+    solver = fracture.solver
+    for group in np.array_split(order, turns):
+        solver.remove_parts(group[solver.supported[group]])
+        while not fracture.stable:
+            fracture.advance(each)
+    return solver.supported.copy()
+
+
+def a_pier_of_an_arcade():
+    """Give a wall with three openings, and the bricks of a pier between two of them."""
+    plan = wall(28, 26, [(0.9 + 1.8 * k, -0.1, 1.8 + 1.8 * k, 1.2) for k in range(3)])
+    x, z = plan.poses[:, 0], plan.poses[:, 2]
+    return plan, np.flatnonzero((x > 1.8) & (x < 2.7) & (z < 1.2))
+
+
+def a_corner_of_a_house(tension):
+    """Give a house with a slab, and the bricks of a corner of it."""
+    plan = building(side=12, storeys=1, courses=20, windows=2, tension=tension,
+                    cohesion=1.25 * tension)
+    x, y, z = plan.poses[:, :3].T
+    return plan, np.flatnonzero((x < 0.6) & (y < 0.6) & (z < 0.8))
+
+
+@pytest.mark.parametrize(('plan', 'gone'), [
+    a_pier_of_an_arcade(), a_corner_of_a_house(0.05e6), a_corner_of_a_house(0.2e6)],
+    ids=['arcade', 'house of lime mortar', 'house'])
+def test_what_stands_does_not_depend_on_the_order_of_breaking(plan, gone):
+    """Knock a pier or a corner out in five orders: the same stands, within 5 % of the parts."""
+    stands = [without(plan, np.random.default_rng(seed).permutation(gone), 6, 50).sum()
+              for seed in range(5)]
+    assert max(stands) - min(stands) < 0.05 * len(plan)
+
+
+def test_what_stands_does_not_depend_on_iterations_per_step():
+    """Knock a corner out, with 3, 8 and 1000 iterations at a time: the very same parts stand."""
+    plan, gone = a_corner_of_a_house(0.05e6)
+    runs = [without(plan, gone, 1, each) for each in (3, 8, 1000)]
+    assert 0 < runs[0].sum() < len(plan) - len(gone)
+    np.testing.assert_array_equal(runs[0], runs[1])
+    np.testing.assert_array_equal(runs[0], runs[2])
