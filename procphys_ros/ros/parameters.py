@@ -16,6 +16,7 @@
 """Declare the parameters on a node, check every change, and hold their present values."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -107,11 +108,14 @@ class Parameters:
 
     def _declare(self, parameter: Parameter, name: str) -> None:
         default = self._defaults.get(name, parameter.default)
-        declared = self._node.declare_parameter(name, default, _descriptor(parameter))
+        writable = _descriptor(replace(parameter, read_only=False))
+        declared = self._node.declare_parameter(name, default, writable)
         value = parameter.read(declared.value, name)
         self._values = {**self._values, name: value}
         if not value and parameter.takes_any_length:  # rclpy cannot tell what it is a list of
             self._node.set_parameters([_typed(parameter, name)])
+        if parameter.read_only:
+            self._node.set_descriptor(name, _descriptor(parameter))
 
     def _declare_objects(self) -> None:
         """Declare the parameters of objects that are new in `scene.objects`."""
