@@ -1,5 +1,5 @@
 # make run: the node on the demo scene, and a page that shows it (at PORT).  make warm: compile all
-# kernels.  make test: lint, types, tests.  make bench: figures.
+# kernels.  make test: lint, types, tests.  make bench: figures.  make gallery: pictures.
 # PYTHON chooses the interpreter of the virtual environment (3.11 or 3.12).
 PYTHON ?= python3
 VENV := .venv
@@ -9,7 +9,11 @@ BIN := $(VENV)/bin
 SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts launch config grammars -type f \
   -not -name '*.pyc' -not -name '*.nb?')
 
-.PHONY: run warm test lint types pytest bench clean
+# Scenes of the gallery, and the simulated time of each picture [s].
+GALLERY := palms_in_a_gust:3 tree_on_house:5 village_street:5 figure_1:3.2 implosion:3.5 figure_8:3.2 \
+  felled_by_wind:4 figure_8:8
+
+.PHONY: run warm test lint types pytest bench gallery clean
 
 run: warm
 	trap 'kill $$page 2>/dev/null' EXIT INT TERM; $(BIN)/view --port $(PORT) & page=$$!; \
@@ -52,6 +56,13 @@ $(VENV)/.installed-test: $(SOURCES) | $(BIN)/python
 	$(BIN)/pip install --quiet '.[wheels,render,test]'
 	./.ci/browser
 	@touch $@ $(VENV)/.installed-run
+
+# The pictures of README.md and docs/scenes.md.
+gallery: $(VENV)/.installed-run
+	for picture in $(GALLERY); do scene=$${picture%:*}; time=$${picture#*:}; \
+	  $(BIN)/render config/$$scene.yaml --time $$time --size 800x450 \
+	    --out docs/images/$${scene}_$$(echo $$time | tr . _)s.jpg || exit 1; done
+	$(BIN)/python bench/moving_picture.py
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info

@@ -34,7 +34,7 @@ class Parameter:
 
     :ivar name: dotted; of an object's parameter the part behind `<name>.`.
     :ivar default: also says the type: bool, int, float, str, list of floats or of str.
-    :ivar description: for `ros2 param describe` and the README.
+    :ivar description: for `ros2 param describe` and docs/parameters.md.
     :ivar unit: '' where there is none.
     :ivar low, high: least and largest number allowed.
     :ivar choices: texts allowed; () = any.

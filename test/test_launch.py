@@ -40,7 +40,7 @@ def test_it_is_python():
 
 
 def test_it_takes_the_arguments_that_are_documented(module):
-    """Declare the arguments that the README names."""
+    """Declare the arguments that the docs name."""
     declared = {entity.name for entity in module.generate_launch_description().entities
                 if hasattr(entity, 'default_value')}
     assert declared == {'scene', 'viewer', 'name', 'namespace'}

@@ -177,7 +177,7 @@ def test_rviz_colours_clouds_by_what_they_hold():
 
 
 @pytest.mark.parametrize('text', [
-    SimNode.__doc__, (ROOT / 'README.md').read_text('utf-8')], ids=['docstring', 'README'])
+    SimNode.__doc__, (ROOT / 'docs' / 'node.md').read_text('utf-8')], ids=['docstring', 'docs'])
 def test_everything_offered_is_listed(text):
     """Name every topic and service where people look for them."""
     for name in (*PUBLISHED, *TAKEN, *SERVICES):
@@ -186,7 +186,7 @@ def test_everything_offered_is_listed(text):
 
 @pytest.mark.parametrize('topic', PUBLISHED)
 def test_quality_of_service_is_told_as_it_is(topic):
-    """Say in the README and in the docstring with what quality each topic is published."""
+    """Say in the docs and in the docstring with what quality each topic is published."""
     made = {}
     node = SimpleNamespace(
         create_publisher=lambda kind, name, profile, **_: (
@@ -199,7 +199,7 @@ def test_quality_of_service_is_told_as_it_is(topic):
     name = topic.replace('/sim/', '~/')
     offered = made[name]
     depth = f'depth {offered.depth}'
-    row = next(line for line in (ROOT / 'README.md').read_text('utf-8').splitlines()
+    row = next(line for line in (ROOT / 'docs' / 'node.md').read_text('utf-8').splitlines()
                if line.startswith(f'| `{name}` |'))
     entry = next(line for line in SimNode.__doc__.splitlines() if line.strip().startswith(name))
     latched = offered.durability == DurabilityPolicy.TRANSIENT_LOCAL

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The parameter table: what it accepts and refuses, and that it agrees with scenes and README."""
+"""The parameter table: what it accepts and refuses, and that it agrees with scenes and docs."""
 
 from dataclasses import fields
 import math
@@ -51,6 +51,7 @@ from procphys_ros.schema import parameters
 
 TABLE = {p.name: p for p in GLOBAL}
 DEFAULTS = {p.name: p.default for p in GLOBAL}
+DOCS = (Path(__file__).resolve().parents[1] / 'docs' / 'parameters.md').read_text('utf-8')
 
 
 @pytest.mark.parametrize('parameter', [*GLOBAL, *OBJECT], ids=lambda p: p.name)
@@ -192,15 +193,13 @@ def test_every_number_of_every_setting_is_checked(kind, group):
                 kind(**{name: value})
 
 
-def test_the_grammar_of_the_readme_grows():
+def test_the_grammar_of_the_docs_grows():
     """Read the block of YAML that shows how a grammar of several lines is written."""
-    readme = (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')
-    given = yaml.safe_load(re.search(r'```yaml\n(oak:.*?)```', readme, re.DOTALL)[1])
+    given = yaml.safe_load(re.search(r'```yaml\n(oak:.*?)```', DOCS, re.DOTALL)[1])
     assert len(LSystem.parse(given['oak']['grammar_text']).build()) > 5
 
 
-def test_readme_shows_the_table():
-    """Keep the tables of the README as the table of parameters has them."""
-    readme = (Path(__file__).resolve().parents[1] / 'README.md').read_text('utf-8')
-    assert markdown(GLOBAL) in readme
-    assert markdown(OBJECT, '<name>.') in readme
+def test_docs_show_the_table():
+    """Keep the tables of the docs as the table of parameters has them."""
+    assert markdown(GLOBAL) in DOCS
+    assert markdown(OBJECT, '<name>.') in DOCS

@@ -143,7 +143,7 @@ def nested(values: Mapping[str, Any], objects: list[str]) -> dict[str, Any]:
 
 def markdown(parameters: Sequence[Parameter], prefix: str = '') -> str:
     """
-    Write rows of the table for the README.
+    Write rows of the table for docs/parameters.md.
 
     :param prefix: stands before each name.
     """

@@ -32,8 +32,9 @@ Simulate a scene of trees and buildings, and show it on ROS topics.
   sim --ros-args --params-file FILE -p wind.velocity:='[12.0, 0.0, 0.0]'
   sim --ros-args --params-file FILE -r __node:=east --log-level debug
 
-All topics, services and parameters are in README.md; a running node lists them
-to `ros2 node info /sim` and `ros2 param describe /sim NAME`, or to `command`.
+All topics and services are in docs/node.md, all parameters in docs/parameters.md;
+a running node lists them to `ros2 node info /sim` and `ros2 param describe /sim NAME`,
+or to `command`.
 exit codes: 0 told to stop, 1 the scene cannot be read, 2 invalid usage
 """
 
