@@ -187,7 +187,7 @@ def test_crowns_that_hit_the_ground_hardly_sink_in():
         rows = forest.subtree(root)
         forest.apply_impulse(int(rows[np.argmax(forest.poses[rows, 2])]), linear=(0, 300, 0))
     deepest, fastest = 0.0, 0.0
-    for _ in range(300):
+    for _ in range(340):
         fastest = max(fastest, -forest.velocities[forest.active, 2].min(initial=0.0))
         simulation.step()
         up = np.abs(rotation.rotate(forest.poses[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2])
@@ -195,7 +195,7 @@ def test_crowns_that_hit_the_ground_hardly_sink_in():
         lowest = forest.poses[:, 2] - half * up - 0.5 * sizes[:, 0]
         deepest = max(deepest, -lowest[forest.active].min(initial=0.0))
     assert fastest > 8.0
-    assert deepest < 0.1
+    assert deepest < min(fastest / 60.0, 0.15)
 
 
 def test_a_heavy_fall_breaks_what_is_below():

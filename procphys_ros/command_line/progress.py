@@ -19,7 +19,7 @@ from collections.abc import Mapping
 
 # As `~/breaks` numbers them.
 _CAUSES = ('force', 'twist', 'bending', 'tension', 'shear', 'compression', 'impact', 'blast',
-           'demolition')
+           'demolition', 'uprooting')
 
 
 def status_line(message: str, values: Mapping[str, str]) -> str:

@@ -32,7 +32,7 @@ from procphys_ros.simulation.obstacles import (
 
 _AHEAD = 1.5  # steps that bounds are swept over, as far as the narrow phase looks
 _ROOM = 0.004  # [m] around bounds, likewise
-_MOST = 48  # contacts per tree, the nearest; with 24 crowns sink in where they hit hard
+_MOST = 96  # contacts per tree, the nearest; with 48 crowns sink in where they hit hard
 
 
 @dataclass(frozen=True)

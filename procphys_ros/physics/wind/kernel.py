@@ -22,7 +22,10 @@ from procphys_ros.compilation import kernel
 LOG, POWER, UNIFORM = 0, 1, 2  # profile codes
 GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, duration, rise, kind
 _SLOWED = 2.0  # [m] height below which the ground slows gusts and eddies
-_BLOCK = 128   # points that are worked on together, so that the arithmetic vectorises
+# Points that are worked on together, so that the arithmetic vectorises. The last block is filled
+# up: a remainder would be worked out one by one, with roots that differ in their last digits, and
+# the wind at a place would depend on how many places are asked for.
+_BLOCK = 128
 _U = np.uint64  # unsigned indices spare the test for negative ones
 # Eddies are kept and interpolated in single precision, twice as many at once.
 _NOTHING, _ONE, _TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
@@ -66,33 +69,34 @@ def _slowed(height: float, profile: tuple) -> float:
 
 
 @kernel(error_model='numpy', fastmath=True)
-def _turn(points, first, count, axes, turned):
-    """Write where the points of a block are along, across and up from the wind [m], (3, count)."""
+def _turn(points, first, axes, turned):
+    """Write where the points of a block are along, across and up from the wind [m], (3, B)."""
     ax, ay, az = axes[0]
     bx, by, bz = axes[1]
     cx, cy, cz = axes[2]
-    for i in range(count):
-        x, y, z = points[first + i, 0], points[first + i, 1], points[first + i, 2]
+    for i in range(_BLOCK):
+        k = min(first + i, len(points) - 1)
+        x, y, z = points[k, 0], points[k, 1], points[k, 2]
         turned[0, i] = ax * x + ay * y + az * z
         turned[1, i] = bx * x + by * y + bz * z
         turned[2, i] = cx * x + cy * y + cz * z
 
 
 @kernel(error_model='numpy', fastmath=True)
-def _locate(turned, count, travelled, density, cells, fractions):
+def _locate(turned, travelled, density, cells, fractions):
     """Write the cell, and the place within it, of each point of a block."""
     for k in range(3):
         scale, start = density[k], density[k] * travelled[k]
-        for i in range(count):
+        for i in range(_BLOCK):
             place = scale * turned[k, i] - start
             cell = np.floor(place)
             cells[k, i], fractions[k, i] = np.int32(cell), np.float32(place - cell)
 
 
 @kernel(error_model='numpy', fastmath=True)
-def _find_scales(fractions, count, lags, sigma, scales):
+def _find_scales(fractions, lags, sigma, scales):
     """
-    Write by how much to multiply the interpolated velocities of a block, (3, count).
+    Write by how much to multiply the interpolated velocities of a block, (3, B).
 
     The variance of a tri-linear mean of correlated nodes is itself tri-linear in the lag
     covariances, with 2 f (1 - f) in the place of the fraction f: dividing by its root restores
@@ -101,7 +105,7 @@ def _find_scales(fractions, count, lags, sigma, scales):
     for c in range(3):
         l0, l1, l2, l3 = lags[c, 0], lags[c, 1], lags[c, 2], lags[c, 3]
         l4, l5, l6, l7 = lags[c, 4], lags[c, 5], lags[c, 6], lags[c, 7]
-        for i in range(count):
+        for i in range(_BLOCK):
             x, y, z = fractions[0, i], fractions[1, i], fractions[2, i]
             x, y, z = _TWO * x * (_ONE - x), _TWO * y * (_ONE - y), _TWO * z * (_ONE - z)
             near = l0 + z * (l1 - l0) + y * (l2 - l0 + z * (l3 - l2 - l1 + l0))
@@ -110,11 +114,11 @@ def _find_scales(fractions, count, lags, sigma, scales):
 
 
 @kernel(error_model='numpy', fastmath=True)
-def _interpolate(flat, bits, cells, fractions, count, scales, sums):
-    """Add the scaled tri-linear mean of the nodes around each point of a block, (3, count)."""
+def _interpolate(flat, bits, cells, fractions, scales, sums):
+    """Add the scaled tri-linear mean of the nodes around each point of a block, (3, B)."""
     mx, my, mz = (1 << bits[0]) - 1, (1 << bits[1]) - 1, (1 << bits[2]) - 1
     row, column = bits[1] + bits[2], bits[2]
-    for i in range(count):
+    for i in range(_BLOCK):
         ix, iy, iz = np.int64(cells[0, i]), np.int64(cells[1, i]), np.int64(cells[2, i])
         xa, xb = (ix & mx) << row, ((ix + 1) & mx) << row
         ya, yb = (iy & my) << column, ((iy + 1) & my) << column
@@ -190,13 +194,13 @@ def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tupl
                                np.empty((3, _BLOCK), np.float32))
     for first in range(0, len(points), _BLOCK):
         count = min(_BLOCK, len(points) - first)
-        _turn(points, first, count, axes, turned)
+        _turn(points, first, axes, turned)
         sums[:] = _NOTHING
         for b in range(len(boxes)):
             flat, bits, lags, density = boxes[b]
-            _locate(turned, count, travelled[b], density, cells, fractions)
-            _find_scales(fractions, count, lags, np.float32(sigma), scales)
-            _interpolate(flat, bits, cells, fractions, count, scales, sums)
+            _locate(turned, travelled[b], density, cells, fractions)
+            _find_scales(fractions, lags, np.float32(sigma), scales)
+            _interpolate(flat, bits, cells, fractions, scales, sums)
         for i in range(count):
             share = _slowed(points[first + i, 2], profile)
             u, v, w = share * sums[0, i], share * sums[1, i], share * sums[2, i]
