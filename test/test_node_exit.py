@@ -167,3 +167,16 @@ def test_the_demo_runs_when_no_scene_is_given(start):
     assert '--params-file' in hint and 'demo' in hint
     assert 'oak' not in hint and 'objects' in process.wait_for_banner()
     assert process.finish(signal.SIGINT) == (0, '')
+
+
+def test_slips_of_grammars_and_scenes_are_warned_of_in_the_log(start):
+    """Log in a line each, by ROS, what the library warns of: a letter unknown, a wall too deep."""
+    slip = 'axiom: Width(0.08) Density(700) F(1) W F(1)'
+    process = start({'scene': {'objects': ['sapling']},
+                     'sapling': {'grammar_text': slip, 'origin': [0.0, 0.0, -0.5]}})
+    process.wait_for_banner()
+    code, complaints = process.finish(signal.SIGINT)
+    lines = complaints.splitlines()
+    assert code == 0 and all('[WARN]' in line for line in lines)
+    assert sum('sapling.grammar_text:1:' in line and 'module W' in line for line in lines) == 1
+    assert sum('sapling' in line and 'below' in line for line in lines) == 1

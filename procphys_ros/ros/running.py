@@ -26,6 +26,7 @@ from rclpy.logging import get_logger
 
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.ros.node import SimNode
+from procphys_ros.ros.warnings_log import forward_warnings
 
 _SWITCH = 0.001  # [s] after which a thread that computes lets another run (Python: 0.005)
 
@@ -58,6 +59,7 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
 
 def _spin(kind: type[SimNode]) -> None:
     executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
+    forward_warnings(get_logger('sim'))
     node = kind()
     executor.add_node(node)
     code = 0
