@@ -60,7 +60,8 @@ setup(
         'batch': ['pyarrow', 'distributed'],  # Parquet tables, clusters of machines
         'mesh': ['trimesh'],  # intruders in the shape of a mesh
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
-        'test': ['pytest', 'pytest-xdist', 'rapier3d', 'ruff', 'mypy', 'types-PyYAML',
+        'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'rapier3d', 'ruff', 'mypy',
+                 'types-PyYAML',
                  # the wheels of ament's linters do not name what they need
                  'ros-ament-flake8', 'flake8', 'flake8-builtins', 'flake8-comprehensions',
                  'flake8-docstrings', 'flake8-import-order', 'flake8-quotes',
