@@ -25,7 +25,7 @@ import signal
 import subprocess
 import sys
 from threading import Thread
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -119,6 +119,14 @@ class NodeProcess:
     def complaints(self) -> str:
         """Give what the node has said so far that is not how it goes: warnings and worse."""
         return ''.join(line for line in self._said if not _GOOD_NEWS.match(line))
+
+
+def wait_until(done: Callable[[], Any], what: str) -> None:
+    """Wait for something that other threads and processes do."""
+    end = monotonic() + PATIENCE
+    while not done():
+        assert monotonic() < end, f'waited in vain for {what}'
+        sleep(0.02)
 
 
 def serve(folder: Path, parameters: dict) -> Iterator[NodeProcess]:

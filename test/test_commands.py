@@ -210,7 +210,7 @@ class Timer:
         return not self.runs
 
 
-class Desk:
+class ManualAnswers:
     """Answers over a queue that is drained by hand, with a clock of its own."""
 
     def __init__(self):
@@ -235,53 +235,53 @@ class Desk:
 
 def test_an_answer_says_what_became_of_the_command():
     """Answer when it was carried out, not before, with what happened or why not."""
-    desk = Desk()
-    waiting = [desk.ask('gust', lambda: lambda: 'blows'), desk.ask('impulse', lambda: refuse)]
-    assert not desk.results
-    desk.record.queue.drain()
+    manual = ManualAnswers()
+    waiting = [manual.ask('gust', lambda: lambda: 'blows'), manual.ask('impulse', lambda: refuse)]
+    assert not manual.results
+    manual.record.queue.drain()
     for go_on in waiting:
         go_on()
-    assert desk.results == [(True, 'blows'), (False, 'no such part')]
+    assert manual.results == [(True, 'blows'), (False, 'no such part')]
 
 
 def test_a_command_that_is_not_come_to_is_refused_and_never_carried_out():
     """Refuse what waits longer than the deadline as busy; what is asked is then not done later."""
-    desk = Desk()
+    manual = ManualAnswers()
     done: list[str] = []
-    first = desk.ask('reset', lambda: lambda: str(done.append('reset')))
-    desk.clock.now += 0.6 * DEADLINE
-    second = desk.ask('gust', lambda: lambda: str(done.append('gust')))
-    desk.answers.look()
-    desk.clock.now += 0.6 * DEADLINE
-    desk.answers.look()
+    first = manual.ask('reset', lambda: lambda: str(done.append('reset')))
+    manual.clock.now += 0.6 * DEADLINE
+    second = manual.ask('gust', lambda: lambda: str(done.append('gust')))
+    manual.answers.look()
+    manual.clock.now += 0.6 * DEADLINE
+    manual.answers.look()
     first()
-    [(success, message)] = desk.results
+    [(success, message)] = manual.results
     assert not success and message.startswith(BUSY)
-    desk.record.queue.drain()
+    manual.record.queue.drain()
     second()
-    assert done == ['gust'] and desk.results[1] == (True, 'None')
-    assert desk.record.queue.counts() == ({'gust': 1}, {'reset': 1})
+    assert done == ['gust'] and manual.results[1] == (True, 'None')
+    assert manual.record.queue.counts() == ({'gust': 1}, {'reset': 1})
 
 
 def test_every_one_of_many_clients_is_answered_by_the_deadline():
     """Answer all of a thousand calls when one look falls behind the deadline."""
-    desk = Desk()
-    waiting = [desk.ask('gust', lambda: lambda: 'blows') for _ in range(1000)]
-    desk.clock.now += DEADLINE + 0.001
-    desk.answers.look()
+    manual = ManualAnswers()
+    waiting = [manual.ask('gust', lambda: lambda: 'blows') for _ in range(1000)]
+    manual.clock.now += DEADLINE + 0.001
+    manual.answers.look()
     for go_on in waiting:
         go_on()
-    assert len(desk.results) == 1000 and not any(success for success, _ in desk.results)
-    assert len(desk.record.queue) == 0
+    assert len(manual.results) == 1000 and not any(success for success, _ in manual.results)
+    assert len(manual.record.queue) == 0
 
 
 def test_what_cannot_be_prepared_is_refused_at_once():
     """Say why, and count it, without waiting for the simulation."""
-    desk = Desk()
+    manual = ManualAnswers()
 
     def prepare():
         raise CommandError('projectile.mass is 0')
     with pytest.raises(StopIteration) as end:
-        desk.answers.ask('launch_projectile', prepare).send(None)
+        manual.answers.ask('launch_projectile', prepare).send(None)
     assert end.value.value == (False, 'projectile.mass is 0')
-    assert desk.record.queue.counts() == ({}, {'launch_projectile': 1})
+    assert manual.record.queue.counts() == ({}, {'launch_projectile': 1})

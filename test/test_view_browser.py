@@ -17,9 +17,9 @@
 import shutil
 import signal
 import socket
-from time import monotonic, sleep
+from time import sleep
 
-from node_process import NodeProcess, PATIENCE, SAPLING
+from node_process import NodeProcess, PATIENCE, SAPLING, wait_until
 import pytest
 import rclpy
 
@@ -41,14 +41,6 @@ SCENE = {'scene': {'objects': ['sapling']},
 SLOW = 1e3 * PATIENCE  # [ms]
 
 
-def wait_until(done, what):
-    """Wait for something that other threads and processes do."""
-    end = monotonic() + PATIENCE
-    while not done():
-        assert monotonic() < end, f'waited in vain for {what}'
-        sleep(0.1)
-
-
 @pytest.fixture(scope='module')
 def node(tmp_path_factory):
     """Run a node in which trees sway."""
@@ -62,7 +54,7 @@ def node(tmp_path_factory):
 def followed(node):
     """Follow the node."""
     rclpy.init()
-    made = FollowedNode('sim')
+    made = FollowedNode('sim', PATIENCE)
     made.start()
     yield made
     made.close()

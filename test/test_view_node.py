@@ -17,9 +17,8 @@
 
 import json
 import signal
-from time import monotonic, sleep
 
-from node_process import NodeProcess, PATIENCE, SAPLING
+from node_process import NodeProcess, PATIENCE, SAPLING, wait_until
 import numpy as np
 import pytest
 import rclpy
@@ -46,14 +45,6 @@ SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': LEAFY, '
          'wind': {'velocity': [6.0, 2.0, 0.0]}}
 
 
-def wait_until(done, what):
-    """Wait for something that other threads and processes do."""
-    end = monotonic() + PATIENCE
-    while not done():
-        assert monotonic() < end, f'waited in vain for {what}'
-        sleep(0.02)
-
-
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
     """Give a folder for parameter files."""
@@ -64,7 +55,7 @@ def folder(tmp_path_factory):
 def followed():
     """Follow a node that does not run yet."""
     rclpy.init()
-    made = FollowedNode('sim')
+    made = FollowedNode('sim', PATIENCE)
     made.start()
     yield made
     made.close()

@@ -51,10 +51,11 @@ class FollowedNode:
     Subscribes to what a node publishes; finds the node again when it has been restarted.
 
     :param name: of the node, such as /sim.
+    :param patience: how long to wait for its answer to a command [s].
     :ivar watched: whether poses are wanted; without, only the description and the status come.
     """
 
-    def __init__(self, name: str):
+    def __init__(self, name: str, patience: float = 5.0):
         self.name = '/' + name.strip('/')
         self.watched = True
         self._node: Node = rclpy.create_node(f'view_{os.getpid()}', start_parameter_services=False)
@@ -69,7 +70,7 @@ class FollowedNode:
                                        self._take_breaks, qos.latched())
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self._diagnose,
                                        qos.arrays())
-        self._commands = PageCommands(self.name)
+        self._commands = PageCommands(self.name, patience)
         self._ended = Event()
         self._thread = Thread(target=self._spin, name='follow', daemon=True)
 

@@ -41,7 +41,6 @@ from procphys_ros.view.commands import (
 
 _TURN = 0.1      # [s] between looks at whether it is to end
 _TIMEOUT = 3.0   # [s] to look for the node
-_PATIENCE = 5.0  # [s] for an answer; a node that dies gives none
 _LONG_PATIENCE = 600.0  # [s] for a scene to be built
 _LOOK = 1.0      # [s] between looks at the wind that the node has
 
@@ -51,12 +50,13 @@ class PageCommands:
     Says commands to a node in a thread of its own, because each waits for its answer.
 
     :param name: of the node.
+    :param patience: how long to wait for an answer [s]; a node that dies gives none.
     :ivar answer: to the last command.
     :ivar known: mean wind that the node was last found to have [m/s], (3,).
     """
 
-    def __init__(self, name: str):
-        self._name = name
+    def __init__(self, name: str, patience: float):
+        self._name, self._patience = name, patience
         self.answer = ''
         self.known: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self._queue: Queue[Any] = Queue()
@@ -93,14 +93,14 @@ class PageCommands:
         waiting = self._take()
         try:
             if self._remote is None:
-                self._remote = Remote(self._name, _TIMEOUT, _PATIENCE)
+                self._remote = Remote(self._name, _TIMEOUT, self._patience)
             for command in waiting:
                 self._remote.patience = (_LONG_PATIENCE if isinstance(command, LoadScene)
-                                         else _PATIENCE)
+                                         else self._patience)
                 self.answer = carry_out(self._remote, command)
             if monotonic() > self._next_look:
                 self._next_look = monotonic() + _LOOK
-                self._remote.patience = _PATIENCE
+                self._remote.patience = self._patience
                 x, y, z = self._remote.values(['wind.velocity'])[0]
                 self.known = (x, y, z)
         except NoNodeError as error:
