@@ -1,5 +1,6 @@
 # make run: the node on the demo scene, and a page that shows it (at PORT).  make warm: compile all
-# kernels.  make test: lint, types, tests.  make bench: figures.  make gallery: pictures.
+# kernels.  make test: lint, types, tests.  make bench: figures.  make gallery: pictures.  make docs:
+# the site of the documentation.
 # PYTHON chooses the interpreter of the virtual environment (3.11 or 3.12).
 PYTHON ?= python3
 VENV := .venv
@@ -13,7 +14,7 @@ SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts laun
 GALLERY := palms_in_a_gust:3 tree_on_house:5 village_street:5 figure_1:3.2 implosion:3.5 figure_8:3.2 \
   felled_by_wind:4 figure_8:8
 
-.PHONY: run warm test lint types pytest bench gallery clean
+.PHONY: run warm test lint types pytest bench gallery docs clean
 
 run: warm
 	trap 'kill $$page 2>/dev/null' EXIT INT TERM; $(BIN)/view --port $(PORT) & page=$$!; \
@@ -63,6 +64,16 @@ gallery: $(VENV)/.installed-run
 	  $(BIN)/render config/$$scene.yaml --time $$time --size 800x450 \
 	    --out docs/images/$${scene}_$$(echo $$time | tr . _)s.jpg || exit 1; done
 	$(BIN)/python bench/moving_picture.py
+
+# The site of docs/: build/docs/index.html.  A warning is an error.
+docs: $(VENV)/.installed-docs
+	$(BIN)/sphinx-build -W --keep-going -q docs build/docs
+	@echo 'open build/docs/index.html'
+
+$(VENV)/.installed-docs: $(SOURCES) | $(BIN)/python
+	rm -rf build
+	$(BIN)/pip install --quiet '.[docs]'
+	@touch $@
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info

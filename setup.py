@@ -60,6 +60,8 @@ setup(
         'batch': ['pyarrow', 'distributed'],  # Parquet tables, clusters of machines
         'mesh': ['trimesh'],  # intruders in the shape of a mesh
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
+        'docs': ['sphinx', 'myst-parser', 'sphinx-rtd-theme', 'viser>=1.1', 'pyvista'],
+        'report': ['matplotlib'],
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'rapier3d', 'ruff', 'mypy',
                  'types-PyYAML',
                  # the wheels of ament's linters do not name what they need
@@ -69,6 +71,7 @@ setup(
                  # readers of what is exported and recorded, none of them ours
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
                  'viser>=1.1', 'playwright',
+                 'sphinx', 'myst-parser', 'sphinx-rtd-theme',  # the site of the documentation
                  'mcap>=1.6', 'mcap-ros2-support', 'rosbags', 'pyarrow', 'distributed'],
     },
     entry_points={
@@ -82,6 +85,7 @@ setup(
             'record = procphys_ros.ros.record:main',
             'replay = procphys_ros.ros.replay:main',
             'view = procphys_ros.ros.view:main',
+            'examples = procphys_ros.examples.command:main',
         ],
     },
 )

@@ -15,10 +15,64 @@
 
 """Examples run as they are, and show what they say."""
 
+from pathlib import Path
+import signal
+import socket
+import webbrowser
+
 import numpy as np
 import pytest
 
-from procphys_ros.examples import fly_through_crown
+from procphys_ros.examples import command, fly_through_crown
+from procphys_ros.examples.catalogue import examples
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def test_every_shipped_scene_and_program_is_listed(capsys):
+    """Say of each what it shows, and when something happens."""
+    assert command.main([]) == 0
+    listed = capsys.readouterr().out
+    for path in (*ROOT.glob('config/*.yaml'), ROOT / 'procphys_ros/examples/fly_through_crown.py'):
+        assert f'\n{path.stem} ' in f'\n{listed}'
+    assert all(len(example.title) > 20 for example in examples().values())
+    assert '(demolish at 1.0 s)' in ' '.join(listed.split())
+
+
+def test_a_scene_runs_with_its_page_open(monkeypatch, capsys):
+    """Open the address that it prints, and end with Ctrl-C."""
+    pytest.importorskip('viser')
+    opened = []
+    with socket.socket() as free:
+        free.bind(('127.0.0.1', 0))
+        port = str(free.getsockname()[1])
+
+    def open_and_leave(address):
+        opened.append(address)
+        signal.raise_signal(signal.SIGINT)
+    monkeypatch.setattr(webbrowser, 'open', open_and_leave)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        assert command.main(['vehicle_on_wall', '--port', port]) == 0
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert opened == [f'http://localhost:{port}']
+    assert f'{opened[0]} shows ' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize('words, code, says', [
+    (['gardn'], 1, 'did you mean garden?'),
+    (['--prot'], 2, '--prot'),
+    (['fly_through_crown', '--port', '9'], 2, 'takes no arguments'),
+])
+def test_mistakes_are_answered_with_the_remedy(words, code, says, capsys):
+    """Name the nearest example, or what is not understood."""
+    try:
+        assert command.main(words) == code
+    except SystemExit as ended:
+        assert ended.code == code
+    assert says in capsys.readouterr().err
 
 
 def test_a_drone_feels_the_crown_that_it_flies_through(capsys, monkeypatch):

@@ -22,6 +22,7 @@ import signal
 import sys
 from threading import Event
 from typing import Any
+import webbrowser
 
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.resources import shared_folder
@@ -66,6 +67,8 @@ def _serve(source: Any, said: argparse.Namespace, title: str, ended: Event) -> N
         print(f'{page.address} shows {title}; Ctrl-C ends it', flush=True)
         source.start()
         page.start()
+        if said.open:
+            webbrowser.open(page.address)
         ended.wait()
 
 
@@ -102,6 +105,7 @@ def _parser() -> argparse.ArgumentParser:
                         help=f'address to serve on (default {HOST}: this machine only; 0.0.0.0 = '
                         'all of its addresses)')
     parser.add_argument('--port', type=int, default=PORT, help=f'TCP port (default {PORT})')
+    parser.add_argument('--open', action='store_true', help='open the page in the browser')
     return parser
 
 

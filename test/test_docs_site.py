@@ -1,0 +1,41 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The documentation builds without a warning, every page in the sidebar."""
+
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+_PATIENCE = 600.0  # [s]
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    """Find every link's target, every page in a list, and every documented class."""
+    for package in ('sphinx', 'myst_parser', 'sphinx_rtd_theme'):
+        pytest.importorskip(package)
+    run = subprocess.run([sys.executable, '-m', 'sphinx', '-W', '--keep-going', '-q',
+                          str(ROOT / 'docs'), str(tmp_path)], timeout=_PATIENCE,
+                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert run.returncode == 0, run.stdout
+    api = (tmp_path / 'api.html').read_text('utf-8')
+    assert 'id="procphys_ros.simulation.Simulation.apply_impulse"' in api and '[N·s]' in api
+    front = (tmp_path / 'index.html').read_text('utf-8')
+    for page in (*ROOT.glob('docs/*.md'), *ROOT.glob('docs/decisions/*.md')):
+        link = page.relative_to(ROOT / 'docs').with_suffix('.html')
+        assert page.name in ('README.md', 'index.md') or f'href="{link}"' in front, page.name

@@ -1,0 +1,147 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The reference of wall grammars says what the code does, and its errors."""
+
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+import re
+
+import pytest
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.wallgrammar import WallGrammar
+from procphys_ros.wallgrammar.bonds import BONDS
+from procphys_ros.wallgrammar.materials import NUMBERS
+from procphys_ros.wallgrammar.parser import SCOPE_NAMES
+
+_DOCS = Path(__file__).resolve().parents[1] / 'docs'
+_PAGE = (_DOCS / 'wall_language.md').read_text('utf-8')
+_SHED = re.search(r'```\n(building .*?)```', _PAGE, re.DOTALL)[1]
+
+
+def _rows(section: str, head: str) -> dict[str, list[str]]:
+    """Give the rows of a table by the first name in them, as cells."""
+    text = _PAGE.split(f'## {section}\n')[1].split('\n## ')[0]
+    table = re.search(rf'^\| {head} \|.*\n\|[-|]+\n((?:\|.*\n)+)', text, re.MULTILINE)[1]
+    rows = [[cell.strip() for cell in re.split(r'(?<!\\)\|', line)[1:-1]]
+            for line in table.splitlines()]
+    return {re.search(r'`(\w+)', row[0])[1]: row for row in rows if '`' in row[0]}
+
+
+def _refusal(text: str) -> str:
+    """Say why a grammar is refused."""
+    with pytest.raises(GrammarError) as refused:
+        WallGrammar.parse(text).build()
+    return str(refused.value)
+
+
+def _allowed(message: str, what: str) -> list[str]:
+    return re.search(rf'\({what}: ([^)]*)\)', message)[1].split(', ')
+
+
+def test_tables_are_those_of_the_code():
+    """Have run docs/wall_tables.py since materials or textures were changed."""
+    spec = spec_from_file_location('wall_tables', _DOCS / 'wall_tables.py')
+    tables = module_from_spec(spec)
+    spec.loader.exec_module(tables)
+    assert tables.updated(_PAGE) == _PAGE and '| `brick_red` |' in _PAGE
+
+
+def test_statements():
+    """List all that a file may hold."""
+    expected = set(re.findall(r'"(\w+)"', _refusal('something').partition('expected')[2]))
+    assert set(_rows('Statements', 'statement')) == expected
+
+
+def test_properties_of_buildings():
+    """List every property, and what must not be left out."""
+    rows = _rows('Building', 'property')
+    refusal = _refusal(_SHED.replace('  roof:', '  colour: 3 roof:'))
+    assert list(rows) == _allowed(refusal, 'properties')
+    for name, row in rows.items():
+        without = re.sub(rf'^  {name}: .*\n', '', _SHED, flags=re.MULTILINE)
+        assert without != _SHED or row[2] != 'an error', name
+        if row[2] == 'an error':
+            assert f'needs "{name}:"' in _refusal(without)
+
+
+@pytest.mark.parametrize('key', ['floors', 'roof', 'partitions'])
+def test_words_of_floors_roofs_and_partitions(key):
+    """Give every word with the range of its number."""
+    shed = re.sub(r'^  roof: .*\n', '', _SHED, flags=re.MULTILINE)
+
+    def with_word(word: str) -> str:
+        return shed.replace('  storey_height', f'  {key}: {word}\n  storey_height')
+    allowed = _allowed(_refusal(with_word('thatch')).replace('(number)', ''), 'allowed')
+    property_row = _rows('Building', 'property')[key]
+    assert re.findall(r'`(\w+)[^`]*`', property_row[1]) == allowed
+    for word, (_, number, low, high, _) in _rows('Building', 'word').items():
+        if word in allowed and number:
+            refusal = _refusal(with_word(f'{word}(1e6)'))
+            assert f'must be from {float(low):g} to {float(high):g},' in refusal
+
+
+def test_panels():
+    """List every kind with its number of arguments."""
+    rows = _rows('Panels', 'kind')
+    kinds = _refusal(_SHED.replace('boards(oak)', '1 + 2')).rpartition('one of ')[2].split(', ')
+    assert list(rows) == kinds
+    for kind, row in rows.items():
+        count = len([name for name in row[1].split(',') if name])
+        refusal = _refusal(_SHED.replace('boards(oak)', f'{kind}(oak, oak, oak)'))
+        assert f'takes {count} material names' in refusal
+
+
+def test_layouts():
+    """List every key, every bond, what must be there, and ranges."""
+    rows = _rows('Layouts', 'key')
+    keys = _allowed(_refusal(_SHED.replace('unit:', 'size:')), 'keys')
+    assert sorted(rows) == sorted(keys)
+    assert sorted(re.findall(r'`(\w+)`', rows['bond'][1])) == sorted(BONDS)
+    for key, (_, _, low, high, default) in rows.items():
+        if default == 'an error':
+            without = re.sub(rf'({{.*){key}: [0-9. ]*(brick)?', r'\1', _SHED)
+            assert f'needs "{key}:"' in _refusal(without)
+        elif high:
+            for wrong in (float(low) - 1.0, float(high) + 1.0):
+                refusal = _refusal(_SHED.replace('unit:', f'{key}: {wrong} unit:'))
+                assert f'from {low} to {high}' in refusal
+
+
+def test_materials():
+    """List every key with its range, and what a new material needs."""
+    rows = _rows('Materials', 'key')
+    assert list(rows) == [*NUMBERS, 'texture']
+    needed = _refusal(_SHED + 'material clay { }').rpartition(' needs ')[2].split(', ')
+    assert [key for key, row in rows.items() if row[5] == 'required'] == needed
+    for key in NUMBERS:
+        low, high = rows[key][3:5]
+        refusal = _refusal(_SHED + f'material brick {{ {key}: 1e20 }}')
+        assert f'must be from {float(low):g} to {float(high):g},' in refusal
+
+
+def test_successors_and_names():
+    """Let every successor that is listed be read, with the names that rules know."""
+    written = re.findall(r'^\| `(\w+)[({].*?` \|', _PAGE.split('## Rules')[1], re.MULTILINE)
+    assert {'split', 'border', 'insert', 'grid', 'extrude'} <= set(written)
+    for successor in ("split(x) { 2: plain | '0.3: plain | ~1: plain }",
+                      'split(y) { { ~1: plain }* }', 'border(0.2) { plain | plain }',
+                      'insert(1, 1) { plain | plain }', 'grid(1, 1) { plain }',
+                      'extrude(0.03) { plain }', 'plain'):
+        rule = f': {" + ".join(SCOPE_NAMES)} > 0 -> {successor} : 0.5'
+        house = WallGrammar.parse(re.sub(r'rule front .*', f'rule front {rule}', _SHED))
+        assert len(house.build()) > 100
+    assert all(f'`{name}`' in _PAGE for name in SCOPE_NAMES)
