@@ -1,6 +1,6 @@
 # make run: the node on the demo scene, and a page that shows it (at PORT).  make warm: compile all
 # kernels.  make test: lint, types, tests.  make bench: figures.  make gallery: pictures.  make docs:
-# the site of the documentation.
+# the site of the documentation.  make report: measurements beside what is expected, with plots.
 # PYTHON chooses the interpreter of the virtual environment (3.11 or 3.12).
 PYTHON ?= python3
 VENV := .venv
@@ -14,7 +14,7 @@ SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts laun
 GALLERY := palms_in_a_gust:3 tree_on_house:5 village_street:5 figure_1:3.2 implosion:3.5 figure_8:3.2 \
   felled_by_wind:4 figure_8:8
 
-.PHONY: run warm test lint types pytest bench gallery docs clean
+.PHONY: run warm test lint types pytest bench gallery docs report clean
 
 run: warm
 	trap 'kill $$page 2>/dev/null' EXIT INT TERM; $(BIN)/view --port $(PORT) & page=$$!; \
@@ -74,6 +74,11 @@ $(VENV)/.installed-docs: $(SOURCES) | $(BIN)/python
 	rm -rf build
 	$(BIN)/pip install --quiet '.[docs]'
 	@touch $@
+
+# docs/report: what the tests measured beside what is expected, with plots; some five minutes.
+report: $(VENV)/.installed-test
+	$(BIN)/python -m procphys_ros.warm
+	$(BIN)/python bench/report
 
 clean:
 	rm -rf $(VENV) build install log *.egg-info

@@ -61,7 +61,7 @@ setup(
         'mesh': ['trimesh'],  # intruders in the shape of a mesh
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
         'docs': ['sphinx', 'myst-parser', 'sphinx-rtd-theme', 'viser>=1.1', 'pyvista'],
-        'report': ['matplotlib'],
+        'report': ['matplotlib', 'pytest', 'pytest-timeout', 'pytest-xdist'],
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'rapier3d', 'ruff', 'mypy',
                  'types-PyYAML',
                  # the wheels of ament's linters do not name what they need
@@ -72,6 +72,7 @@ setup(
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
                  'viser>=1.1', 'playwright',
                  'sphinx', 'myst-parser', 'sphinx-rtd-theme',  # the site of the documentation
+                 'matplotlib',
                  'mcap>=1.6', 'mcap-ros2-support', 'rosbags', 'pyarrow', 'distributed'],
     },
     entry_points={

@@ -14,19 +14,20 @@
 
 
 """
-Draw how branches calm down and how a wall stands, for docs/flaws.md, and print the end points.
+Print how branches calm down and how a wall stands, and draw both for docs/flaws.md.
 
 Left: the fastest segment of one tree per species once a gale of 15 m/s has stopped. Right: how far
 the top of a wall of 200 bricks has gone from its place, here and with a joint of PyBullet per
-bond. Run: PYTHONPATH=test python bench/flaws.py docs/images/flaws.png (needs matplotlib)
+bond. Run: python bench/flaws.py [docs/images/flaws.png] (a picture needs matplotlib)
 """
 
 from pathlib import Path
 import sys
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / 'test'))
+
 from jointed_bodies import JointedBodies
 from masonry_walls import wall
-from matplotlib import pyplot as plt
 import numpy as np
 
 from procphys_ros.scene import Scene
@@ -71,25 +72,41 @@ def standing(seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def main() -> None:
-    """Draw both."""
-    _, (left, right) = plt.subplots(1, 2, figsize=(10.0, 3.6), layout='constrained')
-    for name in _SPECIES:
-        speed = calming(name, 60.0)
+    """Measure both, and draw them where a file is named."""
+    speeds = {name: calming(name, 60.0) for name in _SPECIES}
+    for name, speed in speeds.items():
         print(f'{name}: {speed[0]:.2f} m/s when the wind stops, {speed[30]:.4f} after 30 s, '
               f'{speed[-1]:.1e} after 60 s')
+    ours, theirs = standing(5.0)
+    print(f'top of the wall after 5 s: {ours[-1]} m, a joint per bond {theirs[-1]:.2f} m')
+    if len(sys.argv) > 1:
+        draw(speeds, ours, theirs, Path(sys.argv[1]))
+
+
+def draw(speeds: dict[str, np.ndarray], ours: np.ndarray, theirs: np.ndarray,
+         path: Path) -> None:
+    """
+    Draw what was measured.
+
+    :param speeds: from `calming`, by species.
+    :param ours, theirs: from `standing`.
+    :param path: of the picture.
+    """
+    from matplotlib import pyplot as plt
+
+    _, (left, right) = plt.subplots(1, 2, figsize=(10.0, 3.6), layout='constrained')
+    for name, speed in speeds.items():
         left.semilogy(np.arange(1, len(speed) + 1), speed, label=name)
     left.set(xlabel='time in still air [s]', ylabel='fastest segment [m/s]', ylim=(1e-5, 10.0),
              title='after a gale of 15 m/s')
     left.legend()
-    ours, theirs = standing(5.0)
-    print(f'top of the wall after 5 s: {ours[-1]} m, a joint per bond {theirs[-1]:.2f} m')
     time = _STEP * np.arange(1, len(ours) + 1)
     right.plot(time, 1e3 * theirs, label='a joint of the engine per bond, as in the paper')
     right.plot(time, 1e3 * ours, label='procphys_ros')
     right.set(xlabel='time [s]', ylabel='way of the top course [mm]',
               title='a wall of 200 bricks, nobody touches it')
     right.legend()
-    plt.savefig(Path(sys.argv[1]), dpi=90)
+    plt.savefig(path, dpi=90)
 
 
 if __name__ == '__main__':

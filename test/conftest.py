@@ -17,6 +17,7 @@
 
 import gc
 
+from measurement import Measured
 import pytest
 
 
@@ -25,3 +26,10 @@ def frees_what_refusals_hold():
     """Free simulations that the traceback of an expected error holds: each takes some 80 MB."""
     yield
     gc.collect(1)
+
+
+@pytest.fixture
+def measured(request, record_property):
+    """Compare figures with what is expected of them, and leave them for `make report`."""
+    section = request.node.get_closest_marker('report').args[0]
+    return Measured(section, f'{request.path.name}::{request.node.originalname}', record_property)

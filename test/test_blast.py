@@ -64,20 +64,26 @@ REFLECTED_IMPULSE = ((40.0, (6.7853, -1.3466, 0.101, -0.01123)),)
 
 
 @pytest.mark.parametrize('z', [0.5, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 40.0])
-def test_bursts_on_the_ground_are_those_of_swisdak(z):
+@pytest.mark.report('nature')
+def test_bursts_on_the_ground_are_those_of_swisdak(z, measured):
     """Compare pressures and impulses, side-on and reflected, with an independent fit: 3 %."""
-    for ours, theirs in ((air_blast.overpressure, SIDE_ON), (air_blast.reflected, REFLECTED),
-                         (air_blast.impulse, IMPULSE),
-                         (air_blast.reflected_impulse, REFLECTED_IMPULSE)):
-        assert float(ours(z, ground=1.0)) == pytest.approx(swisdak(z, theirs) * (
-            1e3 if ours in (air_blast.overpressure, air_blast.reflected) else 1.0), rel=0.03)
+    for name, ours, theirs, unit in (
+            ('overpressure', air_blast.overpressure, SIDE_ON, 'kPa'),
+            ('reflected pressure', air_blast.reflected, REFLECTED, 'kPa'),
+            ('impulse', air_blast.impulse, IMPULSE, 'kPa·ms/kg^⅓'),
+            ('reflected impulse', air_blast.reflected_impulse, REFLECTED_IMPULSE, 'kPa·ms/kg^⅓')):
+        got = float(ours(z, ground=1.0)) / (1e3 if unit == 'kPa' else 1.0)
+        measured(f'{name} of a burst on the ground (Swisdak 1994)', got, swisdak(z, theirs), unit,
+                 rtol=0.03)
 
 
 @pytest.mark.parametrize(('z', 'bar'), [
     (0.5, 39.5), (1.0, 9.96), (2.0, 2.05), (5.0, 0.289), (10.0, 0.099), (20.0, 0.0434)])
-def test_bursts_in_the_air_are_near_those_of_kinney_and_graham(z, bar):
+@pytest.mark.report('nature')
+def test_bursts_in_the_air_are_near_those_of_kinney_and_graham(z, bar, measured):
     """Compare side-on pressures with those of an independent book, which differ by up to 12 %."""
-    assert air_blast.overpressure(z) == pytest.approx(1e5 * bar, rel=0.13)
+    measured('overpressure of a burst in the air (Kinney and Graham 1985)',
+             1e-5 * air_blast.overpressure(z), bar, 'bar', rtol=0.13)
 
 
 @pytest.mark.parametrize('z', [1.0, 2.0, 5.0, 10.0, 20.0])

@@ -96,7 +96,8 @@ def test_column_carries_exactly_the_weight_above():
     np.testing.assert_allclose(solver.wrenches()[order, 2], -above, rtol=1e-7)
 
 
-def test_cantilever_root_moment_and_deflection():
+@pytest.mark.report('laws')
+def test_cantilever_root_moment_and_deflection(measured):
     """Bend a row of bricks by its weight: M at each joint and the tip of the spring chain."""
     count, pitch, side = 8, 0.2, 0.1
     centres = np.column_stack([(np.arange(count) + 0.5) * pitch, np.zeros((count, 2))])
@@ -115,13 +116,16 @@ def test_cantilever_root_moment_and_deflection():
     turn = moment / (1e11 * area * side ** 2 / 12)
     slip = weight * beyond / (0.4e11 * area)
     tip = np.sum(slip + turn * (centres[-1, 0] - frame[:, 0]))
-    assert solver.displacement[count - 1, 2] == pytest.approx(-tip, rel=1e-6)
+    measured('tip of a cantilever of eight bricks, chain of springs',
+             -solver.displacement[count - 1, 2], tip, 'm', rtol=1e-6)
     share, _ = solver.utilisation()
-    assert share[0] == pytest.approx(moment[0] / (side ** 3 / 6) / 0.2e6, rel=1e-6)
+    measured('stress over strength at the root of that cantilever, M/(W·f)', share[0],
+             moment[0] / (side ** 3 / 6) / 0.2e6, rtol=1e-6)
 
 
 @pytest.mark.parametrize(('tension', 'expected'), [(0.2e6, 0.072), (0.1e6, 0.043), (0.0, 0.014)])
-def test_free_standing_wall_cracks_at_the_closed_form_acceleration(tension, expected):
+@pytest.mark.report('laws')
+def test_free_standing_wall_cracks_at_the_closed_form_acceleration(tension, expected, measured):
     """Reach utilisation 1 at a/g = (f_t + ρ g h) t / (3 ρ g h²) for a wall 2.5 m high."""
     height, thickness, courses = 2.5, 0.1025, 25
     lift = height / courses
@@ -134,6 +138,8 @@ def test_free_standing_wall_cracks_at_the_closed_form_acceleration(tension, expe
     for factor, cracked in ((0.999, False), (1.001, True)):
         force[:, 1] = plan.mass * G * ratio * factor
         share, cause = solved(plan, force=force).utilisation()
+        measured(f'stress over strength at the foot of a wall pushed to {factor:g} of '
+                 '(f + ρgh)·t/(3ρgh²)', share.max(), factor, rtol=2e-3)
         assert bool(share.max() > 1.0) == cracked
     assert plan.bond_frame[share.argmax(), 2] == 0.0  # at the foot
 
@@ -151,7 +157,8 @@ def test_supports_share_by_stiffness_times_area():
     assert abs(solver.displacement[2, 4]) < 1e-9 * abs(solver.displacement[2, 2])
 
 
-def test_displacements_match_a_direct_solver_on_a_random_graph():
+@pytest.mark.report('convergence')
+def test_displacements_match_a_direct_solver_on_a_random_graph(measured):
     """Solve 300 randomly tied parts under random loads as scipy's sparse solver does."""
     rng = np.random.default_rng(7)
     plan = random_plan(rng, 300)
@@ -160,8 +167,17 @@ def test_displacements_match_a_direct_solver_on_a_random_graph():
     push = np.hstack([force, moment])
     push[:, 2] -= plan.mass * G
     expected = spsolve(csc_matrix(dense_stiffness(plan)), push.ravel())
-    error = np.abs(solver.displacement[:-1].ravel() - expected).max()
-    assert error < 1e-8 * np.abs(expected).max()
+    scale = np.abs(expected).max()
+    error = np.abs(solver.displacement[:-1].ravel() - expected).max() / scale
+    measured.within('masonry: error of 300 tied parts against a direct solver', error, 0.0, 1e-8)
+    slow, errors = StressSolver(BondGraph(plan), (0.0, 0.0, -G), 1e-7), []
+    slow.set_loads(force, moment)
+    for _ in range(30):
+        slow.iterate(5)
+        errors.append(np.abs(slow.displacement[:-1].ravel() - expected).max() / scale)
+    measured.curve('Masonry: iterations of the stress solver', '300 tied parts',
+                   5 * np.arange(1, 31), errors, ('iterations', 'relative error'),
+                   ('linear', 'log'))
 
 
 def test_ground_reactions_balance_all_loads():

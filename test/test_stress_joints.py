@@ -46,15 +46,17 @@ def tipping(plan):
     return 0.5 * THICKNESS * G * plan.mass.sum() / moment, force
 
 
+@pytest.mark.report('laws')
 @pytest.mark.parametrize('courses', [10, 20, 33])
-def test_dry_running_bond_overturns_at_its_weight_over_its_height(courses):
+def test_dry_running_bond_overturns_at_its_weight_over_its_height(courses, measured):
     """Push dry brick walls to within 3 % of the moment of their weight about the edge."""
     plan = wall(8, courses, tension=0.0, cohesion=0.0)
     pressure, force = tipping(plan)
     for share, holds in ((0.97, True), (1.03, False)):
         cracking = start(plan)
         cracking.solver.set_loads(share * pressure * force)
-        assert stands(cracking) == holds
+        measured(f'dry walls of 10 to 33 courses stand, pushed to {share:g} of the moment of '
+                 'their weight', stands(cracking), holds)
 
 
 @pytest.mark.parametrize('share', [0.5, 0.7, 0.9])
@@ -106,13 +108,15 @@ def least_thickness(count):
     return high
 
 
+@pytest.mark.report('laws')
 @pytest.mark.parametrize('count', [12, 24, 48])
-def test_dry_arches_stand_down_to_the_thickness_of_limit_analysis(count):
+def test_dry_arches_stand_down_to_the_thickness_of_limit_analysis(count, measured):
     """Stand 3 % above the least t/R that linear programming finds, and fall 3 % below."""
     least = least_thickness(count)
     assert 0.104 < least < 0.1085  # 0.1075 for thin voussoirs
-    assert stands(start(arch(count, 1.03 * least)))
-    assert not stands(start(arch(count, 0.97 * least)))
+    for share, holds in ((1.03, True), (0.97, False)):
+        measured(f'dry arches of 12 to 48 voussoirs stand, {share:g} times as thick as limit '
+                 'analysis asks', stands(start(arch(count, share * least))), holds)
 
 
 @pytest.mark.parametrize(('slope', 'holds'), [(0.68, True), (0.72, False)])

@@ -187,17 +187,20 @@ def test_leaves_are_what_the_crown_is_made_of(name):
 
 @pytest.mark.parametrize('seed', _SEEDS)
 @pytest.mark.parametrize('name', sorted(_CROWN_DRAG))
-def test_drag_of_the_unbent_tree_is_that_of_forestgales(name, seed):
+@pytest.mark.report('nature')
+def test_drag_of_the_unbent_tree_is_that_of_forestgales(name, seed, measured):
     """Hold the drag of a whole tree within 30 % of what ForestGALES gives for its crown."""
     tree = _build(name, seed)
     coefficient, exponent, limit = _CROWN_DRAG[name]
     for speed in (5.0, 10.0, 15.0, 20.0, 30.0):
         drag = coefficient * np.clip(speed, 10.0, limit) ** -exponent
         expected = 0.5 * 1.225 * drag * _crown_area(tree) * speed ** 2
-        assert _drag(tree, speed) == pytest.approx(expected, rel=0.3)
+        measured(f'drag of {name}s, 5 to 30 m/s (ForestGALES)', _drag(tree, speed), expected, 'N',
+                 rtol=0.3)
 
 
-def test_pines_sway_like_those_of_their_size():
+@pytest.mark.report('nature')
+def test_pines_sway_like_those_of_their_size(measured):
     """
     Stay on or below 0.0766 + 3.1219 DBH/H2 [cm/m2] for heights of 6 m to 30 m, with that slope.
 
@@ -210,17 +213,27 @@ def test_pines_sway_like_those_of_their_size():
         ratio.append(100.0 * breast / _height(tree) ** 2)
         found.append(_sway_frequency(tree))
     line = 0.0766 + 3.1219 * np.array(ratio)
-    assert (np.array(found) < 1.02 * line).all() and (np.array(found) > 0.75 * line).all()
-    assert np.polyfit(ratio, found, 1)[0] == pytest.approx(3.1, abs=0.3)
+    axes = ('DBH/H² [cm/m²]', 'frequency [Hz]')
+    measured.curve('Frequency of pines', 'here', ratio, found, axes)
+    measured.curve('Frequency of pines', 'conifers, Moore and Maguire 2004, expected', ratio, line,
+                   axes)
+    for got in found / line:
+        measured.within('frequency of pines of 6 to 30 m over that of all conifers of their size '
+                        '(Moore and Maguire 2004)', got, 0.75, 1.02)
+    measured('slope of that frequency over DBH/H²', np.polyfit(ratio, found, 1)[0], 3.1,
+             'Hz·m²/cm', atol=0.3)
 
 
-def test_a_birch_sways_like_those_in_the_field():
+@pytest.mark.report('nature')
+def test_a_birch_sways_like_those_in_the_field(measured):
     """Hold a birch of 16 m to 0.19 Hz to 0.26 Hz (UK field trees of Jackson et al. 2019)."""
-    assert 0.19 < _sway_frequency(_build('birch', 0, height=16.0)) < 0.26
+    measured.within('frequency of a birch of 16 m (Jackson et al. 2019)',
+                    _sway_frequency(_build('birch', 0, height=16.0)), 0.19, 0.26, 'Hz')
 
 
+@pytest.mark.report('nature')
 @pytest.mark.parametrize('seed', _SEEDS)
-def test_an_oak_sways_within_the_models_of_its_size(seed):
+def test_an_oak_sways_within_the_models_of_its_size(seed, measured):
     """
     Keep an oak of 16 m below its size's mean of scanned trees, above the slowest in the field.
 
@@ -230,7 +243,8 @@ def test_an_oak_sways_within_the_models_of_its_size(seed):
     """
     tree = _build('oak', seed, height=16.0)
     mean = -0.039 + 3.12 * 100.0 * tree.bond_extent[0, 0] / _height(tree) ** 2
-    assert 0.17 < _sway_frequency(tree) < mean
+    measured.within('frequency of an oak of 16 m (Jackson et al. 2019)', _sway_frequency(tree),
+                    0.17, mean, 'Hz')
 
 
 @_TREES

@@ -48,27 +48,48 @@ def _peaks(path: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     return (i + offset) * dt, middle - 0.25 * (left - right) * offset
 
 
-def test_tip_load_sags_as_beam_theory():
-    """Expect P·L³/3EI at the tip; the joints integrate it to 0.5/n² from above."""
-    forest = Forest(beam(20, damping_ratio=0.7), gravity=_NO_WEIGHT)
+def _sag(segments: int) -> float:
+    """Pull the tip of a beam aside with 20 N until it is at rest; give how far it has gone [m]."""
+    forest, last = Forest(beam(segments, damping_ratio=0.7), gravity=_NO_WEIGHT), segments - 1
     end = [0.0, 0.0, LENGTH]
     for _ in range(2000):
-        forest.apply_impulse(19, end, (20.0 / 60.0, 0.0, 0.0))
+        forest.apply_impulse(last, end, (20.0 / 60.0, 0.0, 0.0))
         forest.step(1.0 / 60.0)
-        end = 2.0 * forest.poses[19, :3] - forest.poses[18, :3]
-        end = forest.poses[19, :3] + 0.5 * (end - forest.poses[19, :3])
-    sag = 20.0 * LENGTH ** 3 / (3.0 * BENDING)
-    assert end[0] == pytest.approx(sag, rel=5e-3)
+        end = 2.0 * forest.poses[last, :3] - forest.poses[last - 1, :3]
+        end = forest.poses[last, :3] + 0.5 * (end - forest.poses[last, :3])
+    return end[0]
 
 
+@pytest.mark.report('laws')
+def test_tip_load_sags_as_beam_theory(measured):
+    """Expect P·L³/3EI at the tip; the joints integrate it to 0.5/n² from above."""
+    measured('tip of a beam of 20 segments under 20 N, P·L³/3EI', _sag(20),
+             20.0 * LENGTH ** 3 / (3.0 * BENDING), 'm', rtol=5e-3)
+
+
+@pytest.mark.report('convergence')
+def test_sag_converges_with_the_square_of_the_segments(measured):
+    """Expect a quarter of the error from twice as many segments."""
+    exact, counts = 20.0 * LENGTH ** 3 / (3.0 * BENDING), np.array([4, 8, 16, 32])
+    errors = np.array([_sag(n) / exact - 1.0 for n in counts])
+    measured.curve('Trees: segments of a beam', 'sag of the tip', counts, errors,
+                   ('segments', 'relative error'), ('log', 'log'))
+    measured.curve('Trees: segments of a beam', '0.5/n², expected', counts, 0.5 / counts ** 2,
+                   ('segments', 'relative error'), ('log', 'log'))
+    measured('order of the sag of a beam in its segments, 16 to 32',
+             np.log2(errors[-2] / errors[-1]), 2.0, atol=0.1)
+
+
+@pytest.mark.report('laws')
 @pytest.mark.parametrize('segments, tolerance', [(10, 0.006), (20, 0.002)])
-def test_first_frequency_is_that_of_the_beam(segments: int, tolerance: float):
+def test_first_frequency_is_that_of_the_beam(segments: int, tolerance: float, measured):
     """Expect the Euler-Bernoulli frequency within half a percent from ten segments."""
     dt = 1.0 / 600.0
     forest = Forest(beam(segments, damping_ratio=0.02), gravity=_NO_WEIGHT, air_density=0.0)
     times, _ = _peaks(_swing_freely(forest, dt, 3000), dt)
     period = np.diff(times).mean()
-    assert 2.0 * np.pi / period == pytest.approx(_OMEGA, rel=tolerance)
+    measured(f'first frequency of a clamped beam of {segments} segments, Euler-Bernoulli',
+             1.0 / period, _OMEGA / (2.0 * np.pi), 'Hz', rtol=tolerance)
 
 
 def _pole(frequency: float, ratio: float) -> Forest:
@@ -101,19 +122,24 @@ def _frequency(path: np.ndarray) -> float:
 @pytest.mark.parametrize('frequency, tolerance', [
     (0.3, 0.1), (1.0, 0.1), (3.0, 0.1), (6.0, 0.1), (10.0, 0.25)])
 @pytest.mark.parametrize('ratio', [0.02, 0.05, 0.1])
-def test_damping_ratio_is_what_was_asked(frequency: float, ratio: float, tolerance: float):
+@pytest.mark.report('laws')
+def test_damping_ratio_is_what_was_asked(frequency: float, ratio: float, tolerance: float,
+                                         measured):
     """Expect the energy to fall by exp(-4π·ζ) in each cycle at 60 Hz, whatever the frequency."""
     path, energy = _sway(_pole(frequency, ratio), 12.0 / frequency).T
     decay = -np.polyfit(np.arange(len(energy)) / 60.0, np.log(energy), 1)[0]
-    assert decay / (4.0 * np.pi * _frequency(path)) == pytest.approx(ratio, rel=tolerance)
+    measured('damping ratio of a pole at 60 steps per second, 0.3 to 10 Hz',
+             decay / (4.0 * np.pi * _frequency(path)), ratio, rtol=tolerance)
 
 
 @pytest.mark.parametrize('frequency, tolerance', [
     (0.3, 0.01), (1.0, 0.01), (3.0, 0.01), (6.0, 0.04), (10.0, 0.08)])
-def test_frequency_is_that_of_the_spring(frequency: float, tolerance: float):
+@pytest.mark.report('laws')
+def test_frequency_is_that_of_the_spring(frequency: float, tolerance: float, measured):
     """Expect the trapezoidal rule's own error and no more, (ω·dt)²/12 below."""
     path = _sway(_pole(frequency, 0.0), 21.0 / frequency)[:, 0]
-    assert _frequency(path) == pytest.approx(frequency, rel=tolerance)
+    measured('frequency of a pole at 60 steps per second, 0.3 to 10 Hz', _frequency(path),
+             frequency, 'Hz', rtol=tolerance)
 
 
 @pytest.mark.parametrize('frequency', [0.3, 1.0, 2.0])
@@ -135,7 +161,8 @@ def test_undamped_sway_goes_on(frequency: float, segments: int):
     assert 0.9 * energy[0] < energy[-1] <= energy[0] * (1.0 + 1e-9)
 
 
-def test_steps_converge_with_their_square():
+@pytest.mark.report('convergence')
+def test_steps_converge_with_their_square(measured):
     """Expect a quarter of the error from half the step, of a bush that lost a bough and sways."""
     def rebound(steps: int) -> np.ndarray:
         forest = Forest(bush(16, stiffness=2e8, damping_ratio=0.05))
@@ -145,9 +172,16 @@ def test_steps_converge_with_their_square():
         return forest.poses[forest.active, :3]
 
     exact = rebound(3200)
-    coarse, middle, fine = (np.abs(rebound(n) - exact).max() for n in (50, 100, 200))
-    assert coarse > 1e-5
-    assert np.log2([coarse / middle, middle / fine]) == pytest.approx(2.0, abs=0.2)
+    counts = np.array([50, 100, 200])
+    errors = np.array([np.abs(rebound(n) - exact).max() for n in counts])
+    axes, logs = ('time step [s]', 'largest error of a position [m]'), ('log', 'log')
+    measured.curve('Trees: time step', 'a bush that lost a bough', 0.8 / counts, errors, axes,
+                   logs)
+    measured.curve('Trees: time step', 'its square, expected', 0.8 / counts,
+                   errors[0] * (counts[0] / counts) ** 2, axes, logs)
+    assert errors[0] > 1e-5
+    for order in np.log2(errors[:-1] / errors[1:]):
+        measured('order of the tree kernel in the time step', order, 2.0, atol=0.2)
 
 
 def test_weight_of_what_hangs_stiffens_and_thins_the_damping():

@@ -219,17 +219,20 @@ def test_released_tree_falls_freely():
     assert fallen[2] == pytest.approx(0.5 * 9.81, rel=2e-3)
 
 
-def test_loose_segment_falls_on_the_parabola():
+@pytest.mark.report('laws')
+def test_loose_segment_falls_on_the_parabola(measured):
     """Expect the closed form to rounding for one rigid segment."""
     forest = Forest(beam(1), air_density=0.0)
     forest.release(0)
     start = forest.poses[0, 2]
     for _ in range(60):
         forest.step(_DT)
-    assert start - forest.poses[0, 2] == pytest.approx(0.5 * 9.81, rel=1e-12)
+    measured('fall of a loose segment in a second, g·t²/2', start - forest.poses[0, 2],
+             0.5 * 9.81, 'm', rtol=1e-12)
 
 
-def test_level_segment_falls_at_its_terminal_speed():
+@pytest.mark.report('laws')
+def test_level_segment_falls_at_its_terminal_speed(measured):
     """Expect weight = ρ/2·Cd·d·L·v² for a cylinder that falls across the air."""
     blueprint = beam(1, density=50.0)
     level = replace(blueprint, poses=rotation.compose(_level(), blueprint.poses),
@@ -240,7 +243,8 @@ def test_level_segment_falls_at_its_terminal_speed():
         forest.step(_DT)
     width, length = blueprint.visual_size[0, 0], blueprint.visual_size[0, 2]
     speed = np.sqrt(2.0 * 9.81 * blueprint.mass[0] / (AIR_DENSITY * 1.1 * width * length))
-    assert -forest.velocities[0, 2] == pytest.approx(speed, rel=1e-6)
+    measured('terminal speed of a level segment, √(2mg/(ρ·Cd·d·L))', -forest.velocities[0, 2],
+             speed, 'm/s', rtol=1e-6)
 
 
 def _level() -> np.ndarray:

@@ -56,11 +56,14 @@ def _scattered(count, seed=0):
     return rng.uniform((-100.0, -128.0, 0.0), (100.0, 128.0, 64.0), (count, 3))
 
 
-def test_variance_is_that_of_the_settings(wind):
+@pytest.mark.report('nature')
+def test_variance_is_that_of_the_settings(wind, measured):
     """Compare the standard deviations with TI·U times the IEC ratios."""
     found = _records(wind, _scattered(4000), np.arange(0.0, 400.0, 7.3)).std(axis=(0, 1))
     wanted = INTENSITY * SPEED * np.array(RATIOS[wind.settings.spectrum])
-    np.testing.assert_allclose(found, wanted, rtol=0.03)
+    for axis, got, expected in zip(('along', 'across', 'up'), found, wanted):
+        measured(f'standard deviation of the wind, {axis} ({wind.settings.spectrum}, IEC 61400-1)',
+                 got, expected, 'm/s', rtol=0.03)
 
 
 def test_variance_does_not_depend_on_the_place_in_a_cell(wind):
@@ -74,7 +77,8 @@ def test_variance_does_not_depend_on_the_place_in_a_cell(wind):
     np.testing.assert_allclose(deviations[0], deviations[1], rtol=0.04)
 
 
-def test_spectrum_at_a_point_is_the_target(wind):
+@pytest.mark.report('nature')
+def test_spectrum_at_a_point_is_the_target(wind, measured):
     """
     Compare spectra of time series, averaged over places, with the target band by band.
 
@@ -88,10 +92,19 @@ def test_spectrum_at_a_point_is_the_target(wind):
     for component in range(3):
         sigma = INTENSITY * SPEED * target.ratios[component]
         wanted = sigma ** 2 * target.density(component, frequency / SPEED) / SPEED
-        for low, high in itertools.pairwise([0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0, 8.0]):
+        name, title = ('u', 'v', 'w')[component], f'Spectrum of the wind: {wind.settings.spectrum}'
+        got, expected = [], []
+        bands = np.array([0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0, 8.0])
+        for low, high in itertools.pairwise(bands):
             band = (frequency >= low) & (frequency < high)
-            ratio = found[band, :, component].mean() / wanted[band].mean()
-            assert ratio == pytest.approx(1.07, abs=0.24), (component, low, high)
+            got.append(found[band, :, component].mean())
+            expected.append(wanted[band].mean())
+            measured(f'power of the wind in a band over the target, {name} '
+                     f'({wind.settings.spectrum})', got[-1] / expected[-1], 1.07, atol=0.24)
+        middle, axes = np.sqrt(bands[:-1] * bands[1:]), ('frequency [Hz]', 'power [m²/s]')
+        logs = 'log', 'log'
+        measured.curve(title, name, middle, got, axes, logs)
+        measured.curve(title, f'{name}, expected', middle, expected, axes, logs)
 
 
 def _assert_coherence(wind, near, axis, distance, tolerance, slant=(0.0, 0.0)):

@@ -35,7 +35,8 @@ def _history(wind, point, times):
     return np.array([wind.velocity(np.array([point]), t)[0] for t in times])
 
 
-def test_extreme_operating_gust_has_the_shape_of_the_standard(steady):
+@pytest.mark.report('nature')
+def test_extreme_operating_gust_has_the_shape_of_the_standard(steady, measured):
     """Compare with U - 0.37 V sin(3 pi t/T)(1 - cos(2 pi t/T)) at the origin."""
     steady.start_gust(Gust(5.0, 10.5, kind='eog', upwind=UPWIND), 2.0)
     t = np.linspace(0.0, 10.5, 211)
@@ -43,7 +44,11 @@ def test_extreme_operating_gust_has_the_shape_of_the_standard(steady):
     shape = -0.37 * 5.0 * np.sin(3 * np.pi * t / 10.5) * (1 - np.cos(2 * np.pi * t / 10.5))
     np.testing.assert_allclose(found[:, 1], SPEED + shape, atol=1e-9)
     np.testing.assert_allclose(found[:, [0, 2]], 0.0, atol=1e-12)
-    assert found[:, 1].max() == pytest.approx(SPEED + 0.74 * 5.0, rel=1e-6)
+    measured('peak of the extreme operating gust (IEC 61400-1)', found[:, 1].max(),
+             SPEED + 0.74 * 5.0, 'm/s', rtol=1e-6)
+    axes = ('time [s]', 'wind [m/s]')
+    measured.curve('Extreme operating gust', 'wind', t, found[:, 1], axes)
+    measured.curve('Extreme operating gust', 'IEC 61400-1, expected', t, SPEED + shape, axes)
 
 
 def test_cosine_gust_rises_holds_and_falls(steady):

@@ -54,7 +54,8 @@ def run(world, seconds):
         world.step(DT)
 
 
-def test_free_fall_follows_the_discrete_closed_form():
+@pytest.mark.report('laws')
+def test_free_fall_follows_the_discrete_closed_form(measured):
     """Compare a second of fall, damped as set, with the recursion of semi-implicit Euler."""
     with World() as world:
         body = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 30), [2, 0, 0, 0, 0, 1])
@@ -64,7 +65,8 @@ def test_free_fall_follows_the_discrete_closed_form():
         for _ in range(60):
             speed = speed * keep - G * DT
             height += speed * DT
-        assert world.poses([body])[0, 2] == pytest.approx(height, abs=1e-9)
+        measured('height of a rigid body after a second of damped fall from 30 m',
+                 world.poses([body])[0, 2], height, 'm', atol=1e-9)
         assert world.velocities([body])[0, 2] == pytest.approx(speed, abs=1e-9)
         assert world.velocities([body])[0, 0] == pytest.approx(2 * keep ** 60, abs=1e-9)
 
@@ -187,8 +189,9 @@ def test_solid_inertia_of_sphere_and_rod():
     assert rod[0] == pytest.approx(3 * 4 / 12 + 3 * 0.0025 / 4)
 
 
+@pytest.mark.report('laws')
 @pytest.mark.parametrize('angle', [20.0, 28.0, 36.0, 45.0])
-def test_friction_holds_or_slides_as_coulomb_says(angle):
+def test_friction_holds_or_slides_as_coulomb_says(angle, measured):
     """Tilt gravity: below atan μ a brick stays, above it slides with g (sin - μ cos)."""
     friction, tilt = 0.6, np.radians(angle)
     gravity = (G * np.sin(tilt), 0.0, -G * np.cos(tilt))
@@ -200,10 +203,11 @@ def test_friction_holds_or_slides_as_coulomb_says(angle):
         run(world, 0.5)
         gain = (world.velocities([body])[0, 0] - start) / 0.5
     if np.tan(tilt) < friction:
-        assert abs(world.velocities([body])[0, 0]) < 0.01
+        measured('speed of a block on a slope below atan μ', world.velocities([body])[0, 0], 0.0,
+                 'm/s', atol=0.01)
     else:
         felt = (np.sin(tilt) - gain / G) / np.cos(tilt)
-        assert felt == pytest.approx(friction, rel=0.04)
+        measured('friction of a block that slides at 36° and 45°', felt, friction, rtol=0.04)
 
 
 def test_lowest_point_of_a_compound_is_that_of_its_corners():

@@ -1,0 +1,174 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Every block of code in the docs: grammars grow, scenes load, Python runs, commands exist."""
+
+from importlib import import_module
+from pathlib import Path
+import re
+import shlex
+
+import pytest
+import yaml
+
+from procphys_ros.command_line import words as command_words
+from procphys_ros.lsystem import LSystem
+from procphys_ros.ros.parameter_table import GLOBAL
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
+from procphys_ros.wallgrammar import WallGrammar
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = {str(path.relative_to(ROOT)): path.read_text('utf-8')
+         for path in (ROOT / 'README.md', *sorted(ROOT.glob('docs/**/*.md')))}
+EXECUTED = [page for page, text in PAGES.items() if '```python\n' in text
+            and page not in ('README.md', 'docs/library.md')]  # test_readme.py runs these
+SCRIPTS = dict(re.findall(r"'(\w+) = ([\w.]+):main'", (ROOT / 'setup.py').read_text('utf-8')))
+HOMES = ('docs/tutorials/own_house.md',)  # what later tutorials take up
+
+
+def blocks(page: str, kind: str) -> list[str]:
+    """Give the blocks of code of one kind in a page; '' = grammars, tables and output."""
+    return [body for found, body in re.findall(r'^```(\w*)\n(.*?)^```', PAGES[page],
+                                               re.DOTALL | re.MULTILINE) if found == kind]
+
+
+def grammars(page: str) -> dict[str, str]:
+    """Give the grammars of a page by the names of their files."""
+    named = {}
+    for body in blocks(page, ''):
+        if found := re.search(r'^building (\w+)', body, re.MULTILINE):
+            named[f'{found[1]}.wall'] = body
+        elif found := re.search(r'^name: (\w+)', body):
+            named[f'{found[1]}.lsys'] = body
+    return named
+
+
+def scenes(page: str) -> dict[str, str]:
+    """Give the whole scene files of a page by the names that the page gives them."""
+    whole = [body for body in blocks(page, 'yaml') if 'ros__parameters' in body]
+    names = re.findall(r'[Ss]ave this as `(\w+\.yaml)`', PAGES[page])
+    assert len(names) == len(whole), page
+    return dict(zip(names, whole))
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """Work where the shipped files, and those of the tutorials, are."""
+    for name in ('grammars', 'config'):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for page in HOMES:
+        for name, text in grammars(page).items():
+            (tmp_path / name).write_text(text, 'utf-8')
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize('page', [page for page in PAGES if grammars(page)])
+def test_grammars_grow(page):
+    """Build what every grammar on a page writes."""
+    for name, text in grammars(page).items():
+        language = LSystem if name.endswith('.lsys') else WallGrammar
+        assert len(language.parse(text, name).build()) > 5
+
+
+@pytest.mark.parametrize('page', [page for page in PAGES if blocks(page, 'yaml')])
+def test_scenes_load(page, desk):
+    """Load whole scene files, and parts of them as parts of a scene."""
+    for name, text in grammars(page).items():
+        (desk / name).write_text(text, 'utf-8')
+    for name, text in scenes(page).items():
+        (desk / name).write_text(text, 'utf-8')
+        assert len(Scene.from_yaml(desk / name).blueprint) > 0
+    for body in blocks(page, 'yaml'):
+        part = yaml.safe_load(body)
+        if '/**' not in part:
+            objects = [name for name, values in part.items()
+                       if {'grammar', 'grammar_text'} & set(values)]
+            Scene.from_parameters({'scene': {'objects': objects}, **part})
+
+
+@pytest.mark.parametrize('page', EXECUTED)
+def test_python_runs(page, desk):
+    """Execute all Python of a page in one go, beside the files that the page has."""
+    for name, text in {**grammars(page), **scenes(page)}.items():
+        (desk / name).write_text(text, 'utf-8')
+    names = {}
+    if ' = Simulation(' not in ''.join(blocks(page, 'python')):
+        scene = Scene.from_parameters({'scene': {'objects': ['shrub']},
+                                       'shrub': {'grammar': 'shrub.lsys'}})
+        names.update(scene=scene, simulation=Simulation(scene))
+    for body in blocks(page, 'python'):
+        exec(compile(body, page, 'exec'), names)
+
+
+def commands(page: str) -> list[list[str]]:
+    """Split the shell of a page into commands, comments left out."""
+    found = []
+    for body in blocks(page, 'sh'):
+        for line in body.replace('\\\n', ' ').splitlines():
+            try:
+                words = shlex.split(line, comments=True)
+            except ValueError:
+                continue  # a program of another language, over several lines
+            while words:
+                end = next((i for i, word in enumerate(words) if word in ('&&', ';')), len(words))
+                found.append(words[:end])
+                words = words[end + 1:]
+    return [words for words in found if words]
+
+
+def called(words: list[str]) -> tuple[str, list[str]]:
+    """Give the executable of ours that a command calls, and its words; '' = of others."""
+    if words[:3] == ['ros2', 'run', 'procphys_ros']:
+        return words[3], words[4:]
+    name = Path(words[0]).name
+    return (name, words[1:]) if name in SCRIPTS and words[0] != 'export' else ('', words)
+
+
+@pytest.mark.parametrize('page', [page for page in PAGES if blocks(page, 'sh')])
+def test_commands_exist(page, capsys):
+    """Know every executable, its options, every make target, and shipped file in shell blocks."""
+    targets = re.findall(r'^([\w ]+):', (ROOT / 'Makefile').read_text('utf-8'), re.MULTILINE)
+    for words in commands(page):
+        name, arguments = called(words)
+        if name:
+            check_options(name, arguments, capsys)
+        elif words[0] == 'make':
+            assert words[1] in targets
+        for word in words:
+            if re.match(r'(config|bench|grammars)/\S+$', word):
+                assert (ROOT / word).exists(), word
+
+
+def check_options(name: str, arguments: list[str], capsys) -> None:
+    """Read the words of one of our executables as it would, or find its options in its help."""
+    assert name in SCRIPTS, name
+    if name == 'command':
+        command_words.read(arguments)
+        return
+    if name in ('sim', 'managed_sim'):
+        known = {parameter.name for parameter in GLOBAL}
+        assert arguments[0] == '--ros-args'
+        assert {word.partition(':=')[0] for flag, word in zip(arguments, arguments[1:])
+                if flag == '-p'} <= known
+        return
+    with pytest.raises(SystemExit) as ended:
+        import_module(SCRIPTS[name]).main(['--help'])
+    told = capsys.readouterr().out
+    assert ended.value.code == 0
+    for word in arguments:
+        if word.startswith('--') and word != '--ros-args':
+            assert re.search(rf'{re.escape(word)}\b', told), f'{name} has no {word}'
