@@ -44,7 +44,8 @@ setup(
         # pip ignores setup.cfg's install_scripts; `ros2 run` looks here in both installs.
         (f'lib/{PACKAGE}', sorted(glob('scripts/*'))),
     ],
-    package_data={f'{PACKAGE}.compilation': ['overloads.json']},
+    package_data={f'{PACKAGE}.compilation': ['overloads.json'],
+                  f'{PACKAGE}.render': ['shaders/*']},
     zip_safe=False,
     python_requires='>=3.11',
     # numba: compilation/cache.py replaces its cache of kernels, tested with these versions.
@@ -53,7 +54,7 @@ setup(
     extras_require={
         # On a ROS machine these come with ROS itself, so they are no hard requirements.
         'wheels': ['ros-rclpy[fastrtps]~=7.1.6', 'ros-jazzy-common-interfaces'],
-        'render': ['pyvista'],
+        'render': ['moderngl>=5.10', 'pillow', 'av'],  # pictures and films
         'rapier': ['rapier3d'],  # the other engine of rigid bodies
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],

@@ -32,7 +32,7 @@ from procphys_ros.physics.dust import (
     stokes_speed,
 )
 from procphys_ros.physics.wind import WindSettings
-from procphys_ros.render import draw, particles
+from procphys_ros.render import draw
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.strikes import Projectile
@@ -315,25 +315,22 @@ def test_switched_off_dust_changes_nothing():
     assert runs[0][1] > 0 and runs[1][1] == 0
 
 
-def test_puffs_are_drawn_as_discs_that_face_the_camera_the_furthest_first():
-    """Put a fan and a ring across the line of sight around each puff that can be seen."""
-    eye = np.array([0.0, -10.0, 2.0])
-    positions = np.array([[0.0, 0.0, 1.0], [1.0, 50.0, 3.0], [0.0, 5.0, 1.0]])
-    mesh, colours = particles.dust(positions, np.array([2.0, 4.0, 1.0]),
-                                   np.array([0.5, 0.9, 1e-4]), eye)
-    assert mesh.piece[0] == 1 and mesh.piece[-1] == 0 and 2 not in mesh.piece
-    arm = mesh.points - positions[mesh.piece]
-    sight = eye - positions[mesh.piece]
-    assert np.abs((arm * sight).sum(axis=1)).max() < 1e-9
-    reach = np.linalg.norm(arm, axis=1)
-    assert reach[mesh.piece == 1].max() == pytest.approx(2.0)
-    assert reach[mesh.piece == 0].max() == pytest.approx(1.0)
-    middle = reach == 0.0
-    assert colours[middle, 3] == pytest.approx([0.9, 0.5])
-    assert (colours[reach > 0.99 * reach.max(), 3] == 0.0).all()
-    half = (mesh.piece == 0) & (np.abs(reach - 0.5) < 1e-9)  # one deviation of a Gaussian
-    assert colours[half, 3] == pytest.approx(1.0 - 0.5 ** np.exp(-0.5), abs=0.005)
-    assert len(particles.dust(positions[:0], np.zeros(0), np.zeros(0), eye)[0].points) == 0
+def test_puffs_fade_towards_their_edges_and_before_what_they_touch(tmp_path):
+    """Whiten the middle of a puff most, and less where a wall stands in it."""
+    wall = bonded(np.array([[0.3 * i, 0.0, 0.0325] for i in range(4)]), BRICK)
+    pictures = {}
+    for name, away in (('clear', None), ('before', -0.5), ('inside', 0.0)):
+        puff = None if away is None else Puffs(
+            np.array([[0.5, away, 0.03]]), np.array([0.5]), np.array([0.6]), np.zeros(1))
+        path = tmp_path / f'{name}.png'
+        draw(wall, wall.poses, path, size=(160, 90), camera=(0.5, -3.0, 0.03, 0.5, 0.0, 0.03),
+             dust=puff)
+        pictures[name] = np.asarray(Image.open(path).convert('RGB'), float)
+    change = {name: np.abs(pictures[name] - pictures['clear']).max(axis=2)
+              for name in ('before', 'inside')}
+    middle, side = change['before'][43:47, 78:82].mean(), change['before'][43:47, 68:72].mean()
+    assert middle > side > 2.0
+    assert change['inside'][43:47, 78:82].mean() < 0.8 * middle
 
 
 def test_dust_hides_what_is_behind_it(tmp_path):

@@ -50,7 +50,7 @@ LAYERS = {
 # Who may know a library that the rest of the house must not depend on.
 ONLY_IN = {
     'numba': 'compilation', 'rclpy': 'ros', 'pybullet': 'physics.world',
-    'pyvista': 'render', 'vtk': 'render', 'pxr': 'export', 'mcap': 'recording', 'viser': 'view',
+    'moderngl': 'render', 'av': 'render', 'pxr': 'export', 'mcap': 'recording', 'viser': 'view',
     'std_msgs': 'ros', 'std_srvs': 'ros', 'geometry_msgs': 'ros', 'sensor_msgs': 'ros',
     'visualization_msgs': 'ros', 'diagnostic_msgs': 'ros', 'rosgraph_msgs': 'ros',
     'rcl_interfaces': 'ros', 'builtin_interfaces': 'ros', 'simulation_interfaces': 'ros',

@@ -43,6 +43,7 @@ from procphys_ros.scene.layout import LAYOUTS
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.objects import OBJECT_KEYS, ObjectSpec, read_objects
 from procphys_ros.scene.particles import DustSettings, LeafSettings
+from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn
@@ -176,7 +177,8 @@ def test_the_library_refuses_what_the_node_refuses(name, value):
     (Settings, ''), (WindSettings, 'wind'), (Gust, 'gust'), (LeafSettings, 'leaves'),
     (DustSettings, 'dust'), (CullingSettings, 'culling'), (IntruderSettings, 'intruder'),
     (Blow, 'impulse'), (Projectile, 'projectile'), (Explosion, 'explosion'),
-    (Demolition, 'demolition'), (Shard, 'shard'), (Spawn, 'spawn'), (LidarSettings, 'lidar')])
+    (Demolition, 'demolition'), (Shard, 'shard'), (Spawn, 'spawn'), (LidarSettings, 'lidar'),
+    (CameraSettings, 'camera'), (SunSettings, 'sun'), (SkySettings, 'sky')])
 def test_every_number_of_every_setting_is_checked(kind, group):
     """Refuse what is just outside of the range that is declared, also in Python."""
     rows = parameters(kind, group)

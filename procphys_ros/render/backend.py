@@ -13,44 +13,32 @@
 # limitations under the License.
 
 
-"""Backend: PyVista, without which nothing is drawn, and what it says when it is missing."""
+"""Backend: an OpenGL context without a display, and what is said when there is none."""
 
-import os
-from types import ModuleType
+from typing import Any
 
-_NO_PYVISTA = 'drawing needs PyVista: pip install pyvista'
+_NO_MODERNGL = 'drawing needs ModernGL: pip install moderngl'
 _NO_OPENGL = ('drawing without a display needs OpenGL software rendering: '
               'apt-get install libegl1 libgl1 libgl1-mesa-dri')
+# By these names the libraries are there without their development packages.
+_LIBRARIES: dict[str, Any] = {'backend': 'egl', 'libgl': 'libGL.so.1', 'libegl': 'libEGL.so.1'}
 
 
 class RenderUnavailableError(ImportError):
     """Something that drawing needs is not installed; the message says what to install."""
 
 
-def load_pyvista() -> ModuleType:
+def open_context() -> Any:
     """
-    Import PyVista for drawing off-screen.
+    Open an OpenGL 4.0 context that draws off-screen, a `moderngl.Context`.
 
-    :raises RenderUnavailableError: when PyVista is not installed, or no OpenGL can be opened.
+    :raises RenderUnavailableError: when ModernGL is not installed, or no OpenGL can be opened.
     """
     try:
-        import pyvista
+        import moderngl
     except ImportError as error:
-        raise RenderUnavailableError(f'{_NO_PYVISTA} ({error})') from error
-    if not os.environ.get('DISPLAY') and not _has_headless_opengl():
-        raise RenderUnavailableError(_NO_OPENGL)
-    pyvista.vtk_verbosity('error')  # else VTK warns that there is no display, which is the point
-    return pyvista
-
-
-def _has_headless_opengl() -> bool:
-    """Tell whether VTK will find a library to draw with; it ends the process if it does not."""
-    from ctypes import CDLL
-
-    for library in ('libEGL.so.1', 'libOSMesa.so.8', 'libOSMesa.so'):
-        try:
-            CDLL(library)
-        except OSError:
-            continue
-        return True
-    return False
+        raise RenderUnavailableError(f'{_NO_MODERNGL} ({error})') from error
+    try:
+        return moderngl.create_context(400, True, **_LIBRARIES)
+    except Exception as error:  # of whatever kind the binding to EGL raises
+        raise RenderUnavailableError(f'{_NO_OPENGL} ({error})') from error

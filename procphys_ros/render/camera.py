@@ -15,7 +15,11 @@
 
 """Camera: where to stand so that the whole scene is in the picture."""
 
+from dataclasses import dataclass
+
 import numpy as np
+
+from procphys_ros import rotation
 
 FIELD_OF_VIEW = 32.0  # [degrees], vertical
 _MARGIN = 1.06  # the scene fills this inverse share of the frame
@@ -24,12 +28,64 @@ _BEARING = np.radians(-72.0)  # the camera stands mostly to the south of the sce
 _LOW, _HIGH = np.radians(4.0), np.radians(17.0)  # elevation for a lone tree and a wide scene
 
 
-def frame(points: np.ndarray, size: tuple[int, int]) -> tuple:
+@dataclass(frozen=True)
+class View:
     """
-    Give the camera position, focal point and up vector that show all points.
+    What a camera sees.
+
+    :ivar eye: where it stands [m], (3,).
+    :ivar target: what it looks at [m], (3,).
+    :ivar angle: vertical [degrees].
+    """
+
+    eye: np.ndarray
+    target: np.ndarray
+    angle: float = FIELD_OF_VIEW
+
+    @property
+    def back(self) -> np.ndarray:
+        """Give the unit vector from the target to the camera, (3,)."""
+        back = np.subtract(self.eye, self.target)
+        return back / np.linalg.norm(back)
+
+    @property
+    def side(self) -> np.ndarray:
+        """Give the unit vector to the right of the picture, (3,)."""
+        side = np.cross([0.0, 0.0, 1.0], self.back)
+        length = np.linalg.norm(side)  # nothing when it looks straight up or down
+        return side / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
+
+    @property
+    def up(self) -> np.ndarray:
+        """Give the unit vector to the top of the picture, (3,)."""
+        return np.cross(self.back, self.side)
+
+    def projection(self, aspect: float, planes: tuple[float, float]) -> np.ndarray:
+        """
+        Give the matrix from the world to the picture, as OpenGL has it, (4, 4).
+
+        :param aspect: width over height.
+        :param planes: the nearest and furthest that is drawn [m].
+        """
+        near, far = planes
+        turn = np.eye(4)
+        turn[:3, :3] = np.stack([self.side, self.up, self.back])
+        turn[:3, 3] = -turn[:3, :3] @ self.eye
+        slope = np.tan(np.radians(self.angle) / 2.0)
+        lens = np.zeros((4, 4))
+        lens[0, 0], lens[1, 1] = 1.0 / (slope * aspect), 1.0 / slope
+        lens[2, 2:] = (far + near) / (near - far), 2.0 * far * near / (near - far)
+        lens[3, 2] = -1.0
+        return lens @ turn
+
+
+def frame(points: np.ndarray, size: tuple[int, int], angle: float = FIELD_OF_VIEW) -> View:
+    """
+    Find the view that shows all points.
 
     :param points: [m], (V, 3).
     :param size: width and height of the picture [px].
+    :param angle: vertical [degrees].
     """
     low, high = points.min(axis=0), points.max(axis=0)
     centre, extent = 0.5 * (low + high), high - low
@@ -39,7 +95,7 @@ def frame(points: np.ndarray, size: tuple[int, int]) -> tuple:
                      np.sin(elevation)])
     right = np.array([-np.sin(_BEARING), np.cos(_BEARING), 0.0])
     up = np.cross(back, right)
-    slope = np.tan(np.radians(FIELD_OF_VIEW) / 2.0)
+    slope = np.tan(np.radians(angle) / 2.0)
     reach = slope * np.array([size[0] / size[1], 1.0])
     some = points[::len(points) // _SAMPLE + 1]
     for _ in range(_ROUNDS):  # near things look larger: shift the target until both sides match
@@ -49,4 +105,16 @@ def frame(points: np.ndarray, size: tuple[int, int]) -> tuple:
         seen = beside / (distance - away)[:, None]
         shift = 0.5 * distance * (seen.max(axis=0) + seen.min(axis=0))
         centre = centre + shift[0] * right + shift[1] * up
-    return tuple(centre + distance * back), tuple(centre), (0.0, 0.0, 1.0)
+    return View(centre + distance * back, centre, angle)
+
+
+def corners(poses: np.ndarray, size: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """
+    Give points of pieces [m], world, (N·C, 3).
+
+    :param poses: of the pieces, world, (N, 7).
+    :param size: their extents [m], (N, 3).
+    :param unit: the points over the extents, (C, 3).
+    """
+    turned = rotation.rotate(poses[:, None, 3:], unit * size[:, None])
+    return (poses[:, None, :3] + turned).reshape(-1, 3)

@@ -13,101 +13,249 @@
 # limitations under the License.
 
 
-"""Canvas: lit meshes on their way into an image file, the only code that speaks to PyVista."""
+"""Canvas: the passes that make a picture of batches, ground, sky and dust."""
 
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from procphys_ros.render import light
-from procphys_ros.render.backdrop import ground_colour, SHADOW, SKY_TOP
-from procphys_ros.render.backend import load_pyvista
-from procphys_ros.render.mesh import Mesh
+from procphys_ros.palette import rgba
+from procphys_ros.physics.dust import Puffs
+from procphys_ros.render import texture
+from procphys_ros.render.backend import open_context
+from procphys_ros.render.camera import View
+from procphys_ros.render.drawing import Drawing
+from procphys_ros.render.light import Daylight
+from procphys_ros.render.program import program, set_uniforms
+from procphys_ros.scene.scenery import SkySettings, SunSettings
 
-_OVERSAMPLING = 2  # pixels drawn per pixel written, along each side
-# Leaves are cut out instead of blended: blending would need sorting thousands of quads.
-_CUT_OUT = '//VTK::TCoord::Impl\nif (gl_FragData[0].a < 0.4) { discard; }\n'
+_SAMPLES = 4  # per pixel, at edges
+_SHADOW_SIDE = 4096  # [px]
+_FURTHEST = 4000.0  # [m] that is drawn, at least
+_OCCLUSION_REACH = 0.7  # [m] within which surfaces take the sky's light from each other
+_SPOKES, _RINGS = 48, np.array([0.0, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0])  # [m]
+_FAINTEST = 2e-3  # opacity that cannot be seen in eight bits
+_QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], 'f4')
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """A ball around what throws shadows: middle [m], (3,), and radius [m]."""
+
+    middle: np.ndarray
+    radius: float
+
+    @classmethod
+    def of(cls, points: np.ndarray) -> 'Bounds':
+        """Find the ball around the box around points [m], (P, 3)."""
+        points = points[np.isfinite(points).all(axis=1)]
+        if not len(points):
+            return cls(np.zeros(3), 2.0)
+        low, high = points.min(axis=0), points.max(axis=0)
+        return cls(0.5 * (low + high), max(2.0, 0.52 * float(np.linalg.norm(high - low)) + 2.0))
 
 
 class Canvas:
     """
-    An off-screen picture in the making.
+    Draws off-screen.
 
     :param size: width and height [px].
+    :param sun: where it stands.
+    :param sky: how clear it is.
+    :ivar context: of OpenGL.
+    :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
     """
 
-    def __init__(self, size: tuple[int, int]):
-        self._pyvista = load_pyvista()
+    def __init__(self, size: tuple[int, int], sun: SunSettings, sky: SkySettings):
+        self.context = context = open_context()
         self._size = size
-        self._plotter = self._pyvista.Plotter(
-            off_screen=True, window_size=[_OVERSAMPLING * side for side in size], lighting=None)
-        self._plotter.set_background(tuple(SKY_TOP))
+        self._daylight = Daylight.of(sun, sky)
+        self._sky = sky
+        many = min(_SAMPLES, context.max_samples)
+        self._many = context.framebuffer(
+            [context.renderbuffer(size, 4, samples=many)],
+            context.depth_renderbuffer(size, samples=many))
+        self._picture, self._depth = context.texture(size, 4), context.depth_texture(size)
+        self._depth.compare_func = ''
+        self._depth.filter = context.NEAREST, context.NEAREST
+        self._single = context.framebuffer([self._picture], self._depth)
+        half = max(1, size[0] // 2), max(1, size[1] // 2)
+        self._occlusion = context.texture(half, 1)
+        self._half = context.framebuffer([self._occlusion])
+        self._result = context.framebuffer([context.renderbuffer(size, 4)])
+        self._shadow_map = context.depth_texture((_SHADOW_SIDE, _SHADOW_SIDE))
+        self._shadow_map.repeat_x = self._shadow_map.repeat_y = False
+        self._shadow = context.framebuffer(depth_attachment=self._shadow_map)
+        self._noise = _load_noise(context)
+        self._passes = {name: _screen_pass(context, name)
+                        for name in ('sky.frag', 'occlusion.frag', 'compose.frag')}
+        self._ground = _ground(context)
+        self._dust = _DustPass(context)
 
-    def add(self, mesh: Mesh, colours: np.ndarray, image: np.ndarray | None = None,
-            opacity: float = 1.0) -> None:
+    def draw(self, drawing: Drawing, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
         """
-        Draw a mesh in colours that are lit already.
+        Draw a picture.
 
-        :param mesh: what to draw.
-        :param colours: per vertex, each 0 to 1, (V, 3).
-        :param image: multiplies the colours by `Mesh.uv`, (P, P, 4) uint8.
-        :param opacity: below 1 for glass.
+        :param drawing: batches in their places.
+        :param dust: in the air.
+        :param view: of the camera.
+        :param bounds: of what throws shadows.
+        :returns: rows from top to bottom, (H, W, 3) uint8.
         """
-        surface = self._pyvista.PolyData.from_regular_faces(mesh.points, mesh.triangles)
-        surface.point_data['rgb'] = np.round(255.0 * colours).astype(np.uint8)
-        surface.set_active_scalars('rgb')
-        mapper = self._pyvista.DataSetMapper(surface)
-        mapper.SetColorModeToDirectScalars()
-        actor = self._pyvista.Actor(mapper=mapper)
-        actor.prop.lighting = False
-        actor.prop.opacity = opacity
-        if image is not None:
-            surface.active_texture_coordinates = mesh.uv
-            picture = self._pyvista.Texture(image)
-            picture.interpolate = True
-            picture.mipmap = not _has_holes(image)
-            picture.SetMaximumAnisotropicFiltering(1)  # more costs minutes in software OpenGL
-            actor.texture = picture
-            if _has_holes(image):
-                actor.ForceOpaqueOn()
-                actor.GetShaderProperty().AddFragmentShaderReplacement(
-                    '//VTK::TCoord::Impl', True, _CUT_OUT, False)
-        self._plotter.add_actor(actor, reset_camera=False)
+        context, batches = self.context, list(drawing.batches)
+        to_shadow = _seen_from(self._daylight.towards, bounds)
+        near = max(0.05, 0.3 * (float(np.linalg.norm(view.eye - bounds.middle)) - bounds.radius))
+        planes = near, max(_FURTHEST, 60.0 * bounds.radius)
+        projection = view.projection(self._size[0] / self._size[1], planes)
+        self._draw_shadow(batches, to_shadow)
+        common = self._common(view, projection, to_shadow)
+        self._many.use()
+        self._many.clear(depth=1.0)
+        context.enable_only(context.DEPTH_TEST)
+        for batch in batches:
+            if not batch.is_glass:
+                batch.draw(common)
+        context.enable_only(context.DEPTH_TEST)
+        self._draw_ground(common)
+        self._draw_sky(common, projection)
+        context.enable_only(context.DEPTH_TEST | context.BLEND)
+        self._many.depth_mask = False
+        for batch in batches:
+            if batch.is_glass:
+                batch.draw(common)
+        self._many.depth_mask = True
+        context.copy_framebuffer(self._single, self._many)
+        self._darken(view, planes)
+        self._dust.draw(dust, self._depth, {**common, 'planes': planes}, view)
+        pixels = np.frombuffer(self._result.read(components=3, alignment=1), np.uint8)
+        return pixels.reshape(self._size[1], self._size[0], 3)[::-1]
 
-    def add_shadow(self, mesh: Mesh, image: np.ndarray | None = None) -> None:
-        """
-        Draw the shadow that a mesh throws on the ground.
+    def close(self) -> None:
+        """Give everything back."""
+        self.context.gc_mode = 'context_gc'
+        self.context.release()
 
-        :param mesh: what stands in the sun.
-        :param image: cuts holes into it where it is transparent.
-        """
-        height = np.maximum(mesh.points[:, 2:], 0.0)
-        fallen = mesh.points - height * light.SUN / light.SUN[2]
-        fallen[:, 2] = 0.0
-        dark = np.tile(SHADOW * ground_colour(), (len(fallen), 1))
-        flat = Mesh(fallen, mesh.triangles, mesh.normals, mesh.uv, mesh.piece)
-        if image is not None and _has_holes(image):
-            self.add(flat, dark, np.where(np.arange(4) == 3, image, np.uint8(255)))
-        else:
-            self.add(flat, dark)
+    def _common(self, view: View, projection: np.ndarray, to_shadow: np.ndarray) -> dict[str, Any]:
+        self._shadow_map.use(1)
+        self._noise.use(2)
+        day = self._daylight
+        return {'projection': _column_major(projection), 'eye': tuple(view.eye),
+                'to_shadow': _column_major(to_shadow), 'texel': 1.0 / _SHADOW_SIDE,
+                'shadow_map': 1, 'noise': 2, 'sun': tuple(day.towards),
+                'sunshine': tuple(day.sunshine), 'skylight': tuple(day.skylight),
+                'sky_low': tuple(day.low), 'sky_high': tuple(day.high),
+                'clouds': self._sky.clouds, 'visibility': self._sky.visibility}
 
-    def write(self, path: str | Path, place: tuple, field_of_view: float) -> None:
-        """
-        Write the picture.
+    def _draw_shadow(self, batches: Sequence[Any], to_shadow: np.ndarray) -> None:
+        self._shadow.use()
+        self._shadow.clear(depth=1.0)
+        self.context.enable_only(self.context.DEPTH_TEST)
+        for batch in batches:
+            batch.draw_shadow(_column_major(to_shadow))
 
-        :param path: image file; its suffix chooses the format.
-        :param place: camera position, focal point and up vector.
-        :param field_of_view: vertical [degrees].
-        """
-        from PIL import Image
+    def _draw_ground(self, common: dict[str, Any]) -> None:
+        target, array = self._ground
+        set_uniforms(target, {**common, 'grass': rgba('ground')[:3]})
+        array.render()
 
-        self._plotter.camera_position = place
-        self._plotter.camera.view_angle = field_of_view
-        self._plotter.reset_camera_clipping_range()
-        pixels = self._plotter.screenshot(return_img=True)
-        self._plotter.close()
-        Image.fromarray(pixels).resize(self._size, Image.Resampling.BOX).save(path)
+    def _draw_sky(self, common: dict[str, Any], projection: np.ndarray) -> None:
+        target, array = self._passes['sky.frag']
+        set_uniforms(target, {**common, 'unproject': _column_major(np.linalg.inv(projection))})
+        self.context.depth_func = '<='
+        array.render(vertices=3)
+        self.context.depth_func = '<'
+
+    def _darken(self, view: View, planes: tuple[float, float]) -> None:
+        """Take the light from where little of the sky is seen."""
+        self.context.enable_only(self.context.NOTHING)
+        self._depth.use(0)
+        slope = np.tan(np.radians(view.angle) / 2.0)
+        target, array = self._passes['occlusion.frag']
+        set_uniforms(target, {'depth': 0, 'planes': planes, 'reach': _OCCLUSION_REACH,
+                              'slope': (slope * self._size[0] / self._size[1], slope)})
+        self._half.use()
+        array.render(vertices=3)
+        self._picture.use(0)
+        self._occlusion.use(3)
+        target, array = self._passes['compose.frag']
+        set_uniforms(target, {'picture': 0, 'occlusion': 3})
+        self._result.use()
+        array.render(vertices=3)
 
 
-def _has_holes(image: np.ndarray) -> bool:
-    return bool((image[..., 3] < 255).any())
+class _DustPass:
+    """Draws dust over a picture, the furthest puffs first."""
+
+    def __init__(self, context: Any):
+        self._context = context
+        self._program = program(context, 'dust.vert', 'dust.frag')
+        self._quad = context.buffer(_QUAD.tobytes())
+
+    def draw(self, dust: Puffs, depth: Any, common: dict[str, Any], view: View) -> None:
+        seen = np.flatnonzero(dust.opacity > _FAINTEST)
+        if not len(seen):
+            return
+        away = np.linalg.norm(dust.positions[seen] - view.eye, axis=1)
+        seen = seen[np.argsort(-away, kind='stable')]
+        thickness = -np.log1p(-np.minimum(dust.opacity[seen], 1.0 - 1e-9))
+        puffs = self._context.buffer(np.column_stack(
+            [dust.positions[seen], dust.sizes[seen], thickness]).astype('f4').tobytes())
+        array = self._context.vertex_array(
+            self._program, [(self._quad, '2f', 'in_corner'),
+                            (puffs, '3f 2f/i', 'in_position', 'in_puff')])
+        lit = np.add(common['skylight'], 0.6 * np.asarray(common['sunshine']))
+        depth.use(0)
+        set_uniforms(self._program, {
+            **common, 'depth': 0, 'side': tuple(view.side), 'up': tuple(view.up),
+            'colour': tuple(np.clip(np.asarray(rgba('mortar')[:3]) * lit, 0.0, 1.0))})
+        self._context.enable_only(self._context.BLEND)
+        array.render(instances=len(seen))
+        array.release()
+        puffs.release()
+
+
+def _seen_from(sun: np.ndarray, bounds: Bounds) -> np.ndarray:
+    """Give the parallel projection from the sun onto its map, (4, 4)."""
+    side = np.cross([0.0, 0.0, 1.0], sun) if abs(sun[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    axes = np.stack([side, np.cross(sun, side), -sun]) / bounds.radius
+    matrix = np.eye(4)
+    matrix[:3, :3] = axes
+    matrix[:3, 3] = -axes @ bounds.middle
+    return matrix
+
+
+def _column_major(matrix: np.ndarray) -> tuple[float, ...]:
+    return tuple(matrix.T.ravel().tolist())
+
+
+def _screen_pass(context: Any, fragment: str) -> tuple[Any, Any]:
+    target = program(context, 'screen.vert', fragment)
+    return target, context.vertex_array(target, [])
+
+
+def _ground(context: Any) -> tuple[Any, Any]:
+    """Lay flat ground to the horizon, finer towards the middle."""
+    target = program(context, 'ground.vert', 'ground.frag')
+    turn = np.linspace(0.0, 2.0 * np.pi, _SPOKES + 1)
+    points = np.zeros((len(_RINGS), _SPOKES + 1, 3))
+    points[..., :2] = _RINGS[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    grid = np.arange(points[..., 0].size).reshape(points.shape[:2])
+    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
+                            np.stack([a, c, d], -1).reshape(-1, 3)])
+    vertices = np.column_stack([points.reshape(-1, 3), np.tile([0.0, 0.0, 1.0], (grid.size, 1))])
+    return target, context.vertex_array(
+        target, [(context.buffer(vertices.astype('f4').tobytes()), '3f 3f', 'in_corner',
+                  'in_normal')],
+        context.buffer(faces.astype('u4').tobytes()), index_element_size=4)
+
+
+def _load_noise(context: Any) -> Any:
+    pixels = texture.noise_image()
+    noise = context.texture(pixels.shape[1::-1], 4, pixels.tobytes())
+    noise.build_mipmaps()
+    noise.filter = context.LINEAR_MIPMAP_LINEAR, context.LINEAR
+    return noise

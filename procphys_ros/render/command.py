@@ -13,28 +13,34 @@
 # limitations under the License.
 
 
-"""Command `render`: draw a scene or a grammar, at rest or after some simulated time."""
+"""Command `render`: draw a scene or a grammar as a picture, a series of pictures or a film."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
+import signal
 import sys
+from threading import current_thread, main_thread
 from typing import NoReturn
 
-import numpy as np
-
-from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import ProcPhysError, SceneError
-from procphys_ros.physics.dust import Puffs
 from procphys_ros.render.backend import RenderUnavailableError
-from procphys_ros.render.picture import draw
+from procphys_ros.render.drawing import Moment
+from procphys_ros.render.motion import CameraMotion
+from procphys_ros.render.picture import Renderer, scene_points
+from procphys_ros.render.progress_bar import ProgressBar
+from procphys_ros.render.writers import check_output, FILMS, is_series, open_writer
 from procphys_ros.scene import Scene
+from procphys_ros.scene.scenery import CameraSettings
 from procphys_ros.scene.sources import load_grammar
 
 _GRAMMARS = ('.lsys', '.wall')
 _SCENES = ('.yaml', '.yml')
-_PICTURES = ('.png', '.jpg', '.jpeg')
-_LARGEST_SIDE = 8192  # [px], what OpenGL in software still allocates with oversampling
+_LARGEST_SIDE = 8192  # [px], what OpenGL in software still allocates
+_MOST_FRAMES = 100_000
+_INTERRUPTED = 130  # exit code of what SIGINT has ended
 
 
 class _Parser(argparse.ArgumentParser):
@@ -53,28 +59,125 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     try:
-        _check_picture(options.out)
+        check_output(options.out)
         scene = _scene(options)
-        blueprint, poses, leaf_poses, dust = _state_at(scene, options.time)
-        draw(blueprint, poses, options.out, camera=options.camera, size=options.size,
-             leaf_poses=leaf_poses, dust=dust)
+        camera = _camera_settings(scene, options)
+        if options.out.suffix.lower() in FILMS or is_series(options.out):
+            return _film(scene, camera, options)
+        if options.end is not None:
+            raise SceneError(f'--to: "{options.out}" is one picture; a series is called '
+                             'frames/%04d.png')
+        _picture(scene, camera, options)
     except (ProcPhysError, RenderUnavailableError, OSError) as error:
         print(f'render: {error}', file=sys.stderr)
         return 1
-    print(f'{options.out}: {len(blueprint)} parts at {options.time:g} s')
     return 0
 
 
+def _picture(scene: Scene, camera: CameraSettings, options: argparse.Namespace) -> None:
+    """Draw the scene at one time."""
+    writer = open_writer(options.out, options.size, 1.0)
+    count = len(scene.blueprint)
+    if options.time == 0.0 and camera.motion != 'follow':
+        moment = Moment(scene.blueprint, scene.blueprint.poses)
+        motion = CameraMotion(camera, scene_points(moment), options.size)
+        renderer = Renderer(moment, options.size, scene.settings.sun, scene.settings.sky)
+        writer.add(renderer.draw(moment, motion.view(0.0)))
+        renderer.close()
+    else:
+        # Late, because PyBullet greets on import, which is noise before a one-line error.
+        from procphys_ros.render.film import shoot, Shot
+
+        shot = Shot(options.time, 1, 1.0, options.size, camera)
+        count = len(shoot(scene, shot, writer).blueprint)
+    print(f'{options.out}: {count} parts at {options.time:g} s')
+
+
+def _film(scene: Scene, camera: CameraSettings, options: argparse.Namespace) -> int:
+    """Draw the scene again and again; what an interruption leaves is whole."""
+    from procphys_ros.render.film import check_camera, shoot, Shot
+
+    if options.end is None or options.end <= options.start:
+        raise SceneError(f'a film needs --to, after --from ({options.start:g} s)')
+    count = max(1, round((options.end - options.start) * options.fps))
+    if count > _MOST_FRAMES:
+        raise SceneError(f'--to: {count} pictures are more than {_MOST_FRAMES}')
+    check_camera(scene, camera)
+    shot = Shot(options.start, count, options.fps, options.size, camera)
+    writer = open_writer(options.out, options.size, options.fps)
+    bar, done, interrupted = ProgressBar(sys.stderr, count, 'pictures'), 0, False
+
+    def tell(number: int) -> None:
+        nonlocal done
+        done = number
+        bar.show(number)
+
+    try:
+        with _terminable():
+            shoot(scene, shot, writer, tell)
+    except KeyboardInterrupt:
+        interrupted = True
+    except BaseException:
+        writer.discard()
+        raise
+    finally:
+        bar.close()
+    if not done:
+        writer.discard()
+        print('render: interrupted before the first picture', file=sys.stderr)
+        return _INTERRUPTED
+    writer.finish()
+    print(f'{options.out}: {done} pictures from {options.start:g} s to '
+          f'{options.start + done / options.fps:g} s{", interrupted" if interrupted else ""}')
+    return _INTERRUPTED if interrupted else 0
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM end a block as Ctrl-C does."""
+    if current_thread() is not main_thread():
+        yield
+        return
+
+    def interrupt(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _camera_settings(scene: Scene, options: argparse.Namespace) -> CameraSettings:
+    """Give the camera of the scene file, with what the options say instead."""
+    camera = replace(scene.settings.camera, **(options.camera or {}))
+    return camera if options.view is None else replace(camera, position=options.view)
+
+
 def _parser() -> _Parser:
-    parser = _Parser(prog='render', description='Draw a scene as a picture, without a display.')
+    parser = _Parser(prog='render', description='Draw a scene as a picture, a series of '
+                     'pictures or a film, without a display.')
     parser.add_argument('scene', help='scene file (.yaml) or grammar (.lsys, .wall)')
-    parser.add_argument('--out', required=True, type=Path, help='picture to write (.png, .jpg)')
+    parser.add_argument('--out', required=True, type=Path,
+                        help='what to write: picture.png (.jpg), film.mp4, loop.gif, '
+                        'frames/%%04d.png')
     parser.add_argument('--time', type=_seconds, default=0.0,
                         help='simulated time to wait before the picture [s]')
     parser.add_argument('--size', type=_size, default=(1280, 720), metavar='WxH',
                         help='width and height [px]')
-    parser.add_argument('--camera', type=_camera, metavar='x,y,z,tx,ty,tz',
-                        help='position and target [m]; the whole scene when not given')
+    parser.add_argument('--from', dest='start', type=_seconds, default=0.0,
+                        help='simulated time at which a film begins [s]')
+    parser.add_argument('--to', dest='end', type=_seconds,
+                        help='simulated time at which a film ends [s]')
+    parser.add_argument('--fps', type=_rate, default=30.0,
+                        help='pictures per simulated second')
+    parser.add_argument('--camera', type=_camera, metavar='HOW',
+                        help='fixed, orbit, follow=PART, or position and target '
+                        'x,y,z,tx,ty,tz [m]; as in the scene file when not given')
+    parser.add_argument('--view', type=_coordinate, nargs=3, metavar=('X', 'Y', 'Z'),
+                        help='where the camera stands at first [m]; where it sees the whole '
+                        'scene when not given')
     parser.add_argument('--seed', type=int, default=0, help='of a grammar')
     parser.add_argument('--define', type=_define, action='append', default=[],
                         metavar='name=value', help='of a grammar, may be repeated')
@@ -94,26 +197,6 @@ def _scene(options: argparse.Namespace) -> Scene:
     scene.add(grammar.build(seed=options.seed, **dict(options.define)), (0.0, 0.0, 0.0), 0.0,
               name=Path(options.scene).stem)
     return scene
-
-
-def _state_at(scene: Scene, time: float) -> tuple[Blueprint, np.ndarray, np.ndarray | None, Puffs]:
-    """Simulate from rest; give all parts, their poses (N, 7), those of leaves (L, 7), and dust."""
-    if time == 0.0:
-        return scene.blueprint, scene.blueprint.poses, None, Puffs.none()
-    # Late, because PyBullet greets on import, which is noise before a one-line error.
-    from procphys_ros.simulation import Simulation
-
-    simulation = Simulation(scene)
-    simulation.step(max(1, round(time / simulation.time_step)))
-    return simulation.blueprint, simulation.poses, simulation.leaf_poses(), simulation.dust
-
-
-def _check_picture(path: Path) -> None:
-    """Refuse a picture that could not be written, before minutes of simulation."""
-    if path.suffix.lower() not in _PICTURES:
-        raise SceneError(f'--out: "{path}" must end in {", ".join(_PICTURES)}')
-    if not path.parent.is_dir():
-        raise SceneError(f'--out: there is no folder "{path.parent}"')
 
 
 def _numbers(text: str, separator: str, count: int, like: str) -> list[float]:
@@ -140,11 +223,31 @@ def _size(text: str) -> tuple[int, int]:
     return width, height
 
 
-def _camera(text: str) -> list[float]:
+def _rate(text: str) -> float:
+    value = _numbers(text, ' ', 1, '30')[0]
+    if not 0.01 <= value <= 1000.0:
+        raise argparse.ArgumentTypeError(f'{text} is not within 0.01 to 1000 per second')
+    return value
+
+
+def _coordinate(text: str) -> float:
+    return _numbers(text, ' ', 1, '20')[0]
+
+
+def _camera(text: str) -> dict[str, object]:
+    """Read what is said of the camera as fields of its settings."""
+    how, _, part = text.partition('=')
+    if text in ('fixed', 'orbit'):
+        return {'motion': text}
+    if how == 'follow' and part:
+        return {'motion': how, 'part': part}
+    if ',' not in text:
+        raise argparse.ArgumentTypeError(
+            f'"{text}" is none of fixed, orbit, follow=PART, x,y,z,tx,ty,tz')
     values = _numbers(text, ',', 6, '20,-30,10,0,0,5')
     if values[:3] == values[3:]:
         raise argparse.ArgumentTypeError(f'"{text}": the camera stands where it looks')
-    return values
+    return {'motion': 'fixed', 'position': values[:3], 'target': values[3:]}
 
 
 def _define(text: str) -> tuple[str, float]:

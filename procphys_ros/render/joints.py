@@ -14,6 +14,8 @@
 
 """Joints: the mortar between the bricks that still hang together."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from procphys_ros import rotation
@@ -23,33 +25,82 @@ _THINNEST, _THICKEST = 0.001, 0.04  # [m] gap between two parts that mortar may 
 _CRACK = 0.01  # [m] by which parts of a broken joint have moved against each other
 
 
+@dataclass(frozen=True)
+class Seats:
+    """
+    Where mortar belongs, one row per joint that has a gap for it.
+
+    :ivar bond: the joint's row among the bonds, (J,).
+    :ivar first, second: parts to its sides, (J,).
+    :ivar box: pose of the box of mortar in the frame of the first part, z across, (J, 7).
+    :ivar ends: the joint's middle in the frames of both parts [m], (2, J, 3).
+    :ivar size: extents of the box [m], (J, 3).
+    """
+
+    bond: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    box: np.ndarray
+    ends: np.ndarray
+    size: np.ndarray
+
+    def boxes(self, poses: np.ndarray, shown: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """
+        Give the boxes of mortar; a joint whose parts have moved apart has lost it.
+
+        :param poses: of the parts, world, (N, 7).
+        :param shown: parts that exist, (N,) bool.
+        :param rows: which joints, (K,).
+        :returns: poses, world, (K, 7), not a number where there is no mortar any more.
+        """
+        first, second = self.first[rows], self.second[rows]
+        place = [poses[part, :3] + rotation.rotate(poses[part, 3:], end[rows])
+                 for part, end in zip((first, second), self.ends)]
+        whole = (np.linalg.norm(place[0] - place[1], axis=1) < _CRACK
+                 ) & shown[first] & shown[second]
+        box = rotation.compose(poses[first], self.box[rows])
+        box[~whole] = np.nan
+        return box
+
+
+def seats(blueprint: Blueprint, since: int = 0) -> Seats:
+    """
+    Find where mortar belongs.
+
+    :param blueprint: parts and bonds.
+    :param since: the first bond to look at.
+    """
+    bond = since + np.flatnonzero(
+        (blueprint.bond_law[since:] == Law.MORTAR)
+        & (blueprint.bonds[since:] != GROUND).all(axis=1))
+    first, second = blueprint.bonds[bond].T
+    frame = blueprint.bond_frame[bond]
+    middles, reaches = zip(_reach(blueprint, first, frame), _reach(blueprint, second, frame))
+    gap = middles[1][:, 2] - middles[0][:, 2] - reaches[0][:, 2] - reaches[1][:, 2]
+    low, high = _patch(blueprint.bond_extent[bond], gap, middles, reaches)
+    ends = [rotation.relative(blueprint.poses[part], frame) for part in (first, second)]
+    box = ends[0].copy()
+    box[:, :3] += rotation.rotate(ends[0][:, 3:],
+                                  np.column_stack([0.5 * (low + high), np.zeros(len(bond))]))
+    has = (gap > _THINNEST) & (gap < _THICKEST)
+    return Seats(bond[has], first[has], second[has], box[has],
+                 np.stack([end[has, :3] for end in ends]), np.column_stack([high - low, gap])[has])
+
+
 def standing(blueprint: Blueprint, poses: np.ndarray,
              shown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Find where mortar stands; a joint whose parts have moved apart has lost it.
+    Find where mortar stands.
 
     :param blueprint: parts and bonds.
     :param poses: of the parts, world, (N, 7).
     :param shown: parts that exist, (N,) bool.
     :returns: poses of boxes, z across the joint, world, (J, 7), and their extents [m], (J, 3).
     """
-    pair = blueprint.bonds
-    bond = np.flatnonzero((blueprint.bond_law == Law.MORTAR) & (pair != GROUND).all(axis=1)
-                          & shown[pair].all(axis=1))
-    first, second = pair[bond].T
-    frame = blueprint.bond_frame[bond]
-    seat = rotation.relative(blueprint.poses[first], frame)
-    now = rotation.compose(poses[first], seat)
-    other = rotation.compose(poses[second], rotation.relative(blueprint.poses[second], frame))
-    middles, reaches = zip(_reach(blueprint, first, frame), _reach(blueprint, second, frame))
-    gap = middles[1][:, 2] - middles[0][:, 2] - reaches[0][:, 2] - reaches[1][:, 2]
-    whole = ((gap > _THINNEST) & (gap < _THICKEST)
-             & (np.linalg.norm(now[:, :3] - other[:, :3], axis=1) < _CRACK))
-    low, high = _patch(blueprint.bond_extent[bond], gap, middles, reaches)
-    centre = np.column_stack([0.5 * (low + high), np.zeros(len(bond))])
-    box = now.copy()
-    box[:, :3] += rotation.rotate(now[:, 3:], centre)
-    return box[whole], np.column_stack([high - low, gap])[whole]
+    places = seats(blueprint)
+    box = places.boxes(poses, shown, np.arange(len(places.bond)))
+    whole = np.isfinite(box[:, 0])
+    return box[whole], places.size[whole]
 
 
 def _reach(blueprint: Blueprint, part: np.ndarray,

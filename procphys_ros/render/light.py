@@ -13,19 +13,25 @@
 # limitations under the License.
 
 
-"""Light: sun, sky and the shade inside crowns, worked out per vertex before drawing."""
+"""Light: sun, sky and the shade inside crowns."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from procphys_ros.scene.scenery import SkySettings, SunSettings
+
 SUN = np.array([-0.45, -0.62, 0.64]) / np.linalg.norm([-0.45, -0.62, 0.64])  # towards the sun
 ZENITH = np.array([0.0, 0.0, 1.0])
 _SUNSHINE = np.array([0.80, 0.76, 0.66])  # colour of full sun on a surface that faces it
 _SKYLIGHT = np.array([0.40, 0.44, 0.50])  # colour from the open sky above
-_BOUNCE = np.array([0.20, 0.20, 0.16])  # colour from the ground below
-_THROUGH = 0.35  # share of sun that a leaf lets through to its far side
+SKY_LOW = np.array([0.87, 0.91, 0.94])  # colour of the clear sky at the horizon
+SKY_HIGH = np.array([0.30, 0.53, 0.80])  # and above
+# Optical depth of clear air straight up at red, green and blue (Rayleigh and thin haze).
+_REDDENING = np.array([0.06, 0.12, 0.26])
 EXTINCTION = 0.24  # of light per leaf area index (Beer-Lambert); clusters are full of gaps
 _CELLS = 96  # cells of the shade grid along its longest side
 _SMALLEST_CELL = 0.35  # [m]
@@ -89,27 +95,43 @@ def crown_middles(positions: np.ndarray, links: np.ndarray, carriers: np.ndarray
     return (total / np.maximum(weight, 1)[:, None])[plant]
 
 
-def on_surfaces(normals: np.ndarray, sun: np.ndarray, sky: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True)
+class Daylight:
     """
-    Give the light on opaque surfaces, rgb, (V, 3).
+    Light of sun and sky.
 
-    :param normals: unit, (V, 3).
-    :param sun, sky: share of their light that arrives, (V,).
+    :ivar towards: unit vector to the sun, (3,).
+    :ivar sunshine: colour of full sun on a surface that faces it, (3,).
+    :ivar skylight: colour from the open sky above, (3,).
+    :ivar low, high: colour of the sky at the horizon and above, (3,).
     """
-    facing = np.clip(normals @ SUN, 0.0, None) * sun
-    up = 0.5 + 0.5 * normals[:, 2]
-    return (facing[:, None] * _SUNSHINE + (up * sky)[:, None] * _SKYLIGHT
-            + (1.0 - up)[:, None] * _BOUNCE)
 
+    towards: np.ndarray
+    sunshine: np.ndarray
+    skylight: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
 
-def on_leaves(outward: np.ndarray, sun: np.ndarray, sky: np.ndarray) -> np.ndarray:
-    """
-    Give the light on leaves, rgb, (V, 3); they shine through and have no one normal.
+    @classmethod
+    def of(cls, sun: SunSettings, sky: SkySettings) -> 'Daylight':
+        """
+        Work out the light of a day.
 
-    :param outward: unit vector out of the crown, (V, 3).
-    :param sun, sky: share of their light that arrives, (V,).
-    """
-    facing = _THROUGH + (1.0 - _THROUGH) * np.clip(0.25 + 0.75 * (outward @ SUN), 0.0, 1.0)
-    up = 0.6 + 0.4 * outward[:, 2]
-    return ((facing * sun)[:, None] * _SUNSHINE * 1.25 + (up * sky)[:, None] * _SKYLIGHT
-            + 0.5 * _BOUNCE)
+        :param sun: where the sun stands.
+        :param sky: how many clouds there are.
+        """
+        azimuth, elevation = np.radians(sun.azimuth), np.radians(sun.elevation)
+        towards = np.array([np.sin(azimuth) * np.cos(elevation),
+                            np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
+        # The longer its way through the air, the redder the sun; see the comment at `_REDDENING`.
+        air = 1.0 / max(towards[2], 0.05) - 1.0 / np.sin(np.radians(40.0))
+        clear = np.exp(-_REDDENING * air)
+        covered = sky.clouds ** 3  # single clouds leave the sun; a closed cover takes it
+        sunshine = sun.strength * (1.0 - 0.85 * covered) * clear * _SUNSHINE
+        grey = 0.35 * covered
+        skylight = ((1.0 - grey) * _SKYLIGHT + grey * _SKYLIGHT.mean()) * (1.0 + 0.55 * covered)
+        dusk = np.clip(clear, 0.0, 1.0) ** 0.5
+        dim = 1.0 - 0.22 * covered
+        low = dim * ((1.0 - grey) * SKY_LOW + grey * SKY_LOW.mean()) * (0.4 + 0.6 * dusk)
+        high = dim * ((1.0 - grey) * SKY_HIGH + grey * 0.7) * (0.25 + 0.75 * dusk.min())
+        return cls(towards, sunshine, skylight * (0.35 + 0.65 * dusk.min()), low, high)

@@ -13,45 +13,80 @@
 # limitations under the License.
 
 
-"""Pictures: any blueprint at any poses, drawn off-screen into an image file."""
+"""Pictures: any blueprint at any poses, drawn off-screen, once or again and again."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, GROUND, Shape
-from procphys_ros.palette import Look, look
+from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.dust import Puffs
-from procphys_ros.render import camera as view
-from procphys_ros.render import joints, light, mesh, particles, texture
-from procphys_ros.render.backdrop import backdrop
-from procphys_ros.render.canvas import Canvas
+from procphys_ros.render import camera as cameras
+from procphys_ros.render.camera import View
+from procphys_ros.render.canvas import Bounds, Canvas
+from procphys_ros.render.drawing import Drawing, Moment
+from procphys_ros.scene.scenery import SkySettings, SunSettings
 
-_LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
-_NOTHING = np.zeros((1, 3))  # the origin: an empty scene has a place, too
-_HANGING = 1e-6  # [m] a petiole stays this close to its place on the branch
 _EMPTY_SCENE = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])  # [m] corners to look at
+_ROOM = 1.25  # by which shadows have more room than they need, so that it changes seldom
+_HANGING = 1e-6  # [m] a petiole stays this close to its place on the branch
+_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
-@dataclass(frozen=True)
-class _Item:
-    """One mesh to draw; `row` is the part, leaf or ornament behind each of its pieces."""
+class Renderer:
+    """
+    Draws one scene at one moment after the other; needs no display.
 
-    mesh: mesh.Mesh
-    look: Look
-    row: np.ndarray
-    small: bool  # pieces so small that one value of shade serves for all their vertices
-    outward: np.ndarray | None = None  # of leaves, per vertex
-    astray: bool = False  # leaves that came off, which may be far away
+    What there is stays where it was and is only moved.
+
+    :param first: what is drawn first.
+    :param size: width and height [px].
+    :param sun: where it stands.
+    :param sky: how clear it is.
+    :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
+    """
+
+    def __init__(self, first: Moment, size: tuple[int, int] = (1280, 720),
+                 sun: SunSettings | None = None, sky: SkySettings | None = None):
+        self._canvas = Canvas(size, sun or SunSettings(), sky or SkySettings())
+        self._drawing = Drawing(self._canvas.context, first)
+        self._bounds: Bounds | None = None
+
+    def prepare(self, moment: Moment) -> None:
+        """Move everything to where it is at a moment; `draw` does it by itself."""
+        self._drawing.update(moment)
+
+    def draw(self, moment: Moment, view: View) -> np.ndarray:
+        """
+        Draw a picture.
+
+        :param moment: what there is; parts, leaves and bonds of earlier moments come first in it.
+        :param view: what the camera sees.
+        :returns: rows from top to bottom, (H, W, 3) uint8.
+        """
+        self.prepare(moment)
+        return self._canvas.draw(self._drawing, moment.dust, view, self._shadowed(moment))
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self._canvas.close()
+
+    def _shadowed(self, moment: Moment) -> Bounds:
+        """Give the bounds of what throws shadows, the same ones as long as it stays inside."""
+        now = Bounds.of(moment.poses[moment.shown(), :3])
+        old = self._bounds
+        if old is None or now.radius + np.linalg.norm(now.middle - old.middle) > old.radius:
+            self._bounds = now if old is None else Bounds(now.middle, _ROOM * now.radius)
+        assert self._bounds is not None
+        return self._bounds
 
 
 def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
          camera: Sequence[float] | None = None, size: tuple[int, int] = (1280, 720),
          exists: np.ndarray | None = None, leaf_poses: np.ndarray | None = None,
-         dust: Puffs | None = None) -> None:
+         dust: Puffs | None = None, cracked: np.ndarray | None = None,
+         sun: SunSettings | None = None, sky: SkySettings | None = None) -> None:
     """
     Draw a blueprint as a picture; needs no display.
 
@@ -63,101 +98,42 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     :param exists: parts to draw, (N,) bool; all when not given.
     :param leaf_poses: petioles of all leaves, world, (L, 7); on their parts when not given.
     :param dust: puffs of dust; none when not given.
-    :raises RenderUnavailableError: when PyVista or OpenGL is not installed.
+    :param cracked: bonds that have cracked or broken, (K,), drawn dark; none when not given.
+    :param sun: where it stands.
+    :param sky: how clear it is.
+    :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
     """
-    poses = np.asarray(poses, float)
-    shown = np.isfinite(poses).all(axis=1)
-    if exists is not None:
-        shown &= np.asarray(exists, bool)
-    petioles, hangs = _petioles(blueprint, poses, leaf_poses)
-    items = [item for item in _items(blueprint, poses, shown, petioles, hangs) if len(item.row)]
-    canvas = Canvas(size)
-    points = np.concatenate([_NOTHING, *(i.mesh.points for i in items if not i.astray)])
-    leaves, area = _leaf_cloud(blueprint, petioles, hangs & shown[blueprint.leaves.part])
-    shades = [light.Shade(leaves, area, towards) for towards in (light.SUN, light.ZENITH)]
-    for item in items:
-        image = texture.image(item.look.pattern)
-        canvas.add(item.mesh, _colours(item, *shades), image, item.look.rgba[3])
-        canvas.add_shadow(item.mesh, image)
-    for surface, colours in backdrop(points):
-        canvas.add(surface, colours)
+    from PIL import Image
+
+    moment = Moment(blueprint, np.asarray(poses, float), leaf_poses, exists,
+                    np.zeros(0, int) if cracked is None else cracked,
+                    Puffs.none() if dust is None else dust)
     if camera is None:
-        place = view.frame(points if items else _EMPTY_SCENE, size)
+        view = cameras.frame(scene_points(moment), size)
     else:
-        place = tuple(camera[:3]), tuple(camera[3:]), (0.0, 0.0, 1.0)
-    if dust is not None:
-        discs, colours = particles.dust(dust.positions, dust.sizes, dust.opacity, place[0])
-        if len(discs.points):
-            canvas.add(discs, colours)
-    canvas.write(path, place, view.FIELD_OF_VIEW)
+        view = View(np.asarray(camera[:3], float), np.asarray(camera[3:], float))
+    renderer = Renderer(moment, size, sun, sky)
+    pixels = renderer.draw(moment, view)
+    renderer.close()
+    Image.fromarray(pixels).save(path)
 
 
-def _petioles(blueprint: Blueprint, poses: np.ndarray,
-              leaf_poses: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
-    """Give the poses of all leaves, world, (L, 7), and which hang on their parts, (L,) bool."""
-    leaves = blueprint.leaves
-    carried = rotation.compose(poses[leaves.part], leaves.pose)
-    if leaf_poses is None:
-        return carried, np.ones(len(leaves), bool)
-    return leaf_poses, np.abs(leaf_poses[:, :3] - carried[:, :3]).max(axis=1) < _HANGING
+def scene_points(moment: Moment) -> np.ndarray:
+    """
+    Give points [m] that a picture of the whole scene must show, (P, 3).
 
-
-def _items(blueprint: Blueprint, poses: np.ndarray, shown: np.ndarray, petioles: np.ndarray,
-           hangs: np.ndarray) -> Iterator[_Item]:
-    """Turn the parts, leaves and ornaments into one mesh per texture and kind."""
-    held = blueprint.bonds[blueprint.bonds[:, 0] != GROUND]
-    crowns = light.crown_middles(poses[:, :3], held, blueprint.leaves.part)
-    for index, name in enumerate(blueprint.textures or ('',)):
-        appearance = look(name)
-        for shape, build in ((Shape.CAPSULE, mesh.branches), (Shape.BOX, mesh.boxes)):
-            row = np.flatnonzero(
-                shown & (blueprint.texture == index) & (blueprint.shape == shape))
-            yield _Item(build(poses[row], blueprint.visual_size[row]), appearance, row,
-                        small=shape == Shape.BOX)
-        leaves = blueprint.leaves
-        for some in (hangs, ~hangs):
-            row = np.flatnonzero(some & shown[leaves.part] & (leaves.texture == index))
-            quads = mesh.crossed_quads(petioles[row], leaves.size[row], appearance.aspect)
-            away = quads.points - crowns[leaves.part[row]][quads.piece]
-            away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-            yield _Item(quads, appearance, row, True, away, some is not hangs)
-        ornaments = blueprint.ornaments
-        row = np.flatnonzero(shown[ornaments.part] & (ornaments.texture == index))
-        yield _Item(mesh.loose_triangles(poses[ornaments.part[row]], ornaments.triangle[row]),
-                    appearance, row, True)
-
-    place, size = joints.standing(blueprint, poses, shown)
-    yield _Item(mesh.boxes(place, size), _mortar(blueprint.textures), np.arange(len(place)), True)
-
-
-def _mortar(textures: tuple[str, ...]) -> Look:
-    """Choose the look of joints: the scene's own texture of mortar if it has one."""
-    return look(next((name for name in textures if 'mortar' in name), 'mortar'))
-
-
-def _leaf_cloud(blueprint: Blueprint, petioles: np.ndarray,
-                shown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give centre [m] and area [m²] of every leaf that is shown."""
-    frames, size = petioles[shown], blueprint.leaves.size[shown]
-    along = rotation.rotate(frames[:, 3:], np.array([0.0, 0.0, 1.0]))
-    return frames[:, :3] + 0.5 * size[:, None] * along, _LEAF_SHARE * size ** 2
-
-
-def _colours(item: _Item, *shades: light.Shade) -> np.ndarray:
-    """Give the lit colour of every vertex, (V, 3), each 0 to 1."""
-    points = item.mesh.points
-    if item.small:
-        middle = points.reshape(len(item.row), -1, 3).mean(axis=1)
-        sun, sky = (shade.light(middle)[item.mesh.piece] for shade in shades)
-    else:
-        sun, sky = (shade.light(points) for shade in shades)
-    if item.outward is None:
-        lit = light.on_surfaces(item.mesh.normals, sun, sky)
-    else:
-        lit = light.on_leaves(item.outward, sun, sky)
-    rng = np.random.default_rng(1)
-    last = int(item.row.max()) + 1  # numbered by row, so that a piece keeps its tone for life
-    tone = 1.0 + item.look.variation * rng.uniform(-1.0, 1.0, (last, 1))
-    warmth = 1.0 + 0.4 * item.look.variation * rng.uniform(-1.0, 1.0, (last, 1)) * [1, 0, -1]
-    own = np.asarray(item.look.rgba[:3]) * tone * warmth / texture.mean_light(item.look.pattern)
-    return np.clip(own[item.row[item.mesh.piece]] * lit, 0.0, 1.0)
+    They are the ends of all parts and the leaves that hang on them.
+    """
+    shown = moment.shown()
+    blueprint, poses = moment.blueprint, moment.poses[shown]
+    if not len(poses):
+        return _EMPTY_SCENE
+    ends = cameras.corners(poses, blueprint.visual_size[shown], _CORNERS)
+    carried = Moment(blueprint, moment.poses).petioles()
+    petioles = moment.petioles()
+    hangs = shown[blueprint.leaves.part]
+    hangs &= np.abs(petioles[:, :3] - carried[:, :3]).max(axis=1, initial=0.0) < _HANGING
+    size = blueprint.leaves.size[hangs, None]
+    tips = cameras.corners(petioles[hangs], np.repeat(size, 3, axis=1),
+                           np.array([[0.0, 0.0, 1.0]]))
+    return np.concatenate([np.zeros((1, 3)), ends, tips])

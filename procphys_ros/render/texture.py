@@ -58,6 +58,17 @@ def image(pattern: str) -> np.ndarray | None:
     return np.ascontiguousarray(np.round(255.0 * np.clip(pixels, 0.0, 1.0)).astype(np.uint8))
 
 
+@cache
+def noise_image() -> np.ndarray:
+    """Compute four independent channels of noise in octaves that repeat, (P, P, 4) uint8."""
+    rng = np.random.default_rng(11)
+    channels = []
+    for _ in range(4):
+        octaves = sum(0.5 ** i * _noise(rng, 4 * 2 ** i, 4 * 2 ** i) for i in range(6))
+        channels.append(0.5 + 0.18 * octaves / np.std(octaves))
+    return np.round(255.0 * np.clip(np.stack(channels, axis=-1), 0.0, 1.0)).astype(np.uint8)
+
+
 def mean_light(pattern: str) -> float:
     """Give the mean brightness of the image where it is opaque, 0 to 1."""
     pixels = image(pattern)

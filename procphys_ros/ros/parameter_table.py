@@ -29,6 +29,7 @@ from procphys_ros.scene.intruders import IntrudersSettings
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.objects import ObjectSpec
 from procphys_ros.scene.particles import DustSettings, LeafSettings
+from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn
@@ -85,6 +86,9 @@ GLOBAL = (
     Parameter('inspect.part', '', 'name or index of the part that ~/inspect describes',
               takes_effect='use'),
     *parameters(LidarSettings, 'lidar'),
+    *parameters(CameraSettings, 'camera', takes_effect='use'),
+    *parameters(SunSettings, 'sun', takes_effect='use'),
+    *parameters(SkySettings, 'sky', takes_effect='use'),
 )
 OBJECT = parameters(ObjectSpec, takes_effect='reload')
 

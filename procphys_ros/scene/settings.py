@@ -28,6 +28,7 @@ from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.intruders import INTRUDER, IntrudersSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
+from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.schema import check, declared
 from procphys_ros.schema import parameters as declarations
 
@@ -52,6 +53,7 @@ class Settings:
     :ivar culling: what is simulated less, because nobody looks closely.
     :ivar intruder: shape and size of a body moved from outside.
     :ivar intruders: further ones, by name.
+    :ivar camera, sun, sky: of pictures and films.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -69,6 +71,9 @@ class Settings:
     culling: CullingSettings = field(default_factory=CullingSettings)
     intruder: IntruderSettings = field(default_factory=IntruderSettings)
     intruders: IntrudersSettings = field(default_factory=IntrudersSettings)
+    camera: CameraSettings = field(default_factory=CameraSettings)
+    sun: SunSettings = field(default_factory=SunSettings)
+    sky: SkySettings = field(default_factory=SkySettings)
 
     def __post_init__(self) -> None:
         check(self)
@@ -97,7 +102,10 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
                     dust=_group(parameters, 'dust', DustSettings),
                     culling=_group(parameters, 'culling', CullingSettings),
                     intruder=_group(parameters, 'intruder', IntruderSettings),
-                    intruders=_group(parameters, 'intruders', IntrudersSettings))
+                    intruders=_group(parameters, 'intruders', IntrudersSettings),
+                    camera=_group(parameters, 'camera', CameraSettings),
+                    sun=_group(parameters, 'sun', SunSettings),
+                    sky=_group(parameters, 'sky', SkySettings))
 
 
 def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:

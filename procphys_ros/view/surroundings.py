@@ -22,7 +22,6 @@ import numpy as np
 
 from procphys_ros.palette import rgba
 from procphys_ros.render import camera, light
-from procphys_ros.render.backdrop import SKY_BOTTOM, SKY_TOP
 from procphys_ros.view.source import Frame
 
 _SHADOW_REACH = 18.0  # lengths of the page from the eye within which viser draws shadows (20)
@@ -66,7 +65,7 @@ def arrange(server: Any, frame: Frame, unit: float) -> None:
         '/grid', span, span, position=(*place, _LIFT * unit), cell_size=unit,
         section_size=10.0 * unit, cell_color=line, section_color=line, shadow_opacity=0.0,
         fade_distance=span)
-    server.scene.configure_fog(0.5 * _HAZE * span, 0.5 * span, color=_bytes(SKY_BOTTOM))
+    server.scene.configure_fog(0.5 * _HAZE * span, 0.5 * span, color=_bytes(light.SKY_LOW))
     eye, target = _view(frame)
     for view in (server.initial_camera, *(c.camera for c in server.get_clients().values())):
         view.fov = np.radians(camera.FIELD_OF_VIEW)
@@ -83,14 +82,14 @@ def light_up(server: Any) -> None:
     scene.add_light_hemisphere('/sky', sky_color=_bytes((0.75, 0.83, 0.93)),
                                ground_color=_bytes((0.47, 0.48, 0.40)), intensity=_LIT[1])
     share = np.linspace(1.0, 0.0, _ROWS)[:, None, None] ** 0.6
-    sky = share * SKY_TOP + (1.0 - share) * SKY_BOTTOM
+    sky = share * light.SKY_HIGH + (1.0 - share) * light.SKY_LOW
     scene.set_background_image((255.0 * np.repeat(sky, 2, axis=1)).astype(np.uint8))
 
 
 def _view(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """Give eye and target [m] that show the whole scene, with room for the panel."""
-    eye, target, _ = camera.frame(_points(frame), _WINDOW)
-    return target + _ROOM * np.subtract(eye, target), np.asarray(target)
+    view = camera.frame(_points(frame), _WINDOW)
+    return view.target + _ROOM * (view.eye - view.target), view.target
 
 
 def _bytes(colour: Sequence[float] | np.ndarray) -> tuple[int, int, int]:

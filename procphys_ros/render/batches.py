@@ -1,0 +1,162 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Batches: pieces of one kind and texture, copies of one mesh that stay on the graphics side."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.palette import Look
+from procphys_ros.render import texture
+from procphys_ros.render.program import program, set_uniforms
+from procphys_ros.render.unit_meshes import Kind, unit_mesh
+
+_FIXED = '3f 3f 2f 1f'  # of each copy: what stays as it is
+_FIXED_NAMES = ('in_size', 'in_tone', 'in_share', 'in_offset')
+_MORE = {Kind.LEAF: ('3f', ('in_outward',)), Kind.TRIANGLE: ('3f 3f 3f', ('in_a', 'in_b', 'in_c'))}
+_AWAY = -1e5  # [m] height at which pieces lie that are no more
+_SWELL = 0.012  # [m] by which bricks grow in the sun's view, to cover the joints between them
+
+
+@dataclass(frozen=True)
+class Copies:
+    """
+    What stays as it is of some pieces while they move.
+
+    :ivar size: of a box or ball its extents, of a branch base and tip diameter and length, of a
+        leaf length and aspect [m], (K, 3).
+    :ivar tone: colour, (K, 3).
+    :ivar share: sun and sky light that the leaves around let through, 0 to 1, (K, 2).
+    :ivar offset: of the image [m], (K,).
+    :ivar more: of leaves the direction out of the crown in their frame, (K, 3); of triangles the
+        corners in the frame of their part [m], (K, 9); else (K, 0).
+    """
+
+    size: np.ndarray
+    tone: np.ndarray
+    share: np.ndarray
+    offset: np.ndarray
+    more: np.ndarray
+
+    def table(self) -> np.ndarray:
+        """Give one row per piece, in the order of the shaders."""
+        return np.column_stack([self.size, self.tone, self.share, self.offset, self.more]
+                               ).astype('f4')
+
+
+class Batch:
+    """
+    Copies of one mesh.
+
+    :param context: of OpenGL.
+    :param kind: of its pieces.
+    :param look: of its pieces.
+    """
+
+    def __init__(self, context: Any, kind: Kind, look: Look):
+        self._context, self._kind, self.look = context, kind, look
+        self._fixed = np.zeros((0, 0), 'f4')
+        self._poses = np.zeros((0, 7), 'f4')
+        names = (kind.value,)
+        self._surface = program(context, 'instance.vert', 'surface.frag', *names)
+        self._shadow = program(context, 'instance.vert', 'shadow.frag', *names)
+        self._image = _image(context, look.pattern)
+        self._buffers: list[Any] = []
+        self._arrays: dict[Any, Any] = {}
+
+    def __len__(self) -> int:
+        return len(self._poses)
+
+    @property
+    def is_glass(self) -> bool:
+        """Say whether one sees through it."""
+        return self.look.rgba[3] < 1.0
+
+    def append(self, copies: Copies) -> None:
+        """Add pieces, which are nowhere until they are moved."""
+        table = copies.table()
+        self._fixed = np.concatenate([self._fixed.reshape(-1, table.shape[1]), table])
+        poses = np.zeros((len(table), 7), 'f4')
+        poses[:, 2], poses[:, 6] = _AWAY, 1.0
+        self._poses = np.concatenate([self._poses, poses])
+        self._build()
+
+    def move(self, poses: np.ndarray, rows: slice | np.ndarray = slice(None)) -> None:
+        """
+        Put pieces elsewhere.
+
+        :param poses: world, (K, 7); not finite for pieces that are no more.
+        :param rows: which pieces; all when not given.
+        """
+        poses = poses.astype('f4')
+        gone = ~np.isfinite(poses).all(axis=1)
+        poses[gone] = (0.0, 0.0, _AWAY, 0.0, 0.0, 0.0, 1.0)
+        if not np.array_equal(self._poses[rows], poses):
+            self._poses[rows] = poses
+            self._buffers[0].write(self._poses)
+
+    def paint(self, tone: np.ndarray, rows: np.ndarray) -> None:
+        """Give pieces another colour, (K, 3)."""
+        self._fixed[rows, 3:6] = tone
+        self._buffers[1].write(self._fixed)
+
+    def draw(self, uniforms: dict[str, Any]) -> None:
+        """Draw it as it looks."""
+        self._render(self._surface, {**uniforms, 'opacity': self.look.rgba[3], 'swell': 0.0})
+
+    def draw_shadow(self, projection: bytes) -> None:
+        """Draw its depth from the sun."""
+        if self._kind is not Kind.JOINT and not self.is_glass:
+            self._render(self._shadow, {'projection': projection, 'swell': _SWELL})
+
+    def _render(self, target: Any, uniforms: dict[str, Any]) -> None:
+        if not len(self):
+            return
+        if self._image is not None:
+            self._image.use(0)
+        solid = self._kind not in (Kind.LEAF, Kind.TRIANGLE) and not self.is_glass
+        (self._context.enable if solid else self._context.disable)(self._context.CULL_FACE)
+        set_uniforms(target, {**uniforms, 'image': 0, 'plain': self._image is None})
+        self._arrays[target].render(instances=len(self))
+
+    def _build(self) -> None:
+        for old in (*self._arrays.values(), *self._buffers):
+            old.release()
+        vertices, layout, names, faces = unit_mesh(self._kind)
+        more = _MORE.get(self._kind, ('', ()))
+        moving, fixed, mesh, index = self._buffers = [
+            self._context.buffer(np.ascontiguousarray(data))
+            for data in (self._poses, self._fixed, vertices, faces)]
+        content = [(mesh, layout, *names),
+                   (moving, '3f 4f/i', 'in_position', 'in_turn'),
+                   (fixed, f'{_FIXED} {more[0]}/i', *_FIXED_NAMES, *more[1])]
+        self._arrays = {target: self._context.vertex_array(
+            target, content, index, index_element_size=4, skip_errors=True)
+            for target in (self._surface, self._shadow)}
+
+
+def _image(context: Any, pattern: str) -> Any:
+    """Load the image of a pattern, None for a plain one."""
+    pixels = texture.image(pattern)
+    if pixels is None:
+        return None
+    loaded = context.texture(pixels.shape[1::-1], 4, np.ascontiguousarray(pixels[::-1]).tobytes())
+    loaded.build_mipmaps()
+    loaded.filter = context.LINEAR_MIPMAP_LINEAR, context.LINEAR
+    if (pixels[..., 3] < 255).any():
+        loaded.repeat_x = loaded.repeat_y = False
+    return loaded

@@ -1,0 +1,272 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Drawing: the pieces of a blueprint as batches that are kept from picture to picture."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.palette import Look, look
+from procphys_ros.physics.dust import Puffs
+from procphys_ros.render import joints, light, texture
+from procphys_ros.render.batches import Batch, Copies
+from procphys_ros.render.unit_meshes import Kind
+
+_LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
+_CRACK_TONE = 0.12  # of a joint that has cracked, over that of a whole one
+
+
+@dataclass(frozen=True)
+class Moment:
+    """
+    What is to be drawn at one time.
+
+    :ivar blueprint: parts, bonds and leaves; those of an earlier moment come first.
+    :ivar poses: of its parts, world, (N, 7); not finite for parts that are no more.
+    :ivar leaf_poses: petioles of its leaves, world, (L, 7); None = on their parts.
+    :ivar exists: parts to draw, (N,) bool; None = all.
+    :ivar cracked: bonds that have cracked or broken, (K,).
+    :ivar dust: puffs of dust.
+    """
+
+    blueprint: Blueprint
+    poses: np.ndarray
+    leaf_poses: np.ndarray | None = None
+    exists: np.ndarray | None = None
+    cracked: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    dust: Puffs = field(default_factory=Puffs.none)
+
+    def shown(self) -> np.ndarray:
+        """Say which parts there are, (N,) bool."""
+        finite = np.isfinite(self.poses).all(axis=1)
+        return finite if self.exists is None else finite & np.asarray(self.exists, bool)
+
+    def petioles(self) -> np.ndarray:
+        """Give the poses of all leaves, world, (L, 7)."""
+        if self.leaf_poses is not None:
+            return self.leaf_poses
+        leaves = self.blueprint.leaves
+        return rotation.compose(self.poses[leaves.part], leaves.pose)
+
+
+class Drawing:
+    """
+    Makes batches of what a blueprint has, and moves them.
+
+    :param context: of OpenGL.
+    :param first: the moment whose leaves shade what is among them from then on.
+    """
+
+    def __init__(self, context: Any, first: Moment):
+        self._context = context
+        self._batches: dict[tuple, Batch] = {}
+        self._rows: dict[tuple, np.ndarray] = {}  # part, leaf or triangle behind each piece
+        self._parts = self._leaves = self._triangles = self._bonds = 0  # drawn so far
+        self._seats: list[tuple[tuple, joints.Seats]] = []
+        self._shades = _shades(first)
+        self._last = np.full((0, 7), np.nan)
+        self._cracks = -1
+
+    @property
+    def batches(self) -> Iterator[Batch]:
+        """Give all batches, those that one sees through last."""
+        yield from sorted(self._batches.values(), key=lambda batch: batch.is_glass)
+
+    def update(self, moment: Moment) -> None:
+        """Draw what is new, and move what has moved."""
+        poses = np.where(moment.shown()[:, None], moment.poses, np.nan)
+        petioles = moment.petioles()
+        self._append(moment.blueprint, poses, petioles)
+        petioles = np.where(np.isfinite(poses[moment.blueprint.leaves.part, :1]), petioles, np.nan)
+        for key, rows in self._rows.items():
+            if key[0] == 'leaf':
+                self._batches[key].move(petioles[rows])
+            elif key[0] == 'triangle':
+                self._batches[key].move(poses[moment.blueprint.ornaments.part[rows]])
+            else:
+                self._batches[key].move(poses[rows])
+        self._move_joints(poses)
+        self._mark_cracks(moment.cracked)
+
+    def _append(self, blueprint: Blueprint, poses: np.ndarray, petioles: np.ndarray) -> None:
+        """Make pieces of the parts, leaves, triangles and bonds that are new."""
+        self._append_parts(blueprint, poses)
+        self._append_leaves(blueprint, poses, petioles)
+        self._append_triangles(blueprint, poses)
+        if self._bonds < len(blueprint.bonds):
+            self._append_joints(blueprint, poses)
+
+    def _append_parts(self, blueprint: Blueprint, poses: np.ndarray) -> None:
+        new = np.arange(self._parts, len(blueprint))
+        if not len(new):
+            return
+        self._parts = len(blueprint)
+        ball = _balls(blueprint)[new]
+        capsule = blueprint.shape[new] == Shape.CAPSULE
+        along = _path_lengths(blueprint)
+        grain = 40.0 * np.random.default_rng(0).random(self._parts)
+        kinds = (Kind.BALL, ball), (Kind.BRANCH, capsule & ~ball), (Kind.BOX, ~capsule)
+        for kind, chosen in kinds:
+            size = blueprint.size if kind is Kind.BALL else blueprint.visual_size
+            offset = along if kind is Kind.BRANCH else grain
+            for name, rows in _by_texture(blueprint, new[chosen], blueprint.texture):
+                self._add(('part', kind, name), kind, look(name), rows, size[rows],
+                          poses[rows, :3], offset[rows])
+
+    def _append_leaves(self, blueprint: Blueprint, poses: np.ndarray,
+                       petioles: np.ndarray) -> None:
+        leaves = blueprint.leaves
+        new = np.arange(self._leaves, len(leaves))
+        if not len(new):
+            return
+        self._leaves = len(leaves)
+        held = blueprint.bonds[blueprint.bonds[:, 0] != GROUND]
+        crowns = light.crown_middles(blueprint.poses[:, :3], held, leaves.part)
+        rest = rotation.compose(blueprint.poses[leaves.part], leaves.pose)
+        middle = _leaf_middles(rest, leaves.size)
+        outward = middle - crowns[leaves.part]
+        outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
+        outward = rotation.rotate(rotation.conjugate(rest[:, 3:]), outward)
+        for name, rows in _by_texture(blueprint, new, leaves.texture):
+            size = np.zeros((len(rows), 3))
+            size[:, 0], size[:, 1] = leaves.size[rows], look(name).aspect
+            self._add(('leaf', name), Kind.LEAF, look(name), rows, size,
+                      _leaf_middles(petioles[rows], leaves.size[rows]), np.zeros(len(rows)),
+                      outward[rows])
+
+    def _append_triangles(self, blueprint: Blueprint, poses: np.ndarray) -> None:
+        ornaments = blueprint.ornaments
+        new = np.arange(self._triangles, len(ornaments))
+        self._triangles = len(ornaments)
+        new = new[~_balls(blueprint)[ornaments.part[new]]]
+        for name, rows in _by_texture(blueprint, new, ornaments.texture):
+            self._add(('triangle', name), Kind.TRIANGLE, look(name), rows,
+                      np.ones((len(rows), 3)), poses[ornaments.part[rows], :3],
+                      np.zeros(len(rows)), ornaments.triangle[rows])
+
+    def _append_joints(self, blueprint: Blueprint, poses: np.ndarray) -> None:
+        seats = joints.seats(blueprint, self._bonds)
+        key = ('joint', self._bonds)
+        self._bonds = len(blueprint.bonds)
+        if not len(seats.bond):
+            return
+        name = next((name for name in blueprint.textures if 'mortar' in name), 'mortar')
+        self._seats.append((key, seats))
+        self._batches[key] = Batch(self._context, Kind.JOINT, look(name))
+        self._batches[key].append(self._copies(
+            look(name), seats.bond, seats.size, poses[seats.first, :3],
+            np.zeros(len(seats.bond)), np.zeros((len(seats.bond), 0))))
+        self._last = np.full((0, 7), np.nan)
+
+    def _add(self, key: tuple, kind: Kind, appearance: Look, rows: np.ndarray, size: np.ndarray,
+             places: np.ndarray, offset: np.ndarray, more: np.ndarray | None = None) -> None:
+        if key not in self._batches:
+            self._batches[key] = Batch(self._context, kind, appearance)
+            self._rows[key] = np.zeros(0, int)
+        self._rows[key] = np.append(self._rows[key], rows)
+        more = np.zeros((len(rows), 0)) if more is None else more
+        self._batches[key].append(self._copies(appearance, rows, size, places, offset, more))
+
+    def _copies(self, appearance: Look, rows: np.ndarray, size: np.ndarray, places: np.ndarray,
+                offset: np.ndarray, more: np.ndarray) -> Copies:
+        places = np.nan_to_num(places)
+        share = np.column_stack([shade.light(places) for shade in self._shades])
+        return Copies(size, _tones(appearance, rows), share, offset, more)
+
+    def _move_joints(self, poses: np.ndarray) -> None:
+        """Move the mortar beside parts that have moved."""
+        moved = np.ones(len(poses), bool)
+        known = len(self._last)
+        moved[:known] = (poses[:known] != self._last).any(axis=1)
+        if known:
+            moved[:known] &= ~(np.isnan(poses[:known, 0]) & np.isnan(self._last[:, 0]))
+        self._last = poses
+        shown = np.isfinite(poses[:, 0])
+        for key, seats in self._seats:
+            rows = np.flatnonzero(moved[seats.first] | moved[seats.second])
+            if len(rows):
+                self._batches[key].move(seats.boxes(poses, shown, rows), rows)
+
+    def _mark_cracks(self, cracked: np.ndarray) -> None:
+        """Darken the mortar of joints that have cracked."""
+        if len(cracked) == self._cracks:
+            return
+        self._cracks = len(cracked)
+        dark = np.zeros(self._bonds, bool)
+        dark[cracked] = True
+        for key, seats in self._seats:
+            rows = np.flatnonzero(dark[seats.bond])
+            if len(rows):
+                batch = self._batches[key]
+                batch.paint(_CRACK_TONE * _tones(batch.look, seats.bond[rows]), rows)
+
+
+def _balls(blueprint: Blueprint) -> np.ndarray:
+    """Find the parts that are balls, (N,) bool; blueprints have capsules as long as wide."""
+    launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
+                                        if kind == 'projectile'])
+    return launched & (blueprint.shape == Shape.CAPSULE)
+
+
+def _by_texture(blueprint: Blueprint, rows: np.ndarray,
+                texture: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Split rows by the names of their textures."""
+    for index in np.unique(texture[rows]):
+        name = blueprint.textures[index] if blueprint.textures else ''
+        yield name, rows[texture[rows] == index]
+
+
+def _tones(appearance: Look, rows: np.ndarray) -> np.ndarray:
+    """Give each piece its colour, (K, 3), numbered by row, so that it keeps it for life."""
+    rng = np.random.default_rng(1)
+    last = int(rows.max()) + 1
+    tone = 1.0 + appearance.variation * rng.uniform(-1.0, 1.0, last)[rows, None]
+    warmth = rng.uniform(-1.0, 1.0, last)[rows, None] * [1.0, 0.0, -1.0]
+    own = np.asarray(appearance.rgba[:3]) / texture.mean_light(appearance.pattern)
+    return own * tone * (1.0 + 0.4 * appearance.variation * warmth)
+
+
+def _path_lengths(blueprint: Blueprint) -> np.ndarray:
+    """Give the way from the root of its plant to the middle of each branch [m], (N,)."""
+    hinged = blueprint.bonds[blueprint.bond_law == Law.HINGE]
+    hinged = hinged[hinged[:, 0] != GROUND]
+    length = blueprint.visual_size[:, 2]
+    parent = np.arange(len(blueprint))
+    way = np.zeros(len(blueprint))
+    parent[hinged[:, 1]] = hinged[:, 0]
+    way[hinged[:, 1]] = 0.5 * (length[hinged[:, 0]] + length[hinged[:, 1]])
+    while (parent != parent[parent]).any():
+        way += way[parent]
+        parent = parent[parent]
+    return way
+
+
+def _leaf_middles(petioles: np.ndarray, size: np.ndarray) -> np.ndarray:
+    along = rotation.rotate(petioles[:, 3:], np.array([0.0, 0.0, 1.0]))
+    return petioles[:, :3] + 0.5 * size[:, None] * along
+
+
+def _shades(moment: Moment) -> tuple[light.Shade, light.Shade]:
+    """Work out what the leaves let through of sun and sky."""
+    leaves = moment.blueprint.leaves
+    there = moment.shown()[leaves.part]
+    middles = _leaf_middles(moment.petioles()[there], leaves.size[there])
+    area = _LEAF_SHARE * leaves.size[there] ** 2
+    return light.Shade(middles, area, light.SUN), light.Shade(middles, area, light.ZENITH)

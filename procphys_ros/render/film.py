@@ -1,0 +1,103 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Film: one simulation run, drawn at regular times."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.render.drawing import Moment
+from procphys_ros.render.motion import CameraMotion
+from procphys_ros.render.picture import Renderer, scene_points
+from procphys_ros.render.writers import Writer
+from procphys_ros.scene import Scene
+from procphys_ros.scene.scenery import CameraSettings
+from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.naming import PartNames
+
+
+@dataclass(frozen=True)
+class Shot:
+    """
+    When pictures are taken, and from where.
+
+    :ivar start: of the film in simulated time [s].
+    :ivar count: number of pictures.
+    :ivar rate: pictures per simulated second.
+    :ivar size: width and height [px].
+    :ivar camera: where it stands, and how it moves.
+    """
+
+    start: float
+    count: int
+    rate: float
+    size: tuple[int, int]
+    camera: CameraSettings
+
+    def times(self) -> list[float]:
+        """Give the times of the pictures [s]."""
+        return [self.start + number / self.rate for number in range(self.count)]
+
+
+def moment_of(simulation: Simulation) -> Moment:
+    """Take what there is to draw from a simulation."""
+    return Moment(simulation.blueprint, simulation.poses, simulation.leaf_poses(),
+                  simulation.exists, np.unique(simulation.log.rows['bond']), simulation.dust)
+
+
+def check_camera(scene: Scene, camera: CameraSettings) -> None:
+    """
+    Refuse to follow what is not there.
+
+    :raises CommandError: with the nearest names, when the scene has no such part.
+    """
+    if camera.motion == 'follow':
+        PartNames(scene.objects, scene.blueprint).index(camera.part)
+
+
+def shoot(scene: Scene, shot: Shot, writer: Writer,
+          tell: Callable[[int], None] = lambda number: None) -> Simulation:
+    """
+    Simulate a scene from the start, and draw it at the times of a shot.
+
+    :param scene: what is simulated.
+    :param shot: when and from where.
+    :param writer: takes the pictures; it is neither finished nor discarded.
+    :param tell: called with the number of pictures that are done.
+    :returns: the simulation at the time of the last picture.
+    :raises CommandError: when the camera is to follow what is not there.
+    """
+    check_camera(scene, shot.camera)
+    simulation = Simulation(scene)
+    follows = (simulation.names.index(shot.camera.part) if shot.camera.motion == 'follow'
+               else None)
+    renderer: Renderer | None = None
+    for number, time in enumerate(shot.times()):
+        steps = round(time / simulation.time_step) - round(simulation.time / simulation.time_step)
+        if steps > 0:
+            simulation.step(steps)
+        moment = moment_of(simulation)
+        place = None if follows is None else moment.poses[follows, :3].copy()
+        if renderer is None:
+            settings = scene.settings
+            motion = CameraMotion(shot.camera, scene_points(moment), shot.size, place)
+            renderer = Renderer(moment, shot.size, settings.sun, settings.sky)
+        writer.add(renderer.draw(moment, motion.view(time - shot.start, place)))
+        tell(number + 1)
+    if renderer is not None:
+        renderer.close()
+    return simulation

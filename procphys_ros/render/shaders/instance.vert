@@ -1,0 +1,78 @@
+// One copy of a unit mesh: a box, a ball, a branch, a leaf or a free triangle.
+// KIND_... chooses which; SHADOW asks for the depth from the sun only.
+uniform mat4 projection;
+uniform float swell;          // [m] that boxes grow by, so that their joints let no sun through
+
+in vec3 in_position;          // of the copy [m], world
+in vec4 in_turn;              // its attitude, xyzw
+in vec3 in_size;              // its extents [m], by kind
+in vec3 in_tone;              // its colour
+in vec2 in_share;             // sun and sky light that the leaves around it let through
+in float in_offset;           // along the image, so that no two bricks look alike
+
+#if defined(KIND_TRIANGLE)
+in vec3 in_a, in_b, in_c;
+#elif defined(KIND_BRANCH)
+in vec4 in_ring;              // tip or base, height and radius of the ring, share of a turn
+#elif defined(KIND_LEAF)
+in vec3 in_corner;
+in vec2 in_uv;
+in vec3 in_outward;           // out of the crown, in the frame of the leaf
+#else
+in vec3 in_corner;
+in vec3 in_normal;
+#endif
+
+out vec3 world;
+out vec3 normal;
+out vec3 tone;
+out vec2 share;
+#if defined(KIND_LEAF)
+sample out vec2 uv;
+#else
+out vec2 uv;
+#endif
+
+const float TURN = 6.2831853;
+const vec2 BARK_TILE = vec2(0.25, 0.5);  // [m] around and along the branch that one image covers
+const float BRICK_TILE = 0.6;            // [m] of wall that one image covers
+
+vec3 rotate(vec4 q, vec3 v) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v); }
+
+void main() {
+    vec3 local, facing;
+#if defined(KIND_TRIANGLE)
+    int corner = gl_VertexID % 3;
+    local = corner == 0 ? in_a : corner == 1 ? in_b : in_c;
+    facing = normalize(cross(in_b - in_a, in_c - in_a) + vec3(0.0, 0.0, 1e-12));
+    uv = corner == 0 ? vec2(0.0) : corner == 1 ? vec2(1.0, 0.0) : vec2(0.5, 1.0);
+#elif defined(KIND_BRANCH)
+    float radius = 0.5 * mix(in_size.x, in_size.y, in_ring.x);
+    vec2 circle = vec2(cos(TURN * in_ring.w), sin(TURN * in_ring.w));
+    local = vec3(radius * in_ring.z * circle, (in_ring.x - 0.5) * in_size.z + in_ring.y * radius);
+    facing = vec3(in_ring.z * circle, in_ring.y);
+    uv = vec2(max(1.0, round(0.5 * TURN * in_size.x / BARK_TILE.x)) * in_ring.w,
+              (local.z + in_offset) / BARK_TILE.y);
+#elif defined(KIND_LEAF)
+    local = in_corner * vec3(in_size.x * in_size.yy, in_size.x);
+    facing = in_outward;
+    uv = in_uv;
+#elif defined(KIND_BALL)
+    local = 0.5 * in_corner * in_size;
+    facing = normalize(in_corner / in_size);
+    uv = vec2(atan(in_corner.y, in_corner.x) / TURN, in_corner.z);
+#else
+    local = in_corner * (in_size + swell);
+    facing = in_normal;
+    // Images run along the longer edge of a face, as grain runs along a beam.
+    vec3 side = abs(in_normal);
+    vec2 flat_ = side.x > 0.5 ? local.yz : side.y > 0.5 ? local.zx : local.xy;
+    vec2 edges = side.x > 0.5 ? in_size.yz : side.y > 0.5 ? in_size.zx : in_size.xy;
+    uv = (edges.x > edges.y ? flat_.yx : flat_) / BRICK_TILE + in_offset * vec2(1.0, 7.31);
+#endif
+    world = in_position + rotate(in_turn, local);
+    normal = rotate(in_turn, facing);
+    tone = in_tone;
+    share = in_share;
+    gl_Position = projection * vec4(world, 1.0);
+}

@@ -1,0 +1,49 @@
+// Sun, sky and the shadow of the scene, shared by all that is lit.
+uniform vec3 sun;             // towards it, unit
+uniform vec3 sunshine;        // colour of its light on a surface that faces it
+uniform vec3 skylight;        // colour of the light from above
+uniform vec3 sky_low, sky_high;
+uniform float clouds;         // share of the sky, 0 to 1
+uniform float visibility;     // [m]
+uniform vec3 eye;             // [m]
+uniform mat4 to_shadow;
+uniform float texel;          // of the shadow map, over its side
+uniform sampler2DShadow shadow_map;
+uniform sampler2D noise;      // four independent channels, mean 0.5
+
+vec3 sky(vec3 towards) {
+    float rise = clamp(towards.z, 0.0, 1.0);
+    vec3 colour = mix(sky_low, sky_high, pow(rise, 0.6));
+    float glow = max(dot(towards, sun), 0.0);
+    colour += (1.0 - clouds) * vec3(0.35, 0.30, 0.20) * (pow(glow, 24.0) * 0.35 + pow(glow, 400.0));
+    if (clouds > 0.0 && rise > 0.0) {
+        vec2 place = towards.xy / (towards.z + 0.12) * 0.055;
+        vec4 coarse = texture(noise, place);
+        vec4 fine = texture(noise, 3.7 * place + 0.31);
+        float puff = 0.62 * coarse.x + 0.25 * fine.y + 0.13 * texture(noise, 11.0 * place).z;
+        float cover = smoothstep(0.78 - 0.62 * clouds, 0.98 - 0.55 * clouds, puff);
+        vec3 white = mix(vec3(0.97), vec3(0.66, 0.69, 0.73), 0.8 * clouds * coarse.w + 0.25 * clouds);
+        colour = mix(colour, white, cover * smoothstep(0.02, 0.22, rise));
+    }
+    return colour;
+}
+
+// Share of the sun that arrives, over a few spots, which makes the edge soft.
+float sunlit(vec3 place, vec3 facing) {
+    vec4 spot = to_shadow * vec4(place + 0.012 * facing + 0.006 * sun, 1.0);
+    vec3 where = 0.5 * spot.xyz + 0.5;
+    if (any(lessThan(where, vec3(0.001))) || any(greaterThan(where, vec3(0.999)))) return 1.0;
+    float turn = 6.2831853 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+    vec2 a = vec2(cos(turn), sin(turn)) * texel, b = vec2(-a.y, a.x);
+    float lit = texture(shadow_map, where);
+    lit += texture(shadow_map, vec3(where.xy + 1.4 * a, where.z));
+    lit += texture(shadow_map, vec3(where.xy - 1.4 * a, where.z));
+    lit += texture(shadow_map, vec3(where.xy + 2.4 * b, where.z));
+    lit += texture(shadow_map, vec3(where.xy - 2.4 * b, where.z));
+    return 0.2 * lit;
+}
+
+vec3 hazed(vec3 colour, vec3 place) {
+    float away = length(place - eye) / visibility;
+    return mix(colour, sky_low, 1.0 - exp(-away));
+}

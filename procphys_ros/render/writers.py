@@ -1,0 +1,206 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Writers: pictures on their way into a file or a series of files, whole or not at all."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from fractions import Fraction
+import os
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from procphys_ros.errors import SceneError
+from procphys_ros.render.backend import RenderUnavailableError
+
+PICTURES = ('.png', '.jpg', '.jpeg')
+FILMS = ('.mp4', '.gif')
+_NO_ENCODER = 'films (.mp4) need PyAV with x264: pip install av'
+_GIF_COLOURS = 128
+_GIF_RATE = 50.0  # [1/s] above which viewers slow a gif down
+_QUALITY = {'crf': '20', 'preset': 'veryfast'}  # of x264; 18 to 23 look as good as the original
+_JPEG_QUALITY = 85
+
+
+class Writer(Protocol):
+    """Takes pictures one after the other."""
+
+    def add(self, pixels: np.ndarray) -> None:
+        """Take a picture, (H, W, 3) uint8."""
+
+    def finish(self) -> None:
+        """Put the file in its place."""
+
+    def discard(self) -> None:
+        """Leave no file that is not whole."""
+
+
+def is_series(path: Path) -> bool:
+    """Say whether a path names many files, as frames/%04d.png does."""
+    return '%' in path.name
+
+
+def check_output(path: Path) -> None:
+    """
+    Refuse, before minutes of simulation, what could not be written.
+
+    :raises SceneError: naming the option and what is allowed.
+    :raises RenderUnavailableError: when the encoder of the format is not installed.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in (*PICTURES, *FILMS):
+        raise SceneError(f'--out: "{path}" must end in {", ".join((*PICTURES, *FILMS))}')
+    if is_series(path):
+        if suffix not in PICTURES:
+            raise SceneError(f'--out: "{path}": only pictures ({", ".join(PICTURES)}) come in '
+                             'series')
+        _numbered(path, 0)
+        path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.parent.is_dir():
+        raise SceneError(f'--out: there is no folder "{path.parent}"')
+    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise SceneError(f'--out: "{path}" cannot be written')
+    if suffix == '.mp4':
+        _load_encoder()
+
+
+def open_writer(path: Path, size: tuple[int, int], rate: float) -> Writer:
+    """
+    Choose the writer for a path.
+
+    :param path: its suffix says what it is.
+    :param size: width and height [px].
+    :param rate: pictures per second.
+    :raises SceneError: when the format does not take this size or rate.
+    """
+    suffix = path.suffix.lower()
+    if suffix == '.mp4':
+        return _Mp4(path, size, rate)
+    if suffix == '.gif':
+        return _Gif(path, rate)
+    return _Pictures(path)
+
+
+class _Pictures:
+    """One file for each picture."""
+
+    def __init__(self, path: Path):
+        self._path, self._count = path, 0
+
+    def add(self, pixels: np.ndarray) -> None:
+        path = _numbered(self._path, self._count) if is_series(self._path) else self._path
+        self._count += 1
+        _write_whole(path, lambda part: _image(pixels).save(part, quality=_JPEG_QUALITY,
+                                                            optimize=True))
+
+    def finish(self) -> None:
+        pass
+
+    def discard(self) -> None:
+        pass
+
+
+class _Gif:
+    """A loop; its colours are those of the picture in its middle."""
+
+    def __init__(self, path: Path, rate: float):
+        if rate > _GIF_RATE:
+            raise SceneError(f'--fps: a gif shows at most {_GIF_RATE:g} pictures per second')
+        self._path, self._duration = path, 10 * round(100.0 / rate)
+        self._frames: list[np.ndarray] = []
+
+    def add(self, pixels: np.ndarray) -> None:
+        self._frames.append(pixels.copy())
+
+    def finish(self) -> None:
+        from PIL.Image import Dither
+
+        palette = _image(self._frames[len(self._frames) // 2]).quantize(_GIF_COLOURS)
+        first, *others = [_image(pixels).quantize(palette=palette, dither=Dither.NONE)
+                          for pixels in self._frames]
+        _write_whole(self._path, lambda part: first.save(
+            part, save_all=True, append_images=others, loop=0, optimize=True,
+            duration=self._duration))
+
+    def discard(self) -> None:
+        self._frames = []
+
+
+class _Mp4:
+    """A film in H.264, which browsers and players show."""
+
+    def __init__(self, path: Path, size: tuple[int, int], rate: float):
+        if size[0] % 2 or size[1] % 2:
+            raise SceneError(f'--size: a film needs an even width and height, not {size[0]}x'
+                             f'{size[1]}')
+        av = _load_encoder()
+        self._path, self._part, self._frame = path, _part_of(path), av.VideoFrame.from_ndarray
+        self._container: Any = av.open(str(self._part), 'w', format='mp4')
+        self._stream: Any = self._container.add_stream(
+            'libx264', rate=Fraction(rate).limit_denominator(1001), options=_QUALITY)
+        self._stream.width, self._stream.height = size
+        self._stream.pix_fmt = 'yuv420p'
+
+    def add(self, pixels: np.ndarray) -> None:
+        frame = self._frame(np.ascontiguousarray(pixels), format='rgb24')
+        self._container.mux(self._stream.encode(frame))
+
+    def finish(self) -> None:
+        self._container.mux(self._stream.encode())
+        self._container.close()
+        os.replace(self._part, self._path)
+
+    def discard(self) -> None:
+        with suppress(Exception):  # it is thrown away
+            self._container.close()
+        self._part.unlink(missing_ok=True)
+
+
+def _load_encoder() -> Any:
+    try:
+        import av
+    except ImportError as error:
+        raise RenderUnavailableError(f'{_NO_ENCODER} ({error})') from error
+    if 'libx264' not in av.codecs_available:
+        raise RenderUnavailableError(_NO_ENCODER)
+    return av
+
+
+def _image(pixels: np.ndarray) -> Any:
+    from PIL import Image
+    return Image.fromarray(pixels)
+
+
+def _numbered(path: Path, number: int) -> Path:
+    try:
+        return path.with_name(path.name % number)
+    except (TypeError, ValueError):
+        raise SceneError(f'--out: "{path}" must hold one number, as frames/%04d.png') from None
+
+
+def _part_of(path: Path) -> Path:
+    return path.with_name(f'.{path.stem}.part{path.suffix}')
+
+
+def _write_whole(path: Path, write: Callable[[Path], None]) -> None:
+    """Write beside a file, and put it in its place when it is whole."""
+    part = _part_of(path)
+    try:
+        write(part)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
