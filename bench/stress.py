@@ -77,14 +77,14 @@ def direct(solver):
     assembly, matrix = timed(lambda: assembled(solver.graph, owner, solver.graph.centre[parts]))
     factoring, lu = timed(lambda: splu(matrix, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
                                        options={'SymmetricMode': True}))
-    solving, _ = timed(lambda: lu.solve(solver._weight[parts].ravel()))
+    solving, _ = timed(lambda: lu.solve(solver.equilibrium.weight[parts].ravel()))
     return assembly, factoring, solving
 
 
 def change(name, solver, act):
     """Solve after a change with both preconditioners from the same state; print one line."""
     act()
-    start = solver.displacement.copy(), solver._residual.copy()
+    start = solver.displacement.copy(), solver.equilibrium.residual.copy()
     before = solver.spent
     ours, _ = timed(lambda: solver.iterate(20000))
     its = solver.spent - before
@@ -99,7 +99,7 @@ def main(side: int) -> None:
     warm = StressSolver(BondGraph(plan))
     warm.iterate(3)
     warm.utilisation()  # compiled
-    jacobi(warm, warm.displacement, warm._residual, 1)
+    jacobi(warm, warm.displacement, warm.equilibrium.residual, 1)
     graph_time, graph = timed(lambda: BondGraph(plan))
     setup, solver = timed(lambda: StressSolver(graph))
     print(f'{len(plan):,} parts, {len(graph):,} bonds; bond graph {graph_time:.2f} s, '

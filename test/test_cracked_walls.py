@@ -36,7 +36,7 @@ def pushed(tension=0.0):
     def push(share, steps=60):
         simulation.state.loads.set_layer('push', np.arange(len(plan)), share * force)
         simulation.step(steps)
-        return simulation.state.solver.openings().max(initial=0.0)
+        return simulation.state.solver.equilibrium.openings().max(initial=0.0)
     return simulation, push
 
 
@@ -85,7 +85,7 @@ def test_cracked_joints_survive_what_joins_the_scene():
     simulation.add(wall(3, 4), (5.0, 5.0, 0.0), name='other')
     solver = simulation.state.solver
     assert solver.graph.cracked.sum() == cracked > 0
-    assert solver.openings().max() == pytest.approx(widest, rel=1e-6)
+    assert solver.equilibrium.openings().max() == pytest.approx(widest, rel=1e-6)
     simulation.step(30)
     assert simulation.state.standing.all()
     assert push(0.0) < 0.02 * widest

@@ -306,14 +306,14 @@ def test_sudden_removal_doubles_the_change_then_dies_away():
     assert solver.wrenches()[foot, 2] == pytest.approx(-30 * G)
     solver.remove_parts(np.array([2]), dynamic_factor=2.0)
     solver.iterate(1000)
-    assert solver.sudden
+    assert solver.equilibrium.sudden
     assert solver.wrenches()[foot, 2] == pytest.approx(-10 * G, rel=1e-6)
     solver.forget_sudden(0.5)
     solver.iterate(1000)
     assert solver.wrenches()[foot, 2] == pytest.approx(-15 * G, rel=1e-6)
     solver.forget_sudden()
     solver.iterate(1000)
-    assert not solver.sudden
+    assert not solver.equilibrium.sudden
     assert solver.wrenches()[foot, 2] == pytest.approx(-20 * G, rel=1e-6)
 
 

@@ -79,7 +79,7 @@ class Fracture:
     @property
     def stable(self) -> bool:
         """Whether the present loads are carried and the last judgement broke nothing."""
-        return self.solver.converged and not self.solver.sudden and self._is_judged()
+        return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
     def advance(self, iterations: int) -> list[Failures]:
         """
@@ -107,10 +107,10 @@ class Fracture:
                 rounds.append(failures)
             elif not settled:
                 continue
-            elif solver.sudden:
+            elif solver.equilibrium.sudden:
                 solver.forget_sudden()  # the peak has been survived
             elif solver.converged:
-                solver.settle()
+                solver.equilibrium.settle()
                 self._judged = solver.state
             else:  # out of patience without a weak bond to blame: what has no balance falls
                 solver.cut(graph.boundary(solver.unbalanced()))

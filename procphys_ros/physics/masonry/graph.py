@@ -160,12 +160,13 @@ class BondGraph:
 
     def restore(self) -> None:
         """Make every bond whole again."""
+        changed = ~self.alive | self.cracked | self.narrowed(np.arange(len(self)))
         self.alive[:] = True
         self.cracked[:] = False
         self.grip[:] = 1.0
         self.centroid, self.area = (a.copy() for a in self._rest)
         self.extent = self.whole_extent.copy()
-        self._spread(np.arange(len(self)))
+        self._spread(np.flatnonzero(changed))
 
     def neighbours(self, parts: np.ndarray) -> np.ndarray:
         """Give the bonds that touch any of the parts, dead ones included, sorted."""

@@ -20,12 +20,12 @@ from typing import Self
 
 import numpy as np
 
-from procphys_ros.physics.masonry import components, links, pcg, tolerances
+from procphys_ros.physics.masonry import links, pcg, strength, tolerances
 from procphys_ros.physics.masonry.coarse import CoarseSpace
+from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.graph import BondGraph
-from procphys_ros.physics.masonry.joints import CrackedJoints
+from procphys_ros.physics.masonry.islands import out_of_balance
 from procphys_ros.physics.masonry.newton import Step
-from procphys_ros.physics.masonry.state import StressState
 from procphys_ros.physics.masonry.superposition import Superposition
 
 _AGGREGATE = 8       # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
@@ -35,37 +35,39 @@ _STALE_AFTER = 120   # iterations since a change after which the coarse space is
 #                      as much as about 35 iterations, and most changes are answered sooner
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
+_FURTHEST = 0.25     # [m] displacement at which a part counts as a mechanism: more than a brick,
+#                      so bonds are no longer where linear theory has them; sound masonry moves
+#                      by less than a millimetre, timber floors by a few
 
 
-class StressSolver(StressState):
+class StressSolver:
     """
     Resumable equilibrium of the supported islands of a bond graph.
 
     Bonds are linear; those that have cracked are followed by Newton's method (`newton`, `joints`).
-    The residual f - K·u is kept exactly through every change (loads, cuts), so what must be worked
-    on is simply where it is too large: islands whose largest nodal residual exceeds the tolerance.
-    The others cost nothing. Parts without a path of bonds to the ground are falling: excluded.
+    `Equilibrium` keeps the residual f - K·u exact through every change (loads, cuts), so what must
+    be worked on is simply where it is too large: islands whose largest nodal residual exceeds the
+    tolerance. The others cost nothing.
 
     :param graph: the bonds; the solver is their only owner and changes them by `cut`.
     :param gravity: [m/s²], (3,).
     :param tolerance: largest nodal residual of a converged state [N], the force on a part or its
         moment over `BondGraph.reach`; default a tenth of the median part's weight.
 
-    :ivar displacement: of the parts, u and φ [m, rad], world, (N, 6); last row is the ground.
+    :ivar equilibrium: bonds, displacements and loads.
+    :ivar goal: the tolerance that the present loads ask for [N], see `tolerances`.
     :ivar iterations: spent on each part so far, (N,) int.
     :ivar spent: iterations done since the last reset, those of the slowest island.
     :ivar state: changes with every change of bonds or displacements, never comes back.
     :ivar problem: changes with every change of bonds or loads, never comes back.
     :ivar residual: largest nodal residual of the last look [N].
     :ivar working: number of parts in islands that the last call of `iterate` has not finished.
-    :ivar labels: component of each part, see `components.label`, (N,).
-    :ivar supported: parts that hold on to the ground, (N,) bool.
     """
 
     def __init__(self, graph: BondGraph, gravity: Sequence[float] = (0.0, 0.0, -9.81),
                  tolerance: float | None = None):
-        self._prepare(graph, gravity, tolerance)
-        self.reset()
+        graph.restore()
+        self._start(Equilibrium(graph, gravity), tolerance)
 
     @classmethod
     def joined(cls, graph: BondGraph, gravity: Sequence[float],
@@ -78,70 +80,77 @@ class StressSolver(StressState):
         :param solvers: each of parts that follow each other here, with the first of these, and
             the rows here of its bonds, (M,).
         """
-        solver = cls.__new__(cls)
-        solver._prepare(graph, gravity, None)
-        solver._clear()
+        equilibrium = Equilibrium(graph, gravity)
         for other, first, bonds in solvers:
-            solver._adopt(other, first, bonds)
-        solver._renew()
+            equilibrium.adopt(other.equilibrium, first, bonds)
+        solver = cls.__new__(cls)
+        solver._start(equilibrium, None)
+        for other, first, _ in solvers:
+            solver.iterations[first:first + other.graph.count] = other.iterations
         return solver
 
-    def _prepare(self, graph: BondGraph, gravity: Sequence[float],
-                 tolerance: float | None) -> None:
-        self.graph = graph
-        count = graph.count
+    def _start(self, equilibrium: Equilibrium, tolerance: float | None) -> None:
+        """Make room, and begin from where the displacements are."""
+        self.equilibrium = equilibrium
+        graph = equilibrium.graph
         bonded = np.diff(graph.start) > 0
         weight = graph.mass[bonded] * _STANDARD_GRAVITY
         self.tolerance = tolerance or _TOLERANCE * float(np.median(weight if len(weight) else 1.0))
-        self._weight = np.zeros((count + 1, 6))
-        self._weight[:-1, :3] = graph.mass[:, None] * np.asarray(gravity, float)
-        self._search = np.zeros((3, count + 1, 6))  # z, p, q of the conjugate gradients
-        self._blocks = np.empty((count, 6, 6))
+        self._search = np.zeros((3, graph.count + 1, 6))  # z, p, q of the conjugate gradients
+        self._blocks = np.empty((graph.count, 6, 6))
         self._past = Superposition()
-        self._coarse: CoarseSpace | None = None
-        self._joints = CrackedJoints(graph)
         self.state = self.problem = 0
+        self._begin_anew()
 
     def reset(self) -> None:
         """Return to whole bonds, no loads but the weight, and no displacement."""
         self.graph.restore()
-        self._clear()
-        self._renew()
+        self.equilibrium.reset()
+        self._begin_anew()
 
-    def _clear(self) -> None:
-        """Begin without loads but the weight, and without displacement."""
-        graph = self.graph
-        self._joints.reset()
+    def _begin_anew(self) -> None:
+        """Work out all that follows from bonds and displacements."""
+        equilibrium, graph = self.equilibrium, self.graph
         self._step, self._begun = Step.straight(), False
-        self.displacement = np.zeros((graph.count + 1, 6))
-        self._calm, self._calm_at = self.displacement.copy(), -1
-        self._given = np.zeros((graph.count + 1, 6))
-        self._sudden = np.zeros((graph.count + 1, 6))
-        self._residual = self._weight.copy()
-        self.goal = self.tolerance  # no more than that may be left unbalanced at present
+        self._calm, self._calm_at = np.zeros_like(self.displacement), -1
+        self.goal = self.tolerance
         self.iterations = np.zeros(graph.count, np.int64)
         self.spent = self._patience = self._worked = 0
-
-    def _adopt(self, other: 'StressSolver', first: int, bonds: np.ndarray) -> None:
-        self.graph.adopt(other.graph, np.arange(len(other.graph)), bonds)
-        self._joints.adopt(other._joints, bonds)
-        rows = slice(first, first + other.graph.count)
-        for mine, theirs in ((self.displacement, other.displacement),
-                             (self._given, other._given), (self._sudden, other._sudden),
-                             (self._residual, other._residual)):
-            mine[rows] = theirs[:-1]
-        self.iterations[rows] = other.iterations
-
-    def _renew(self) -> None:
-        """Work out all that follows from bonds and displacements."""
-        self._joints.linearise(np.flatnonzero(self.graph.cracked), self.displacement,
-                               self._residual)
-        self._bonds_changed(np.arange(self.graph.count))
-        self._relabel()
-        self._past.forget(self.labels, self._straight())
+        equilibrium.linearise(np.flatnonzero(graph.cracked))
+        self._bonds_changed(np.arange(graph.count))
+        equilibrium.relabel()
+        self._past.forget(self.labels, equilibrium.linear())
         self._refresh()
         self.state += 1
         self.problem += 1
+
+    @property
+    def graph(self) -> BondGraph:
+        """The bonds."""
+        return self.equilibrium.graph
+
+    @property
+    def displacement(self) -> np.ndarray:
+        """Displacements of the parts [m, rad], world, (N + 1, 6), see `Equilibrium`."""
+        return self.equilibrium.displacement
+
+    @property
+    def labels(self) -> np.ndarray:
+        """Component of each part, see `components.label`, (N,)."""
+        return self.equilibrium.labels
+
+    @property
+    def supported(self) -> np.ndarray:
+        """Parts that hold on to the ground, (N,) bool."""
+        return self.equilibrium.supported
+
+    def wrenches(self, bonds: np.ndarray | None = None) -> np.ndarray:
+        """Give what bonds carry [N, N·m], (K, 6), see `Equilibrium.wrenches`."""
+        return self.equilibrium.wrenches(bonds)
+
+    def utilisation(self) -> tuple[np.ndarray, np.ndarray]:
+        """Give utilisation and `strength.Cause` of every bond, see `strength.utilisation`."""
+        return strength.utilisation(self.graph, self.wrenches())
 
     def set_loads(self, force: np.ndarray, moment: np.ndarray | None = None) -> None:
         """
@@ -149,23 +158,17 @@ class StressSolver(StressState):
 
         :param force: at the centres of mass, world [N], (N, 3).
         :param moment: about the centres of mass, world [N·m], (N, 3).
+        :raises ValueError: when a load is not finite.
         """
-        new = np.zeros_like(self._given)
-        new[:-1, :3] = force
-        if moment is not None:
-            new[:-1, 3:] = moment
-        if not np.all(np.isfinite(new)):
-            raise ValueError('loads must be finite')
-        change = new - self._given
-        change[:-1][~self.supported] = 0.0
+        equilibrium = self.equilibrium
+        change = equilibrium.replace_loads(force, moment)
         if np.any(change[:-1]):
-            self._past.guess(self.displacement, self._residual, change)
-            self.goal = tolerances.sharpened(self.tolerance, self._residual, self.labels,
+            self._past.guess(equilibrium.displacement, equilibrium.residual, change)
+            self.goal = tolerances.sharpened(self.tolerance, equilibrium.residual, self.labels,
                                              self.graph.reach)
             self._moved()
             self.state += 1
             self.problem += 1
-        self._given = new
 
     def cut(self, bonds: np.ndarray, dynamic_factor: float = 1.0) -> None:
         """
@@ -176,24 +179,16 @@ class StressSolver(StressState):
             is the peak of an undamped structure whose support vanishes at once (Biggs 1964,
             Introduction to Structural Dynamics, section 2.3), 1 is slow release.
         """
-        graph = self.graph
         bonds = np.asarray(bonds)
-        bonds = bonds[graph.alive[bonds]]
+        bonds = bonds[self.graph.alive[bonds]]
         if not len(bonds):
             return
-        released = np.zeros_like(self._residual)
-        self._joints.add_pulls(bonds, self.displacement, released, -1.0)
-        graph.cut(bonds)
-        self._residual += dynamic_factor * released
-        self._sudden += (dynamic_factor - 1.0) * released
-        self._relabel()
+        self.equilibrium.cut(bonds, dynamic_factor)
         self._after_change(bonds)
 
     def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
         """Open bonds partly and for good, see `strength.opening` and `BondGraph.narrow`."""
-        self._joints.add_pulls(bonds, self.displacement, self._residual, -1.0)
-        self.graph.narrow(bonds, low, high)
-        self._joints.add_pulls(bonds, self.displacement, self._residual, 1.0)
+        self.equilibrium.narrow(bonds, low, high)
         self._after_change(bonds)
 
     def crack(self, bonds: np.ndarray) -> None:
@@ -204,7 +199,7 @@ class StressSolver(StressState):
             return
         graph.cracked[bonds] = True
         self._after_change(bonds)
-        self._joints.linearise(bonds, self.displacement, self._residual)
+        self.equilibrium.linearise(bonds)
 
     def remove_parts(self, parts: np.ndarray, dynamic_factor: float = 2.0) -> np.ndarray:
         """
@@ -223,23 +218,11 @@ class StressSolver(StressState):
 
         :param share: how much of it goes, 1 all; 1 - exp(-dt/T) for a decay with time constant T.
         """
-        if np.any(self._sudden):
-            change = -share * self._sudden
-            self._residual += change
+        change = self.equilibrium.fade_sudden(share)
+        if change is not None:
             self._past.shift(change)
             self._moved()
             self.problem += 1
-            self._sudden *= 1.0 - share
-
-    @property
-    def sudden(self) -> bool:
-        """Whether dynamic loads of released forces still act."""
-        return bool(np.any(self._sudden))
-
-    @property
-    def sudden_loads(self) -> np.ndarray:
-        """Dynamic part of released forces that still acts on each part [N], [N·m], (N, 6)."""
-        return self._sudden[:-1]
 
     def _after_change(self, bonds: np.ndarray) -> None:
         graph = self.graph
@@ -247,7 +230,7 @@ class StressSolver(StressState):
         self._bonds_changed(touched[touched < graph.count])
         self._coarse_fresh = False
         self._patience = self._worked = 0
-        self._past.forget(self.labels, self._straight())
+        self._past.forget(self.labels, self.equilibrium.linear())
         self._moved()
         self.state += 1
         self.problem += 1
@@ -255,8 +238,7 @@ class StressSolver(StressState):
     def _moved(self) -> None:
         """Take note that loads or bonds have changed: a step that was under way is over."""
         if not self.known:
-            rows = self._step.rows[self.graph.cracked[self._step.rows]]
-            self._joints.linearise(rows, self.displacement, self._residual)
+            self.equilibrium.linearise(self._step.rows[self.graph.cracked[self._step.rows]])
         self._begun = False
         self._stale_view = True
 
@@ -267,42 +249,23 @@ class StressSolver(StressState):
         links.diagonal_inverses(parts, graph.start, graph.incident, graph.alive, graph.links,
                                 graph.first, self._blocks)
 
-    def _relabel(self) -> None:
-        """Find the islands; those that lost the ground leave the system."""
-        graph = self.graph
-        self.labels, self.supported = components.label(graph.count, graph.first, graph.second,
-                                                       graph.alive)
-        fallen = np.append(~self.supported, False)
-        falls = graph.cracked & (fallen[graph.first] | fallen[graph.second])
-        if falls.any():  # nothing presses them together any more
-            graph.cut(np.flatnonzero(falls))
-            self._relabel()
-        for array in (self.displacement, self._residual, self._sudden):
-            array[:-1][~self.supported] = 0.0
-
     def _look(self) -> None:
-        """Find the islands out of equilibrium: the active parts and bonds."""
-        graph = self.graph
+        """Find the islands out of equilibrium."""
         self._stale_view = False
         if self._coarse is None:  # nothing stands, so nothing is loaded
             self.residual, self.working = 0.0, 0
             return
-        size = pcg.residual_sizes(self._residual, graph.reach)
-        self.residual = float(size.max(initial=0.0))
-        active = np.zeros(graph.count + 1, bool)
-        if self.residual > self.goal:
-            restless = np.zeros(graph.count, bool)
-            restless[self.labels[size > self.goal]] = True
-            active[:-1] = restless[self.labels] & self.supported
-        parts = np.flatnonzero(active)
-        bonds = np.flatnonzero(graph.alive & (active[graph.first] | active[graph.second]))
-        ends = np.minimum(graph.first[bonds], graph.second[bonds])  # never the ground
-        parts, part = components.grouped(parts, self.labels[parts])
-        bonds, bond = components.grouped(bonds, self.labels[ends])
-        reached = self._coarse.reached(parts[part[:-1]])
-        self._islands = parts, bonds, self._coarse.factor.columns, part, bond, reached
-        self._products = np.zeros(len(reached))
-        self.working = len(parts)
+        sizes = self.equilibrium.residual_sizes()
+        self.residual = float(sizes.max(initial=0.0))
+        self._islands = out_of_balance(self.equilibrium, sizes, self.goal)
+        self._reach_columns(self._coarse)
+        self.working = len(self._islands.parts)
+
+    def _reach_columns(self, coarse: CoarseSpace) -> None:
+        """Find the columns of the coarse factor that belong to the islands; start them anew."""
+        parts, _, part, _ = self._islands
+        self._columns = coarse.reached(parts[part[:-1]])
+        self._products = np.zeros(len(self._columns))
 
     @property
     def converged(self) -> bool:
@@ -349,7 +312,7 @@ class StressSolver(StressState):
 
     def _begin(self) -> None:
         """Start a step of Newton's method from where the displacements are."""
-        bonds = self._islands[1]
+        bonds = self._islands.bonds
         rows = bonds[self.graph.cracked[bonds]]
         self._begun = True
         if len(rows):
@@ -359,38 +322,40 @@ class StressSolver(StressState):
 
     def _end(self) -> None:
         """Go along a step as far as the true forces agree to, and start the next one there."""
-        parts, bonds, _, part, bond, _ = self._islands
+        parts, bonds, part, bond = self._islands
         rows = self._step.rows
-        self._step.finish(self.displacement, self._residual, parts, part, bonds, bond,
-                          self._joints)
+        self._step.finish(self.displacement, self.equilibrium.residual, parts, part, bonds, bond,
+                          self.equilibrium.joints)
         self._linearise(rows, False)
         if not self._step.curved:  # balanced with that friction: now with that of these pressures
-            self._joints.linearise(rows, self.displacement, self._residual)
+            self.equilibrium.linearise(rows)
             self._moved()
 
     def _linearise(self, rows: np.ndarray, renew: bool = True) -> None:
         """Put the tangents of joints where they are now, see `CrackedJoints.linearise`."""
         graph = self.graph
-        self._joints.linearise(rows, self.displacement, self._residual, renew)
+        self.equilibrium.linearise(rows, renew)
         touched = np.unique(np.concatenate([graph.first[rows], graph.second[rows]]))
         self._bonds_changed(touched[touched < graph.count])
         if self._coarse_fresh:
             self._coarse_fresh, self._worked = False, 0
         self._look()
-        bonds = self._islands[1]
-        self._step = Step(bonds[graph.cracked[bonds]], self.displacement, self._residual,
-                          self.residual)
+        bonds = self._islands.bonds
+        self._step = Step(bonds[graph.cracked[bonds]], self.displacement,
+                          self.equilibrium.residual, self.residual)
 
     def _run(self, limit: int, target: float) -> int:
         graph, coarse = self.graph, self._coarse
         assert coarse is not None
         preconditioner = (self._blocks, coarse.owner, coarse.arm, coarse.factor.panels,
                           *np.empty((2, coarse.count, 6)))
-        state = (self.displacement, self._residual, *self._search)
+        state = (self.displacement, self.equilibrium.residual, *self._search)
+        parts, bonds, part, bond = self._islands
         each, left = pcg.iterate(
-            self._islands, (graph.links, graph.first, graph.second), preconditioner, state,
-            graph.reach, self._products, target, limit)
-        parts, size = self._islands[0], np.diff(self._islands[3])
+            (parts, bonds, coarse.factor.columns, part, bond, self._columns),
+            (graph.links, graph.first, graph.second), preconditioner, state, graph.reach,
+            self._products, target, limit)
+        size = np.diff(part)
         self.iterations[parts] += np.repeat(each, size)
         self.residual = float(left.max(initial=0.0))
         self.working = int(size[left > target].sum())
@@ -411,11 +376,8 @@ class StressSolver(StressState):
         self._coarse_fresh, self._worked = True, 0
         if self.known or self._coarse is None:
             self._look()
-            return
-        parts, bonds, _, part, bond, _ = self._islands  # a step keeps to its islands
-        reached = self._coarse.reached(parts[part[:-1]])
-        self._islands = parts, bonds, self._coarse.factor.columns, part, bond, reached
-        self._products = np.zeros(len(reached))
+        else:  # a step keeps to its islands
+            self._reach_columns(self._coarse)
 
     def part_hinges(self) -> np.ndarray:
         """
@@ -428,25 +390,26 @@ class StressSolver(StressState):
         rows = self._hinges()
         self.cut(rows)
         if len(rows):
-            self._rewind()
+            self.equilibrium.rewind(self._calm)
         return rows
 
     def _hinges(self) -> np.ndarray:
         """List the joints that `part_hinges` would cut; none while a step is under way."""
         rows = np.flatnonzero(self.graph.cracked) if self.known else np.zeros(0, np.intp)
-        return self._joints.hinges(rows, self.displacement - self._calm) if len(rows) else rows
+        if not len(rows):
+            return rows
+        return self.equilibrium.joints.hinges(rows, self.displacement - self._calm)
 
-    def _rewind(self) -> None:
-        """Return to the displacements of the last equilibrium."""
-        graph = self.graph
-        self.displacement[:-1] = np.where(self.supported[:, None], self._calm[:-1], 0.0)
-        self._residual = self._weight + self._given + self._sudden
-        self._joints.add_pulls(np.flatnonzero(graph.alive), self.displacement, self._residual, 1.0)
-        rows = np.flatnonzero(graph.cracked)
-        self._joints.linearise(rows, self.displacement, self._residual)
-        self._residual[:-1][~self.supported] = 0.0
-        self._residual[-1] = 0.0
-        self._joints.soften(rows)
+    def unbalanced(self) -> np.ndarray:
+        """List the parts whose nodal residual exceeds the tolerance."""
+        return np.flatnonzero((self.equilibrium.residual_sizes() > self.goal) & self.supported)
+
+    def adrift(self) -> np.ndarray:
+        """List the parts displaced by more than 25 cm; none while a step is under way."""
+        if not self.known:
+            return np.zeros(0, np.intp)
+        far = np.abs(self.displacement[:-1, :3]) > _FURTHEST
+        return np.flatnonzero(far.any(axis=1)) if far.any() else np.zeros(0, np.intp)
 
     def mechanisms(self) -> np.ndarray:
         """

@@ -1,0 +1,208 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Equilibrium: bonds, the displacements of what they join, and the loads not yet balanced."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros.physics.masonry import components, links, pcg
+from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.joints import CrackedJoints
+
+
+class Equilibrium:
+    """
+    A bond graph under load: K·u, f, and the residual f - K·u.
+
+    Every change of bonds or loads keeps the residual exact, so what is left to be solved is always
+    known. Parts without a path of bonds to the ground are falling: excluded, all their rows zero.
+
+    :param graph: the bonds; they are changed by `cut`, `narrow` and `crack` alone.
+    :param gravity: [m/s²], (3,).
+
+    :ivar joints: those of the bonds that have cracked.
+    :ivar weight: of the parts [N], (N + 1, 6); like in all arrays the last row is the ground.
+    :ivar displacement: of the parts, u and φ [m, rad], world, (N + 1, 6).
+    :ivar residual: load that nothing balances yet [N, N·m], (N + 1, 6).
+    :ivar labels: component of each part, see `components.label`, (N,).
+    :ivar supported: parts that hold on to the ground, (N,) bool.
+    """
+
+    def __init__(self, graph: BondGraph, gravity: Sequence[float]):
+        self.graph = graph
+        self.joints = CrackedJoints(graph)
+        self.weight = np.zeros((graph.count + 1, 6))
+        self.weight[:-1, :3] = graph.mass[:, None] * np.asarray(gravity, float)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin without displacement and without loads but the weight; bonds stay as they are."""
+        self.joints.reset()
+        self.displacement = np.zeros_like(self.weight)
+        self.residual = self.weight.copy()
+        self._given = np.zeros_like(self.weight)   # loads besides the weight
+        self._sudden = np.zeros_like(self.weight)  # dynamic part of released forces
+        self.labels = np.zeros(self.graph.count, np.intp)
+        self.supported = np.ones(self.graph.count, bool)
+
+    def adopt(self, other: 'Equilibrium', first: int, bonds: np.ndarray) -> None:
+        """
+        Take over bonds, displacements and loads of parts that follow each other here.
+
+        :param first: the first of these parts.
+        :param bonds: rows here of the bonds there, (M,).
+        """
+        self.graph.adopt(other.graph, np.arange(len(other.graph)), bonds)
+        self.joints.adopt(other.joints, bonds)
+        rows = slice(first, first + other.graph.count)
+        for mine, theirs in ((self.displacement, other.displacement),
+                             (self._given, other._given), (self._sudden, other._sudden),
+                             (self.residual, other.residual)):
+            mine[rows] = theirs[:-1]
+
+    def replace_loads(self, force: np.ndarray, moment: np.ndarray | None) -> np.ndarray:
+        """
+        Replace the loads that act besides the weight; the residual is left to the caller.
+
+        :param force: at the centres of mass, world [N], (N, 3).
+        :param moment: about the centres of mass, world [N·m], (N, 3).
+        :returns: what is to be added to the residual [N, N·m], (N + 1, 6).
+        :raises ValueError: when a load is not finite.
+        """
+        new = np.zeros_like(self._given)
+        new[:-1, :3] = force
+        if moment is not None:
+            new[:-1, 3:] = moment
+        if not np.all(np.isfinite(new)):
+            raise ValueError('loads must be finite')
+        change = new - self._given
+        change[:-1][~self.supported] = 0.0
+        self._given = new
+        return change
+
+    def cut(self, bonds: np.ndarray, dynamic_factor: float) -> None:
+        """
+        Break living bonds, (K,) rows; what they carried becomes residual.
+
+        :param dynamic_factor: how many times the released forces count until they fade.
+        """
+        released = np.zeros_like(self.residual)
+        self.joints.add_pulls(bonds, self.displacement, released, -1.0)
+        self.graph.cut(bonds)
+        self.residual += dynamic_factor * released
+        self._sudden += (dynamic_factor - 1.0) * released
+        self.relabel()
+
+    def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
+        """Open bonds partly and for good, see `BondGraph.narrow`."""
+        self.joints.add_pulls(bonds, self.displacement, self.residual, -1.0)
+        self.graph.narrow(bonds, low, high)
+        self.joints.add_pulls(bonds, self.displacement, self.residual, 1.0)
+
+    def linearise(self, rows: np.ndarray, renew: bool = True) -> None:
+        """Put the tangents of cracked joints where they are now, see `CrackedJoints`."""
+        self.joints.linearise(rows, self.displacement, self.residual, renew)
+
+    def fade_sudden(self, share: float) -> np.ndarray | None:
+        """
+        Take away a share of the dynamic part of released forces.
+
+        :returns: what this added to the residual, (N + 1, 6); None if there was none.
+        """
+        if not self.sudden:
+            return None
+        change = -share * self._sudden
+        self.residual += change
+        self._sudden *= 1.0 - share
+        return change
+
+    def relabel(self) -> None:
+        """Find the islands; those that lost the ground leave the system."""
+        graph = self.graph
+        self.labels, self.supported = components.label(graph.count, graph.first, graph.second,
+                                                       graph.alive)
+        fallen = np.append(~self.supported, False)
+        falls = graph.cracked & (fallen[graph.first] | fallen[graph.second])
+        if falls.any():  # nothing presses them together any more
+            graph.cut(np.flatnonzero(falls))
+            self.relabel()
+        for array in (self.displacement, self.residual, self._sudden):
+            array[:-1][~self.supported] = 0.0
+
+    def rewind(self, displacement: np.ndarray) -> None:
+        """Return to displacements, (N + 1, 6); the residual is worked out anew."""
+        graph = self.graph
+        self.displacement[:-1] = np.where(self.supported[:, None], displacement[:-1], 0.0)
+        self.residual = self.weight + self._given + self._sudden
+        self.joints.add_pulls(np.flatnonzero(graph.alive), self.displacement, self.residual, 1.0)
+        rows = np.flatnonzero(graph.cracked)
+        self.linearise(rows)
+        self.residual[:-1][~self.supported] = 0.0
+        self.residual[-1] = 0.0
+        self.joints.soften(rows)
+
+    @property
+    def sudden(self) -> bool:
+        """Whether dynamic loads of released forces still act."""
+        return bool(np.any(self._sudden))
+
+    @property
+    def sudden_loads(self) -> np.ndarray:
+        """Dynamic part of released forces that still acts on each part [N], [N·m], (N, 6)."""
+        return self._sudden[:-1]
+
+    def wrenches(self, bonds: np.ndarray | None = None) -> np.ndarray:
+        """
+        Give force and moment with which the second part pulls the first, in the bond frames.
+
+        :param bonds: rows of the graph, (K,); None = all.
+        :returns: tension positive along z [N, N·m], (K, 6); zero for dead bonds and falling
+            islands.
+        """
+        graph = self.graph
+        bonds = np.arange(len(graph)) if bonds is None else bonds
+        out = np.empty((len(bonds), 6))
+        links.pulls(bonds, graph.links, graph.axes, graph.first, graph.second, self.displacement,
+                    out)
+        cracked = graph.cracked[bonds]
+        if cracked.any():
+            out[cracked] = self.joints.wrenches(bonds[cracked], self.displacement)
+        return out
+
+    def residual_sizes(self) -> np.ndarray:
+        """Give the nodal residuals [N], (N,): force, or moment over the part's reach."""
+        return pcg.residual_sizes(self.residual, self.graph.reach)
+
+    def settle(self) -> None:
+        """Make lasting what has slid in cracked joints, once the present loads are carried."""
+        rows = np.flatnonzero(self.graph.cracked)
+        if len(rows):
+            self.joints.settle(rows, self.displacement)
+
+    def openings(self) -> np.ndarray:
+        """Give how far the faces of each cracked joint are apart at their widest [m], (M,)."""
+        rows = np.flatnonzero(self.graph.cracked)
+        out = np.zeros(len(self.graph))
+        out[rows] = self.joints.openings(rows, self.displacement)
+        return out
+
+    def linear(self) -> np.ndarray:
+        """Mark the parts of islands without cracked joints, whose answer is linear, (N,) bool."""
+        graph = self.graph
+        cracked = np.zeros(graph.count, bool)
+        rows = np.flatnonzero(graph.cracked)
+        cracked[self.labels[np.minimum(graph.first[rows], graph.second[rows])]] = True
+        return ~cracked[self.labels]
