@@ -24,7 +24,8 @@ import pytest
 from procphys_ros import skeleton
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, Law, Mortar, Shape
 from procphys_ros.errors import SceneError
-from procphys_ros.physics.trees import Cause, Forest
+from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.trees import Forest
 
 _DT = 1.0 / 60.0
 _NO_WEIGHT = (0.0, 0.0, 0.0)

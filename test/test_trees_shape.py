@@ -23,9 +23,9 @@ from scipy.linalg import eigh
 
 from procphys_ros import skeleton
 from procphys_ros.lsystem import LSystem
-from procphys_ros.physics.trees import Cause, Forest
+from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.trees import Forest
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause as EventCause
 from procphys_ros.simulation import Simulation
 
 _HEIGHT, _WIDTH, _DENSITY, _MODULUS = 10.0, 0.3, 900.0, 8e9  # SI
@@ -128,7 +128,7 @@ def test_a_root_plate_turns_out_of_the_ground():
     text = ('axiom: Width(0.2) Strength(60e6) RootMoment({:g}) F(2) F(2) F(2) F(2) F(2) F(2) F(2) '
             'F(2) F(2)\n')
     holds = 60e6 * np.pi / 32.0 * 0.2 ** 3
-    for moment, cause in ((0.8 * holds, EventCause.UPROOTING), (1.2 * holds, EventCause.BENDING)):
+    for moment, cause in ((0.8 * holds, Cause.UPROOTING), (1.2 * holds, Cause.BENDING)):
         simulation = Simulation(Scene.from_parameters({
             'scene': {'objects': ['mast']}, 'wind': {'turbulence_intensity': 0.0},
             'mast': {'grammar_text': text.format(moment)}}))

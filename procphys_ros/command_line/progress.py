@@ -17,9 +17,7 @@
 
 from collections.abc import Mapping
 
-# As `~/breaks` numbers them.
-_CAUSES = ('force', 'twist', 'bending', 'tension', 'shear', 'compression', 'impact', 'blast',
-           'demolition', 'uprooting')
+from procphys_ros.physics.causes import Cause
 
 
 def status_line(message: str, values: Mapping[str, str]) -> str:
@@ -47,7 +45,7 @@ def break_line(row: Mapping[str, float]) -> str:
     :param row: of `~/breaks`.
     """
     cause = int(row['cause'])
-    name = _CAUSES[cause] if cause < len(_CAUSES) else str(cause)
+    name = Cause(cause).name.lower() if cause in set(Cause) else str(cause)
     one, other = ('the ground' if row[side] < 0 else f'part {int(row[side])}'
                   for side in ('part_a', 'part_b'))
     return (f'  broken: {one} from {other} by {name} at '

@@ -15,7 +15,8 @@
 
 """Simulation: scenes in time."""
 
-from procphys_ros.simulation.events import Cause, EVENT, EventLog
+from procphys_ros.physics.causes import Cause
+from procphys_ros.simulation.events import EVENT, EventLog
 from procphys_ros.simulation.simulation import Simulation
 
 __all__ = ['Cause', 'EVENT', 'EventLog', 'Simulation']

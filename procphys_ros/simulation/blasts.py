@@ -20,11 +20,11 @@ from scipy.spatial import cKDTree
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import blast_boxes, blast_capsules, Impulses, Sight
 from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation import glass, masonry
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.masonry import WALL_RATE
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner

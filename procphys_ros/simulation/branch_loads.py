@@ -17,9 +17,9 @@
 
 import numpy as np
 
+from procphys_ros.physics.causes import Cause
 from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.contact_pairs import TreeContacts
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 

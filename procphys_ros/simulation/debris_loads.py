@@ -19,10 +19,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.simulation import fragments, masonry
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State

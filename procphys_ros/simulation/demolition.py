@@ -19,9 +19,9 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
+from procphys_ros.physics.causes import Cause
 from procphys_ros.scene.strikes import Demolition
 from procphys_ros.simulation import fragments
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 

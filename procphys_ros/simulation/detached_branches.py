@@ -17,13 +17,11 @@
 
 import numpy as np
 
+from procphys_ros.physics.trees import CAUSES
 from procphys_ros.simulation import fragments
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-# Of the forest's causes, in their order.
-_CAUSES = np.array([Cause.FORCE, Cause.TWIST, Cause.BENDING, Cause.UPROOTING])
 SMALLEST = 8     # segments; smaller pieces bend too little to be seen
 MOST = 16        # at a time; each costs about as much as a standing tree while it touches nothing,
 #                  and up to a millisecond per step while it lies on many contacts
@@ -47,7 +45,7 @@ def step(model: Model, state: State, dt: float) -> None:
     rows, causes, loads, bonds = forest.overloaded()
     if not len(rows):
         return
-    over = loads / model.trees.capacity[rows, causes]
+    over = loads / model.trees.capacity[rows, np.searchsorted(CAUSES, causes)]
     chosen: list[int] = []
     for i in np.argsort(-over, kind='stable'):
         if not any(_share_path(forest.ends, rows[i], rows[j]) for j in chosen):
@@ -55,7 +53,7 @@ def step(model: Model, state: State, dt: float) -> None:
     position = np.array([_joint(model, state, rows[i]) for i in chosen])
     rigid = [int(rows[i]) for i in chosen if not _stays_flexible(model, state, int(rows[i]))]
     state.log.record(state.time, position, bonds[chosen], model.blueprint.bonds[bonds[chosen]],
-                     _CAUSES[causes[chosen]], over[chosen])
+                     causes[chosen], over[chosen])
     state.loose_bonds.graph.cut(bonds[chosen])
     for row in rigid:
         release_branch(model, state, row)

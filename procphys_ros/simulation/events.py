@@ -15,25 +15,7 @@
 
 """Record of bonds that broke: where, which, why, and how far beyond its strength."""
 
-from enum import IntEnum
-
 import numpy as np
-
-
-class Cause(IntEnum):
-    """What broke a bond."""
-
-    FORCE = 0        # transmitted force above the joint's limit
-    TWIST = 1        # twisting moment above the joint's limit
-    BENDING = 2      # bending stress above the strength of the wood
-    TENSION = 3      # mortar pulled apart
-    SHEAR = 4        # mortar sheared off
-    COMPRESSION = 5  # mortar or unit crushed
-    IMPACT = 6       # struck by a projectile or by debris
-    BLAST = 7        # torn out by an explosion
-    DEMOLITION = 8   # cut by a timed charge
-    UPROOTING = 9    # root plate turned out of the ground
-
 
 EVENT = np.dtype([
     ('time', 'f8'),           # simulation time [s]
@@ -41,7 +23,7 @@ EVENT = np.dtype([
     ('bond', 'i4'),           # row in Blueprint.bonds
     ('part_a', 'i4'),         # first part of the bond, -1 for the ground
     ('part_b', 'i4'),         # second part
-    ('cause', 'u1'),          # `Cause`
+    ('cause', 'u1'),          # `physics.causes.Cause`
     ('load', 'f4'),           # load over strength at the moment of breaking
     ('crack', 'u1'),          # 1 = it presses and rubs on, 0 = it is gone
 ])

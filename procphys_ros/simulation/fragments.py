@@ -21,8 +21,8 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.air import AIR_DENSITY
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.world import BodyState, expand, FRICTION, rigid_sum
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State

@@ -22,10 +22,10 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import Resistance
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import fragments, spawned_parts
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.masonry import RUBBLE_CONTACT
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State

@@ -21,12 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.dust import motion_energy
 from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.simulation import debris_loads, fragments, glass
 from procphys_ros.simulation.contact_forces import BodyContacts, spread
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.masonry import RUBBLE_CONTACT
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State

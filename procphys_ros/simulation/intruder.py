@@ -22,10 +22,10 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError, nearest_names
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.touch import overlap, overlaps
 from procphys_ros.physics.world import BodyState, Pieces
 from procphys_ros.simulation import fragments, masonry
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.obstacles import Obstacles
 from procphys_ros.simulation.state import IntruderState, State

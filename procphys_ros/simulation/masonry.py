@@ -20,11 +20,11 @@ import math
 
 import numpy as np
 
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import Failures, Resistance, resistance
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
 from procphys_ros.simulation import fragments, load_checks
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -41,8 +41,6 @@ _WORK = 45_000   # ... parts times iterations that take about a third of a step 
 _PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
 #                  periods of walls and floors long
 SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
-_CAUSES = np.array([Cause.TENSION, Cause.TENSION, Cause.SHEAR, Cause.COMPRESSION,
-                    Cause.TENSION], np.uint8)  # by `physics.masonry.Cause`
 
 
 @dataclass(frozen=True)
@@ -204,7 +202,7 @@ def _advance(model: Model, state: State,
     if len(rows):
         source = model.blueprint
         state.log.record(state.time, source.bond_frame[rows, :3], rows, source.bonds[rows],
-                         _CAUSES[cause], load, ~broken)
+                         cause, load, ~broken)
     return pieces, rounds
 
 

@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros.errors import CommandError
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import (
     Hits,
     sweep_box_boxes,
@@ -28,7 +29,6 @@ from procphys_ros.physics.loads import (
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import fragments, glass, masonry, spawned_parts
-from procphys_ros.simulation.events import Cause
 from procphys_ros.simulation.ledger import Impact
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner

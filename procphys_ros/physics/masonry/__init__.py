@@ -20,7 +20,6 @@ from procphys_ros.physics.masonry.fracture import Failures, Fracture
 from procphys_ros.physics.masonry.free_body import Breakage, FreeBodies
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
-from procphys_ros.physics.masonry.strength import Cause
 
-__all__ = ['BondGraph', 'Breakage', 'Cause', 'Failures', 'Fracture', 'FreeBodies',
+__all__ = ['BondGraph', 'Breakage', 'Failures', 'Fracture', 'FreeBodies',
            'resistance', 'Resistance', 'StressSolver']

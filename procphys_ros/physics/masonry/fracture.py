@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import strength
 from procphys_ros.physics.masonry.solver import StressSolver
-from procphys_ros.physics.masonry.strength import Cause
 
 _BAND = 0.7  # of the worst utilisation
 _ROUGH = 10.0  # tolerances of the solver, at which utilisations are right to 0.1 or so (test), ...
@@ -34,7 +34,7 @@ class Failures:
     Bonds that failed in one round, one row each.
 
     :ivar bond: row of the graph, (K,).
-    :ivar cause: `strength.Cause`, (K,) uint8.
+    :ivar cause: `causes.Cause`, (K,) uint8.
     :ivar utilisation: demand over capacity at failure, (K,).
     :ivar broken: True where the bond is gone, False where it only cracked, (K,) bool.
     :ivar had_cracked: True where it is gone after it had cracked in an earlier round, (K,) bool.
@@ -142,10 +142,10 @@ class Fracture:
         moving = np.zeros(graph.count + 1, bool)
         moving[adrift] = True
         moving = (moving[graph.first] | moving[graph.second]) & (share > 1.0)
-        cause[moving] = Cause.MECHANISM  # nothing to redistribute to: all around it go at once
+        cause[moving] = Cause.TENSION  # nothing to redistribute to: all around it go at once
         bonds = np.flatnonzero(chosen | moving)
         gone = ~(strength.opening(graph, bonds, wrench[bonds])[0] | self._dry[bonds])
-        gone |= ~np.isin(cause[bonds], (Cause.TENSION, Cause.SHEAR)) | graph.narrowed(bonds)
+        gone |= moving[bonds] | (cause[bonds] == Cause.COMPRESSION) | graph.narrowed(bonds)
         had_cracked = graph.cracked[bonds]
         solver.crack(bonds[~gone])
         solver.cut(bonds[gone], self.dynamic_factor)

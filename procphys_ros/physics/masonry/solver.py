@@ -149,7 +149,7 @@ class StressSolver:
         return self.equilibrium.wrenches(bonds)
 
     def utilisation(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give utilisation and `strength.Cause` of every bond, see `strength.utilisation`."""
+        """Give utilisation and cause of failure of every bond, see `strength.utilisation`."""
         return strength.utilisation(self.graph, self.wrenches())
 
     def set_loads(self, force: np.ndarray, moment: np.ndarray | None = None) -> None:

@@ -30,28 +30,18 @@ With f_t = 0 the first is eccentricity over kern: a dry bed opens once the resul
 middle third. What a bond does when its tension limit is passed is said in `opening`.
 """
 
-from enum import IntEnum
-
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry.graph import BondGraph, HUB, Patches
 
+_TENSION, _COMPRESSION = int(Cause.TENSION), int(Cause.COMPRESSION)  # for kernels
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
 _HOPELESS = 3.0     # utilisation that the breaking of others elsewhere will not bring below 1
 _LIGAMENT = 0.05    # least share of the whole side that may stay closed: less crushes away
 _BLOCK = 1e-3       # least side of the block that bears a resultant on the edge, of the patch
 _MARGIN = 0.95      # of the side that balances the resultant: utilisation 0.9 once opened
-
-
-class Cause(IntEnum):
-    """Why a bond fails."""
-
-    NONE = 0
-    TENSION = 1
-    SHEAR = 2
-    COMPRESSION = 3
-    MECHANISM = 4  # part of a piece that no equilibrium holds
 
 
 @kernel
@@ -73,12 +63,12 @@ def _utilise(alive, cracked, wrench, area, extent, tension, cohesion, friction, 
              cause):
     for m in range(len(alive)):
         out[m] = 0.0
-        cause[m] = 0
+        cause[m] = _TENSION
         if not alive[m]:
             continue
         if cracked[m]:
             out[m] = _crush(wrench[m], extent[m], compression[m])
-            cause[m] = 3 if out[m] > 0.0 else 0
+            cause[m] = _COMPRESSION
             continue
         pull = wrench[m, 2] / area[m]
         press = max(-pull, 0.0)
@@ -95,7 +85,7 @@ def _utilise(alive, cracked, wrench, area, extent, tension, cohesion, friction, 
         for c in range(3):
             if share[c] > out[m]:
                 out[m] = share[c]
-                cause[m] = c + 1
+                cause[m] = _TENSION + c  # tension, shear, compression: numbered in a row
 
 
 def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +94,8 @@ def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.nd
 
     :param graph: areas, extents and strengths.
     :param wrench: force and moment in the bond frame, tension positive [N, N·m], (M, 6).
-    :returns: utilisation, 1 at the limit, 0 for dead bonds, (M,), and the governing `Cause`, (M,).
+    :returns: utilisation, 1 at the limit, 0 for dead bonds, (M,), and what governs,
+        `causes.Cause`, (M,) uint8.
     """
     share = np.empty(len(graph))
     cause = np.empty(len(graph), np.uint8)

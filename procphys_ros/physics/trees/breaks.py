@@ -15,28 +15,23 @@
 
 """Breaks: which joints carry more than they can."""
 
-from enum import IntEnum
 import math
 
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees.spatial import KERNEL
 
-
-class Cause(IntEnum):
-    """Why a branch joint breaks."""
-
-    FORCE = 0    # transmitted force beyond `break_force`; load in N
-    TWIST = 1    # twisting moment beyond `break_torque`; load in N·m
-    BENDING = 2  # bending stress M/Z beyond `strength`; load in Pa
-    UPROOTING = 3  # moment at the ground beyond `root_moment`; load in N·m
+# By columns of the capacities; the loads are a force [N], a twisting moment [N·m], the bending
+# stress M/Z [Pa] and the moment at the ground [N·m].
+CAUSES = np.array([Cause.FORCE, Cause.TWIST, Cause.BENDING, Cause.UPROOTING])
 
 
 @kernel(**KERNEL)
-def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out, load_out):
+def find_overloads(rows, wrenches, frame, section, capacity, row_out, column_out, load_out):
     """
-    Fill in the overloaded rows with the cause that exceeds its capacity most.
+    Fill in the overloaded rows, with the column of the capacity that is exceeded most.
 
     :param rows: rows to test.
     :param wrenches: force and moment at the joints [N], [N·m], (S, 6).
@@ -63,7 +58,7 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, cause_out,
             if use > worst:
                 worst = use
                 row_out[found] = i
-                cause_out[found] = j
+                column_out[found] = j
                 load_out[found] = loads[j]
         found += 1
     return found

@@ -217,16 +217,16 @@ class Forest:
         """
         Find the joints that the last step loaded beyond what they can carry.
 
-        :returns: rows, causes (`Cause`), loads ([N], [N·m] or [Pa] by cause) and bond indices.
+        :returns: rows, `causes.Cause`, loads ([N], [N·m] or [Pa] by cause) and bond indices.
         """
         if self._stale:
             self._replan()
-        row, cause, load = self._found
+        row, column, load = self._found
         judged = self._plan.row if self._stepped is None else self._stepped
         count = breaks.find_overloads(judged, self._state.wrenches, self._state.frame,
-                                      self._section, self._capacity, row, cause, load)
+                                      self._section, self._capacity, row, column, load)
         rows = row[:count].copy()
-        return rows, cause[:count].copy(), load[:count].copy(), self.bonds[rows]
+        return rows, breaks.CAUSES[column[:count]], load[:count].copy(), self.bonds[rows]
 
     def subtree(self, row: int) -> np.ndarray:
         """Give the active rows that a row carries, itself included and first."""

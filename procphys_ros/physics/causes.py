@@ -1,0 +1,32 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Why bonds break: one list for trees and masonry, as `~/breaks` numbers them."""
+
+from enum import IntEnum
+
+
+class Cause(IntEnum):
+    """What broke a bond."""
+
+    FORCE = 0        # transmitted force above the limit of a branch's joint
+    TWIST = 1        # twisting moment above the limit of a branch's joint
+    BENDING = 2      # bending stress above the strength of the wood
+    TENSION = 3      # mortar pulled apart, or part of a mechanism that no equilibrium holds
+    SHEAR = 4        # mortar sheared off
+    COMPRESSION = 5  # mortar or unit crushed
+    IMPACT = 6       # struck by a projectile or by debris
+    BLAST = 7        # torn out by an explosion
+    DEMOLITION = 8   # cut by a timed charge
+    UPROOTING = 9    # root plate turned out of the ground
