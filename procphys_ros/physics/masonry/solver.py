@@ -126,22 +126,22 @@ class StressSolver:
 
     @property
     def graph(self) -> BondGraph:
-        """The bonds."""
+        """Give the bonds."""
         return self.equilibrium.graph
 
     @property
     def displacement(self) -> np.ndarray:
-        """Displacements of the parts [m, rad], world, (N + 1, 6), see `Equilibrium`."""
+        """Give the displacements of the parts [m, rad], world, (N + 1, 6), see `Equilibrium`."""
         return self.equilibrium.displacement
 
     @property
     def labels(self) -> np.ndarray:
-        """Component of each part, see `components.label`, (N,)."""
+        """Give the component of each part, see `components.label`, (N,)."""
         return self.equilibrium.labels
 
     @property
     def supported(self) -> np.ndarray:
-        """Parts that hold on to the ground, (N,) bool."""
+        """Mark the parts that hold on to the ground, (N,) bool."""
         return self.equilibrium.supported
 
     def wrenches(self, bonds: np.ndarray | None = None) -> np.ndarray:
