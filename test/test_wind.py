@@ -26,6 +26,7 @@ from procphys_ros.physics.wind import eddies, spectra, Wind, WindSettings
 
 SPEED = 10.0      # [m/s] mean wind of most tests
 INTENSITY = 0.2
+SEED = 3          # of the eddies
 RATIOS = {'kaimal': (1.0, 0.8, 0.5), 'von_karman': (1.0, 1.0, 1.0)}
 
 
@@ -37,7 +38,7 @@ def _settings(**changes):
 @pytest.fixture(scope='module', params=['kaimal', 'von_karman'])
 def wind(request):
     """Set up a wind along x with each spectrum."""
-    return Wind(_settings(spectrum=request.param), seed=3)
+    return Wind(_settings(spectrum=request.param), SEED)
 
 
 @pytest.fixture
@@ -145,7 +146,7 @@ def test_coherence_at_nodes_is_that_of_the_standard(wind, distance):
 
 def test_kernel_interpolates_as_scipy_does(wind):
     """Compare with tri-linear map_coordinates on the periodic boxes, variance restored."""
-    rng = np.random.default_rng(wind._seed)
+    rng = np.random.default_rng(SEED)
     spectrum = spectra.make(wind.settings.spectrum, 10.0)
     points = np.random.default_rng(9).uniform(-3000.0, 3000.0, (500, 3))
     wanted = np.zeros((500, 3))
@@ -214,7 +215,7 @@ def test_no_wind_comes_back_within_a_day(wind):
 
     A box is back along the wind after whole periods; slants have moved it aside by then.
     """
-    rng = np.random.default_rng(wind._seed)
+    rng = np.random.default_rng(SEED)
     boxes = eddies.make_boxes(spectra.make(wind.settings.spectrum, 10.0), rng)
     for box in boxes:
         laps = np.arange(1, int(24 * 3600 * 150.0 / box.period[0]) + 1)

@@ -138,5 +138,6 @@ class _Job:
             return
         if self.abandon():
             self._done(simulation)
+            simulation.wind.prepare()  # half a second, that no step is to take later
         else:
             simulation.close()

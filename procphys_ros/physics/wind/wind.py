@@ -16,6 +16,7 @@
 """The wind over a scene: mean, turbulence and gusts as one function of place and time."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,18 @@ class Reference(NamedTuple):
     gust: np.ndarray
 
 
+class _Boxes(NamedTuple):
+    """
+    Boxes of eddies as the kernel takes them.
+
+    :ivar boxes: a tuple per box.
+    :ivar periods: lengths after which they repeat themselves [m], (boxes, 3).
+    """
+
+    boxes: tuple
+    periods: np.ndarray
+
+
 class Wind:
     """
     Air velocity anywhere, at any time.
@@ -74,7 +87,6 @@ class Wind:
     def __init__(self, settings: WindSettings, seed: int = 0, record: Record = ()):
         self._seed = seed
         self._record = record
-        self._draw_eddies(settings)
         self.settings = settings
         self.reset()
 
@@ -93,10 +105,12 @@ class Wind:
 
         :param settings: the new ones; their velocity is what `reset` goes back to.
         """
-        old = self.settings
-        if (settings.spectrum, settings.reference_height) != (old.spectrum, old.reference_height):
-            self._draw_eddies(settings)
         self.settings = settings
+
+    def prepare(self) -> None:
+        """Draw the eddies now, if there are to be any, and not when they are first felt."""
+        if self.settings.turbulence_intensity > 0.0:
+            self._eddies()
 
     def set_velocity(self, velocity: Sequence[float], time: float, ramp: float = 0.0) -> None:
         """
@@ -176,12 +190,8 @@ class Wind:
             for strength, gusts in ((0.0, none), (intensity, none), (0.0, self._gusts)))
         return Reference(mean, turbulent - mean, gusty - mean)
 
-    def _draw_eddies(self, settings: WindSettings) -> None:
-        spectrum = spectra.make(settings.spectrum, settings.reference_height)
-        rng = np.random.default_rng(self._seed)
-        boxes = make_boxes(spectrum, rng)
-        self._boxes = tuple(_for_kernel(box) for box in boxes)
-        self._periods = np.array([box.period for box in boxes])
+    def _eddies(self) -> '_Boxes':
+        return _boxes(self.settings.spectrum, self.settings.reference_height, self._seed)
 
     def _fill(self, points: np.ndarray, time: float, out: np.ndarray, intensity: float,
               gusts: np.ndarray) -> np.ndarray:
@@ -196,12 +206,21 @@ class Wind:
         sigma = intensity * speed
         if sigma > 0.0:
             # Within a period, so that cells have small numbers however far the air has come.
-            travelled = np.mod(way * _SLANT, self._periods)
+            eddies = self._eddies()
+            travelled = np.mod(way * _SLANT, eddies.periods)
             kernel.add_eddies(points, out, axes, tuple(map(tuple, travelled.tolist())), sigma,
-                              self._boxes, profile)
+                              eddies.boxes, profile)
         if len(gusts):
             kernel.add_gusts(points, out, gusts, float(time), profile)
         return out
+
+
+@lru_cache(maxsize=2)
+def _boxes(spectrum: str, reference_height: float, seed: int) -> _Boxes:
+    """Draw the eddies, once for all winds of the same seed: 56 MB, never written to again."""
+    boxes = make_boxes(spectra.make(spectrum, reference_height), np.random.default_rng(seed))
+    return _Boxes(tuple(_for_kernel(box) for box in boxes),
+                  np.array([box.period for box in boxes]))
 
 
 def _front_speed(gust: Gust, mean: np.ndarray, direction: np.ndarray) -> float:
