@@ -24,7 +24,7 @@ run: warm
 warm: $(VENV)/.installed-run
 	$(BIN)/python -m procphys_ros.warm
 
-test: lint types pytest
+test: lint pytest  # types are among the tests
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check .

@@ -37,7 +37,7 @@ from procphys_ros.compilation.overloads import (
 )
 
 _BAR = 30  # characters
-_LOWEST_PRIORITY = 19
+_LOW_PRIORITY = 10  # 'nice': of a core that a simulation wants too it gets a tenth, not nothing
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -52,14 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--jobs', type=int, default=0, metavar='N',
                         help='processes that compile at once; 0 = one per core')
     parser.add_argument('--background', action='store_true',
-                        help='work with the lowest priority, first on what a node that is '
+                        help='work with low priority, first on what a node that is '
                              'starting needs last')
     options = parser.parse_args(arguments)
     if is_complete():
         print('all kernels are compiled')
         return 0
     if options.background:
-        os.nice(_LOWEST_PRIORITY)
+        os.nice(_LOW_PRIORITY)
     jobs = options.jobs or len(os.sched_getaffinity(0))
     return 0 if warm(jobs, options.background, sys.stdout) else 1
 
