@@ -19,4 +19,5 @@ import sys
 
 from procphys_ros.examples.command import main
 
-sys.exit(main())
+if __name__ == '__main__':
+    sys.exit(main())
