@@ -27,7 +27,9 @@ a simulation shows to everybody (poses, velocities, air):
   v = u / 2: ¼·c·(u + v₀)·u² per second, with the faster of the air at the beginning and the end of
   a step, and c = ½·ρ·C·A of bluff bodies;
 * impulses J on a part of mass m that moves at v: |J|·v + J²/2m, for no tree makes a part lighter;
-* projectiles: ½·m·v² when they are launched.
+* ground: a tree that was drawn into it is pushed out when it comes off, the faster the deeper it is;
+* projectiles: ½·m·v² when they are launched, and m·g times the height that they should have lost
+  in a step and have not: what the engine stops short of what it will hit goes on to fall faster.
 """
 
 import numpy as np
@@ -38,6 +40,8 @@ from procphys_ros.physics.air import AIR_DENSITY, CYLINDER_DRAG, LEAF_DRAG
 from procphys_ros.simulation import Simulation
 
 _BLUFF = 2.0  # [-] drag coefficient that no box exceeds
+_PUSH_OUT = 0.5  # [m/s] at most at which contacts push trees out of the ground ...
+_RECOVERY = 12.0  # [1/s] ... by its depth
 
 
 class EnergyLedger:
@@ -57,14 +61,17 @@ class EnergyLedger:
         self._known = len(simulation.blueprint)
         self._fallen = self._speed = np.empty(0)
         self._given = np.zeros(len(borders) + 1)
+        self._height: dict[int, float] = {}  # of projectiles [m]
         self._grow()
         self._air = self._wind()
         self._joints()
+        self._sunk = self._pushed_out()
 
     def launched(self, part: int, mass: float, speed: float) -> None:
         """Book a projectile [kg, m/s]."""
         self._grow()
         self._given[self._owner[part]] += 0.5 * mass * speed ** 2
+        self._height[part] = float(self._simulation.poses[part, 2])
 
     def struck(self, part: int, impulse: float) -> None:
         """Book an impulse on a part [N·s]; call this before it acts."""
@@ -87,9 +94,16 @@ class EnergyLedger:
         here = np.isfinite(simulation.poses[:, 2])  # what is gone stays fallen as far as it was
         fall = self._start[:, 2] - simulation.poses[:, 2]
         self._fallen[here] = (source.mass * self._gravity * fall)[here]
-        parts = simulation.events['part_b']
-        self._broken[self._owner[parts[source.shape[parts] == Shape.CAPSULE]]] = True
         self._note_joints()
+        parts = simulation.events['part_b']
+        came_off = np.unique(self._owner[parts[source.shape[parts] == Shape.CAPSULE]])
+        self._given[came_off] += self._sunk[came_off]
+        self._sunk[came_off] = 0.0
+        for part, before in self._height.items():
+            height = self._height[part] = float(simulation.poses[part, 2])
+            due = before + float(simulation.velocities[part, 2]) * simulation.time_step
+            self._given[self._owner[part]] += np.fmax(
+                float(source.mass[part]) * self._gravity * (height - due), 0.0)
 
     def kinetic(self) -> np.ndarray:
         """Add up the kinetic energy of each object [J], (K,)."""
@@ -106,11 +120,6 @@ class EnergyLedger:
     def bound(self) -> np.ndarray:
         """Give what the kinetic energy of each object may be at most [J], (K,)."""
         return self._given + self._sum(self._fallen) + self._sum_joints(self._preload)
-
-    @property
-    def broken(self) -> np.ndarray:
-        """Say which objects are trees that broke, (K,) bool."""
-        return self._broken
 
     def _sum_joints(self, values: np.ndarray) -> np.ndarray:
         return np.bincount(self._joint_owner, values, minlength=len(self._given))
@@ -144,6 +153,18 @@ class EnergyLedger:
         faces = _BLUFF * (x * y + y * z + z * x)
         return 0.5 * AIR_DENSITY * np.where(source.shape == Shape.CAPSULE, wood, faces)
 
+    def _pushed_out(self) -> np.ndarray:
+        """Give the kinetic energy of trees that the ground pushes out [J], (K,)."""
+        source = self._simulation.blueprint
+        size = source.solid_size(np.arange(len(source)))
+        radius, half = 0.5 * size[:, 0], 0.5 * np.maximum(size[:, 2] - size[:, 0], 0.0)
+        up = rotation.rotate(source.poses[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2]
+        depth = radius + half * np.abs(up) - source.poses[:, 2]
+        depth[source.shape != Shape.CAPSULE] = 0.0
+        deepest = np.zeros(len(self._given))
+        np.maximum.at(deepest, self._owner, depth)
+        return 0.5 * self._sum(source.mass) * np.minimum(_RECOVERY * deepest, _PUSH_OUT) ** 2
+
     def _joints(self) -> None:
         """Work out what every joint of a tree carries at rest."""
         source = self._simulation.blueprint
@@ -161,7 +182,6 @@ class EnergyLedger:
         self._moment = self._gravity * np.linalg.norm(arm[:, :2], axis=1)
         self._weight = self._gravity * above
         self._preload = np.zeros(len(above))
-        self._broken = np.zeros(len(self._given), bool)
         self._anchors = [rotation.relative(pose, self._frame) for pose in (
             source.poses[np.maximum(self._parent, 0)], source.poses[self._child])]
 

@@ -35,10 +35,6 @@ _ROOM = 10.0   # [m] between objects, beside what each reaches
 # A ball is stopped by a wall in a blow of its own before the world moves on (2 ms in one step).
 _SLACK = {'lsys': 1.02, 'wall': 1.1}
 _LEAST = 1e-3  # [J/kg]
-# Pieces that overlapped as branches of one tree push each other out when it has broken: 1 m/s,
-# and more where many do.
-_PUSHED = 0.5  # [J/kg]
-_BROKEN = 1.2
 
 
 def build(sample: Sample) -> Blueprint | None:
@@ -100,8 +96,7 @@ def _look(simulation: Simulation, ledger: EnergyLedger, slack: np.ndarray, mass:
                 ~np.isfinite(poses).all(axis=1) & ~np.isnan(poses).all(axis=1)).any():
             yield i, 'a pose or a velocity is not finite'
     kinetic, bound = ledger.kinetic(), ledger.bound()
-    share = np.where(ledger.broken, _BROKEN, slack)
-    allowed = share * np.maximum(bound, 0.0) + np.where(ledger.broken, _PUSHED, _LEAST) * mass
+    allowed = slack * np.maximum(bound, 0.0) + _LEAST * mass
     for i in np.flatnonzero(~(kinetic <= allowed)):
         yield int(i), f'kinetic energy {kinetic[i]:.6g} J, bound {bound[i]:.6g} J'
 

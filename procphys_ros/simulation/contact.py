@@ -21,7 +21,7 @@ from procphys_ros import rotation
 from procphys_ros.physics.touch import Partners, resolve
 from procphys_ros.physics.trees import ContactResponse
 from procphys_ros.physics.world import BodyState
-from procphys_ros.simulation import branch_loads, contact_pairs, trees
+from procphys_ros.simulation import branch_loads, contact_exclusions, contact_pairs, trees
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -44,8 +44,9 @@ def step(model: Model, state: State, dt: float) -> None:
 
     Contacts are solved before the step of the trees, with the masses that these really show
     there. Trees and bodies get equal and opposite impulses, so momentum is kept exactly. Branches
-    of one tree pass through each other, and so do those of different standing trees. Writes
-    `state.contacts`, the momentum of trees and bodies, and loads on walls.
+    of one tree pass through each other, and so do those of different standing trees, also when
+    they have come off, until they are apart (`contact_exclusions`). Writes `state.contacts`, the
+    momentum of trees and bodies, and loads on walls.
     """
     state.contacts = _solve_all(model, state, dt)
     branch_loads.update(model, state, dt)
@@ -58,7 +59,8 @@ def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
     for _ in range(_ROUNDS):
         around = contact_pairs.Surroundings(
             state.world, model.masonry.bricks, state.standing, state.parts.body,
-            model.trees.beside, model.trees.slack)
+            model.trees.beside, model.trees.slack,
+            contact_pairs.pair_keys(*contact_exclusions.colliders(state, state.excluded).T))
         pairs = contact_pairs.find(state.forest, model.trees.sizes, around, state.tree_bounds,
                                    trees.movers(state), dt)
         if not len(pairs.row):
@@ -187,8 +189,8 @@ def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: n
 
     A gap may close, but not more; what trees move by their old velocity takes part of it. Deep
     overlaps open. An impulse J does the work J·(v₀ + v₁)/2, v being the velocity of opening: so a
-    stiff twig that swings away from a body first, v₀ > 0, may come back as fast. Were it stopped,
-    v₁ = 0, it would throw the body off.
+    stiff twig that swings away from what it touches first, v₀ > 0, may come back as fast. Were it
+    stopped, v₁ = 0, it would throw a body off, or get energy from the ground.
 
     :param old: velocities of the bodies at the beginning of the step, (B, 6).
     """
@@ -203,5 +205,5 @@ def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: n
     body = old[partners.body[hit]]
     before[hit] -= body[:, :3] + np.cross(body[:, 3:], partners.arm[hit])
     opening = (before * pairs.normal).sum(axis=1)
-    swings_back = (partners.body >= 0) & (look.old_share[end] > 0.0) & (opening > 0.0)
+    swings_back = (look.old_share[end] > 0.0) & (opening > 0.0)
     return np.where(swings_back, np.minimum(least, 2.0 * out - opening), least)

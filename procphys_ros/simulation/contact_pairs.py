@@ -127,6 +127,7 @@ class Surroundings:
     :ivar standing: which parts still stand there, (N,) bool.
     :ivar body: id of each part's body, (N,).
     :ivar beside, slack: see `TreeModel`.
+    :ivar excluded: what does not meet, `pair_keys` of `contact_exclusions`, (K,).
     """
 
     world: World
@@ -135,6 +136,14 @@ class Surroundings:
     body: np.ndarray
     beside: np.ndarray
     slack: np.ndarray
+    excluded: np.ndarray
+
+
+def pair_keys(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Give a number to each pair of colliders (parts, or ~ids of bodies) in either order, (K,)."""
+    numbers = np.array([np.where(side < 0, -2 * side - 1, 2 * side) for side in (first, second)],
+                       np.int64)
+    return (numbers.min(axis=0) << 32) + numbers.max(axis=0)
 
 
 def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBounds,
@@ -164,7 +173,8 @@ def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBo
             chosen = np.flatnonzero(free | beside)
             tables.append((_entries(plan.start, chosen), around.bricks.within(
                 bounds.trees[chosen], around.standing, around.body)))
-        found += [_meet(forest, sizes, near, table, bounds.segments, around.slack, time_step)
+        found += [_meet(forest, sizes, near, table, bounds.segments, around.slack, time_step,
+                        around.excluded)
                   for near, table in tables if len(near) and len(table.row)]
     joined = Pairs(*(np.concatenate(columns) for columns in
                      zip(*(vars(pairs).values() for pairs in found))))
@@ -199,7 +209,7 @@ def survey(forest: Forest, sizes: np.ndarray, bricks: Bricks) -> tuple[np.ndarra
         if len(trees):
             entries = _entries(plan.start, trees)
             touching.append(_meet(forest, sizes, entries, bricks.within(bounds[entries]), bounds,
-                                  slack, 0.0))
+                                  slack, 0.0, np.zeros(0, np.int64)))
     for pairs in touching:
         np.minimum.at(slack, pairs.row, pairs.gap)
     return beside, slack
@@ -233,7 +243,8 @@ def _branches_near(forest: Forest, sizes: np.ndarray, trees: np.ndarray,
 
 
 def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacles,
-          bounds: np.ndarray, slack: np.ndarray, time_step: float) -> Pairs:
+          bounds: np.ndarray, slack: np.ndarray, time_step: float,
+          excluded: np.ndarray) -> Pairs:
     """Look where segments, entries of the plan, may touch what is near them."""
     plan = forest.plan
     a, piece = overlaps(bounds[entries], table.bounds(_AHEAD * time_step, _ROOM))
@@ -244,6 +255,11 @@ def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacl
         first, second = forest.roots(row[branch]), forest.roots(other[branch])
         keep = np.ones(len(row), bool)
         keep[branch] = (first != second) & ((first < second) | ~forest.is_free(second))
+        row, piece = row[keep], piece[keep]
+    if len(excluded):
+        other = table.row[piece]
+        other = np.where(other >= 0, forest.parts[other], ~table.body[piece])
+        keep = ~np.isin(pair_keys(forest.parts[row], other), excluded)
         row, piece = row[keep], piece[keep]
     found = meet(row, forest.poses, sizes, forest.velocities, piece, table.shape, table.pose,
                  table.size, table.velocity, time_step)

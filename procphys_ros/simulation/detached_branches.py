@@ -18,7 +18,7 @@
 import numpy as np
 
 from procphys_ros.physics.trees import CAUSES
-from procphys_ros.simulation import fragments
+from procphys_ros.simulation import contact_exclusions, fragments
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -37,10 +37,15 @@ def step(model: Model, state: State, dt: float) -> None:
     Make lying branches rigid, and break the joints that the last step of the trees overloaded.
 
     Of each root-to-tip path the worst joint breaks first; what lies above and below it is judged
-    again in the next step, when the load that broke it is gone. Writes the forest, and releases
-    what is small. Poses, momentum and angular momentum are kept.
+    again in the next step, when the load that broke it is gone. Writes the forest and
+    `state.excluded`, and releases what is small. Poses, momentum and angular momentum are kept.
     """
     make_rigid(model, state, dt)
+    _break_joints(model, state)
+    contact_exclusions.update(model, state)
+
+
+def _break_joints(model: Model, state: State) -> None:
     forest = state.forest
     rows, causes, loads, bonds = forest.overloaded()
     if not len(rows):
@@ -81,6 +86,7 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
 def release_branch(model: Model, state: State, row: int) -> None:
     """Make a branch from a row of the forest on one rigid body."""
     forest = state.forest
+    contact_exclusions.add_branch(model, state, row)
     rows, poses, velocities = forest.detach(row)
     parts = forest.parts[rows]
     state.parts.poses[parts] = poses  # what was shown may lie between two steps
@@ -92,6 +98,7 @@ def _stays_flexible(model: Model, state: State, row: int) -> bool:
     forest = state.forest
     if len(forest.free_roots) >= MOST or len(forest.subtree(row)) < SMALLEST:
         return False
+    contact_exclusions.add_branch(model, state, row)
     forest.release(row)
     return True
 

@@ -25,7 +25,7 @@ from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.dust import motion_energy
 from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.world import BodyState, Contacts
-from procphys_ros.simulation import debris_loads, fragments, glass
+from procphys_ros.simulation import contact_exclusions, debris_loads, fragments, glass
 from procphys_ros.simulation.contact_forces import BodyContacts, spread
 from procphys_ros.simulation.masonry import RUBBLE_CONTACT
 from procphys_ros.simulation.model import Model
@@ -89,6 +89,7 @@ def step(model: Model, state: State, dt: float) -> None:
         for blow, result in broken:
             _record(model, state, blow, result)
             if len(result.pieces) > 1:
+                contact_exclusions.add_split(state, result.pieces)
                 fragments.split(state, blow.body, result.pieces)
     if glass.shatter_loose(model, state) or broken or found:
         fragments.write_poses(model, state, dt)

@@ -268,6 +268,7 @@ class State:
     :ivar loads: on what stands.
     :ivar charges: armed: time [s], place [m] and radius [m] of each, by time.
     :ivar wrenches: lasting force and torque per part [N], [N·m].
+    :ivar excluded: pairs of parts that do not meet, see `contact_exclusions`, (K, 2).
     :ivar added: objects that users added and did not remove, where they were placed, by name.
     :ivar removed: names of the objects that users removed.
     """
@@ -305,6 +306,7 @@ class State:
     charges: list[tuple[float, np.ndarray, float]] = field(default_factory=list)
     wrenches: dict[int, np.ndarray] = field(default_factory=dict)
     skyline: SkylineState = field(default_factory=SkylineState)
+    excluded: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.intp))
     blueprints: list[Blueprint] = field(default_factory=list)
     added: dict[str, Blueprint] = field(default_factory=dict)
     removed: list[str] = field(default_factory=list)

@@ -90,6 +90,8 @@ class BulletEngine:
         self._time_step = 0.0
         self._has_removed = False
         self._shapes: dict[tuple, int] = {}
+        self._states: dict[int, BodyState] = {}  # by PyBullet's ids, as collisions know them
+        self._rules: dict[int, dict[int, bool]] = {}  # whether a pair of them is excluded
         self._handles = np.full(0, -1)  # PyBullet's id of each body
         self._ids = np.full(0, -1)  # and the other way round
         self._visual = pybullet.createVisualShape(
@@ -246,6 +248,28 @@ class BulletEngine:
     def _set_filter(self, handle: int, state: BodyState) -> None:
         pybullet.setCollisionFilterGroupMask(handle, -1, *COLLISION_FILTERS[state],
                                              physicsClientId=self._client)
+        self._states[handle] = state
+        for other in self._rules.get(handle, ()):
+            self._set_rule(handle, other)
+
+    def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
+        """
+        Let pairs of bodies pass through each other, or meet again, (K, 2) ids.
+
+        PyBullet keeps a rule for a pair for ever, also for later bodies of the same numbers, and
+        asks no masks where it has one.
+        """
+        for one, other in self._handles[pairs].tolist():
+            self._rules.setdefault(one, {})[other] = excluded
+            self._rules.setdefault(other, {})[one] = excluded
+            self._set_rule(one, other)
+
+    def _set_rule(self, one: int, other: int) -> None:
+        (group, mask), (group_, mask_) = (COLLISION_FILTERS[self._states[handle]]
+                                          for handle in (one, other))
+        meet = not self._rules[one][other] and bool(group & mask_) and bool(group_ & mask)
+        pybullet.setCollisionFilterPair(one, other, -1, -1, int(meet),
+                                        physicsClientId=self._client)
 
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out, (K,) ids."""

@@ -84,6 +84,9 @@ class Engine(Protocol):
     def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
         """Sweep spheres of these radii [m] along the steps of plain bodies, (K,); 0 = do not."""
 
+    def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
+        """Let pairs of bodies pass through each other, or meet again, (K, 2) ids."""
+
     def step(self, time_step: float) -> None:
         """Let time pass [s]."""
 

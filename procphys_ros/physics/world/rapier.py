@@ -41,6 +41,7 @@ ITERATIONS = 4  # substeps of the contact solver
 _LARGEST_SPEED = 1e4  # [m/s] rapier's own limit is 400
 _REGULAR = 1e-6  # share of the largest entry, for bodies that only touch each other
 _SAME = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # a pose
+_FREE = rapier3d.JointAxesMask.empty()  # a joint that holds nothing
 _GROUPS = {state: rapier3d.InteractionGroups(rapier3d.Group(group), rapier3d.Group(mask))
            for state, (group, mask) in COLLISION_FILTERS.items()}
 
@@ -68,6 +69,7 @@ class RapierEngine:
         self._bodies: dict[int, rapier3d.RigidBody] = {}
         self._handles: dict[int, rapier3d.RigidBodyHandle] = {}
         self._pieces: dict[int, Pieces] = {}
+        self._joints: dict[tuple[int, int], rapier3d.ImpulseJointHandle] = {}  # see `set_excluded`
         self._owners: dict[int, tuple[int, np.ndarray]] = {}  # of colliders: body, pose in it
         self._time_step = 1.0 / 60.0
         self._mass = np.zeros(0)  # [kg], infinite while immovable
@@ -107,6 +109,17 @@ class RapierEngine:
             self._bodies[body] = self._world.rigid_bodies[handle]
             for owned, pose in zip(self._bodies[body].colliders, poses):
                 self._owners[owned.index] = body, np.array(pose)
+
+    def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
+        """Let pairs of bodies pass through each other, or meet again, (K, 2) ids."""
+        joints = self._world.impulse_joints
+        for one, other in pairs.tolist():
+            if excluded:
+                self._joints[one, other] = joints.insert(
+                    self._handles[one], self._handles[other],
+                    rapier3d.GenericJoint.builder(_FREE).contacts_enabled(False), True)
+            else:
+                joints.remove(self._joints.pop((one, other)), True)
 
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out, (K,) ids."""

@@ -63,6 +63,7 @@ class World:
         self._contacts: Contacts | None = None
         self._lifts = self._point_contacts = np.zeros((0, 13))
         self._places = np.zeros((0, 3))
+        self._excluded = np.zeros((0, 2), np.intp)
         self._time_step, self._since_check = 1.0 / 60.0, 0.0
         self._engine.add(self._bodies, self._bodies.add_ground(friction))
 
@@ -208,6 +209,7 @@ class World:
         """Take bodies out; what rested on them is set free. Their ids may be given again."""
         ids = np.atleast_1d(ids)
         carried = self._supports.carried_by(ids)
+        self.exclude_contacts(self._excluded[~np.isin(self._excluded, ids).any(axis=1)])
         self._bodies.remove(ids)
         self._supports.drop(self._bodies.state)
         self._engine.remove(ids)
@@ -271,6 +273,21 @@ class World:
             self.thaw(np.array([body]))
         change = self._bodies.velocity_change(body, impulse, point, angular)
         self.set_velocities(np.array([body]), self._bodies.velocities[[body]] + change)
+
+    def exclude_contacts(self, pairs: np.ndarray) -> None:
+        """
+        Choose the bodies that pass through each other; all others meet.
+
+        :param pairs: two ids each, the lower one first, in lexicographic order, (K, 2).
+        """
+        if not len(pairs) and not len(self._excluded):
+            return
+        known = {tuple(pair) for pair in self._excluded.tolist()}
+        wanted = {tuple(pair) for pair in pairs.tolist()}
+        for some, excluded in ((known - wanted, False), (wanted - known, True)):
+            if some:
+                self._engine.set_excluded(np.array(sorted(some)), excluded)
+        self._excluded = np.array(pairs, np.intp).reshape(-1, 2)
 
     def contacts(self) -> Contacts:
         """Give the contacts of the last step; ask before bodies are changed."""
@@ -368,6 +385,7 @@ class World:
         return arrays | {
             'gravity': self._gravity.copy(), 'lifts': self._lifts.copy(),
             'point_contacts': self._point_contacts.copy(), 'places': self._places[:used].copy(),
+            'excluded': self._excluded.copy(),
             'clocks': np.array([self._time_step, self._since_check])}
 
     @classmethod
@@ -384,6 +402,7 @@ class World:
         world._contacts = Contacts(**_group(arrays, 'contacts.'))
         world._lifts, world._places = arrays['lifts'].copy(), arrays['places'].copy()
         world._point_contacts = arrays['point_contacts'].copy()
+        world._excluded = arrays['excluded'].copy()
         world._time_step, world._since_check = arrays['clocks'].tolist()
         world.rebuild()
         return world
@@ -393,6 +412,7 @@ class World:
         self.contacts()  # the engine forgets those of the last step
         self._engine.clear()
         self._engine.add(self._bodies, self._bodies.ids)
+        self._engine.set_excluded(self._excluded, True)
 
 
 def _group(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

@@ -1,0 +1,112 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Contact exclusions: pieces of trees that overlapped when they came off, until they are apart.
+
+Branches of one tree pass through each other, and so do the crowns of different standing trees.
+What comes off meets both from then on; where it is inside of them then, contact would throw it
+out, with energy from nothing.
+
+Segments and rigid bodies are excluded in pairs, see `colliders`: a body takes part with all its
+parts, since engines exclude whole bodies, and a pair is kept as long as any of them overlap.
+"""
+
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.physics.touch import capsule_bounds, meet, overlaps, piece_bounds
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State
+
+
+def update(model: Model, state: State) -> None:
+    """Let pieces that are apart by now meet; writes `state.excluded` and tells the engine."""
+    if not len(state.excluded):
+        state.world.exclude_contacts(state.excluded)
+        return
+    here = (state.parts.owner[state.excluded] != Owner.GONE).all(axis=1)
+    pairs = np.unique(colliders(state, state.excluded[here]), axis=0)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    first, second = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
+    for one, other in pairs.tolist():
+        own, others = _members(state, one), _members(state, other)
+        first.append(np.repeat(own, len(others)))
+        second.append(np.tile(others, len(own)))
+    state.excluded = _overlapping(state, np.concatenate(first), np.concatenate(second))
+    pairs = colliders(state, state.excluded)
+    bodies = ~pairs[(pairs < 0).all(axis=1)]
+    state.world.exclude_contacts(np.unique(np.sort(bodies, axis=1), axis=0))
+
+
+def add_branch(model: Model, state: State, row: int) -> None:
+    """
+    Exclude what a branch is inside of; call this before it comes off.
+
+    :param row: of the forest, the first one of the branch.
+    """
+    forest = state.forest
+    rows = forest.subtree(row)
+    root, roots = int(forest.roots(rows[:1])[0]), forest.roots(forest.plan.row)
+    passed = roots == root
+    if not forest.is_free(np.array([root]))[0]:
+        passed |= ~forest.is_free(roots)
+    others = np.setdiff1d(forest.plan.row[passed], rows)
+    sizes, still = model.trees.sizes, np.zeros_like(forest.velocities)
+    bounds = [capsule_bounds(some, forest.poses, sizes, still, 0.0, 0.0)
+              for some in (rows, others)]
+    own, other = overlaps(*bounds)
+    found = _overlapping(state, forest.parts[rows[own]], forest.parts[others[other]])
+    state.excluded = np.concatenate([state.excluded, found])
+
+
+def add_split(state: State, pieces: list[np.ndarray]) -> None:
+    """
+    Exclude the pieces of a rigid branch that are inside of each other; bricks are not.
+
+    :param pieces: parts of each, (P,).
+    """
+    wood = [parts[state.parts.shape[parts] == Shape.CAPSULE] for parts in pieces]
+    for i, own in enumerate(wood):
+        others = np.concatenate([np.zeros(0, np.intp), *wood[i + 1:]])
+        found = _overlapping(state, np.repeat(own, len(others)), np.tile(others, len(own)))
+        state.excluded = np.concatenate([state.excluded, found])
+
+
+def colliders(state: State, parts: np.ndarray) -> np.ndarray:
+    """Name what parts of any shape collide as: themselves, or ~id of the body they belong to."""
+    return np.where(state.parts.owner[parts] == Owner.BODY, ~state.parts.body[parts], parts)
+
+
+def _members(state: State, collider: int) -> np.ndarray:
+    return np.array([collider]) if collider >= 0 else state.bodies.parts_of(~collider)
+
+
+def _overlapping(state: State, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Choose the pairs of parts that overlap, (K, 2)."""
+    parts = state.parts
+    chosen, place = np.unique(np.concatenate([first, second]), return_inverse=True)
+    poses, sizes, shapes = parts.poses[chosen], parts.solid_size[chosen], parts.shape[chosen]
+    tree = np.flatnonzero(parts.owner[chosen] == Owner.TREE)
+    poses[tree] = state.forest.poses[parts.row[chosen[tree]]]  # those shown may lie behind
+    still = np.zeros((len(chosen), 6))
+    bounds = piece_bounds(shapes, poses, sizes, still, 0.0, 0.0)
+    one, other = place[:len(first)], place[len(first):]
+    near = np.flatnonzero((bounds[one, :3] < bounds[other, 3:]).all(axis=1)
+                          & (bounds[other, :3] < bounds[one, 3:]).all(axis=1))
+    found = meet(one[near], poses, sizes, still, other[near], shapes, poses, sizes, still, 0.0)
+    inside = near[np.unique(found.pair[found.gap < 0.0])]
+    return np.column_stack([first[inside], second[inside]])
