@@ -19,6 +19,8 @@ from threading import Event
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped, WrenchStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from node_process import Client, PARTS, SAPLING, values_of
 import pytest
 from rcl_interfaces.msg import Log
@@ -32,9 +34,11 @@ from std_srvs.srv import Trigger
 import yaml
 
 from procphys_ros.errors import SceneError
+from procphys_ros.ros import building
 from procphys_ros.ros.commands import Command
 from procphys_ros.ros.managed import ManagedSimNode
 from procphys_ros.ros.node import banner, SimNode
+from procphys_ros.scene import Scene
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 WEAK = SAPLING.replace('DampingRatio', 'Strength(1e6) DampingRatio')
@@ -224,6 +228,47 @@ def test_a_manager_leads_a_managed_node(client):
     node.set_parameters([Parameter('post.grammar_text', value=SAPLING)])
     assert node.trigger_configure() == SUCCESS and node.trigger_shutdown() == SUCCESS
     assert node.loop.ended.done()
+    end(node)
+
+
+def test_a_managed_node_answers_while_it_configures(client, monkeypatch):
+    """Say that it configures while a scene is built, refuse a second transition, and cancel."""
+    held = Event()
+
+    class Held:
+        @staticmethod
+        def from_parameters(parameters):
+            held.wait()
+            return Scene.from_parameters(parameters)
+
+    monkeypatch.setattr(building, 'Scene', Held)
+    node = made(ManagedSimNode, ('-r', '__node:=led'))
+    client.host(node)
+
+    def change(label):
+        changes = client.node.create_client(ChangeState, '/led/change_state')
+        client.spin_until(changes.service_is_ready, 'the service')
+        return changes.call_async(ChangeState.Request(transition=Transition(label=label)))
+
+    def state():
+        return client.call(GetState, '/led/get_state', GetState.Request()).current_state.label
+
+    def is_done(future):
+        client.spin_until(future.done, 'its answer')
+        return future.result().success
+
+    try:
+        configured = change('configure')
+        client.spin_until(lambda: node.builder.activity.now(), 'the building')
+        assert state() == 'configuring' and not configured.done()
+        assert not is_done(change('activate'))
+        assert client.call(Trigger, '/led/cancel_reload', Trigger.Request()).success
+        assert not is_done(configured) and state() == 'unconfigured'
+    finally:
+        held.set()
+    assert is_done(change('configure')) and state() == 'inactive'
+    assert is_done(change('activate')) and state() == 'active'
+    assert is_done(change('shutdown')) and node.loop.ended.done()
     end(node)
 
 

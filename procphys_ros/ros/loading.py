@@ -52,22 +52,25 @@ class Loading:
         self._session = session
         self._spawning: list[Thread] = []
         self._stopped = False
+        self._is_first_needed = False
 
     def load_first(self, failed: Callable[[Exception], None],
-                   answer: Callable[[bool, str], None] = lambda success, message: None) -> None:
+                   answer: Callable[[bool, str], None] | None = None) -> None:
         """
         Begin to load the first scene.
 
         :param failed: called with ProcPhysError, in another thread, when it cannot be built.
-        :param answer: told, in another thread, when it runs.
+        :param answer: told, in another thread, when it runs; who waits for that can cancel it.
         """
         def fail(error: Exception) -> None:
             lasting = SceneError(describe(error))
             lasting.__cause__ = error
             failed(lasting)
 
+        self._is_first_needed = answer is None
+        told = answer or (lambda success, message: None)
         self._builder.build(self._parameters.nested(),
-                            lambda simulation: self._hand_over(simulation, answer), fail)
+                            lambda simulation: self._hand_over(simulation, told), fail)
 
     def reload(self, answer: Callable[[bool, str], None]) -> None:
         """
@@ -138,11 +141,11 @@ class Loading:
 
         :raises CommandError: when nothing is.
         """
-        if not self._session.has_scene:
+        if self._is_first_needed and not self._session.has_scene:
             raise CommandError('the first scene cannot be cancelled; end the node instead')
         self._builder.cancel()
         self._queue.take('cancel_reload')
-        answer(True, 'cancelled' + _STAYS)
+        answer(True, 'cancelled' + (_STAYS if self._session.has_scene else ''))
 
     def _hand_over(self, simulation: Simulation, answer: Callable[[bool, str], None]) -> None:
         self._queue.call(Command(RELOAD, lambda: self._session.adopt(simulation), answer))

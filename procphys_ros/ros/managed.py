@@ -17,15 +17,18 @@
 
 from collections.abc import Callable
 from queue import Empty, Queue
+from typing import Any
 
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 
 from procphys_ros.ros.commands import Command
 from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.pacing import RateLimiter
+from procphys_ros.ros.services import Answer
 
 _LOOK = 0.05  # [s] between looks at whether ROS is still there
+_SERVICE = 'change_state'
 
 
 class ManagedSimNode(LifecycleNodeMixin, SimNode):
@@ -33,40 +36,76 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
     Simulates a scene as `SimNode` does, in the states of managed nodes.
 
     Unconfigured: there is no scene. Inactive: the scene is built and time stands still. Active:
-    time passes. Each transition answers when it is done; `configure` fails when the scene cannot
-    be built, with the reason in the log. `~/set_pause` works in any state.
+    time passes. Each transition answers when it is done, and all other services meanwhile;
+    `configure` fails when the scene cannot be built, with the reason in the log, or when
+    `~/cancel_reload` cancels it. `~/set_pause` works in any state.
     """
 
     def __init__(self, **options):
         SimNode.__init__(self, **options)
-        LifecycleNodeMixin.__init__(self, callback_group=MutuallyExclusiveCallbackGroup())
+        LifecycleNodeMixin.__init__(self, callback_group=self._answers.group)
+        self._works: dict[str, Callable[[Answer], None]] = {
+            'configuring': self._configure,
+            'activating': self._command('activate', lambda: self.session.set_pause(False)),
+            'deactivating': self._command('deactivate', lambda: self.session.set_pause(True)),
+            'cleaningup': self._command('cleanup', self._drop_scene),
+            'shuttingdown': self._shut_down}
+        # rclpy's own would keep the executor from everything else until a transition is done.
+        self._service_change_state.callback = self._change_state
+
+    async def _change_state(self, request: ChangeState.Request,
+                            response: ChangeState.Response) -> ChangeState.Response:
+        """Make a transition, and answer when it is done."""
+        machine: Any = self._state_machine
+        wanted, state = request.transition, machine.current_state[1]
+        response.success = False
+        try:
+            machine.trigger_transition_by_id(
+                machine.get_transition_by_label(wanted.label) if wanted.label else wanted.id, True)
+        except RuntimeError:  # RCLError
+            self.commands.reject(_SERVICE, f'there is no transition "{wanted.label or wanted.id}" '
+                                           f'while the node is {state}')
+            return response
+        work = self._works[machine.current_state[1]]
+        response.success, message = await self._answers.wait_for(_SERVICE, work)
+        if not response.success:
+            self.get_logger().error(message)
+        machine.trigger_transition_by_label(_code(response.success).to_label(), True)
+        return response
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the scene of the present parameters."""
-        def begin(answer: Callable[[bool, str], None]) -> None:
-            self._loading.load_first(lambda error: answer(False, str(error)), answer)
-        return self._wait_for(begin)
+        return self._wait_for(self._works['configuring'])
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let time pass."""
-        return self._have_done('activate', lambda: self.session.set_pause(False))
+        return self._wait_for(self._works['activating'])
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let time stand still."""
-        return self._have_done('deactivate', lambda: self.session.set_pause(True))
+        return self._wait_for(self._works['deactivating'])
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Do away with the scene."""
-        return self._have_done('cleanup', self._drop_scene)
+        return self._wait_for(self._works['cleaningup'])
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """End the node."""
-        self.loop.ended.set_result(None)
-        return TransitionCallbackReturn.SUCCESS
+        return self._wait_for(self._works['shuttingdown'])
 
     def _begin(self) -> None:
         """Wait to be configured."""
         self.session.paused = True
+
+    def _configure(self, answer: Answer) -> None:
+        self._loading.load_first(lambda error: answer(False, str(error)), answer)
+
+    def _command(self, name: str, act: Callable[[], str]) -> Callable[[Answer], None]:
+        return lambda answer: self.commands.call(Command(name, act, answer))
+
+    def _shut_down(self, answer: Answer) -> None:
+        self.loop.ended.set_result(None)
+        answer(True, 'the node ends')
 
     def _drop_scene(self) -> str:
         self.session.close()
@@ -75,12 +114,8 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
         self._output.end_scene()
         return 'no scene'
 
-    def _have_done(self, name: str, act: Callable[[], str]) -> TransitionCallbackReturn:
-        return self._wait_for(lambda answer: self.commands.call(Command(name, act, answer)))
-
-    def _wait_for(self, begin: Callable[[Callable[[bool, str], None]], None]
-                  ) -> TransitionCallbackReturn:
-        """Begin with something and wait for its end; rclpy has no transitions that are awaited."""
+    def _wait_for(self, begin: Callable[[Answer], None]) -> TransitionCallbackReturn:
+        """Begin with something and wait for its end, as callers of `trigger_configure` do."""
         answers: Queue[tuple[bool, str]] = Queue()
         status = RateLimiter(1.0)
         begin(lambda success, message: answers.put((success, message)))
@@ -91,8 +126,11 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
                 if status.is_due():
                     self._report()
                 continue
-            if success:
-                return TransitionCallbackReturn.SUCCESS
-            self.get_logger().error(message)
-            return TransitionCallbackReturn.FAILURE
+            if not success:
+                self.get_logger().error(message)
+            return _code(success)
         return TransitionCallbackReturn.ERROR
+
+
+def _code(success: bool) -> TransitionCallbackReturn:
+    return TransitionCallbackReturn.SUCCESS if success else TransitionCallbackReturn.FAILURE

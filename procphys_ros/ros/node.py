@@ -153,7 +153,7 @@ class SimNode(Node):
         loading = Loading(self.builder, self.commands, self.parameters, self.session)
         create_services(self, answers, requests, loading)
         simulation_interfaces.offer(self, answers, self.session, loading.begin_spawn)
-        self._loading = loading
+        self._loading, self._answers = loading, answers
 
     def _start(self) -> None:
         """Begin with everything that runs by itself."""
