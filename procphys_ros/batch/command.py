@@ -16,8 +16,9 @@
 """Executable `batch`: many runs of a scene without anyone watching, a row of a table each."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from functools import cache
 import math
 import os
 from pathlib import Path
@@ -31,6 +32,7 @@ from procphys_ros.batch.table import check_format, Table
 from procphys_ros.batch.workers import dask_cluster, processes, Workers
 from procphys_ros.command_line.bar import Bar
 from procphys_ros.errors import ProcPhysError
+from procphys_ros.warning_lines import print_warning, told_to
 
 _EXAMPLES = """\
 values: name=[v, …] in YAML, name=v,v,…, or name=first..last/number
@@ -57,9 +59,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, _interrupt)
+    warn = cache(print_warning)  # what many runs are warned of is told once
     try:
         check_format(options.out)
-        sweep = Sweep.read(options.scene, options.vary, options.seeds, options.duration)
+        with told_to(warn):
+            sweep = Sweep.read(options.scene, options.vary, options.seeds, options.duration)
         table = Table(options.out, sweep.columns, sweep.digest)
     except ProcPhysError as error:
         print(f'batch: {error}', file=sys.stderr)
@@ -71,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     code = 0
     try:
         with workers as work, Bar(f'batch {options.out.name}', sys.stderr) as bar:
-            failed = _work(sweep, table, work, bar)
+            failed = _work(sweep, table, work, bar, warn)
     except ProcPhysError as error:
         failed.append(str(error))
     except KeyboardInterrupt:
@@ -85,13 +89,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code or int(bool(failed))
 
 
-def _work(sweep: Sweep, table: Table, work: Workers, bar: Bar) -> list[str]:
+def _work(sweep: Sweep, table: Table, work: Workers, bar: Bar,
+          warn: Callable[[str], None]) -> list[str]:
     """Have the runs that are missing carried out, and give why some could not be."""
     missing = {run.number: (values, run) for values, run in sweep.runs()
                if run.number not in table.done}
     bar.show(len(table.done), len(sweep))
     failed = []
-    for number, measures, reason in work([run for _, run in missing.values()]):
+    for number, measures, reason, warned in work([run for _, run in missing.values()]):
+        for line in warned:
+            warn(line)
         if measures is None:
             failed.append(reason)
         else:

@@ -27,9 +27,10 @@ from typing import Any
 
 from procphys_ros.batch.run import Run, run
 from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.warning_lines import told_to
 
-Outcome = tuple[int, dict[str, float] | None, str]
-"""Number of a run, its measures or None, and what went wrong."""
+Outcome = tuple[int, dict[str, float] | None, str, list[str]]
+"""Number of a run, its measures or None, what went wrong, and what it was warned of."""
 Workers = Callable[[Iterable[Run]], Iterator[Outcome]]
 
 _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS')
@@ -37,12 +38,14 @@ _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS')
 
 def attempt(what: Run) -> Outcome:
     """Carry a run out; what goes wrong in it is told, and ends nothing else."""
+    warned: list[str] = []
     try:
-        return what.number, run(what), ''
+        with told_to(warned.append):
+            return what.number, run(what), '', warned
     except ProcPhysError as error:
-        return what.number, None, str(error)
+        return what.number, None, str(error), warned
     except Exception as error:
-        return what.number, None, f'internal error, {type(error).__name__}: {error}'
+        return what.number, None, f'internal error, {type(error).__name__}: {error}', warned
 
 
 def _end_with_parent() -> None:

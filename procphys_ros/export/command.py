@@ -23,6 +23,7 @@ from typing import NoReturn
 from procphys_ros.command_line.bar import Bar
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.scene import Scene
+from procphys_ros.warning_lines import print_warning, told_to
 
 _FPS = 30.0
 
@@ -47,13 +48,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     try:
         check_target(options.out)
-        scene = Scene.from_yaml(options.scene)
-        with Bar(f'export {options.out.name}', sys.stderr) as bar:
-            if options.animate is None:
-                export(scene, options.out, options.time, bar.show)
-            else:
-                start, end = options.animate
-                export_animation(scene, options.out, start, end, options.fps, bar.show)
+        with told_to(print_warning):
+            scene = Scene.from_yaml(options.scene)
+            with Bar(f'export {options.out.name}', sys.stderr) as bar:
+                if options.animate is None:
+                    export(scene, options.out, options.time, bar.show)
+                else:
+                    start, end = options.animate
+                    export_animation(scene, options.out, start, end, options.fps, bar.show)
     except ProcPhysError as error:
         print(f'export: {error}', file=sys.stderr)
         return 1

@@ -35,6 +35,7 @@ from procphys_ros.render.writers import check_output, FILMS, is_series, open_wri
 from procphys_ros.scene import Scene
 from procphys_ros.scene.scenery import CameraSettings
 from procphys_ros.scene.sources import load_grammar
+from procphys_ros.warning_lines import print_warning, told_to
 
 _GRAMMARS = ('.lsys', '.wall')
 _SCENES = ('.yaml', '.yml')
@@ -60,17 +61,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     try:
         check_output(options.out)
-        scene = _scene(options)
-        camera = _camera_settings(scene, options)
-        if options.out.suffix.lower() in FILMS or is_series(options.out):
-            return _film(scene, camera, options)
-        if options.end is not None:
-            raise SceneError(f'--to: "{options.out}" is one picture; a series is called '
-                             'frames/%04d.png')
-        _picture(scene, camera, options)
+        with told_to(print_warning):
+            return _draw(_scene(options), options)
     except (ProcPhysError, RenderUnavailableError, OSError) as error:
         print(f'render: {error}', file=sys.stderr)
         return 1
+
+
+def _draw(scene: Scene, options: argparse.Namespace) -> int:
+    """Draw a picture, or a film; give the exit code."""
+    camera = _camera_settings(scene, options)
+    if options.out.suffix.lower() in FILMS or is_series(options.out):
+        return _film(scene, camera, options)
+    if options.end is not None:
+        raise SceneError(f'--to: "{options.out}" is one picture; a series is called '
+                         'frames/%04d.png')
+    _picture(scene, camera, options)
     return 0
 
 

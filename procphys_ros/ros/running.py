@@ -26,7 +26,7 @@ from rclpy.logging import get_logger
 
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.ros.node import SimNode
-from procphys_ros.ros.warnings_log import forward_warnings
+from procphys_ros.warning_lines import told_to
 
 _SWITCH = 0.001  # [s] after which a thread that computes lets another run (Python: 0.005)
 
@@ -43,7 +43,8 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
     code = 0
     try:
         _start_ros(args)
-        _spin(kind)
+        with told_to(get_logger('sim').warning):
+            _spin(kind)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ProcPhysError, ParameterException) as error:
@@ -59,7 +60,6 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
 
 def _spin(kind: type[SimNode]) -> None:
     executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
-    forward_warnings(get_logger('sim'))
     node = kind()
     executor.add_node(node)
     code = 0

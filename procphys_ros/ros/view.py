@@ -27,6 +27,7 @@ import webbrowser
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.resources import shared_folder
 from procphys_ros.view.page import HOST, Page, PORT
+from procphys_ros.warning_lines import print_warning, told_to
 
 _DONE, _FAILED = 0, 1  # argparse itself ends with 2
 
@@ -45,12 +46,13 @@ def main(words: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
     try:
-        if said.scene is None:
-            with _followed(said.node, others) as source:
-                _serve(source, said, f'node {source.name}', ended)
-        else:
-            with closing(_played(said.scene)) as source:
-                _serve(source, said, said.scene, ended)
+        with told_to(print_warning):
+            if said.scene is None:
+                with _followed(said.node, others) as source:
+                    _serve(source, said, f'node {source.name}', ended)
+            else:
+                with closing(_played(said.scene)) as source:
+                    _serve(source, said, said.scene, ended)
     except ProcPhysError as error:
         print(f'view: {error}', file=sys.stderr)
         return _FAILED
