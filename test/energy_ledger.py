@@ -27,7 +27,7 @@ a simulation shows to everybody (poses, velocities, air):
   v = u / 2: ¼·c·(u + v₀)·u² per second, with the faster of the air at the beginning and the end of
   a step, and c = ½·ρ·C·A of bluff bodies;
 * impulses J on a part of mass m that moves at v: |J|·v + J²/2m, for no tree makes a part lighter;
-* ground: a tree that was drawn into it is pushed out when it comes off, the faster the deeper it is;
+* ground: a tree that was drawn into it is pushed out when it comes off, at a speed by its depth;
 * projectiles: ½·m·v² when they are launched, and m·g times the height that they should have lost
   in a step and have not: what the engine stops short of what it will hit goes on to fall faster.
 """
