@@ -36,6 +36,9 @@ PAGES = {str(path.relative_to(ROOT)): path.read_text('utf-8')
 EXECUTED = [page for page, text in PAGES.items() if '```python\n' in text
             and page not in ('README.md', 'docs/library.md')]  # test_readme.py runs these
 SCRIPTS = dict(re.findall(r"'(\w+) = ([\w.]+):main'", (ROOT / 'setup.py').read_text('utf-8')))
+TESTS = {path.stem for path in ROOT.glob('test/test_*.py')}.union(*(
+    re.findall(r'^def (test_\w+)', path.read_text('utf-8'), re.MULTILINE)
+    for path in ROOT.glob('test/test_*.py')))
 HOMES = ('docs/tutorials/own_house.md',)  # what later tutorials take up
 
 
@@ -58,7 +61,8 @@ def grammars(page: str) -> dict[str, str]:
 
 def scenes(page: str) -> dict[str, str]:
     """Give the whole scene files of a page by the names that the page gives them."""
-    whole = [body for body in blocks(page, 'yaml') if 'ros__parameters' in body]
+    whole = [body for body in blocks(page, 'yaml')
+             if 'ros__parameters' in body and 'objects:' in body]
     names = re.findall(r'[Ss]ave this as `(\w+\.yaml)`', PAGES[page])
     assert len(names) == len(whole), page
     return dict(zip(names, whole))
@@ -94,10 +98,10 @@ def test_scenes_load(page, desk):
         assert len(Scene.from_yaml(desk / name).blueprint) > 0
     for body in blocks(page, 'yaml'):
         part = yaml.safe_load(body)
-        if '/**' not in part:
-            objects = [name for name, values in part.items()
-                       if {'grammar', 'grammar_text'} & set(values)]
-            Scene.from_parameters({'scene': {'objects': objects}, **part})
+        part = part.get('/**', {'ros__parameters': part})['ros__parameters']
+        objects = [name for name, values in part.items()
+                   if isinstance(values, dict) and {'grammar', 'grammar_text'} & set(values)]
+        Scene.from_parameters({'scene': {'objects': objects}, **part})
 
 
 @pytest.mark.parametrize('page', EXECUTED)
@@ -172,3 +176,19 @@ def check_options(name: str, arguments: list[str], capsys) -> None:
     for word in arguments:
         if word.startswith('--') and word != '--ros-args':
             assert re.search(rf'{re.escape(word)}\b', told), f'{name} has no {word}'
+
+
+@pytest.mark.parametrize('page', PAGES)
+def test_files_and_tests_that_are_named_exist(page):
+    """Find every test, module and shipped file that stands in backquotes."""
+    inside = {path.name for path in (ROOT / 'procphys_ros').iterdir() if path.is_dir()}
+    outside = {'procphys_ros', 'test', 'bench', 'config', 'grammars', 'docs', 'scripts'}
+    text = re.sub(r'^```.*?^```', '', PAGES[page], flags=re.DOTALL | re.MULTILINE)
+    for token in re.findall(r'`([^`\s]+)`', text):
+        for name in re.findall(r'\btest_\w*[a-z]\b', token):
+            assert name in TESTS, name
+        folder = token.partition('/')[0]
+        if '/' in token and folder in inside | outside:
+            place = re.sub(r'[<{].*', '', token).rstrip('/')  # a choice of files begins alike
+            base = ROOT if folder in outside else ROOT / 'procphys_ros'
+            assert [*base.glob(f'{place}*')], token

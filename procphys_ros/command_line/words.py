@@ -23,7 +23,7 @@ import re
 from procphys_ros import __version__
 
 EXIT_CODES = """\
-exit codes: 0 done, 1 refused by the node (it says why), 2 words that make no sense,
+exit codes: 0 done, 1 refused by the node (it says why), 2 invalid usage,
 3 no node found"""
 _NODE = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z')
 _NUMBER = re.compile(r'-(\d+\.?\d*|\.\d+|inf|nan)([eE][+-]?\d+)?\Z')
@@ -44,7 +44,7 @@ def read(words: Sequence[str] | None = None) -> argparse.Namespace:
 
     :param words: None = the process's own.
     :returns: `verb`, and what belongs to it; `node` and `timeout` in any case.
-    :raises SystemExit: with code 0 for help, 2 for words that make no sense.
+    :raises SystemExit: with code 0 for help, 2 for invalid usage.
     """
     parser, _ = _grown()
     said = parser.parse_args(words)

@@ -37,7 +37,7 @@ def main(words: Sequence[str] | None = None) -> int:
     Carry out one command line.
 
     :param words: behind the command's name; None = the process's own.
-    :returns: exit code: 0 done, 1 refused, 2 words that make no sense, 3 no node found.
+    :returns: exit code: 0 done, 1 refused, 2 invalid usage, 3 no node found.
     """
     words = sys.argv[1:] if words is None else list(words)
     if words[:1] == ['__complete']:
