@@ -27,6 +27,7 @@ from typing import Self
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
 
 GROUND = -1  # stands in `Blueprint.bonds` for the ground
 
@@ -133,12 +134,22 @@ class Leaves(_Table):
     :ivar pose: petiole in the part's frame, z along the leaf, (L, 7).
     :ivar size: length of the quads [m], (L,).
     :ivar texture: index into `Blueprint.textures`, (L,) int.
+    :ivar vogel: Vogel exponent V, drag goes with u^(2 + V) while leaves fold, (L,).
+    :ivar shedding_speed: least wind that takes the leaf where the scene does not change it [m/s],
+        (L,).
     """
 
     part: np.ndarray = _column(np.int32)
     pose: np.ndarray = _column(float, 7)
     size: np.ndarray = _column()
     texture: np.ndarray = _column(np.int16)
+    vogel: np.ndarray = _column()
+    shedding_speed: np.ndarray = _column()
+
+    def __post_init__(self) -> None:
+        for name, value in (('vogel', VOGEL_EXPONENT), ('shedding_speed', SHEDDING_SPEED)):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.full(len(self.part), value))
 
 
 @dataclass(frozen=True)

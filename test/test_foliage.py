@@ -323,3 +323,28 @@ def test_bad_settings_are_named(group, words):
     with pytest.raises(SceneError) as caught:
         read_settings({'leaves': group})
     assert all(word in str(caught.value) for word in words)
+
+
+@pytest.mark.parametrize('exponent', [-0.5, -1.0, -1.3])
+def test_foliage_folds_by_the_vogel_exponent_of_its_species(exponent):
+    """Let the drag of leaves grow with u^(2 + V) from 10 to 25 m/s, else with the square."""
+    text = f'axiom: !(0.001) SwingLimit(0.001) SwingForce(1e9) Vogel({exponent}) F(0.01) Leaf(3)'
+    forest, drag = Forest(LSystem.parse(text).build(), (0.0, 0.0, 0.0)), []
+    for speed in (5.0, 10.0, 25.0, 50.0):
+        for _ in range(3):
+            forest.step(1.0 / 60.0, np.array([[speed, 0.0, 0.0]]))
+        drag.append(-forest.joint_wrenches[0, 0])
+    growth = np.diff(np.log(drag)) / np.log([2.0, 2.5, 2.0])
+    assert growth == pytest.approx([2.0, 2.0 + exponent, 2.0], abs=0.01)
+
+
+def test_species_hold_their_leaves_differently():
+    """Shed no needle at a wind that takes leaves, and let the scene's speed scale both."""
+    text = 'axiom: !(0.05) F(1) {hold} [ Leaf(0.3) Leaf(0.3) Leaf(0.3) ]'
+    scene = {'scene': {'objects': ['leaf', 'needle']},
+             'leaf': {'grammar_text': text.format(hold='')},
+             'needle': {'grammar_text': text.format(hold='SheddingSpeed(34)')}}
+    for usual in (17.0, 8.5):
+        critical = Simulation(Scene.from_parameters(
+            {**scene, 'leaves': {'shedding_speed': usual}})).model.leaves.critical_speed
+        assert usual <= critical[:3].min() and 2.0 * usual <= critical[3:].min() * (1.0 + 1e-9)

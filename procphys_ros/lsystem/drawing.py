@@ -110,8 +110,10 @@ def _carriers(table: np.ndarray, frames: np.ndarray) -> np.ndarray:
 def _leaves(modules: Modules, leaves: np.ndarray, frames: np.ndarray, names: int) -> Leaves:
     part = _carriers(leaves, frames)
     pose = np.column_stack([_axis(leaves, walk.POSITION), _attitude(leaves)])
+    vogel, speed = (leaves[:, HEAD + walk.VALUES + ATTRIBUTE_INDEX[name]].copy()
+                    for name in ('Vogel', 'SheddingSpeed'))
     return Leaves(part, rotation.relative(frames[part], pose), leaves[:, 2].copy(),
-                  leaf_textures(modules, leaves, names))
+                  leaf_textures(modules, leaves, names), vogel, speed)
 
 
 def _ornaments(pieces: np.ndarray, triangles: np.ndarray, frames: np.ndarray) -> Ornaments:

@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
+
 
 class Op(IntEnum):
     """What the turtle does for a module."""
@@ -117,6 +119,8 @@ ATTRIBUTES = (
     Attribute('Preload', 1.0, Range(0.0, 1.0)),    # 0: drawn as it would be without weight
     Attribute('BoneRatio', 0.9, Range(0.8, 0.95)),  # bone length over segment length
     Attribute('Texture', 0.0, TEXTURE_NUMBER),
+    Attribute('Vogel', VOGEL_EXPONENT, Range(-2.0, 0.0)),  # foliage drag ~ u^(2 + V)
+    Attribute('SheddingSpeed', SHEDDING_SPEED, Range(0.5, 1000.0, 'm/s')),
     Attribute('Leaf', 1.0, Range(0.0, 1e6)),        # factor on the sizes of leaves, for LeafRate
 )
 ATTRIBUTE_INDEX = {attribute.name: i for i, attribute in enumerate(ATTRIBUTES)}

@@ -31,8 +31,14 @@ LEAF_DRAG = 0.4  # [-], per one-sided area, of a leaf that no other shelters; se
 # 105 and 180 m² of leaves, 0.051, 0.057 and 0.084 remain; with one value whole trees come
 # within 30 %.
 FOLIAGE_DRAG = 0.06  # [-]
-# Foliage folds: from 10 to 25 m/s its drag grows with the speed, not with its square (Vollsinger
-# et al. 2005, Can. J. For. Res. 35:1238), beyond that ForestGALES holds the coefficient constant.
-# Below 10 m/s leaves have hardly moved. The wood does not fold: whole trees come out at u^1.3 to
-# u^1.4 between 10 and 20 m/s.
-CALM, STORM = 10.0, 25.0  # [m/s], the coefficient falls as 1/u between the two
+# Foliage folds: from 10 to 25 m/s its drag goes with u^(2 + V), V being the Vogel exponent of the
+# species (Vogel 1989, J. Exp. Botany 40:941), beyond that ForestGALES holds the coefficient
+# constant. Below 10 m/s leaves have hardly moved. -1, drag in proportion to speed, is what
+# Vollsinger et al. 2005 (Can. J. For. Res. 35:1238) found of cottonwood, alder and birch. The wood
+# does not fold: with -1 whole trees come out at u^1.3 to u^1.4 between 10 and 20 m/s.
+CALM, STORM = 10.0, 25.0  # [m/s] between which foliage folds
+VOGEL_EXPONENT = -1.0  # of foliage of which nothing else is known
+
+# Gale force 8 (17 m/s) takes twigs (WMO Beaufort scale); white poplar leaves hold on at 30 m/s
+# (Vogel 1989).
+SHEDDING_SPEED = 17.0  # [m/s], the least wind that takes a leaf of which nothing else is known

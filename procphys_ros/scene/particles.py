@@ -28,7 +28,8 @@ class LeafSettings:
     :ivar flutter: whether they move finely about their petioles.
     :ivar shedding: whether strong wind tears them off.
     :ivar shedding_speed: the least local wind that takes a leaf [m/s]; at three times as much
-        two thirds of them are gone. Low values are for autumn.
+        two thirds of them are gone. Low values are for autumn. Species whose grammar names a
+        speed of their own keep its ratio to 17 m/s.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 

@@ -22,15 +22,13 @@ Drag and strength both go with leaf area (petioles grow in proportion to their b
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.air import AIR_DENSITY, LEAF_DRAG
+from procphys_ros.physics.air import AIR_DENSITY, LEAF_DRAG, SHEDDING_SPEED
 
 _CALM, _STORM = 10.0, 20.0  # [m/s] between these leaves roll up more and more
 _STREAMLINING = -0.85  # exponent of that (Vogel 1989, J. Exp. Botany 40:941, 10 and 20 m/s)
 
-# Gale force 8 (17 m/s) takes twigs (WMO Beaufort scale); white poplar leaves hold on at 30 m/s
-# (Vogel 1989); a hurricane of category 3 (50 m/s) strips trees (Simpson 1974, Weatherwise 27).
-SHEDDING_SPEED = 17.0  # [m/s], the least that takes a leaf
-_STRIPPED = 50.0 / 17.0  # where 63 % are gone, over the speed where it starts
+# A hurricane of category 3 (50 m/s) strips trees (Simpson 1974, Weatherwise 27).
+_STRIPPED = 50.0 / SHEDDING_SPEED  # where 63 % are gone, over the speed where it starts
 _WEIBULL_SHAPE = 2.0  # of strengths above the least
 
 
@@ -57,14 +55,15 @@ def speed_of(pressure: np.ndarray) -> np.ndarray:
     return np.where(root <= _CALM, root, np.where(rolling <= _STORM, rolling, beyond))
 
 
-def strengths(area: np.ndarray, shedding_speed: float, rng: np.random.Generator) -> np.ndarray:
+def strengths(area: np.ndarray, shedding_speed: np.ndarray | float,
+              rng: np.random.Generator) -> np.ndarray:
     """
     Draw the force that each petiole bears [N], (L,).
 
     A Weibull distribution above a least strength: what a weaker wind would take is gone already.
 
     :param area: of the leaves [m²], (L,).
-    :param shedding_speed: the least wind that takes a leaf [m/s].
+    :param shedding_speed: the least wind that takes each leaf [m/s], (L,) or one for all.
     :param rng: source of the strengths.
     """
     least = drag_pressure(shedding_speed)

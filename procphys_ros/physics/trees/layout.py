@@ -22,10 +22,10 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Hinges, Law
 from procphys_ros.errors import SceneError
-from procphys_ros.physics.air import CYLINDER_DRAG, FOLIAGE_DRAG
+from procphys_ros.physics.air import CYLINDER_DRAG, FOLIAGE_DRAG, VOGEL_EXPONENT
 
 # Columns of `Rows.body`, constants of a segment.
-MASS, ACROSS, ALONG, REACH, LENGTH, CROSS_FLOW, LEAF_FLOW = range(7)
+MASS, ACROSS, ALONG, REACH, LENGTH, CROSS_FLOW, LEAF_FLOW, VOGEL = range(8)
 # Columns of `Rows.swing`, constants of its two bending degrees of freedom.
 STIFFNESS, DAMPING, LIMIT, PRELOAD_X, PRELOAD_Y = range(5)
 # Columns of `Rows.extra`: the same for twist (first) and stretch (from EXTRA_STRIDE on).
@@ -46,7 +46,7 @@ class Rows:
     :ivar end: one past the last row of the subtree, (S,) int.
     :ivar axis: first row of the branch (axis) that the row belongs to, (S,) int.
     :ivar mount: joint frame in the parent's joint frame (world for a root) [m], (S, 7).
-    :ivar body: see the column names above; SI, drag as force per speed squared, (S, 7).
+    :ivar body: see the column names above; SI, drag as force per speed squared, (S, 8).
     :ivar swing: see the column names above, (S, 5).
     :ivar extra: twist and stretch springs, inf where locked, (S, 6).
     :ivar width: diameter at the joint [m], (S,).
@@ -94,7 +94,8 @@ def arrange(blueprint: Blueprint, air_density: float) -> Rows:
     body = np.column_stack([
         blueprint.mass[part], inertia[:, 0], inertia[:, 2], inner[:, 2], length,
         0.5 * air_density * CYLINDER_DRAG * blueprint.visual_size[part, :2].mean(axis=1) * length,
-        0.5 * air_density * FOLIAGE_DRAG * blueprint.leaf_area[part]])
+        0.5 * air_density * FOLIAGE_DRAG * blueprint.leaf_area[part],
+        _vogel_exponents(blueprint)[part]])
     swing, extra = _springs(blueprint.hinges, order)
     return Rows(part, bond, order, parent, end, _axes(parent, width, frame), mount, body, swing,
                 extra, width)
@@ -122,6 +123,14 @@ def _springs(hinges: Hinges, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     extra = np.column_stack([hinges.twist_stiffness, hinges.twist_damping, nothing,
                              hinges.stretch_stiffness, hinges.stretch_damping, nothing])
     return swing[order], extra[order]
+
+
+def _vogel_exponents(blueprint: Blueprint) -> np.ndarray:
+    """Give the mean Vogel exponent of the leaves on every part, by their areas, (N,)."""
+    leaves, area = blueprint.leaves, blueprint.leaves.size ** 2
+    total = np.bincount(leaves.part, area, len(blueprint))
+    weighted = np.bincount(leaves.part, area * leaves.vogel, len(blueprint))
+    return np.where(total > 0.0, weighted / np.maximum(total, 1e-300), VOGEL_EXPONENT)
 
 
 def _preorder(parent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -39,6 +39,7 @@ from procphys_ros.physics.trees.layout import (
     LENGTH,
     MASS,
     REACH,
+    VOGEL,
 )
 from procphys_ros.physics.trees.spatial import (
     add,
@@ -181,7 +182,7 @@ def drag(i, x, y, z, wx, wy, wz, body, v, wind):
         speed = math.sqrt(square)
         foliage *= speed
         if speed > CALM:
-            foliage *= CALM / min(speed, STORM)
+            foliage *= (min(speed, STORM) / CALM) ** body[i, VOGEL]
     spin = wx * x + wy * y + wz * z
     turn = math.sqrt(max(0.0, wx * wx + wy * wy + wz * wz - spin * spin))
     length = body[i, LENGTH]

@@ -40,7 +40,7 @@ class Model(NamedTuple):
     """Constants, one row per segment; columns named in `layout`."""
 
     mount: np.ndarray   # (S, 7)
-    body: np.ndarray    # (S, 7)
+    body: np.ndarray    # (S, 8)
     swing: np.ndarray   # (S, 5)
     extra: np.ndarray   # (S, 6)
     joint: np.ndarray   # `Joint`, (S,); changes when a part is released
