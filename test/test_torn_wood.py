@@ -1,0 +1,88 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tests of torn wood: what is drawn where trees have come apart."""
+
+from dataclasses import replace
+
+from grown_trees import beam
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.render.torn_wood import broken_ends, root_plate, SOIL, splinters, TORN
+
+_WIDTH = 0.1  # [m] of the beam
+
+
+def _ends(tree: Blueprint, poses: np.ndarray) -> list:
+    return list(broken_ends(tree, poses, np.isfinite(poses).all(axis=1)))
+
+
+def _moved(tree: Blueprint, parts: slice) -> np.ndarray:
+    poses = tree.poses.copy()
+    poses[parts, 0] += 3.0
+    return poses
+
+
+def test_whole_trees_cost_nothing():
+    """Draw no ends on a tree that stands, nor on one that leans as one piece."""
+    tree = beam(5)
+    turn = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(0.3))
+    leaning = rotation.compose(np.concatenate([np.zeros(3), turn]), tree.poses)
+    assert not _ends(tree, tree.poses) and not _ends(tree, leaning)
+
+
+def test_both_sides_of_a_break_are_jagged():
+    """Cover stump and broken piece with splinters at the joint, away from their own wood."""
+    tree = beam(5)
+    (look, piece, below), (also, stump, above) = _ends(tree, _moved(tree, slice(2, 5)))
+    assert (look, also, piece, stump) == (TORN, TORN, 2, 1)
+    joint = tree.bond_frame[2, :3]
+    below, above = below.reshape(-1, 3), above.reshape(-1, 3)
+    assert np.hypot(above[:, 0], above[:, 1]).max() <= 0.5 * _WIDTH
+    assert np.hypot(below[:, 0] - 3.0, below[:, 1]).max() <= 0.5 * _WIDTH
+    assert joint[2] + 0.4 * _WIDTH < above[:, 2].max() < joint[2] + 1.3 * _WIDTH
+    assert joint[2] - 1.3 * _WIDTH < below[:, 2].min() < joint[2] - 0.4 * _WIDTH
+    assert np.unique(np.round(above[:, 2], 6)).size > 10  # no two splinters alike
+
+
+def test_parts_that_are_gone_leave_a_stump():
+    """Draw one end where the other side is no more."""
+    tree = beam(5)
+    poses = tree.poses.copy()
+    poses[3:] = np.nan
+    assert [(look, part) for look, part, _ in _ends(tree, poses)] == [(TORN, 2)]
+
+
+@pytest.mark.parametrize('moment, looks', [(1.0, [SOIL, TORN, SOIL]), (1e9, [TORN])])
+def test_roots_come_along_where_they_are_the_weakest(moment, looks):
+    """Lift plate and roots out of a pit, or break off at the ground, by what bears less."""
+    tree = beam(5)
+    hinges = replace(tree.hinges, root_moment=np.full(5, moment), strength=np.full(5, 60e6))
+    ends = _ends(replace(tree, hinges=hinges), _moved(tree, slice(0, 5)))
+    assert [look for look, _, _ in ends] == looks
+    if moment == 1.0:
+        plate, pit = (ends[i][2].reshape(-1, 3) for i in (0, 2))
+        assert plate[:, 2].min() < -0.5 * 4.0 * _WIDTH + 1e-9
+        assert abs(plate[:, 0].mean() - 3.0) < 0.2 and abs(pit[:, 0].mean()) < 0.2
+        assert np.allclose(pit[:, 2], 0.01)
+
+
+def test_an_end_keeps_its_shape():
+    """Give the same splinters and plate for the same break, others for another."""
+    assert np.array_equal(splinters(0.2, 7), splinters(0.2, 7))
+    assert not np.array_equal(splinters(0.2, 7), splinters(0.2, 8))
+    assert np.array_equal(root_plate(0.2, 7)[0], root_plate(0.2, 7)[0])
