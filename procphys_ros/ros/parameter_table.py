@@ -34,6 +34,7 @@ from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.trees import TreeSettings
 from procphys_ros.schema import LARGEST, Parameter, parameters, short
 
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
@@ -71,6 +72,7 @@ GLOBAL = (
     *_NODE,
     *parameters(WindSettings, 'wind'),
     *parameters(Gust, 'gust', takes_effect='use'),
+    *parameters(TreeSettings, 'trees', takes_effect='reload'),
     *parameters(LeafSettings, 'leaves', takes_effect='reload'),
     *parameters(DustSettings, 'dust', takes_effect='reload'),
     *parameters(CullingSettings, 'culling', takes_effect='reload'),

@@ -29,6 +29,7 @@ from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.intruders import INTRUDER, IntrudersSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
+from procphys_ros.scene.trees import TreeSettings
 from procphys_ros.schema import check, declared
 from procphys_ros.schema import parameters as declarations
 
@@ -48,6 +49,7 @@ class Settings:
     :ivar wind_record: what `wind.file` holds; () = there is none.
     :ivar gust: what `gust` starts when nothing else is said.
     :ivar cues: what happens by itself, and when.
+    :ivar trees: whether their crowns touch.
     :ivar leaves: flutter and shedding.
     :ivar dust: of bursting mortar and impacts.
     :ivar culling: what is simulated less, because nobody looks closely.
@@ -66,6 +68,7 @@ class Settings:
     wind_record: Record = ()
     gust: Gust = field(default_factory=Gust)
     cues: tuple[Cue, ...] = ()
+    trees: TreeSettings = field(default_factory=TreeSettings)
     leaves: LeafSettings = field(default_factory=LeafSettings)
     dust: DustSettings = field(default_factory=DustSettings)
     culling: CullingSettings = field(default_factory=CullingSettings)
@@ -98,6 +101,7 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
     own = {p.name: parameters[p.name] for p in declarations(Settings) if p.name in parameters}
     return Settings(**own, wind=_group(parameters, 'wind', WindSettings),
                     gust=_group(parameters, 'gust', Gust), cues=read_cues(parameters),
+                    trees=_group(parameters, 'trees', TreeSettings),
                     leaves=_group(parameters, 'leaves', LeafSettings),
                     dust=_group(parameters, 'dust', DustSettings),
                     culling=_group(parameters, 'culling', CullingSettings),

@@ -123,6 +123,7 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
     state.parts.append(**{name: column[fresh] for name, column in columns.items()},
                        owner=owners(model)[fresh], row=model.trees.row[fresh])
     state.blueprints[:] = [source]
+    state.wind.shelter = model.wind.shelter
     _grow_masonry(model, state, settled, first, bonds)
     forest = deepcopy(model.trees.forest)
     forest.adopt(state.forest)

@@ -44,9 +44,9 @@ def step(model: Model, state: State, dt: float) -> None:
 
     Contacts are solved before the step of the trees, with the masses that these really show
     there. Trees and bodies get equal and opposite impulses, so momentum is kept exactly. Branches
-    of one tree pass through each other, and so do those of different standing trees, also when
-    they have come off, until they are apart (`contact_exclusions`). Writes `state.contacts`, the
-    momentum of trees and bodies, and loads on walls.
+    of one tree pass through each other, also when they have come off, until they are apart
+    (`contact_exclusions`), and so do those of different standing trees unless the scene asks for
+    their contact. Writes `state.contacts`, the momentum of trees and bodies, and loads on walls.
     """
     state.contacts = _solve_all(model, state, dt)
     branch_loads.update(model, state, dt)
@@ -60,7 +60,8 @@ def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
         around = contact_pairs.Surroundings(
             state.world, model.masonry.bricks, state.standing, state.parts.body,
             model.trees.beside, model.trees.slack,
-            contact_pairs.pair_keys(*contact_exclusions.colliders(state, state.excluded).T))
+            contact_pairs.pair_keys(*contact_exclusions.colliders(state, state.excluded).T),
+            model.trees.crowns)
         pairs = contact_pairs.find(state.forest, model.trees.sizes, around, state.tree_bounds,
                                    trees.movers(state), dt)
         if not len(pairs.row):

@@ -126,7 +126,7 @@ class Surroundings:
     :ivar bricks: masonry where it was built.
     :ivar standing: which parts still stand there, (N,) bool.
     :ivar body: id of each part's body, (N,).
-    :ivar beside, slack: see `TreeModel`.
+    :ivar beside, slack, crowns: see `TreeModel`.
     :ivar excluded: what does not meet, `pair_keys` of `contact_exclusions`, (K,).
     """
 
@@ -137,6 +137,7 @@ class Surroundings:
     beside: np.ndarray
     slack: np.ndarray
     excluded: np.ndarray
+    crowns: np.ndarray | None = None
 
 
 def pair_keys(first: np.ndarray, second: np.ndarray) -> np.ndarray:
@@ -165,16 +166,18 @@ def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBo
     entries = slice(None) if len(movers) == len(roots) else _entries(plan.start, movers)
     found = [_on_ground(forest, plan.row[entries], sizes, forest.velocities, around.slack,
                         time_step)]
-    if len(loose) or free.any() or beside.any():
+    crowns = around.crowns
+    if len(loose) or free.any() or beside.any() or crowns is not None:
         bounds.update(forest, sizes, movers, entries, reach)
         tables = [_loose_near(forest, around.world, bounds, loose, reach),
-                  _branches_near(forest, sizes, bounds.trees, free)]
+                  _branches_near(forest, sizes, bounds.trees,
+                                 free if crowns is None else np.ones_like(free))]
         if len(around.bricks):
             chosen = np.flatnonzero(free | beside)
             tables.append((_entries(plan.start, chosen), around.bricks.within(
                 bounds.trees[chosen], around.standing, around.body)))
         found += [_meet(forest, sizes, near, table, bounds.segments, around.slack, time_step,
-                        around.excluded)
+                        around.excluded, crowns)
                   for near, table in tables if len(near) and len(table.row)]
     joined = Pairs(*(np.concatenate(columns) for columns in
                      zip(*(vars(pairs).values() for pairs in found))))
@@ -215,6 +218,28 @@ def survey(forest: Forest, sizes: np.ndarray, bricks: Bricks) -> tuple[np.ndarra
     return beside, slack
 
 
+def survey_crowns(forest: Forest, sizes: np.ndarray) -> np.ndarray:
+    """
+    Find how deep the branches of each tree were authored into those of others.
+
+    :param forest: at rest.
+    :param sizes: of the segments [m], (S, 3).
+    :returns: overlap, 0 or less [m], (S,).
+    """
+    depth, bounds, plan = np.zeros(len(forest)), TreeBounds(), forest.plan
+    if not len(forest):
+        return depth
+    every = np.ones(len(plan.start) - 1, bool)
+    bounds.update(forest, sizes, np.flatnonzero(every), slice(None), 0.0)
+    near, table = _branches_near(forest, sizes, bounds.trees, every)
+    if len(near):
+        pairs = _meet(forest, sizes, near, table, bounds.segments, depth, 0.0,
+                      np.zeros(0, np.int64), depth.copy())
+        np.minimum.at(depth, pairs.row, pairs.gap)
+        np.minimum.at(depth, pairs.other, pairs.gap)
+    return depth
+
+
 def _loose_near(forest: Forest, world: World, bounds: TreeBounds, ids: np.ndarray,
                 reach: float) -> tuple[np.ndarray, Obstacles]:
     """Choose the entries of the plan that bodies come near, and those bodies."""
@@ -244,17 +269,18 @@ def _branches_near(forest: Forest, sizes: np.ndarray, trees: np.ndarray,
 
 def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacles,
           bounds: np.ndarray, slack: np.ndarray, time_step: float,
-          excluded: np.ndarray) -> Pairs:
+          excluded: np.ndarray, crowns: np.ndarray | None = None) -> Pairs:
     """Look where segments, entries of the plan, may touch what is near them."""
     plan = forest.plan
     a, piece = overlaps(bounds[entries], table.bounds(_AHEAD * time_step, _ROOM))
     row = plan.row[entries[a]]
     other = table.row[piece]
     branch = np.flatnonzero(other >= 0)
-    if len(branch):  # two falling trees meet once, and none meets itself
+    if len(branch):  # two trees that look for others meet once, and none meets itself
         first, second = forest.roots(row[branch]), forest.roots(other[branch])
         keep = np.ones(len(row), bool)
-        keep[branch] = (first != second) & ((first < second) | ~forest.is_free(second))
+        looks = forest.is_free(second) | (crowns is not None)
+        keep[branch] = (first != second) & ((first < second) | ~looks)
         row, piece = row[keep], piece[keep]
     if len(excluded):
         other = table.row[piece]
@@ -264,8 +290,13 @@ def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacl
     found = meet(row, forest.poses, sizes, forest.velocities, piece, table.shape, table.pose,
                  table.size, table.velocity, time_step)
     row, piece = row[found.pair], piece[found.pair]
-    depth = np.where((table.part[piece] >= 0) & _rooted(forest, row), slack[row], 0.0)
-    return Pairs(row, table.row[piece], table.body[piece], table.part[piece], found.point,
+    rooted, met = _rooted(forest, row), table.row[piece]
+    depth = np.where((table.part[piece] >= 0) & rooted, slack[row], 0.0)
+    if crowns is not None and len(row):
+        both = rooted & (met >= 0)
+        both[both] = _rooted(forest, met[both])
+        depth[both] = np.minimum(crowns[row[both]], crowns[met[both]])
+    return Pairs(row, met, table.body[piece], table.part[piece], found.point,
                  found.normal, found.gap - depth)
 
 

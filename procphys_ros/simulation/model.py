@@ -16,11 +16,13 @@
 """Model: what a scene compiles to once; constant arrays that every step reads."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.physics.air import SHEDDING_SPEED
 from procphys_ros.physics.foliage import speed_of, strengths
 from procphys_ros.physics.masonry import BondGraph, FreeBodies
 from procphys_ros.physics.trees import Forest
@@ -28,8 +30,9 @@ from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import Pieces
 from procphys_ros.scene import SceneObject, Settings
 from procphys_ros.scene.shards import Shard
-from procphys_ros.simulation.contact_pairs import survey
+from procphys_ros.simulation.contact_pairs import survey, survey_crowns
 from procphys_ros.simulation.obstacles import Bricks
+from procphys_ros.simulation.shelter import find_shelter
 
 _JOINT = 0.01        # [m] mortar between parts that makes their faces one wall
 _THICKEST = 0.025    # [m] thicker glass is no pane
@@ -50,6 +53,7 @@ class TreeModel:
         [N·m] that uproots it, (S, 4).
     :ivar beside: whether the tree of each row may reach a wall, (S,) bool.
     :ivar slack: overlap of each row with ground and walls that it was authored with [m], (S,).
+    :ivar crowns: the same with other trees, where standing trees touch; else None.
     """
 
     forest: Forest
@@ -60,6 +64,7 @@ class TreeModel:
     capacity: np.ndarray
     beside: np.ndarray
     slack: np.ndarray
+    crowns: np.ndarray | None
 
 
 @dataclass(frozen=True)
@@ -179,14 +184,16 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     :param wind: that is there already; None = made from the settings.
     """
     masonry = _masonry(blueprint)
-    trees = _trees(blueprint, settings.gravity, masonry.bricks)
+    trees = _trees(blueprint, settings, masonry.bricks)
     loose_bonds = FreeBodies(blueprint)
     mortar = blueprint.bond_law == Law.MORTAR
+    wind = copy(wind) if wind else Wind(settings.wind, seed, settings.wind_record)
+    wind.shelter = find_shelter(blueprint, objects, masonry.members)
     pairs = blueprint.bonds[~mortar]
     return Model(settings, time_step, seed, shard, blueprint, tuple(objects),
-                 wind or Wind(settings.wind, seed, settings.wind_record), trees, masonry,
-                 _glass(blueprint, loose_bonds), _leaves(blueprint, settings, trees, seed),
-                 loose_bonds, mortar, np.unique(pairs[pairs >= 0]), settings.intruder_pieces())
+                 wind, trees, masonry, _glass(blueprint, loose_bonds),
+                 _leaves(blueprint, settings, trees, seed), loose_bonds, mortar,
+                 np.unique(pairs[pairs >= 0]), settings.intruder_pieces())
 
 
 def _masonry(blueprint: Blueprint) -> MasonryModel:
@@ -197,8 +204,8 @@ def _masonry(blueprint: Blueprint) -> MasonryModel:
                         Bricks(blueprint, np.flatnonzero(members)))
 
 
-def _trees(blueprint: Blueprint, gravity: float, bricks: Bricks) -> TreeModel:
-    forest = Forest(blueprint, (0.0, 0.0, -gravity))
+def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks) -> TreeModel:
+    forest = Forest(blueprint, (0.0, 0.0, -settings.gravity))
     row = np.full(len(blueprint), -1, np.intp)
     row[forest.parts] = np.arange(len(forest))
     hinge_row = np.cumsum(blueprint.bond_law == Law.HINGE) - 1
@@ -208,7 +215,9 @@ def _trees(blueprint: Blueprint, gravity: float, bricks: Bricks) -> TreeModel:
     sizes = blueprint.solid_size(forest.parts)
     beside, slack = survey(forest, sizes, bricks)
     joint_arm = 0.5 * blueprint.visual_size[forest.parts, 2]
-    return TreeModel(forest, row, _span(forest.parts), sizes, joint_arm, capacity, beside, slack)
+    crowns = survey_crowns(forest, sizes) if settings.trees.contact else None
+    return TreeModel(forest, row, _span(forest.parts), sizes, joint_arm, capacity, beside, slack,
+                     crowns)
 
 
 def _span(parts: np.ndarray) -> slice | np.ndarray:
@@ -239,7 +248,8 @@ def _leaves(blueprint: Blueprint, settings: Settings, trees: TreeModel, seed: in
     area = leaves.size ** 2  # as `Blueprint.leaf_area` has it
     carriers, carrier = np.unique(leaves.part, return_inverse=True)
     rng = np.random.default_rng((_STRENGTH_SEED << 64) + seed)
-    force = strengths(area, settings.leaves.shedding_speed, rng)
+    usual = settings.leaves.shedding_speed / SHEDDING_SPEED
+    force = strengths(area, usual * leaves.shedding_speed, rng)
     speed = speed_of(force / np.maximum(area, 1e-12))
     row = trees.row[leaves.part]
     held = np.flatnonzero(row >= 0)

@@ -27,7 +27,8 @@ from procphys_ros.physics.wind.settings import (
     velocity_of,
     WindSettings,
 )
+from procphys_ros.physics.wind.shelter import Shelter
 from procphys_ros.physics.wind.wind import Reference, Wind
 
 __all__ = ['extreme_operating_amplitude', 'FASTEST', 'Gust', 'GUST_KINDS', 'MeanWind', 'PROFILES',
-           'Record', 'Reference', 'SPECTRA', 'velocity_of', 'Wind', 'WindSettings']
+           'Record', 'Reference', 'Shelter', 'SPECTRA', 'velocity_of', 'Wind', 'WindSettings']

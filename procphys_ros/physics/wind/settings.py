@@ -45,6 +45,7 @@ class WindSettings:
     :ivar exponent: of the power profile; IEC 61400-1 has 0.2, over smooth ground 0.14.
     :ivar reference_height: where `velocity` holds [m]; it also sets the size of the eddies.
     :ivar spectrum: of the turbulence: 'kaimal' or 'von_karman'.
+    :ivar shelter: whether stands of trees and buildings shelter what is in their lee.
     :ivar file: record of the mean wind to follow in the place of `velocity`; '' = none.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
@@ -61,6 +62,9 @@ class WindSettings:
     reference_height: float = declared(
         10.0, 'height at which wind.velocity holds', 'm', 0.5, 300.0)
     spectrum: str = declared('kaimal', 'spectrum of the turbulence', choices=SPECTRA)
+    shelter: bool = declared(
+        False, 'whether stands of trees and buildings, as they were built, shelter what is in '
+        'their lee')
     file: str = declared(
         '', 'CSV file of time [s], speed [m/s] and direction [degrees it blows from, clockwise '
         'from north (+y)] that the mean wind follows instead of wind.velocity',

@@ -33,6 +33,7 @@ from procphys_ros.physics.wind.settings import (
     velocity_of,
     WindSettings,
 )
+from procphys_ros.physics.wind.shelter import Shelter
 
 _SLANT = np.array([1.0, *DRIFT])  # of the way of the eddies, along, across and up
 _GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is forgotten
@@ -81,6 +82,7 @@ class Wind:
     :param record: of the mean wind, in the place of the settings' velocity; () = there is none.
 
     :ivar settings: what the wind was set up with, or last changed to.
+    :ivar shelter: what stands in its way, where the settings ask for it.
     :ivar enabled: False = still air everywhere; eddies and gusts travel on meanwhile.
     """
 
@@ -88,6 +90,7 @@ class Wind:
         self._seed = seed
         self._record = record
         self.settings = settings
+        self.shelter = Shelter()
         self.reset()
 
     def reset(self) -> None:
@@ -169,7 +172,11 @@ class Wind:
         points = np.ascontiguousarray(points, float)
         out = np.empty_like(points) if out is None else out
         if self.enabled:
-            self._fill(points, time, out, self.settings.turbulence_intensity, self._gusts)
+            s = self.settings
+            self._fill(points, time, out, s.turbulence_intensity, self._gusts)
+            if s.shelter:
+                self.shelter.apply(points, out, np.asarray(self._history.velocity(time)),
+                                   self._profile(), s.roughness_length)
         else:
             out[:] = 0.0
         return out
@@ -193,14 +200,16 @@ class Wind:
     def _eddies(self) -> '_Boxes':
         return _boxes(self.settings.spectrum, self.settings.reference_height, self._seed)
 
+    def _profile(self) -> tuple:
+        s = self.settings
+        return kernel.profile_terms(s.profile, s.reference_height, s.roughness_length, s.exponent)
+
     def _fill(self, points: np.ndarray, time: float, out: np.ndarray, intensity: float,
               gusts: np.ndarray) -> np.ndarray:
-        s = self.settings
         mean = np.asarray(self._history.velocity(time))
         speed = float(np.linalg.norm(mean))
         way = self._history.travelled(time)
-        profile = kernel.profile_terms(s.profile, s.reference_height, s.roughness_length,
-                                       s.exponent)
+        profile = self._profile()
         axes = _wind_axes(mean, speed)
         kernel.fill_mean(points, out, axes[0], speed, profile)
         sigma = intensity * speed

@@ -1,0 +1,37 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Settings of trees."""
+
+from dataclasses import dataclass
+
+from procphys_ros.schema import check, declared
+
+
+@dataclass(frozen=True)
+class TreeSettings:
+    """
+    What holds for all trees.
+
+    :ivar contact: whether the wood of standing trees touches; else their crowns pass through each
+        other, as branches of one tree always do.
+    :raises SceneError: when a value is out of its range; the message names key and range.
+    """
+
+    contact: bool = declared(
+        False, 'whether the branches of different standing trees touch, instead of passing '
+        'through each other')
+
+    def __post_init__(self) -> None:
+        check(self, 'trees')
