@@ -21,14 +21,18 @@ import numpy as np
 import pytest
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint
-from procphys_ros.render.torn_wood import broken_ends, root_plate, SOIL, splinters, TORN
+from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.render.torn_wood import placed, root_plate, SOIL, splinters, TORN, WoodJoints
 
 _WIDTH = 0.1  # [m] of the beam
 
 
 def _ends(tree: Blueprint, poses: np.ndarray) -> list:
-    return list(broken_ends(tree, poses, np.isfinite(poses).all(axis=1)))
+    """Give look, part and corners in the world of everything that covers an end."""
+    wood = WoodJoints(tree)
+    return [(look, part, corners if part == GROUND else placed(poses[part], corners))
+            for bond in wood.apart(poses) for look, part, corners in wood.ends(int(bond))
+            if part == GROUND or np.isfinite(poses[part]).all()]
 
 
 def _moved(tree: Blueprint, parts: slice) -> np.ndarray:

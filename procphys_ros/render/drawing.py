@@ -27,9 +27,11 @@ from procphys_ros.palette import Look, look
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import joints, light, texture
 from procphys_ros.render.batches import Batch, Copies
+from procphys_ros.render.torn_wood import WoodJoints
 from procphys_ros.render.unit_meshes import Kind
 
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
+_GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _CRACK_TONE = 0.12  # of a joint that has cracked, over that of a whole one
 
 
@@ -83,6 +85,8 @@ class Drawing:
         self._shades = _shades(first)
         self._last = np.full((0, 7), np.nan)
         self._cracks = -1
+        self._wood: WoodJoints | None = None
+        self._torn: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # parts, bonds of pieces
 
     @property
     def batches(self) -> Iterator[Batch]:
@@ -102,6 +106,7 @@ class Drawing:
                 self._batches[key].move(poses[moment.blueprint.ornaments.part[rows]])
             else:
                 self._batches[key].move(poses[rows])
+        self._move_torn(moment.blueprint, poses)
         self._move_joints(poses)
         self._mark_cracks(moment.cracked)
 
@@ -110,6 +115,8 @@ class Drawing:
         self._append_parts(blueprint, poses)
         self._append_leaves(blueprint, poses, petioles)
         self._append_triangles(blueprint, poses)
+        if self._wood is None or self._bonds < len(blueprint.bonds):
+            self._wood = WoodJoints(blueprint)
         if self._bonds < len(blueprint.bonds):
             self._append_joints(blueprint, poses)
 
@@ -189,6 +196,32 @@ class Drawing:
         places = np.nan_to_num(places)
         share = np.column_stack([shade.light(places) for shade in self._shades])
         return Copies(size, _tones(appearance, rows), share, offset, more)
+
+    def _move_torn(self, blueprint: Blueprint, poses: np.ndarray) -> None:
+        """Cover the ends of branches that have come apart, and hide those of whole ones."""
+        assert self._wood is not None
+        apart = self._wood.apart(poses)
+        known = [bonds for _, bonds in self._torn.values()]
+        for bond in np.setdiff1d(apart, np.concatenate(known) if known else apart[:0]).tolist():
+            for name, part, corners in self._wood.ends(bond):
+                self._append_torn(name, part, bond, corners, poses)
+        frames = np.concatenate([poses, _GROUND_FRAME])
+        for name, (parts, bonds) in self._torn.items():
+            there = np.isin(bonds, apart)[:, None]
+            self._batches['torn', name].move(np.where(there, frames[parts], np.nan))
+
+    def _append_torn(self, name: str, part: int, bond: int, corners: np.ndarray,
+                     poses: np.ndarray) -> None:
+        count, nothing = len(corners), np.zeros(0, int)
+        if name not in self._torn:
+            self._batches['torn', name] = Batch(self._context, Kind.TRIANGLE, look(name))
+        parts, bonds = self._torn.get(name, (nothing, nothing))
+        self._torn[name] = (np.append(parts, np.full(count, part)),
+                            np.append(bonds, np.full(count, bond)))
+        place = corners[:, :3] if part == GROUND else np.tile(poses[part, :3], (count, 1))
+        self._batches['torn', name].append(self._copies(
+            look(name), np.full(count, bond), np.ones((count, 3)), place, np.zeros(count),
+            corners))
 
     def _move_joints(self, poses: np.ndarray) -> None:
         """Move the mortar beside parts that have moved."""

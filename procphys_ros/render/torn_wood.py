@@ -35,43 +35,68 @@ _STRAIGHT = 0.85  # cosine to its parent's axis from which on a branch carries i
 _PLATE, _DEPTH = 4.0, 0.5
 _RIM, _ROOTS = 14, 8  # corners of the plate, roots that stick out of it
 _OVER = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # turns z around
+_GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 
 
-def broken_ends(blueprint: Blueprint, poses: np.ndarray,
-                shown: np.ndarray) -> Iterator[tuple[str, int, np.ndarray]]:
+class WoodJoints:
     """
-    Find the joints of trees that have come apart, and cover both their sides.
+    Joints of the trees of a blueprint.
 
     :param blueprint: parts and bonds.
-    :param poses: of the parts, world, (N, 7).
-    :param shown: parts that exist, (N,) bool.
-    :returns: for each side the look, the part, and corners of triangles, world [m], (T, 9).
     """
-    hinge = np.flatnonzero(blueprint.bond_law == Law.HINGE)
-    parent, child = blueprint.bonds[hinge].T
-    frame = blueprint.bond_frame[hinge]
-    rooted = parent == GROUND
-    inner = rotation.relative(blueprint.poses[child], frame)
-    outer = np.where(rooted[:, None], frame, rotation.relative(blueprint.poses[parent], frame))
-    here = rotation.compose(poses[child], inner)
-    there = np.where(rooted[:, None], frame, rotation.compose(poses[parent], outer))
-    stretches = np.isfinite(blueprint.hinges.stretch_stiffness)
-    gap = np.linalg.norm(here[:, :3] - there[:, :3], axis=1)
-    stays = rooted | shown[parent]
-    apart = ~(shown[child] & stays & ((gap < _APART) | stretches))
-    uproots = rooted & _roots_give_first(blueprint, hinge)
-    for i in np.flatnonzero(apart & shown[child]):
-        width = float(blueprint.bond_extent[hinge[i], 0])
-        if uproots[i]:
-            yield from _uprooted(here[i], frame[i], width, int(child[i]), int(hinge[i]))
-        else:
-            back = rotation.compose(here[i], _OVER)
-            yield TORN, int(child[i]), placed(back, splinters(width, int(hinge[i])))
-    for i in np.flatnonzero(apart & ~rooted & stays):
-        width, wood = float(blueprint.bond_extent[hinge[i], 0]), int(parent[i])
-        along = rotation.rotate(outer[i, 3:], np.array([0.0, 0.0, 1.0]))[2]
-        stub = 0.0 if along > _STRAIGHT else 0.5 * float(blueprint.visual_size[wood, 1])
-        yield TORN, wood, placed(there[i], splinters(width, int(hinge[i]) + 1, stub))
+
+    def __init__(self, blueprint: Blueprint):
+        self._blueprint = blueprint
+        self._bond = np.flatnonzero(blueprint.bond_law == Law.HINGE)
+        self._parent, self._child = blueprint.bonds[self._bond].T
+        frame = blueprint.bond_frame[self._bond]
+        rest = np.concatenate([blueprint.poses, _GROUND_FRAME])  # the ground is the last part
+        self._inner = rotation.relative(rest[self._child], frame)
+        self._outer = rotation.relative(rest[self._parent], frame)
+        self._stretches = np.isfinite(blueprint.hinges.stretch_stiffness)
+        bending = blueprint.hinges.strength * np.pi / 32.0 * blueprint.bond_extent[
+            self._bond, 0] ** 3
+        self._uproots = (self._parent == GROUND) & (blueprint.hinges.root_moment < bending)
+
+    def apart(self, poses: np.ndarray) -> np.ndarray:
+        """
+        Find the bonds that have come apart, (K,).
+
+        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        """
+        frames = np.concatenate([poses, _GROUND_FRAME])
+        here = rotation.compose(frames[self._child], self._inner)
+        there = rotation.compose(frames[self._parent], self._outer)
+        gap = np.linalg.norm(here[:, :3] - there[:, :3], axis=1)
+        gone = np.isnan(frames[:, 0])
+        whole = (gap < _APART) | (self._stretches & np.isfinite(gap)) | (
+            gone[self._child] & gone[self._parent])
+        return self._bond[~whole]
+
+    def ends(self, bond: int) -> Iterator[tuple[str, int, np.ndarray]]:
+        """
+        Cover both sides of a broken bond.
+
+        :returns: look, part that carries it or `GROUND`, and corners of triangles in the frame of
+            that part, or the world [m], (T, 9).
+        """
+        i = int(np.searchsorted(self._bond, bond))
+        child, parent = int(self._child[i]), int(self._parent[i])
+        width = float(self._blueprint.bond_extent[bond, 0])
+        if self._uproots[i]:
+            soil, roots = root_plate(width, bond)
+            yield SOIL, child, placed(self._inner[i], soil)
+            yield TORN, child, placed(self._inner[i], roots)
+            pit = soil[:2 * _RIM] * np.tile([1.0, 1.0, 0.0], 3)
+            yield SOIL, GROUND, pit + np.tile(self._outer[i, :3] + [0.0, 0.0, 0.01], 3)
+            return
+        back = rotation.compose(self._inner[i], _OVER)
+        yield TORN, child, placed(back, splinters(width, bond))
+        if parent != GROUND:
+            along = rotation.rotate(self._outer[i, 3:], np.array([0.0, 0.0, 1.0]))[2]
+            stub = 0.0 if along > _STRAIGHT else 0.5 * float(
+                self._blueprint.visual_size[parent, 1])
+            yield TORN, parent, placed(self._outer[i], splinters(width, bond + 1, stub))
 
 
 def splinters(width: float, seed: int, stub: float = 0.0) -> np.ndarray:
@@ -131,16 +156,6 @@ def placed(frame: np.ndarray, corners: np.ndarray) -> np.ndarray:
     return points.reshape(-1, 9)
 
 
-def _uprooted(foot: np.ndarray, ground: np.ndarray, width: float, part: int,
-              seed: int) -> Iterator[tuple[str, int, np.ndarray]]:
-    """Cover the foot of a tree with its plate, and the ground with the pit it came out of."""
-    soil, roots = root_plate(width, seed)
-    yield SOIL, part, placed(foot, soil)
-    yield TORN, part, placed(foot, roots)
-    pit = root_plate(width, seed)[0][:2 * _RIM] * np.tile([1.0, 1.0, 0.0], 3)
-    yield SOIL, part, pit + np.tile(ground[:3] + [0.0, 0.0, 0.01], 3)
-
-
 def _roots(reach: float, width: float, rng: np.random.Generator) -> np.ndarray:
     """Draw torn roots, three-sided cones that stick out of a plate."""
     turn = 2.0 * np.pi * (np.arange(_ROOTS) + rng.uniform(-0.3, 0.3, _ROOTS)) / _ROOTS
@@ -153,9 +168,3 @@ def _roots(reach: float, width: float, rng: np.random.Generator) -> np.ndarray:
     corners = [start + thick * (np.cos(a) * across + np.sin(a) * up)
                for a in 2.0 * np.pi * np.arange(3) / 3.0]
     return np.concatenate([np.hstack([corners[k], corners[(k + 1) % 3], end]) for k in range(3)])
-
-
-def _roots_give_first(blueprint: Blueprint, hinge: np.ndarray) -> np.ndarray:
-    """Say of joints at the ground whether roots give way before the wood there, (H,) bool."""
-    bending = blueprint.hinges.strength * np.pi / 32.0 * blueprint.bond_extent[hinge, 0] ** 3
-    return blueprint.hinges.root_moment < bending
