@@ -61,7 +61,7 @@ setup(
         'batch': ['pyarrow', 'distributed'],  # Parquet tables, clusters of machines
         'mesh': ['trimesh'],  # intruders in the shape of a mesh
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
-        'docs': ['sphinx', 'myst-parser', 'sphinx-rtd-theme', 'viser>=1.1', 'pyvista'],
+        'docs': ['sphinx', 'myst-parser', 'sphinx-rtd-theme', 'viser>=1.1', 'pillow'],
         'report': ['matplotlib', 'pytest', 'pytest-timeout', 'pytest-xdist'],
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'rapier3d', 'ruff', 'mypy',
                  'types-PyYAML',
