@@ -12,7 +12,8 @@ SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts laun
 
 # Scenes of the gallery, and the simulated time of each picture [s].
 GALLERY := palms_in_a_gust:3 tree_on_house:5 village_street:5 figure_1:3.2 implosion:3.5 figure_8:3.2 \
-  felled_by_wind:4 figure_8:8
+  felled_by_wind:3.1 figure_8:8
+HOUSES := barn cottage garden_wall office terrace tower
 
 .PHONY: run warm test lint types pytest bench gallery docs report clean
 
@@ -58,12 +59,15 @@ $(VENV)/.installed-test: $(SOURCES) | $(BIN)/python
 	./.ci/browser
 	@touch $@ $(VENV)/.installed-run
 
-# The pictures of README.md and docs/scenes.md.
+# The pictures of README.md, docs/scenes.md and docs/walls.md.
 gallery: $(VENV)/.installed-run
 	for picture in $(GALLERY); do scene=$${picture%:*}; time=$${picture#*:}; \
 	  $(BIN)/render config/$$scene.yaml --time $$time --size 800x450 \
 	    --out docs/images/$${scene}_$$(echo $$time | tr . _)s.jpg || exit 1; done
-	$(BIN)/python bench/moving_picture.py
+	for house in $(HOUSES); do $(BIN)/render $$house.wall --size 760x480 \
+	  --out docs/images/wall_$$house.jpg || exit 1; done
+	$(BIN)/render config/gust_and_ball.yaml --from 3 --to 7 --fps 10 --size 480x270 \
+	  --out docs/images/gust_and_ball.gif
 
 # The site of docs/: build/docs/index.html.  A warning is an error.
 docs: $(VENV)/.installed-docs

@@ -261,3 +261,14 @@ def test_camera_of_the_scene_file_is_used(scene, tmp_path):
         pictures.append(np.asarray(Image.open(path), int))
     assert np.array_equal(pictures[0], pictures[1])
     assert not np.array_equal(pictures[0], pictures[2])
+
+
+def test_camera_sees_the_one_part_that_lies_far_from_all_others():
+    """Keep a single far point in the picture, and accept points that lie all at one place."""
+    points = np.random.default_rng(2).normal(size=(50_000, 3))
+    points[12_345] = (60.0, 5.0, 0.0)
+    view = frame(points, (160, 90))
+    spots = np.column_stack([points, np.ones(len(points))]
+                            ) @ view.projection(160 / 90, (0.1, 1000.0)).T
+    assert (np.abs(spots[:, :2]) <= spots[:, 3:]).all()
+    assert np.isfinite(frame(np.ones((200, 3)), _SIZE).eye).all()

@@ -22,7 +22,7 @@ import numpy as np
 
 from procphys_ros.palette import Look
 from procphys_ros.render import texture
-from procphys_ros.render.program import program, set_uniforms
+from procphys_ros.render.program import Programs, set_uniforms
 from procphys_ros.render.unit_meshes import Kind, unit_mesh
 
 _FIXED = '3f 3f 2f 1f'  # of each copy: what stays as it is
@@ -63,17 +63,17 @@ class Batch:
     Copies of one mesh.
 
     :param context: of OpenGL.
+    :param programs: of this context.
     :param kind: of its pieces.
     :param look: of its pieces.
     """
 
-    def __init__(self, context: Any, kind: Kind, look: Look):
+    def __init__(self, context: Any, programs: Programs, kind: Kind, look: Look):
         self._context, self._kind, self.look = context, kind, look
         self._fixed = np.zeros((0, 0), 'f4')
         self._poses = np.zeros((0, 7), 'f4')
-        names = (kind.value,)
-        self._surface = program(context, 'instance.vert', 'surface.frag', *names)
-        self._shadow = program(context, 'instance.vert', 'shadow.frag', *names)
+        self._surface = programs.get('instance.vert', 'surface.frag', kind.value)
+        self._shadow = programs.get('instance.vert', 'shadow.frag', 'SHADOW', kind.value)
         self._image = _image(context, look.pattern)
         self._buffers: list[Any] = []
         self._arrays: dict[Any, Any] = {}

@@ -18,12 +18,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from procphys_ros import rotation
 
 FIELD_OF_VIEW = 32.0  # [degrees], vertical
 _MARGIN = 1.06  # the scene fills this inverse share of the frame
-_SAMPLE, _ROUNDS = 20000, 5  # points looked at, and how often the target is shifted
+_FEW, _ROUNDS = 100, 5  # points that are all looked at, and how often the target is shifted
 _BEARING = np.radians(-72.0)  # the camera stands mostly to the south of the scene
 _LOW, _HIGH = np.radians(4.0), np.radians(17.0)  # elevation for a lone tree and a wide scene
 
@@ -97,7 +98,7 @@ def frame(points: np.ndarray, size: tuple[int, int], angle: float = FIELD_OF_VIE
     up = np.cross(back, right)
     slope = np.tan(np.radians(angle) / 2.0)
     reach = slope * np.array([size[0] / size[1], 1.0])
-    some = points[::len(points) // _SAMPLE + 1]
+    some = _outermost(points)
     for _ in range(_ROUNDS):  # near things look larger: shift the target until both sides match
         offset = some - centre
         away, beside = offset @ back, offset @ np.stack([right, up], axis=-1)
@@ -106,6 +107,16 @@ def frame(points: np.ndarray, size: tuple[int, int], angle: float = FIELD_OF_VIE
         shift = 0.5 * distance * (seen.max(axis=0) + seen.min(axis=0))
         centre = centre + shift[0] * right + shift[1] * up
     return View(centre + distance * back, centre, angle)
+
+
+def _outermost(points: np.ndarray) -> np.ndarray:
+    """Give the corners of the convex hull, within which all others are seen, too."""
+    if len(points) <= _FEW:
+        return points
+    try:
+        return points[ConvexHull(points, qhull_options='QJ').vertices]  # they may lie in a plane
+    except QhullError:  # or all at one place
+        return np.unique(points, axis=0)
 
 
 def corners(poses: np.ndarray, size: np.ndarray, unit: np.ndarray) -> np.ndarray:

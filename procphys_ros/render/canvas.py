@@ -28,7 +28,7 @@ from procphys_ros.render.backend import open_context
 from procphys_ros.render.camera import View
 from procphys_ros.render.drawing import Drawing
 from procphys_ros.render.light import Daylight
-from procphys_ros.render.program import program, set_uniforms
+from procphys_ros.render.program import Programs, set_uniforms
 from procphys_ros.scene.scenery import SkySettings, SunSettings
 
 _SAMPLES = 4  # per pixel, at edges
@@ -89,10 +89,11 @@ class Canvas:
         self._shadow_map.repeat_x = self._shadow_map.repeat_y = False
         self._shadow = context.framebuffer(depth_attachment=self._shadow_map)
         self._noise = _load_noise(context)
-        self._passes = {name: _screen_pass(context, name)
+        programs = Programs(context)
+        self._passes = {name: _screen_pass(context, programs, name)
                         for name in ('sky.frag', 'occlusion.frag', 'compose.frag')}
-        self._ground = _ground(context)
-        self._dust = _DustPass(context)
+        self._ground = _ground(context, programs)
+        self._dust = _DustPass(context, programs)
 
     def draw(self, drawing: Drawing, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
         """
@@ -188,9 +189,9 @@ class Canvas:
 class _DustPass:
     """Draws dust over a picture, the furthest puffs first."""
 
-    def __init__(self, context: Any):
+    def __init__(self, context: Any, programs: Programs):
         self._context = context
-        self._program = program(context, 'dust.vert', 'dust.frag')
+        self._program = programs.get('dust.vert', 'dust.frag')
         self._quad = context.buffer(_QUAD.tobytes())
 
     def draw(self, dust: Puffs, depth: Any, common: dict[str, Any], view: View) -> None:
@@ -231,14 +232,14 @@ def _column_major(matrix: np.ndarray) -> tuple[float, ...]:
     return tuple(matrix.T.ravel().tolist())
 
 
-def _screen_pass(context: Any, fragment: str) -> tuple[Any, Any]:
-    target = program(context, 'screen.vert', fragment)
+def _screen_pass(context: Any, programs: Programs, fragment: str) -> tuple[Any, Any]:
+    target = programs.get('screen.vert', fragment)
     return target, context.vertex_array(target, [])
 
 
-def _ground(context: Any) -> tuple[Any, Any]:
+def _ground(context: Any, programs: Programs) -> tuple[Any, Any]:
     """Lay flat ground to the horizon, finer towards the middle."""
-    target = program(context, 'ground.vert', 'ground.frag')
+    target = programs.get('ground.vert', 'ground.frag')
     turn = np.linspace(0.0, 2.0 * np.pi, _SPOKES + 1)
     points = np.zeros((len(_RINGS), _SPOKES + 1, 3))
     points[..., :2] = _RINGS[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)

@@ -27,6 +27,7 @@ from procphys_ros.palette import Look, look
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import joints, light, texture
 from procphys_ros.render.batches import Batch, Copies
+from procphys_ros.render.program import Programs
 from procphys_ros.render.torn_wood import WoodJoints
 from procphys_ros.render.unit_meshes import Kind
 
@@ -77,7 +78,7 @@ class Drawing:
     """
 
     def __init__(self, context: Any, first: Moment):
-        self._context = context
+        self._context, self._programs = context, Programs(context)
         self._batches: dict[tuple, Batch] = {}
         self._rows: dict[tuple, np.ndarray] = {}  # part, leaf or triangle behind each piece
         self._parts = self._leaves = self._triangles = self._bonds = 0  # drawn so far
@@ -176,7 +177,7 @@ class Drawing:
             return
         name = next((name for name in blueprint.textures if 'mortar' in name), 'mortar')
         self._seats.append((key, seats))
-        self._batches[key] = Batch(self._context, Kind.JOINT, look(name))
+        self._batches[key] = Batch(self._context, self._programs, Kind.JOINT, look(name))
         self._batches[key].append(self._copies(
             look(name), seats.bond, seats.size, poses[seats.first, :3],
             np.zeros(len(seats.bond)), np.zeros((len(seats.bond), 0))))
@@ -185,7 +186,7 @@ class Drawing:
     def _add(self, key: tuple, kind: Kind, appearance: Look, rows: np.ndarray, size: np.ndarray,
              places: np.ndarray, offset: np.ndarray, more: np.ndarray | None = None) -> None:
         if key not in self._batches:
-            self._batches[key] = Batch(self._context, kind, appearance)
+            self._batches[key] = Batch(self._context, self._programs, kind, appearance)
             self._rows[key] = np.zeros(0, int)
         self._rows[key] = np.append(self._rows[key], rows)
         more = np.zeros((len(rows), 0)) if more is None else more
@@ -214,7 +215,8 @@ class Drawing:
                      poses: np.ndarray) -> None:
         count, nothing = len(corners), np.zeros(0, int)
         if name not in self._torn:
-            self._batches['torn', name] = Batch(self._context, Kind.TRIANGLE, look(name))
+            self._batches['torn', name] = Batch(self._context, self._programs, Kind.TRIANGLE,
+                                                look(name))
         parts, bonds = self._torn.get(name, (nothing, nothing))
         self._torn[name] = (np.append(parts, np.full(count, part)),
                             np.append(bonds, np.full(count, bond)))

@@ -27,7 +27,7 @@ from procphys_ros.scene.scenery import SkySettings, SunSettings
 SUN = np.array([-0.45, -0.62, 0.64]) / np.linalg.norm([-0.45, -0.62, 0.64])  # towards the sun
 ZENITH = np.array([0.0, 0.0, 1.0])
 _SUNSHINE = np.array([0.80, 0.76, 0.66])  # colour of full sun on a surface that faces it
-_SKYLIGHT = np.array([0.40, 0.44, 0.50])  # colour from the open sky above
+_SKYLIGHT = np.array([0.46, 0.50, 0.57])  # colour from the open sky above
 SKY_LOW = np.array([0.87, 0.91, 0.94])  # colour of the clear sky at the horizon
 SKY_HIGH = np.array([0.30, 0.53, 0.80])  # and above
 # Optical depth of clear air straight up at red, green and blue (Rayleigh and thin haze).

@@ -20,21 +20,35 @@ from pathlib import Path
 from typing import Any
 
 _FOLDER = Path(__file__).with_name('shaders')
-_LIT = ('surface.frag', 'ground.frag', 'sky.frag', 'dust.frag')  # these know sun and sky
+_LIT = ('instance.vert', 'surface.frag', 'ground.frag', 'sky.frag', 'dust.frag')  # know the sky
 
 
-def program(context: Any, vertex: str, fragment: str, *names: str) -> Any:
+class Programs:
     """
-    Compile a vertex and a fragment shader, a `moderngl.Program`.
+    Compiles shaders, each pair once.
 
     :param context: of OpenGL.
-    :param vertex, fragment: names of files.
-    :param names: what is defined in both, such as 'KIND_BOX'.
     """
-    head = '#version 400\n' + ''.join(f'#define {name}\n' for name in names)
-    sky = _source('sky.glsl') if fragment in _LIT else ''
-    return context.program(vertex_shader=head + _source(vertex),
-                           fragment_shader=head + sky + _source(fragment))
+
+    def __init__(self, context: Any):
+        self._context = context
+        self._compiled: dict[tuple[str, ...], Any] = {}
+
+    def get(self, vertex: str, fragment: str, *names: str) -> Any:
+        """
+        Give the program of a vertex and a fragment shader, a `moderngl.Program`.
+
+        :param vertex, fragment: names of files.
+        :param names: what is defined in both, such as 'KIND_BOX'.
+        """
+        key = vertex, fragment, *names
+        if key not in self._compiled:
+            head = '#version 400\n' + ''.join(f'#define {name}\n' for name in names)
+            sky = _source('sky.glsl')
+            self._compiled[key] = self._context.program(
+                vertex_shader=head + (sky if vertex in _LIT else '') + _source(vertex),
+                fragment_shader=head + (sky if fragment in _LIT else '') + _source(fragment))
+        return self._compiled[key]
 
 
 def set_uniforms(target: Any, values: dict[str, Any]) -> None:

@@ -64,7 +64,7 @@ def noise_image() -> np.ndarray:
     rng = np.random.default_rng(11)
     channels = []
     for _ in range(4):
-        octaves = sum(0.5 ** i * _noise(rng, 4 * 2 ** i, 4 * 2 ** i) for i in range(6))
+        octaves = sum(0.7 ** i * _noise(rng, 4 * 2 ** i, 4 * 2 ** i) for i in range(6))
         channels.append(0.5 + 0.18 * octaves / np.std(octaves))
     return np.round(255.0 * np.clip(np.stack(channels, axis=-1), 0.0, 1.0)).astype(np.uint8)
 

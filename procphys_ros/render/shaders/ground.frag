@@ -7,14 +7,14 @@ out vec4 pixel;
 void main() {
     vec2 place = world.xy;
     vec4 wide = texture(noise, place / 97.0), patchy = texture(noise, place / 23.0 + 0.37);
-    vec4 tuft = texture(noise, place / 3.1), blade = texture(noise, place / 0.53);
+    vec4 tuft = texture(noise, place / 3.7), blade = texture(noise, place / 1.1);
     float dry = smoothstep(0.35, 0.75, 0.55 * wide.x + 0.45 * patchy.y);
     float bare = smoothstep(0.70, 0.82, 0.6 * patchy.z + 0.4 * tuft.w);
     vec3 colour = mix(grass * vec3(0.88, 0.98, 0.82), grass * vec3(1.14, 1.04, 0.94), dry);
     colour = mix(colour, grass * vec3(1.12, 0.94, 0.90), 0.8 * bare);
-    colour *= 0.70 + 0.34 * tuft.x + 0.30 * blade.y;
+    colour *= 0.56 + 0.36 * tuft.x + 0.48 * blade.y;
     vec3 facing = normalize(normal);
-    float lit = max(dot(facing, sun), 0.0) * sunlit(world, facing);
+    float lit = max(dot(facing, sun), 0.0) * sunlit(world, facing, gl_FragCoord.xy);
     float far = exp(-length(world.xy - eye.xy) / (0.35 * visibility));
     pixel = vec4(mix(sky_low, colour * (lit * sunshine + skylight), far), 1.0);
 }

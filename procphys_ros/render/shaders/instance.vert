@@ -23,6 +23,11 @@ in vec3 in_corner;
 in vec3 in_normal;
 #endif
 
+#if defined(KIND_LEAF) && !defined(SHADOW)
+out vec3 leaf_light;
+const vec3 BOUNCE = vec3(0.20, 0.20, 0.16);  // light from the ground below
+const float THROUGH = 0.35;   // share of the sun that a leaf lets through to its far side
+#endif
 out vec3 world;
 out vec3 normal;
 out vec3 tone;
@@ -39,13 +44,19 @@ const float BRICK_TILE = 0.6;            // [m] of wall that one image covers
 
 vec3 rotate(vec4 q, vec3 v) { return v + 2.0 * cross(q.xyz, cross(q.xyz, v) + q.w * v); }
 
+// The two coordinates along a face, by the axis that it faces most.
+vec2 across(vec3 point, vec3 facing) {
+    vec3 side = abs(facing);
+    return side.x > max(side.y, side.z) ? point.yz : side.y > side.z ? point.zx : point.xy;
+}
+
 void main() {
     vec3 local, facing;
 #if defined(KIND_TRIANGLE)
     int corner = gl_VertexID % 3;
     local = corner == 0 ? in_a : corner == 1 ? in_b : in_c;
     facing = normalize(cross(in_b - in_a, in_c - in_a) + vec3(0.0, 0.0, 1e-12));
-    uv = corner == 0 ? vec2(0.0) : corner == 1 ? vec2(1.0, 0.0) : vec2(0.5, 1.0);
+    uv = across(local, facing) / BRICK_TILE + in_offset * vec2(1.0, 7.31);
 #elif defined(KIND_BRANCH)
     float radius = 0.5 * mix(in_size.x, in_size.y, in_ring.x);
     vec2 circle = vec2(cos(TURN * in_ring.w), sin(TURN * in_ring.w));
@@ -65,14 +76,19 @@ void main() {
     local = in_corner * (in_size + swell);
     facing = in_normal;
     // Images run along the longer edge of a face, as grain runs along a beam.
-    vec3 side = abs(in_normal);
-    vec2 flat_ = side.x > 0.5 ? local.yz : side.y > 0.5 ? local.zx : local.xy;
-    vec2 edges = side.x > 0.5 ? in_size.yz : side.y > 0.5 ? in_size.zx : in_size.xy;
-    uv = (edges.x > edges.y ? flat_.yx : flat_) / BRICK_TILE + in_offset * vec2(1.0, 7.31);
+    vec2 place = across(local, in_normal), edges = across(in_size, in_normal);
+    uv = (edges.x > edges.y ? place.yx : place) / BRICK_TILE + in_offset * vec2(1.0, 7.31);
 #endif
     world = in_position + rotate(in_turn, local);
     normal = rotate(in_turn, facing);
     tone = in_tone;
     share = in_share;
+#if defined(KIND_LEAF) && !defined(SHADOW)
+    float sunny = THROUGH + (1.0 - THROUGH) * clamp(0.25 + 0.75 * dot(normal, sun), 0.0, 1.0);
+    // Half of the shade is that of the crown, which is smooth, and half that of single leaves.
+    float lit = share.x * (0.5 + 0.5 * sunlit(world, sun, vec2(gl_VertexID, gl_InstanceID)));
+    leaf_light = 1.35 * sunny * lit * sunshine + (0.65 + 0.35 * normal.z) * share.y * skylight
+                 + 0.6 * BOUNCE;
+#endif
     gl_Position = projection * vec4(world, 1.0);
 }

@@ -21,19 +21,26 @@ vec3 sky(vec3 towards) {
         vec4 coarse = texture(noise, place);
         vec4 fine = texture(noise, 3.7 * place + 0.31);
         float puff = 0.62 * coarse.x + 0.25 * fine.y + 0.13 * texture(noise, 11.0 * place).z;
-        float cover = smoothstep(0.78 - 0.62 * clouds, 0.98 - 0.55 * clouds, puff);
+        float cover = smoothstep(0.70 - 0.55 * clouds, 0.84 - 0.46 * clouds, puff);
         vec3 white = mix(vec3(0.97), vec3(0.66, 0.69, 0.73), 0.8 * clouds * coarse.w + 0.25 * clouds);
         colour = mix(colour, white, cover * smoothstep(0.02, 0.22, rise));
     }
-    return colour;
+    // Wooded hills far away, which haze has nearly the colour of the horizon.
+    float along = atan(towards.y, towards.x) / 6.2831853;
+    float crest = 0.030 * texture(noise, vec2(along, 0.13)).x
+                  + 0.010 * texture(noise, vec2(5.0 * along, 0.71)).y - 0.006;
+    vec3 wood = mix(vec3(0.24, 0.32, 0.26), sky_low, 1.0 - 0.55 * exp(-900.0 / visibility));
+    wood = mix(sky_low, wood, smoothstep(-0.3, 0.9, towards.z / max(crest, 1e-3)));
+    return mix(wood, colour, smoothstep(crest, crest + 0.0025, towards.z));
 }
 
-// Share of the sun that arrives, over a few spots, which makes the edge soft.
-float sunlit(vec3 place, vec3 facing) {
+// Share of the sun that arrives, over a few spots around, which makes the edge soft; their turn is
+// drawn from a seed.
+float sunlit(vec3 place, vec3 facing, vec2 seed) {
     vec4 spot = to_shadow * vec4(place + 0.012 * facing + 0.006 * sun, 1.0);
     vec3 where = 0.5 * spot.xyz + 0.5;
     if (any(lessThan(where, vec3(0.001))) || any(greaterThan(where, vec3(0.999)))) return 1.0;
-    float turn = 6.2831853 * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
+    float turn = 6.2831853 * fract(52.9829189 * fract(dot(seed, vec2(0.06711056, 0.00583715))));
     vec2 a = vec2(cos(turn), sin(turn)) * texel, b = vec2(-a.y, a.x);
     float lit = texture(shadow_map, where);
     lit += texture(shadow_map, vec3(where.xy + 1.4 * a, where.z));

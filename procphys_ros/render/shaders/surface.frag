@@ -4,6 +4,7 @@ in vec3 normal;
 in vec3 tone;
 in vec2 share;                // of sun and sky that the leaves around let through
 #if defined(KIND_LEAF)
+in vec3 leaf_light;
 sample in vec2 uv;            // leaves are finer than pixels
 #else
 in vec2 uv;
@@ -16,25 +17,19 @@ uniform float opacity;
 out vec4 pixel;
 
 const vec3 BOUNCE = vec3(0.20, 0.20, 0.16);  // light from the ground below
-const float THROUGH = 0.35;   // share of the sun that a leaf lets through to its far side
 
 void main() {
     vec3 towards = normalize(eye - world);
 #if defined(KIND_LEAF)
     vec4 paint = plain ? vec4(1.0) : texture(image, uv, -2.0);
     if (paint.a < 0.45) discard;
-    vec3 outward = normalize(normal);
-    float facing = THROUGH + (1.0 - THROUGH) * clamp(0.25 + 0.75 * dot(outward, sun), 0.0, 1.0);
-    float lit = share.x * (0.55 + 0.45 * sunlit(world, sun));
-    vec3 light = 1.35 * facing * lit * sunshine + (0.65 + 0.35 * outward.z) * share.y * skylight
-                 + 0.6 * BOUNCE;
-    pixel = vec4(hazed(tone * paint.rgb * light, world), 1.0);
+    pixel = vec4(hazed(tone * paint.rgb * leaf_light, world), 1.0);
 #else
     vec4 paint = plain ? vec4(1.0) : texture(image, uv);
     vec3 facing = normalize(normal);
     if (!gl_FrontFacing) facing = -facing;
     float lit = max(dot(facing, sun), 0.0);
-    if (lit > 0.0) lit *= sunlit(world, facing);
+    if (lit > 0.0) lit *= sunlit(world, facing, gl_FragCoord.xy);
     float up = 0.5 + 0.5 * facing.z;
     vec3 light = lit * sunshine + up * share.y * skylight + (1.0 - up) * BOUNCE;
     vec3 colour = tone * paint.rgb * light;
