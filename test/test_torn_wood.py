@@ -56,10 +56,10 @@ def test_both_sides_of_a_break_are_jagged():
     assert (look, also, piece, stump) == (TORN, TORN, 2, 1)
     joint = tree.bond_frame[2, :3]
     below, above = below.reshape(-1, 3), above.reshape(-1, 3)
-    assert np.hypot(above[:, 0], above[:, 1]).max() <= 0.5 * _WIDTH
-    assert np.hypot(below[:, 0] - 3.0, below[:, 1]).max() <= 0.5 * _WIDTH
-    assert joint[2] + 0.4 * _WIDTH < above[:, 2].max() < joint[2] + 1.3 * _WIDTH
-    assert joint[2] - 1.3 * _WIDTH < below[:, 2].min() < joint[2] - 0.4 * _WIDTH
+    assert np.hypot(above[:, 0], above[:, 1]).max() <= 0.54 * _WIDTH
+    assert np.hypot(below[:, 0] - 3.0, below[:, 1]).max() <= 0.54 * _WIDTH
+    assert joint[2] + 0.6 * _WIDTH < above[:, 2].max() < joint[2] + 1.6 * _WIDTH
+    assert joint[2] - 1.6 * _WIDTH < below[:, 2].min() < joint[2] - 0.6 * _WIDTH
     assert np.unique(np.round(above[:, 2], 6)).size > 10  # no two splinters alike
 
 

@@ -28,7 +28,8 @@ from procphys_ros.blueprint import Blueprint, GROUND, Law
 TORN, SOIL = 'torn_wood', 'soil'  # names of looks
 _APART = 0.05     # [m] the two sides of a joint that is whole stay closer than that
 _SPIKES = 9       # around a broken end
-_LONGEST = 2.4    # of the splinters, in radii of the wood
+_LONGEST = 2.2    # of the splinters, in radii of the wood, beyond its round end
+_SHORTEST = 0.85  # likewise, so that they hide that end
 _STRAIGHT = 0.85  # cosine to its parent's axis from which on a branch carries it on
 # A plate reaches about four stem diameters to each side, and half as deep (Mattheck and Breloer
 # 1994, The Body Language of Trees: 1.2 m for a stem of 0.3 m; at second hand).
@@ -115,10 +116,10 @@ def splinters(width: float, seed: int, stub: float = 0.0) -> np.ndarray:
     side = rng.uniform(0.0, 2.0 * np.pi)  # wood tears off longer on one side
     height = rng.uniform(0.2, 1.0, count) * (0.65 + 0.35 * np.cos(turn - side))
     height[1::2] *= 0.25
-    foot = np.column_stack([0.98 * radius * circle, np.full(count, -0.4 * radius)])
+    foot = np.column_stack([1.06 * radius * circle, np.full(count, -0.4 * radius)])
     tip = np.column_stack([radius * rng.uniform(0.6, 0.95, (count, 1)) * circle,
-                           stub + _LONGEST * radius * height])
-    middle = np.broadcast_to([0.0, 0.0, stub + 0.1 * radius], foot.shape)
+                           stub + (_SHORTEST + _LONGEST * height) * radius])
+    middle = np.broadcast_to([0.0, 0.0, stub + 1.05 * radius], foot.shape)
     after, ahead = np.roll(foot, -1, axis=0), np.roll(tip, -1, axis=0)
     return np.concatenate([np.hstack([foot, after, ahead]), np.hstack([foot, ahead, tip]),
                            np.hstack([tip, ahead, middle])])
