@@ -36,7 +36,7 @@ class Shape(IntEnum):
     """Shape of a part; its frame sits at the centre of mass."""
 
     CAPSULE = 0  # axis along the part's z; size = diameter, diameter, length over the round ends
-    BOX = 1      # size = full extents along the part's x, y, z
+    BOX = 1      # size = full extents along the part's x, y, z; see also `Hexahedra`
 
 
 class Law(IntEnum):
@@ -168,6 +168,43 @@ class Ornaments(_Table):
 
 
 @dataclass(frozen=True)
+class Hexahedra(_Table):
+    """
+    Corners of boxes that are no rectangular ones: convex hexahedra, such as voussoirs.
+
+    Whoever does not ask for the corners takes the part for a box about its frame that holds it.
+
+    :ivar part: the box, ascending, (H,) int.
+    :ivar corners: in the part's frame [m], (H, 24) as x y z eight times; corner number i lies on
+        the high side along x if i & 1, along y if i & 2, along z if i & 4. Some may coincide.
+    """
+
+    part: np.ndarray = _column(np.int32)
+    corners: np.ndarray = _column(float, 24)
+
+    def among(self, parts: np.ndarray) -> 'Hexahedra':
+        """
+        Select those among some parts, numbered by their places there.
+
+        :param parts: indices, ascending, (K,).
+        """
+        if not len(self) or not len(parts):
+            return Hexahedra()
+        place = np.minimum(np.searchsorted(parts, self.part), len(parts) - 1)
+        found = np.asarray(parts)[place] == self.part
+        return Hexahedra(place[found].astype(np.int32), self.corners[found])
+
+    def points(self, poses: np.ndarray) -> np.ndarray:
+        """
+        Give the corners where the parts are [m], (H, 8, 3).
+
+        :param poses: of all parts, (N, 7).
+        """
+        frames = poses[self.part, None]
+        return frames[..., :3] + rotation.rotate(frames[..., 3:], self.corners.reshape(-1, 8, 3))
+
+
+@dataclass(frozen=True)
 class Blueprint:
     """
     Parts and bonds of one or many objects, at rest.
@@ -175,7 +212,7 @@ class Blueprint:
     :ivar shape: `Shape` of each part, (N,) uint8.
     :ivar size: collision extents in the part's frame [m], (N, 3); for a capsule the bone.
     :ivar visual_size: what is drawn [m], (N, 3): for a capsule base diameter, tip diameter and
-        full segment length; for a box its extents.
+        full segment length; for a box its extents. Hexahedra are drawn by their corners.
     :ivar density: [kg/m³], (N,).
     :ivar mass: [kg], (N,).
     :ivar inertia: principal moments about the centre of mass, in the part's axes [kg·m²], (N, 3).
@@ -189,11 +226,13 @@ class Blueprint:
     :ivar bond_law: `Law` of each bond, (M,) uint8.
     :ivar bond_frame: contact pose in the frame of `poses` [m], (M, 7); see `Hinges`, `Mortar`.
     :ivar bond_extent: patch along the bond frame's x and y [m], (M, 2); hinges: diameter twice.
+        Of a patch that is no rectangle, the sides of one with its second moments over its area.
     :ivar bond_area: [m²], (M,).
     :ivar hinges: one row per hinge bond, in bond order.
     :ivar mortar: one row per mortar bond, in bond order.
     :ivar leaves: leaves fixed to parts.
     :ivar ornaments: triangles drawn with parts.
+    :ivar hexahedra: corners of boxes that are no rectangular ones.
     :ivar kinds, materials, textures: names that the index columns refer to.
     """
 
@@ -217,6 +256,7 @@ class Blueprint:
     mortar: Mortar = field(default_factory=Mortar)
     leaves: Leaves = field(default_factory=Leaves)
     ornaments: Ornaments = field(default_factory=Ornaments)
+    hexahedra: Hexahedra = field(default_factory=Hexahedra)
     kinds: tuple[str, ...] = ()
     materials: tuple[str, ...] = ()
     textures: tuple[str, ...] = ()
@@ -309,11 +349,11 @@ def chain(blueprints: Sequence[Blueprint]) -> Blueprint:
         np.where(b.bonds == GROUND, GROUND, b.bonds + start).astype(np.int32)
         for b, start in zip(blueprints, starts)])
     for name, table in (('hinges', Hinges), ('mortar', Mortar), ('leaves', Leaves),
-                        ('ornaments', Ornaments)):
+                        ('ornaments', Ornaments), ('hexahedra', Hexahedra)):
         columns[name] = table(**{
             f.name: np.concatenate([getattr(getattr(b, name), f.name) for b in blueprints])
             for f in fields(table)})
-    for name in ('leaves', 'ornaments'):
+    for name in ('leaves', 'ornaments', 'hexahedra'):
         part = np.concatenate([getattr(b, name).part + start
                                for b, start in zip(blueprints, starts)]).astype(np.int32)
         columns[name] = replace(columns[name], part=part)

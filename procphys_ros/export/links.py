@@ -16,6 +16,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.export.articulation import Articulation, CLAMPED, LOOSE
 from procphys_ros.export.content import Content
+from procphys_ros.physics.world.urdf import write_hulls
 
 WORLD = 'world'
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -69,21 +71,52 @@ class Link:
 @dataclass(frozen=True)
 class Solid:
     """
-    Shape of a part: a box, or a cylinder along z.
+    Shape of a part: a mesh, a box, or a cylinder along z.
 
-    :ivar box: full extents [m], (3,); None for a cylinder.
+    :ivar box: full extents [m], (3,); None for others.
     :ivar radius: [m].
     :ivar length: [m].
+    :ivar mesh: file, relative to the exported one; '' for others.
     """
 
     box: np.ndarray | None
     radius: float = 0.0
     length: float = 0.0
+    mesh: str = ''
 
 
-def solid(content: Content, part: int) -> Solid:
-    """Give the shape of a part; tapered segments become cylinders of their middle diameter."""
+def meshes(content: Content, path: Path) -> dict[int, str]:
+    """
+    Write the hexahedra that exist into a folder beside a file, those alike once.
+
+    :param path: of the file.
+    :returns: mesh file of each such part, relative to the folder of `path`.
+    """
+    solids = content.blueprint.hexahedra
+    folder = path.parent / f'{path.stem}_meshes'
+    known: dict[bytes, str] = {}
+    out = {}
+    for part, corners in zip(solids.part.tolist(), solids.corners.round(6)):
+        if not content.exists[part]:
+            continue
+        key = corners.tobytes()
+        if key not in known:
+            known[key] = f'{folder.name}/hexahedron_{len(known)}.obj'
+            folder.mkdir(exist_ok=True)
+            (path.parent / known[key]).write_text(write_hulls(corners.reshape(1, 8, 3)))
+        out[part] = known[key]
+    return out
+
+
+def solid(content: Content, part: int, mesh: str = '') -> Solid:
+    """
+    Give the shape of a part; tapered segments become cylinders of their middle diameter.
+
+    :param mesh: its file, see `meshes`; '' = it has none.
+    """
     size = content.blueprint.visual_size[part]
+    if mesh:
+        return Solid(None, mesh=mesh)
     if content.blueprint.shape[part] == Shape.BOX:
         return Solid(size)
     return Solid(None, 0.25 * float(size[0] + size[1]), float(size[2]))

@@ -57,11 +57,12 @@ def write_mjcf(content: Content, path: Path, report: Report) -> None:
     for name in dict.fromkeys(content.textures):
         child(assets, 'material', name=name, rgba=text(*rgba(name)))
     world = child(root, 'worldbody')
+    hulls = _hulls(content, assets)
     child(world, 'light', pos='0 0 50', dir='0 0.3 -1', directional='true')
     child(world, 'geom', name='ground', class_='solid', type_='plane', size='0 0 1',
           rgba=text(*rgba('ground')))
     bodies = _trees(content, joints, world)
-    _bricks(content, joints, world, report)
+    _bricks(content, joints, world, report, hulls)
     contact = child(root, 'contact')
     for row in np.flatnonzero(joints.parent == CLAMPED):
         child(contact, 'exclude', body1='world', body2=bodies[row].attrib['name'])
@@ -116,8 +117,17 @@ def _hinges(joints: Articulation, row: int, body: ElementTree.Element) -> None:
               springref=text(springs.rest[row]), **limits)
 
 
+def _hulls(content: Content, assets: ElementTree.Element) -> dict[int, str]:
+    """Write the corners of hexahedra as meshes; give the mesh of each such part."""
+    solids = content.blueprint.hexahedra
+    names = {part: f'hull_{part}' for part in solids.part.tolist()}
+    for name, corners in zip(names.values(), solids.corners.round(9)):
+        child(assets, 'mesh', name=name, vertex=text(*corners), inertia='exact')
+    return names
+
+
 def _bricks(content: Content, joints: Articulation, world: ElementTree.Element,
-            report: Report) -> None:
+            report: Report, hulls: dict[int, str]) -> None:
     """Add every part that is no branch as a free body."""
     mine = content.exists.copy()
     mine[joints.part] = False
@@ -125,7 +135,7 @@ def _bricks(content: Content, joints: Articulation, world: ElementTree.Element,
     for done, part in enumerate(parts.tolist(), 1):
         body = _body(content, part, content.poses[part], world)
         child(body, 'freejoint')
-        _geom(content, part, 'solid', body)
+        _geom(content, part, 'solid', body, hulls.get(part, ''))
         report(done, len(parts))
 
 
@@ -150,10 +160,13 @@ def _body(content: Content, part: int, pose: np.ndarray,
     return body
 
 
-def _geom(content: Content, part: int, group: str, body: ElementTree.Element) -> None:
+def _geom(content: Content, part: int, group: str, body: ElementTree.Element,
+          hull: str = '') -> None:
     blueprint = content.blueprint
     x, y, z = blueprint.solid_size(np.array([part]))[0]
-    if blueprint.shape[part] == Shape.BOX:
+    if hull:
+        shape = {'type': 'mesh', 'mesh': hull}
+    elif blueprint.shape[part] == Shape.BOX:
         shape = {'type': 'box', 'size': text(0.5 * x, 0.5 * y, 0.5 * z)}
     elif z > x:
         shape = {'type': 'capsule', 'size': text(0.5 * x, 0.5 * (z - x))}

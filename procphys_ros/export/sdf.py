@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
-from procphys_ros.export.links import Link, solid, static_parts, tree_links, WORLD
+from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, write
 from procphys_ros.palette import rgba
 
@@ -54,12 +54,13 @@ def write_sdf(content: Content, path: Path, report: Report) -> None:
         _link(content, link, models[link.owner])
         _joint(link, models[link.owner])
         report(done, len(links))
+    files = meshes(content, path)
     for name, parts in static_parts(content, joints):
         model = child(world, 'model', name=f'{name}_rigid' if name in models else name)
         child(model, 'static', 'true')
         element = child(model, 'link', name='parts')
         for part in parts.tolist():
-            _shape(content, part, content.poses[part], element)
+            _shape(content, part, content.poses[part], element, files.get(part, ''))
     write(root, path, _NOTE)
 
 
@@ -128,14 +129,17 @@ def _joint(link: Link, model: ElementTree.Element) -> None:
     child(dynamics, 'spring_stiffness', text(link.stiffness))
 
 
-def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element) -> None:
+def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element,
+           mesh: str = '') -> None:
     """Show and collide a part at a pose in the frame of its link."""
-    form = solid(content, part)
+    form = solid(content, part, mesh)
     for use in ('visual', 'collision'):
         element = child(link, use, name=f'{content.part_names[part]}_{use}')
         _pose(pose, element)
         geometry = child(element, 'geometry')
-        if form.box is not None:
+        if form.mesh:
+            child(child(geometry, 'mesh'), 'uri', form.mesh)
+        elif form.box is not None:
             child(child(geometry, 'box'), 'size', text(*form.box))
         else:
             cylinder = child(geometry, 'cylinder')

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Shape
 from procphys_ros.export.content import Content
 from procphys_ros.palette import look
 from procphys_ros.render import joints, mesh
@@ -71,11 +70,9 @@ def surfaces(content: Content) -> Iterator[Surface]:
 def _solids(content: Content, owner: str, parts: np.ndarray) -> Iterator[Surface]:
     blueprint = content.blueprint
     for index in np.unique(blueprint.texture[parts]):
-        for shape, build in ((Shape.CAPSULE, mesh.branches), (Shape.BOX, mesh.boxes)):
-            rows = parts[(blueprint.texture[parts] == index) & (blueprint.shape[parts] == shape)]
-            if len(rows):
-                yield _surface(owner, content.textures[index],
-                               build(content.poses[rows], blueprint.visual_size[rows]), rows)
+        mine = parts[blueprint.texture[parts] == index]
+        for rows, built in mesh.solids(blueprint, content.poses, mine):
+            yield _surface(owner, content.textures[index], built, rows)
 
 
 def _leaves(content: Content, owner: str, rows: np.ndarray) -> Iterator[Surface]:
@@ -109,7 +106,7 @@ def _surface(owner: str, texture: str, built: Mesh, rows: np.ndarray,
 
 def local_part(content: Content, part: int) -> Mesh:
     """Build the mesh of one part in its own frame, without leaves."""
-    blueprint = content.blueprint
-    build = mesh.boxes if blueprint.shape[part] == Shape.BOX else mesh.branches
-    origin = np.concatenate([np.zeros(3), rotation.IDENTITY])[None]
-    return build(origin, blueprint.visual_size[[part]])
+    origin = np.concatenate([np.zeros(3), rotation.IDENTITY])
+    poses = np.broadcast_to(origin, (len(content.blueprint), 7))
+    (_, built), = mesh.solids(content.blueprint, poses, np.array([part]))
+    return built

@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
-from procphys_ros.export.links import Link, solid, static_parts, tree_links, WORLD
+from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, write
 from procphys_ros.palette import rgba
 
@@ -52,10 +52,11 @@ def write_urdf(content: Content, path: Path, report: Report) -> None:
         _joint(link, rotation.relative(frames[link.parent], link.frame), robot)
         frames[link.name] = link.frame
         report(done, len(links))
+    files = meshes(content, path)
     for name, parts in static_parts(content, joints):
         element = child(robot, 'link', name=name)
         for part in parts.tolist():
-            _shape(content, part, content.poses[part], element)
+            _shape(content, part, content.poses[part], element, files.get(part, ''))
         _attach(name, _HERE, robot)
     write(robot, path, _NOTE)
 
@@ -98,14 +99,17 @@ def _attach(name: str, seat: np.ndarray, robot: ElementTree.Element, parent: str
     child(joint, 'child', link=name)
 
 
-def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element) -> None:
+def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element,
+           mesh: str = '') -> None:
     """Show and collide a part at a pose in the frame of its link."""
-    form, name = solid(content, part), content.part_names[part]
+    form, name = solid(content, part, mesh), content.part_names[part]
     for use in ('visual', 'collision'):
         element = child(link, use, name=name)
         _origin(pose, element)
         geometry = child(element, 'geometry')
-        if form.box is not None:
+        if form.mesh:
+            child(geometry, 'mesh', filename=form.mesh)
+        elif form.box is not None:
             child(geometry, 'box', size=text(*form.box))
         else:
             child(geometry, 'cylinder', radius=text(form.radius), length=text(form.length))

@@ -131,6 +131,9 @@ def add_mesh(layer: Layer, path: str, shape: Mesh, material: str, leaf: bool = F
 
 def add_collider(layer: Layer, path: str, content: Content, part: int) -> None:
     """Write the shape that a part collides as, in its own frame."""
+    if len(content.blueprint.hexahedra.among(np.array([part]))):
+        _add_hull(layer, path, local_part(content, part))
+        return
     x, y, z = content.blueprint.solid_size(np.array([part]))[0]
     box = content.blueprint.shape[part] == Shape.BOX
     kind = 'Cube' if box else 'Capsule' if z > x else 'Sphere'
@@ -149,6 +152,19 @@ def add_collider(layer: Layer, path: str, content: Content, part: int) -> None:
     put(spec, 'float3[]', 'extent', vectors(np.array([-half, half])))
 
 
+def _add_hull(layer: Layer, path: str, shape: Mesh) -> None:
+    """Write a convex hull to collide with."""
+    spec = layer.prim(path, 'Mesh', ['PhysicsCollisionAPI', 'PhysicsMeshCollisionAPI'])
+    put(spec, 'token', 'purpose', 'guide', uniform=True)
+    put(spec, 'token', 'physics:approximation', 'convexHull', uniform=True)
+    put(spec, 'point3f[]', 'points', vectors(shape.points))
+    put(spec, 'int[]', 'faceVertexCounts', numbers(np.full(len(shape.triangles), 3)))
+    put(spec, 'int[]', 'faceVertexIndices', numbers(shape.triangles.ravel()))
+    put(spec, 'float3[]', 'extent', vectors(np.array([shape.points.min(axis=0),
+                                                      shape.points.max(axis=0)])))
+    put(spec, 'token', 'subdivisionScheme', 'none', uniform=True)
+
+
 class Prototypes:
     """
     Shapes that many parts share, as classes that instances refer to.
@@ -164,12 +180,14 @@ class Prototypes:
         self._materials, blueprint = materials, content.blueprint
         self._keys = np.round(np.column_stack([
             blueprint.visual_size, blueprint.mass, blueprint.shape, blueprint.texture]), 9)
-        self._known: dict[tuple[float, ...], str] = {}
+        self._corners = {part: tuple(corners) for part, corners in zip(
+            blueprint.hexahedra.part.tolist(), blueprint.hexahedra.corners.round(6).tolist())}
+        self._known: dict[tuple, str] = {}
         layer.prim(root, specifier=Sdf.SpecifierClass)
 
     def path(self, part: int) -> str:
         """Give the path of a part's prototype, which is written when first asked for."""
-        key = tuple(self._keys[part].tolist())
+        key = (*self._keys[part].tolist(), self._corners.get(part))
         if key not in self._known:
             path = f'{self._root}/shape_{len(self._known)}'
             self._known[key] = path

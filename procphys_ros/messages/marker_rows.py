@@ -54,22 +54,29 @@ class Action(IntEnum):
     DELETEALL = 3
 
 
-def row_layout(namespace_bytes: int, frame_id: str, mesh: str = '') -> tuple[np.dtype, bytes]:
+def row_layout(namespace_bytes: int, frame_id: str, mesh: str = '',
+               points: int = 0) -> tuple[np.dtype, bytes]:
     """
-    Lay out a marker without points for all namespaces of one length.
+    Lay out a marker with a fixed number of points for all namespaces of one length.
 
     :param namespace_bytes: length of `ns` in UTF-8.
     :param frame_id: frame of the markers.
     :param mesh: resource that is drawn with its own materials; '' = none.
+    :param points: how many.
     :returns: dtype with the fields that differ, as long as the marker; and the marker's bytes
         with those fields empty.
     """
     namespace = 'x' * namespace_bytes
     head, offsets = _head(namespace, frame_id, Kind.CUBE, (0.0, 0.0, 0.0, 0.0))
-    head.numbers('I', 0)  # no points
+    head.numbers('I', points)
+    if points:
+        offsets['points'] = head.align(8)
+        head.raw(bytes(24 * points))
     data = _finish(head, mesh)
     formats = {'stamp': ('<u4', 2), 'ns': ('u1', namespace_bytes), 'id': '<i4', 'type': '<i4',
                'action': '<i4', 'pose': ('<f8', 7), 'scale': ('<f8', 3), 'color': ('<f4', 4)}
+    if points:
+        formats['points'] = ('<f8', (points, 3))
     layout = np.dtype({'names': list(formats), 'formats': list(formats.values()),
                        'offsets': [offsets[name] for name in formats], 'itemsize': len(data)})
     return layout, data

@@ -20,11 +20,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.hexahedron import FACES
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.foliage import balls, PlacedObject
 from procphys_ros.messages.marker_rows import Action, Kind, row_layout
 from procphys_ros.palette import look
 
+_HULL = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]]).ravel()  # of a hexahedron
 _NOWHERE = (0, 0, 0, 0, 0, 0, 1)  # pose of a marker that is deleted
 
 
@@ -36,11 +38,13 @@ class _Rows:
     :param namespaces: bytes of `ns`, (K, L).
     :param frame_id: frame of the poses.
     :param mesh: resource to draw; '' = the shape.
+    :param points: how many points each marker has.
     """
 
-    def __init__(self, parts: np.ndarray, namespaces: np.ndarray, frame_id: str, mesh: str = ''):
+    def __init__(self, parts: np.ndarray, namespaces: np.ndarray, frame_id: str, mesh: str = '',
+                 points: int = 0):
         self.parts = parts
-        layout, template = row_layout(namespaces.shape[1], frame_id, mesh)
+        layout, template = row_layout(namespaces.shape[1], frame_id, mesh, points)
         # The bytes lead, because numpy does not copy what lies between the fields of a record.
         self._bytes = np.tile(np.frombuffer(template, np.uint8), (len(parts), 1))
         self._layout = layout
@@ -86,6 +90,7 @@ class PartMarkers:
         self._has_mesh = np.append(self._has_mesh, np.zeros(new, bool))
         size, kind, colour = _appearance(blueprint)
         self._may_have_mesh = (kind == Kind.CUBE) & bool(self._mesh)
+        hexahedra = blueprint.hexahedra
         lengths = np.array([len(o.name.encode()) for o in objects], int)
         for length in np.unique(lengths):
             mine = [o for o, n in zip(objects, lengths) if n == length and o.count]
@@ -95,14 +100,20 @@ class PartMarkers:
             names = np.array([np.frombuffer(o.name.encode(), np.uint8) for o in mine])
             names = np.repeat(names, [o.count for o in mine], axis=0)
             box = kind[parts] == Kind.CUBE
-            shapes = _Rows(parts, names, self._frame)
+            cut = hexahedra.among(parts)
+            solids = _Rows(parts[cut.part], names[cut.part], self._frame,
+                           points=len(_HULL))
+            solids.fields['points'] = cut.corners.reshape(-1, 8, 3)[:, _HULL]
+            plain = np.setdiff1d(np.arange(len(parts)), cut.part)
+            shapes = _Rows(parts[plain], names[plain], self._frame)
             meshes = _Rows(parts[box], names[box], self._frame, self._mesh)
-            for rows in (shapes, meshes):
+            for rows in (shapes, meshes, solids):
                 rows.fields['scale'] = size[rows.parts]
                 rows.fields['color'] = colour[rows.parts]
-            shapes.fields['type'] = kind[parts]
+            shapes.fields['type'] = kind[parts[plain]]
             meshes.fields['type'] = Kind.MESH_RESOURCE
-            self._shapes.append(shapes)
+            solids.fields['type'] = Kind.TRIANGLE_LIST
+            self._shapes += [shapes, solids]
             if self._mesh:
                 self._meshes.append(meshes)
 
@@ -139,6 +150,8 @@ def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarra
     kind = np.where(capsule, Kind.CYLINDER, Kind.CUBE)
     ball = balls(blueprint)
     kind[ball], size[ball] = Kind.SPHERE, blueprint.size[ball]
+    solid = blueprint.hexahedra.part
+    kind[solid], size[solid] = Kind.TRIANGLE_LIST, 1.0
     looks = [look(name) for name in blueprint.textures] or [look('')]
     colour = np.array([one.rgba for one in looks])[blueprint.texture]
     # Neighbouring bricks differ a little, always in the same way.

@@ -41,6 +41,7 @@ class SceneDescription:
         self._lists: dict[str, dict[str, list[str]]] = {
             'parts': {name: [] for name in ('name', 'kind', 'shape', 'size', 'visual_size', 'mass',
                                             'material', 'texture')},
+            'hexahedra': {name: [] for name in ('part', 'corners')},
             'bonds': {name: [] for name in ('parts', 'law')}}
         self._owners: list[dict[str, Any]] = []
 
@@ -79,6 +80,11 @@ class SceneDescription:
                   mass=blueprint.mass[new].round(_DIGITS).tolist(),
                   material=[blueprint.materials[m] for m in blueprint.material[new]],
                   texture=[_texture(blueprint, t) for t in blueprint.texture[new]])
+
+        solids = blueprint.hexahedra
+        solids = solids.take(solids.part >= start)
+        self._add('hexahedra', part=solids.part.tolist(),
+                  corners=solids.corners.round(_DIGITS).tolist())
 
     def _add_bonds(self, blueprint: Blueprint) -> None:
         new = slice(self._bonds, None)

@@ -27,7 +27,8 @@ from procphys_ros.render.unit_meshes import Kind, unit_mesh
 
 _FIXED = '3f 3f 2f 1f'  # of each copy: what stays as it is
 _FIXED_NAMES = ('in_size', 'in_tone', 'in_share', 'in_offset')
-_MORE = {Kind.LEAF: ('3f', ('in_outward',)), Kind.TRIANGLE: ('3f 3f 3f', ('in_a', 'in_b', 'in_c'))}
+_MORE = {Kind.LEAF: ('3f', ('in_outward',)), Kind.TRIANGLE: ('3f 3f 3f', ('in_a', 'in_b', 'in_c')),
+         Kind.HEXAHEDRON: ('3f ' * 7 + '3f', tuple(f'in_c{corner}' for corner in range(8)))}
 _AWAY = -1e5  # [m] height at which pieces lie that are no more
 _SWELL = 0.012  # [m] by which bricks grow in the sun's view, to cover the joints between them
 
@@ -43,7 +44,8 @@ class Copies:
     :ivar share: sun and sky light that the leaves around let through, 0 to 1, (K, 2).
     :ivar offset: of the image [m], (K,).
     :ivar more: of leaves the direction out of the crown in their frame, (K, 3); of triangles the
-        corners in the frame of their part [m], (K, 9); else (K, 0).
+        corners in the frame of their part [m], (K, 9); of hexahedra likewise, (K, 24); else
+        (K, 0).
     """
 
     size: np.ndarray

@@ -130,13 +130,20 @@ class Drawing:
         capsule = blueprint.shape[new] == Shape.CAPSULE
         along = _path_lengths(blueprint)
         grain = 40.0 * np.random.default_rng(0).random(self._parts)
-        kinds = (Kind.BALL, ball), (Kind.BRANCH, capsule & ~ball), (Kind.BOX, ~capsule)
+        solids = blueprint.hexahedra.take(blueprint.hexahedra.part >= new[0])
+        box = ~capsule
+        box[solids.part - new[0]] = False
+        corners = np.zeros((self._parts, 24 * bool(len(solids))))
+        corners[solids.part] = solids.corners
+        kinds = ((Kind.BALL, ball), (Kind.BRANCH, capsule & ~ball), (Kind.BOX, box),
+                 (Kind.HEXAHEDRON, ~capsule & ~box))
         for kind, chosen in kinds:
             size = blueprint.size if kind is Kind.BALL else blueprint.visual_size
             offset = along if kind is Kind.BRANCH else grain
             for name, rows in _by_texture(blueprint, new[chosen], blueprint.texture):
                 self._add(('part', kind, name), kind, look(name), rows, size[rows],
-                          poses[rows, :3], offset[rows])
+                          poses[rows, :3], offset[rows],
+                          corners[rows] if kind is Kind.HEXAHEDRON else None)
 
     def _append_leaves(self, blueprint: Blueprint, poses: np.ndarray,
                        petioles: np.ndarray) -> None:

@@ -111,7 +111,15 @@ def _reach(blueprint: Blueprint, part: np.ndarray,
     for axis in range(3):
         along = rotation.rotate(inner[:, 3:], np.eye(3)[axis])
         half += 0.5 * blueprint.visual_size[part, axis, None] * np.abs(along)
-    return inner[:, :3], half
+    middle, solids = inner[:, :3].copy(), blueprint.hexahedra
+    place = np.full(len(blueprint), -1)
+    place[solids.part] = np.arange(len(solids))
+    cut = np.flatnonzero(place[part] >= 0)
+    corners = solids.corners[place[part[cut]]].reshape(-1, 8, 3)
+    points = inner[cut, None, :3] + rotation.rotate(inner[cut, None, 3:], corners)
+    low, high = points.min(axis=1), points.max(axis=1)
+    middle[cut], half[cut] = 0.5 * (low + high), 0.5 * (high - low)
+    return middle, half
 
 
 def _patch(extent: np.ndarray, gap: np.ndarray, middles: tuple,

@@ -15,11 +15,14 @@
 
 """Meshes: many parts as one set of triangles, built without a loop over the parts."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.hexahedron import faces as faces_of
 
 _SIDES = 10  # columns of faces around a branch
 # Profile of a branch from pole to pole: height of each ring on its half sphere, and its radius,
@@ -29,6 +32,8 @@ _RING_RADIUS = np.array([0.0, 0.7071, 1.0, 1.0, 0.7071, 0.0])
 _RING_AT_TIP = np.array([0, 0, 0, 1, 1, 1])
 _BARK_TILE = np.array([0.25, 0.5])  # [m] around and along the branch that one image covers
 _BRICK_TILE = 0.6  # [m] of wall that one image covers
+QUADS = np.concatenate([4 * np.arange(6)[:, None] + [0, 1, 2],
+                         4 * np.arange(6)[:, None] + [0, 2, 3]])  # six faces of four corners each
 
 
 @dataclass(frozen=True)
@@ -101,10 +106,45 @@ def boxes(poses: np.ndarray, size: np.ndarray) -> Mesh:
     local = np.asarray(corners) * size[:, None]
     uv = np.take_along_axis(local, np.broadcast_to(np.asarray(axes), (count, 24, 2)), 2)
     shift = np.random.default_rng(0).random((count, 1, 2))  # no two bricks show the same grain
-    quads = 4 * np.arange(6)[:, None]
-    faces = np.concatenate([quads + [0, 1, 2], quads + [0, 2, 3]])
     return _place(poses, local, np.broadcast_to(np.asarray(normals), local.shape),
-                  uv / _BRICK_TILE + shift, faces)
+                  uv / _BRICK_TILE + shift, QUADS)
+
+
+def hexahedra(poses: np.ndarray, corners: np.ndarray) -> Mesh:
+    """
+    Build hexahedra with flat faces.
+
+    :param poses: frames, world, (N, 7).
+    :param corners: as in `Hexahedra.corners` [m], (N, 24).
+    """
+    points, normals, _ = faces_of(corners.reshape(-1, 8, 3))
+    across = np.argmax(np.abs(normals), axis=2)[..., None]
+    axes = np.stack([(across + 1) % 3, (across + 2) % 3], axis=-1)
+    uv = np.take_along_axis(points, np.broadcast_to(axes, (*points.shape[:3], 2)), 3)
+    count = len(poses)
+    shift = np.random.default_rng(0).random((count, 1, 2))
+    return _place(poses, points.reshape(count, 24, 3), np.repeat(normals, 4, axis=1),
+                  uv.reshape(count, 24, 2) / _BRICK_TILE + shift, QUADS)
+
+
+def solids(blueprint: Blueprint, poses: np.ndarray,
+           parts: np.ndarray) -> Iterator[tuple[np.ndarray, Mesh]]:
+    """
+    Build parts without what hangs on them: those alike together, with their indices.
+
+    :param poses: where all parts are, world, (N, 7).
+    :param parts: ascending, (K,).
+    """
+    cut = blueprint.hexahedra.among(parts)
+    capsule = blueprint.shape[parts] == Shape.CAPSULE
+    box = blueprint.shape[parts] == Shape.BOX
+    box[cut.part] = False
+    for rows, build in ((parts[capsule], branches), (parts[box], boxes)):
+        if len(rows):
+            yield rows, build(poses[rows], blueprint.visual_size[rows])
+    if len(cut):
+        rows = parts[cut.part]
+        yield rows, hexahedra(poses[rows], cut.corners)
 
 
 def crossed_quads(poses: np.ndarray, size: np.ndarray, aspect: float) -> Mesh:

@@ -20,6 +20,7 @@ from functools import cache
 
 import numpy as np
 
+from procphys_ros.hexahedron import FACES
 from procphys_ros.render import mesh
 
 _SIDES = 10  # columns of faces around a branch
@@ -32,6 +33,7 @@ class Kind(Enum):
     """What a piece is; the value names it in the shaders."""
 
     BOX = 'KIND_BOX'
+    HEXAHEDRON = 'KIND_HEXAHEDRON'
     JOINT = 'KIND_JOINT'  # a box without the two faces across z, which nobody sees
     BRANCH = 'KIND_BRANCH'
     BALL = 'KIND_BALL'
@@ -47,8 +49,9 @@ def unit_mesh(kind: Kind) -> tuple[np.ndarray, str, tuple[str, ...], np.ndarray]
     :returns: vertices (V, C) float32, their layout and the names of its fields as ModernGL takes
         them, and triangles (F, 3) uint32.
     """
-    makers = {Kind.BOX: _box, Kind.JOINT: _joint, Kind.BRANCH: _branch, Kind.BALL: _ball,
-              Kind.LEAF: _leaf, Kind.TRIANGLE: _triangle}
+    makers = {Kind.BOX: _box, Kind.HEXAHEDRON: _hexahedron, Kind.JOINT: _joint,
+              Kind.BRANCH: _branch, Kind.BALL: _ball, Kind.LEAF: _leaf,
+              Kind.TRIANGLE: _triangle}
     vertices, layout, names, faces = makers[kind]()
     return vertices.astype('f4'), layout, names, faces.astype('u4')
 
@@ -60,6 +63,12 @@ _NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 def _box() -> _Mesh:
     box = mesh.boxes(_NOWHERE, np.ones((1, 3)))
     return np.hstack([box.points, box.normals]), '3f 3f', ('in_corner', 'in_normal'), box.triangles
+
+
+def _hexahedron() -> _Mesh:
+    """Give the numbers of the corners of each face, and which of them each vertex is."""
+    vertices = np.column_stack([np.repeat(FACES, 4, axis=0), np.tile(np.arange(4), len(FACES))])
+    return vertices, '4f 1f', ('in_face', 'in_own'), mesh.QUADS
 
 
 def _joint() -> _Mesh:

@@ -33,7 +33,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Leaves, Shape
+from procphys_ros.blueprint import Hexahedra, Leaves, Shape
 from procphys_ros.messages.leaves import LEAF, leaves_of
 from procphys_ros.messages.points import BREAK, DUST
 from procphys_ros.messages.poses import read_pose_array
@@ -235,7 +235,7 @@ class _SceneState:
 
 def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content:
     """Read a scene description."""
-    parts = described['parts']
+    parts, solids = described['parts'], described.get('hexahedra', {})
     shape = np.array([Shape[name.upper()] for name in parts['shape']], np.uint8)
     size = np.array(parts['size'], float).reshape(-1, 3)
     ball = (np.array(parts['kind']) == 'projectile') & (shape == Shape.CAPSULE)
@@ -249,7 +249,9 @@ def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Conten
         leaves = Leaves()
     return Content(scene, parts['name'].__getitem__, shape,
                    np.where(ball[:, None], size, drawn), np.array(parts['mass'], float), ball,
-                   texture, parts['material'].__getitem__, textures or [''], leaves)
+                   texture, parts['material'].__getitem__, textures or [''], leaves,
+                   Hexahedra(np.array(solids.get('part', ()), np.int32),
+                             np.array(solids.get('corners', ()), float).reshape(-1, 24)))
 
 
 def _continues(old: Content, new: Content) -> bool:

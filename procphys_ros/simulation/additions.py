@@ -80,7 +80,7 @@ def remove(model: Model, state: State, name: str) -> None:
     for root in rows[state.forest.parents[rows] < 0].tolist():
         state.forest.detach(root)
     for body in np.unique(state.parts.body[parts[owner == Owner.BODY]]).tolist():
-        fragments.split(state, body, [])
+        fragments.split(model, state, body, [])
     fragments.vanish(state, parts)
     state.added.pop(name, None)
     state.removed.append(name)
@@ -132,9 +132,11 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
     stands = fresh[state.parts.owner[fresh] == Owner.STANDING]
     if len(stands):
         state.parts.body[stands] = state.world.add_bricks(
-            source.poses[stands], source.size[stands], source.mass[stands])
+            source.poses[stands], source.size[stands], source.mass[stands],
+            hexahedra=source.hexahedra.among(stands), inertia=source.inertia[stands])
     for part in fresh[state.parts.owner[fresh] == Owner.BODY]:
-        fragments.make_body(state, np.array([part]), source.poses[[part]], np.zeros((1, 6)))
+        fragments.make_body(model, state, np.array([part]), source.poses[[part]],
+                            np.zeros((1, 6)))
 
 
 def _settled(blueprint: Blueprint, gravity: float) -> StressSolver:

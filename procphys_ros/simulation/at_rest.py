@@ -30,9 +30,11 @@ def at_rest(model: Model) -> tuple[State, list[str]]:
     if len(bricks):
         source = model.blueprint
         state.parts.body[bricks] = state.world.add_bricks(
-            source.poses[bricks], source.size[bricks], source.mass[bricks])
+            source.poses[bricks], source.size[bricks], source.mass[bricks],
+            hexahedra=source.hexahedra.among(bricks), inertia=source.inertia[bricks])
     for part in np.flatnonzero(state.parts.owner == Owner.BODY):
-        fragments.make_body(state, np.array([part]), state.parts.poses[[part]], np.zeros((1, 6)))
+        fragments.make_body(model, state, np.array([part]), state.parts.poses[[part]],
+                            np.zeros((1, 6)))
     lines = masonry.settle(model, state)
     state.dust.seen = state.log.total
     return state, lines

@@ -69,7 +69,7 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
         piece = slice(start[i], start[i + 1])
         if stood[start[i]]:
             state.world.remove(state.parts.body[parts[piece]])
-        make_body(state, parts[piece], poses[piece], velocities[piece])
+        make_body(model, state, parts[piece], poses[piece], velocities[piece])
 
 
 def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float) -> None:
@@ -103,7 +103,7 @@ def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float
                      model.blueprint.bonds[rows], cause, np.full(len(rows), load))
 
 
-def make_body(state: State, parts: np.ndarray, poses: np.ndarray,
+def make_body(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
               velocities: np.ndarray) -> int:
     """
     Make one rigid body of parts; momentum and angular momentum are kept.
@@ -117,18 +117,18 @@ def make_body(state: State, parts: np.ndarray, poses: np.ndarray,
     parts, poses, velocities = np.asarray(parts)[order], poses[order], velocities[order]
     columns = state.parts
     friction = FRICTION if columns.shape[parts[0]] == Shape.BOX else _WOOD_FRICTION
-    sizes = columns.solid_size[parts]
+    sizes, hexahedra = columns.solid_size[parts], model.blueprint.hexahedra.among(parts)
     if len(parts) == 1:
         part = int(parts[0])
         body = state.world.add_body(
             columns.shape[part], sizes[0], float(columns.mass[part]), poses[0], velocities[0],
-            columns.inertia[part], friction)
+            columns.inertia[part], friction, hexahedra=hexahedra)
         _enter(state, body, parts, _IDENTITY)
         return body
     total = rigid_sum(columns.mass[parts], columns.inertia[parts], poses, velocities)
     body = state.world.add_fragment(
         columns.shape[parts], sizes, total.local_poses, total.mass, total.inertia, total.pose,
-        total.velocity, friction=friction)
+        total.velocity, friction=friction, hexahedra=hexahedra)
     _enter(state, body, parts, total.local_poses)
     return body
 
@@ -144,7 +144,7 @@ def adopt(state: State, parts: np.ndarray, bodies: np.ndarray) -> None:
         _enter(state, int(body), np.array([part]), _IDENTITY)
 
 
-def split(state: State, body: int, pieces: Sequence[np.ndarray]) -> list[int]:
+def split(model: Model, state: State, body: int, pieces: Sequence[np.ndarray]) -> list[int]:
     """
     Replace a body by its pieces, which go on as parts of the rigid body did: v + ω × r, ω.
 
@@ -159,7 +159,7 @@ def split(state: State, body: int, pieces: Sequence[np.ndarray]) -> list[int]:
     state.bodies.carried = None
     state.world.remove(np.array([body]))
     rows = [np.searchsorted(whole, np.sort(parts)) for parts in pieces]
-    return [make_body(state, whole[row], poses[row], velocities[row]) for row in rows]
+    return [make_body(model, state, whole[row], poses[row], velocities[row]) for row in rows]
 
 
 def part_states(state: State, body: int) -> tuple[np.ndarray, np.ndarray]:

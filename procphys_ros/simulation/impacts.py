@@ -90,7 +90,7 @@ def step(model: Model, state: State, dt: float) -> None:
             _record(model, state, blow, result)
             if len(result.pieces) > 1:
                 contact_exclusions.add_split(state, result.pieces)
-                fragments.split(state, blow.body, result.pieces)
+                fragments.split(model, state, blow.body, result.pieces)
     if glass.shatter_loose(model, state) or broken or found:
         fragments.write_poses(model, state, dt)
 

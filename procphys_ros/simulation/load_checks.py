@@ -76,6 +76,8 @@ def _sunk(blueprint: Blueprint, objects: Sequence[SceneObject]) -> list[str]:
     boxes = 0.5 * (up * size).sum(axis=1)
     axes = 0.5 * up[:, 2] * np.maximum(size[:, 2] - size[:, 0], 0.0)  # stumps may be rounded off
     depth = np.where(blueprint.shape == Shape.BOX, boxes, axes) - blueprint.poses[:, 2]
+    depth[blueprint.hexahedra.part] = -blueprint.hexahedra.points(
+        blueprint.poses)[..., 2].min(axis=1, initial=np.inf)
     lines = []
     for thing in objects:
         own = depth[thing.first:thing.first + thing.count]

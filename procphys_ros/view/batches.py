@@ -16,6 +16,7 @@
 """Batches: parts and leaves of one look, drawn as copies of one mesh, and sent when they move."""
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,10 @@ _MOST_OTHERS = 8192  # the same for branches and leaves, which move all at once 
 _VISIBLE = 5e-4      # [m] and [-]: moves of parts below this are not sent
 _VISIBLE_LEAF = 4e-3  # the same for leaves, which nobody looks at one by one
 _AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where parts go that are no more
-_BOX, _BALL = -1, -2  # kinds of meshes; others are places in `shapes.TAPERS`
+# Kinds of meshes: boxes, balls, and a kind for each form of hexahedra, counted down; others are
+# places in `shapes.TAPERS`.
+_BOX, _BALL, _FIRST_SOLID = -1, -2, -3
+_DIGITS = 4  # of the corners of hexahedra [m]: tenths of a millimetre look alike
 _COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
 
 
@@ -133,6 +137,7 @@ def _scales(content: Content, rows: np.ndarray) -> np.ndarray:
     scales = content.size[rows].copy()
     branch = (content.shape[rows] == Shape.CAPSULE) & ~content.ball[rows]
     scales[branch, 1] = scales[branch, 0]
+    scales[content.hexahedra.among(rows).part] = 1.0
     return scales
 
 
@@ -143,6 +148,11 @@ def _part_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarra
     kind = np.where(capsule, np.abs(taper[:, None] - shapes.TAPERS).argmin(axis=1), _BOX)
     kind[content.ball[rows]] = _BALL
     makers: dict[int, Callable[[str, int], bytes]] = {_BOX: shapes.box, _BALL: shapes.ball}
+    cut = content.hexahedra.among(rows)
+    forms, place = np.unique(cut.corners.round(_DIGITS), axis=0, return_inverse=True)
+    kind[cut.part] = _FIRST_SOLID - place.reshape(-1)
+    for number, form in enumerate(forms):
+        makers[_FIRST_SOLID - number] = partial(shapes.hexahedron, corners=form)
     for chosen, name, tone, which in _groups(content, rows, content.texture[rows], kind):
         maker = makers.get(which)
         yield chosen, (maker(name, tone) if maker else shapes.branch(name, tone, which))

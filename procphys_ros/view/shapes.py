@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros.palette import look
 from procphys_ros.render import texture
+from procphys_ros.render.mesh import hexahedra
 
 _TONES = 4  # shades of a texture, so that neighbouring bricks can be told apart
 _UNIFORM = 0.08  # variation of looks below which one shade is enough
@@ -52,6 +53,16 @@ def box(name: str, tone: int) -> bytes:
     quads = 4 * np.arange(6)[:, None]
     faces = np.concatenate([quads + [0, 1, 2], quads + [0, 2, 3]])
     return _glb(np.array(corners), faces, np.array(normals), np.array(uv), name, tone)
+
+
+def hexahedron(name: str, tone: int, corners: np.ndarray) -> bytes:
+    """
+    Write a solid with eight corners; else as `box`.
+
+    :param corners: as in `Hexahedra.corners` [m], (24,).
+    """
+    solid = hexahedra(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]), corners[None])
+    return _glb(solid.points, solid.triangles, solid.normals, solid.uv, name, tone)
 
 
 @cache

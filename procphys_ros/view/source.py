@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, Leaves, Shape
+from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves, Shape
 from procphys_ros.physics.dust import Puffs
 
 
@@ -40,6 +40,7 @@ class Content:
     :ivar material: name of the material by the index of a part.
     :ivar textures: names.
     :ivar leaves: leaves on the parts.
+    :ivar hexahedra: corners of boxes that are no rectangular ones.
     """
 
     scene: int
@@ -52,6 +53,7 @@ class Content:
     material: Callable[[int], str]
     textures: Sequence[str]
     leaves: Leaves
+    hexahedra: Hexahedra = field(default_factory=Hexahedra)
 
     def __len__(self) -> int:
         return len(self.shape)
@@ -72,7 +74,7 @@ class Content:
                    np.where(ball[:, None], blueprint.size, blueprint.visual_size),
                    blueprint.mass, ball, blueprint.texture,
                    lambda part: blueprint.materials[blueprint.material[part]],
-                   blueprint.textures, blueprint.leaves)
+                   blueprint.textures, blueprint.leaves, blueprint.hexahedra)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from procphys_ros.wallgrammar.boxes import Boxes, MICRO
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Facade
 from procphys_ros.wallgrammar.plan import along_facade
+from procphys_ros.wallgrammar.polygons import clip, moments
 from procphys_ros.wallgrammar.walls import Elevation
 
 _LEAST_AREA = 1e-4   # [m²] smaller overlaps of beds do not hold anything
@@ -130,10 +131,10 @@ def _beds(site: Site, boxes: Boxes, pairs: list[tuple[int, int]]) -> None:
     meet = (outlines.min(axis=2)[:, ::-1] < outlines.max(axis=2)).all(axis=(1, 2))
     found = []
     for (lower, upper), (below, above) in zip(pair[meet], outlines[meet]):
-        outline = _clip(below, above)
+        outline = clip(below, above)
         if len(outline) < 3:
             continue
-        area, centre = _area(outline)
+        area, centre, _ = moments(outline)
         if area < _LEAST_AREA:
             continue
         along = (below[1] - below[0]) / np.hypot(*(below[1] - below[0]))
@@ -155,32 +156,3 @@ def _outlines(site: Site, boxes: Boxes, rows: np.ndarray) -> np.ndarray:
     y = np.stack([low[:, 1], low[:, 1], high[:, 1], high[:, 1]], axis=1)
     turn = np.array(site.frames)[boxes.frame[rows], None, 3:]
     return rotation.rotate(turn, np.stack([x, y, np.zeros_like(x)], axis=-1))[..., :2]
-
-
-def _clip(subject: np.ndarray, window: np.ndarray) -> np.ndarray:
-    """Intersect convex polygons (Sutherland and Hodgman 1974), (n, 2)."""
-    points = list(subject)
-    for a, b in zip(window, np.roll(window, -1, axis=0)):
-        edge = b - a
-        side = [edge[0] * (p[1] - a[1]) - edge[1] * (p[0] - a[0]) for p in points]
-        kept = []
-        for i, p in enumerate(points):
-            j = (i + 1) % len(points)
-            if side[i] >= 0.0:
-                kept.append(p)
-            if (side[i] > 0.0 > side[j]) or (side[i] < 0.0 < side[j]):
-                kept.append(p + (points[j] - p) * side[i] / (side[i] - side[j]))
-        points = kept
-        if len(points) < 3:
-            return np.zeros((0, 2))
-    return np.array(points)
-
-
-def _area(outline: np.ndarray) -> tuple[float, np.ndarray]:
-    """Give area [m²] and centroid [m] of a polygon."""
-    following = np.roll(outline, -1, axis=0)
-    cross = outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1]
-    area = 0.5 * cross.sum()
-    if area <= 1e-12:
-        return 0.0, outline[0]
-    return float(area), ((outline + following) * cross[:, None]).sum(axis=0) / (6.0 * area)

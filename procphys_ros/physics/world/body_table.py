@@ -19,7 +19,7 @@ from enum import IntEnum
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.blueprint import box_inertia, Hexahedra, Shape
 from procphys_ros.physics.world.pieces import Pieces
 
 
@@ -40,10 +40,14 @@ _COLUMNS: dict[str, tuple[type, int]] = {  # type and width; 0 = a single value 
     'swept_radius': (float, 0), 'poses': (float, 7), 'velocities': (float, 6),
     'target': (float, 7), 'quiet': (float, 0), 'mark': (float, 7), 'anchor': (float, 7),
     'stay': (float, 0), 'bounds': (float, 6), 'first_piece': (np.int64, 0),
-    'piece_count': (np.int64, 0), 'first_point': (np.int64, 0), 'point_count': (np.int64, 0)}
+    'piece_count': (np.int64, 0), 'first_point': (np.int64, 0), 'point_count': (np.int64, 0),
+    'first_hexahedron': (np.int64, 0), 'hexahedron_count': (np.int64, 0)}
 _PIECES: dict[str, tuple[type, int]] = {
     'piece_shape': (np.int64, 0), 'piece_size': (float, 3), 'piece_pose': (float, 7)}
 _POINTS: dict[str, tuple[type, int]] = {'ground_point': (float, 3)}
+_HEXAHEDRA: dict[str, tuple[type, int]] = {
+    'hexahedron_piece': (np.int32, 0), 'hexahedron_corners': (float, 24)}
+_ROWS = (('piece', _PIECES), ('point', _POINTS), ('hexahedron', _HEXAHEDRA))  # many per body
 
 
 class BodyTable:
@@ -75,10 +79,14 @@ class BodyTable:
     :ivar piece_count: number of its collision shapes, (B,).
     :ivar first_point: row of its first ground contact point, (B,).
     :ivar point_count: number of its ground contact points, (B,).
+    :ivar first_hexahedron: row of its first hexahedron, (B,).
+    :ivar hexahedron_count: number of its collision shapes that are hexahedra, (B,).
     :ivar piece_shape: `Shape`, (P,).
     :ivar piece_size: as in `Blueprint.size` [m], (P, 3).
     :ivar piece_pose: in the body's frame, (P, 7).
     :ivar ground_point: in the body's frame [m], (Q, 3).
+    :ivar hexahedron_piece: which of the body's collision shapes it is, (H,).
+    :ivar hexahedron_corners: as in `Hexahedra.corners` [m], (H, 24).
     """
 
     state: np.ndarray
@@ -106,12 +114,16 @@ class BodyTable:
     piece_size: np.ndarray
     piece_pose: np.ndarray
     ground_point: np.ndarray
+    first_hexahedron: np.ndarray
+    hexahedron_count: np.ndarray
+    hexahedron_piece: np.ndarray
+    hexahedron_corners: np.ndarray
 
     def __init__(self) -> None:
-        for name, (kind, width) in (_COLUMNS | _PIECES | _POINTS).items():
+        for name, (kind, width) in (_COLUMNS | _PIECES | _POINTS | _HEXAHEDRA).items():
             setattr(self, name, np.zeros((0, width) if width else 0, kind))
         self._free: list[int] = []
-        self._used = self._used_pieces = self._used_points = 0
+        self._used, self._used_rows = 0, {name: 0 for name, _ in _ROWS}
         self._views: dict[int, Pieces] = {}
 
     @property
@@ -138,11 +150,13 @@ class BodyTable:
         """
         ids = self._add_rows(1, state)
         body = int(ids[0])
-        first = self._append(_PIECES, '_used_pieces', pieces.shapes, pieces.sizes,
-                             pieces.local_poses)
+        first = self._append('piece', pieces.shapes, pieces.sizes, pieces.local_poses)
         self.first_piece[body], self.piece_count[body] = first, len(pieces.shapes)
-        first = self._append(_POINTS, '_used_points', pieces.ground_points)
+        first = self._append('point', pieces.ground_points)
         self.first_point[body], self.point_count[body] = first, len(pieces.ground_points)
+        solids = pieces.hexahedra
+        first = self._append('hexahedron', solids.part, solids.corners)
+        self.first_hexahedron[body], self.hexahedron_count[body] = first, len(solids)
         self.radius[body] = pieces.radius()
         self.least[body] = pieces.sizes[0].min() if plain else 0.0
         self.mass[body], self.inertia[body] = mass, inertia
@@ -153,7 +167,8 @@ class BodyTable:
         return body
 
     def add_boxes(self, state: BodyState, poses: np.ndarray, sizes: np.ndarray,
-                  mass: np.ndarray | float, friction: float, restitution: float) -> np.ndarray:
+                  mass: np.ndarray | float, friction: float, restitution: float,
+                  hexahedra: Hexahedra, inertia: np.ndarray | None = None) -> np.ndarray:
         """
         Add plain boxes; those alike get neighbouring ids, for engines add such at once.
 
@@ -162,19 +177,24 @@ class BodyTable:
         :param mass: [kg], (K,).
         :param friction: Coulomb coefficient.
         :param restitution: coefficient of restitution.
+        :param hexahedra: those of the boxes that are no rectangular ones.
+        :param inertia: principal moments [kg·m²], (K, 3); None = of solid rectangular boxes.
         :returns: ids, (K,).
         """
         keys = np.round(np.column_stack([sizes, poses[:, 3:]]), 6)
         kind = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
         ids = np.empty(len(poses), np.intp)
         ids[np.argsort(kind, kind='stable')] = self._add_rows(len(poses), state)
-        first = self._append(_PIECES, '_used_pieces', np.full(len(ids), Shape.BOX), sizes,
+        first = self._append('piece', np.full(len(ids), Shape.BOX), sizes,
                              np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(ids), 1)))
         self.first_piece[ids], self.piece_count[ids] = first + np.arange(len(ids)), 1
+        cut = ids[hexahedra.part]
+        first = self._append('hexahedron', np.zeros(len(cut), np.int32), hexahedra.corners)
+        self.first_hexahedron[cut], self.hexahedron_count[cut] = first + np.arange(len(cut)), 1
         self.radius[ids] = 0.5 * np.linalg.norm(sizes, axis=1)
         self.least[ids] = sizes.min(axis=1)
         self.mass[ids] = mass
-        self.inertia[ids] = box_inertia(self.mass[ids], sizes)
+        self.inertia[ids] = box_inertia(self.mass[ids], sizes) if inertia is None else inertia
         self.friction[ids], self.restitution[ids] = friction, restitution
         self.damped[ids], self.poses[ids] = True, poses
         self.restart_clocks(ids, 0.0)
@@ -192,9 +212,12 @@ class BodyTable:
         if body not in self._views:
             first, point = self.first_piece[body], self.first_point[body]
             own = slice(first, first + self.piece_count[body])
+            solid = self.first_hexahedron[body]
+            cut = slice(solid, solid + self.hexahedron_count[body])
             self._views[body] = Pieces(
                 self.piece_shape[own], self.piece_size[own], self.piece_pose[own],
-                self.ground_point[point:point + self.point_count[body]])
+                self.ground_point[point:point + self.point_count[body]],
+                Hexahedra(self.hexahedron_piece[cut], self.hexahedron_corners[cut]))
         return self._views[body]
 
     def velocity_change(self, body: int, impulse: np.ndarray, point: np.ndarray | None,
@@ -224,8 +247,9 @@ class BodyTable:
         """Copy the columns, shapes of bodies that are gone left out."""
         self._compact()
         saved = {name: getattr(self, name)[:self._used].copy() for name in _COLUMNS}
-        saved |= {name: getattr(self, name)[:self._used_pieces].copy() for name in _PIECES}
-        saved |= {name: getattr(self, name)[:self._used_points].copy() for name in _POINTS}
+        for kind, columns in _ROWS:
+            saved |= {name: getattr(self, name)[:self._used_rows[kind]].copy()
+                      for name in columns}
         return saved | {'free': np.array(self._free, np.int64),
                         'capacity': np.array(len(self.state))}
 
@@ -233,11 +257,12 @@ class BodyTable:
     def restore(cls, saved: dict[str, np.ndarray]) -> 'BodyTable':
         """Build a table from what `save` gave."""
         table = cls()
-        for name, (kind, _) in (_COLUMNS | _PIECES | _POINTS).items():
+        for name, (kind, _) in (_COLUMNS | _PIECES | _POINTS | _HEXAHEDRA).items():
             setattr(table, name, np.array(saved[name], kind))
         table._free = saved['free'].tolist()
-        table._used, table._used_pieces = len(table.state), len(table.piece_shape)
-        table._used_points = len(table.ground_point)
+        table._used = len(table.state)
+        table._used_rows = {kind: len(getattr(table, next(iter(columns))))
+                            for kind, columns in _ROWS}
         for name in _COLUMNS:  # the same room as before: sorts may depend on it
             column = getattr(table, name)
             room = np.zeros((int(saved['capacity']) - len(column), *column.shape[1:]))
@@ -256,16 +281,16 @@ class BodyTable:
         self.state[ids] = state
         return ids
 
-    def _append(self, columns: dict[str, tuple[type, int]], used: str,
-                *rows: np.ndarray) -> int:
+    def _append(self, kind: str, *rows: np.ndarray) -> int:
         """Write rows behind those in use, and give the number of the first."""
-        if getattr(self, used) + len(rows[0]) > len(getattr(self, next(iter(columns)))):
+        columns = dict(_ROWS)[kind]
+        if self._used_rows[kind] + len(rows[0]) > len(getattr(self, next(iter(columns)))):
             self._compact()
-        first = getattr(self, used)
+        first = self._used_rows[kind]
         self._reserve(columns, first + len(rows[0]))
         for name, values in zip(columns, rows):
             getattr(self, name)[first:first + len(values)] = values
-        setattr(self, used, first + len(rows[0]))
+        self._used_rows[kind] = first + len(rows[0])
         return first
 
     def _reserve(self, columns: dict[str, tuple[type, int]], count: int) -> None:
@@ -279,10 +304,8 @@ class BodyTable:
     def _compact(self) -> None:
         """Close the gaps that removed bodies left among shapes and points."""
         ids = self.ids
-        for first, count, columns, used in (
-                ('first_piece', 'piece_count', _PIECES, '_used_pieces'),
-                ('first_point', 'point_count', _POINTS, '_used_points')):
-            starts, counts = getattr(self, first), getattr(self, count)
+        for kind, columns in _ROWS:
+            starts, counts = getattr(self, f'first_{kind}'), getattr(self, f'{kind}_count')
             ends = np.cumsum(counts[ids])
             rows = np.arange(ends[-1] if len(ids) else 0) + np.repeat(
                 starts[ids] - (ends - counts[ids]), counts[ids])
@@ -292,7 +315,7 @@ class BodyTable:
                 column[:len(rows)] = column[rows]
                 setattr(self, name, column)
             starts[ids] = ends - counts[ids]
-            setattr(self, used, len(rows))
+            self._used_rows[kind] = len(rows)
         gone = np.setdiff1d(np.arange(len(self.state)), ids)
-        for name in ('first_piece', 'piece_count', 'first_point', 'point_count'):
-            getattr(self, name)[gone] = 0
+        for kind, _ in _ROWS:
+            getattr(self, f'first_{kind}')[gone] = getattr(self, f'{kind}_count')[gone] = 0

@@ -32,10 +32,12 @@ import weakref
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.hexahedron import inset
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS
+from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.stderr_filter import drop_stderr_lines
-from procphys_ros.physics.world.urdf import write_urdf
+from procphys_ros.physics.world.urdf import write_hulls, write_urdf
 
 with drop_stderr_lines('pybullet build time'):
     import pybullet
@@ -52,6 +54,8 @@ WARM_START = 0.85  # share of the last step's contact impulses that the solver s
 ROLLING_FRICTION = 0.005  # [m] of each body, lets the last rolling pieces of a pile come to rest
 LINEAR_DAMPING = 0.05  # share of the speed lost per second
 ANGULAR_DAMPING = 0.1  # share of the spin lost per second
+
+_MARGIN = 1e-3  # [m] by which Bullet makes every convex hull larger than its points
 
 _GROUND_HALF = 5000.0  # [m] half of the ground's sides
 _GROUND_DEPTH = 50.0   # [m] half of its thickness
@@ -154,7 +158,7 @@ class BulletEngine:
         between.
         """
         piece = table.pieces(int(ids[0]))
-        shape, turn = self._shape(int(piece.shapes[0]), piece.sizes[0]), table.poses[ids[0], 3:]
+        shape, turn = self._shape(piece), table.poses[ids[0], 3:]
         places = table.poses[ids, :3].tolist()
         create = partial(pybullet.createMultiBody, float(table.mass[ids[0]]), shape,
                          self._visual, baseOrientation=turn.tolist(), useMaximalCoordinates=1,
@@ -163,9 +167,13 @@ class BulletEngine:
             return [create(basePosition=place) for place in places]
         return list(create(batchPositions=places))
 
-    def _shape(self, shape: int, size: np.ndarray) -> int:
-        """Make each shape once: PyBullet never frees them."""
-        if shape == Shape.BOX:
+    def _shape(self, piece: Pieces) -> int:
+        """Make the shape of a plain body once: PyBullet never frees them."""
+        if len(piece.hexahedra):
+            corners = inset(piece.hexahedra.corners.reshape(1, 8, 3), _MARGIN)[0].round(_ROUND)
+            return self._make(pybullet.GEOM_MESH, vertices=tuple(map(tuple, corners.tolist())))
+        size = piece.sizes[0]
+        if piece.shapes[0] == Shape.BOX:
             half = tuple(round(0.5 * extent, 6) for extent in size.tolist())
             return self._make(pybullet.GEOM_BOX, halfExtents=half)
         diameter, length = float(size[0]), float(size[2])
@@ -188,18 +196,24 @@ class BulletEngine:
         PyBullet's own compounds stop at 16 shapes, a URDF link does not. It never gives back the
         shapes of a URDF, 1 to 5 kB, before the world is closed.
         """
-        urdf = write_urdf(float(table.mass[body]), table.inertia[body], table.pieces(body))
-        pose = table.poses[body]
+        pieces, pose = table.pieces(body), table.poses[body]
         handle, path = tempfile.mkstemp('.urdf', 'procphys_', self._folder)
+        mesh = path + '.obj' if len(pieces.hexahedra) else ''
         try:
             with open(handle, 'w', encoding='ascii') as file:
-                file.write(urdf)
+                file.write(write_urdf(float(table.mass[body]), table.inertia[body], pieces, mesh))
+            if mesh:
+                with open(mesh, 'w', encoding='ascii') as file:
+                    file.write(write_hulls(inset(
+                        pieces.hexahedra.points(pieces.local_poses), _MARGIN)))
             return pybullet.loadURDF(
                 path, pose[:3].tolist(), pose[3:].tolist(), useMaximalCoordinates=1,
                 flags=_SLEEPING | pybullet.URDF_USE_INERTIA_FROM_FILE,
                 physicsClientId=self._client)
         finally:
             os.unlink(path)
+            if mesh:
+                os.unlink(mesh)
 
     def _set_up(self, table: BodyTable, ids: np.ndarray) -> None:
         """Give bodies their inertia, surfaces and velocities."""
@@ -339,7 +353,7 @@ class BulletEngine:
 
 def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:
     """Group plain bodies alike in shape, size, mass and attitude; others are alone, and first."""
-    plain = table.least[ids] > 0.0
+    plain = (table.least[ids] > 0.0) & (table.hexahedron_count[ids] == 0)
     alone, ids = [np.array([body]) for body in ids[~plain].tolist()], ids[plain]
     if not len(ids):
         return alone

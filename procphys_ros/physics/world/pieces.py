@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import box_inertia, cylinder_inertia, Shape
+from procphys_ros.blueprint import box_inertia, cylinder_inertia, Hexahedra, Shape
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.touch import overlap, piece_bounds
 from procphys_ros.physics.world.ground_points import corners_outside
@@ -39,12 +39,14 @@ class Pieces:
     :ivar local_poses: in the body's frame, (P, 7).
     :ivar ground_points: corners of the body's parts that stick out of these shapes, which only
         the ground meets, in the body's frame [m], (Q, 3).
+    :ivar hexahedra: corners of boxes that are no rectangular ones.
     """
 
     shapes: np.ndarray
     sizes: np.ndarray
     local_poses: np.ndarray
     ground_points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    hexahedra: Hexahedra = field(default_factory=Hexahedra)
 
     def radius(self) -> float:
         """Give the radius of the sphere about the body's frame that holds all of it [m]."""
@@ -61,7 +63,20 @@ class Pieces:
 
         :param pose: of the body in the world, (7,).
         """
-        return _lowest(pose, self.shapes, self.sizes, self.local_poses, self.ground_points)
+        if not len(self.hexahedra):
+            return _lowest(pose, self.shapes, self.sizes, self.local_poses, self.ground_points)
+        plain = ~self.are_hexahedra
+        points = np.concatenate([self.ground_points,
+                                 self.hexahedra.points(self.local_poses).reshape(-1, 3)])
+        return _lowest(pose, self.shapes[plain], self.sizes[plain], self.local_poses[plain],
+                       points)
+
+    @property
+    def are_hexahedra(self) -> np.ndarray:
+        """Boxes that are no rectangular ones, (P,) bool."""
+        mask = np.zeros(len(self.shapes), bool)
+        mask[self.hexahedra.part] = True
+        return mask
 
 
 @kernel
@@ -100,7 +115,7 @@ def are_within(pieces: Pieces, pose: np.ndarray, others: Pieces, other_pose: np.
     """
     Tell whether two bodies are less than a distance [m] apart.
 
-    Capsules count as the boxes about them, and edges reach a little farther than they do.
+    What is no box counts as the box about it, and edges reach a little farther than they do.
 
     :param pose: of the first body, (7,).
     :param other_pose: of the second body, (7,).
@@ -118,22 +133,25 @@ def _boxes(pieces: Pieces) -> np.ndarray:
     return np.column_stack([pieces.sizes[:, :2], length])
 
 
-def single(shape: int, size: np.ndarray) -> Pieces:
-    """Give the one piece of a plain box or capsule."""
+def single(shape: int, size: np.ndarray, hexahedra: Hexahedra | None = None) -> Pieces:
+    """Give the one piece of a plain box, hexahedron or capsule."""
     return Pieces(np.array([shape], np.int64), np.asarray(size, float)[None],
-                  np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]))
+                  np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]),
+                  hexahedra=hexahedra or Hexahedra())
 
 
 def merge_pieces(pieces: Pieces, tolerance: float) -> Pieces:
-    """Merge boxes that lie end to end, see `merge_boxes`; capsules stay as they are."""
-    box = pieces.shapes == Shape.BOX
+    """Merge boxes that lie end to end, see `merge_boxes`; others stay as they are."""
+    box = (pieces.shapes == Shape.BOX) & ~pieces.are_hexahedra
     if np.count_nonzero(box) < 2:
         return pieces
     poses, sizes = merge_boxes(pieces.local_poses[box], pieces.sizes[box], tolerance)
+    kept = pieces.hexahedra.among(np.flatnonzero(~box))
     return Pieces(np.concatenate([np.full(len(poses), Shape.BOX, np.int64), pieces.shapes[~box]]),
                   np.concatenate([sizes, pieces.sizes[~box]]),
                   np.concatenate([poses, pieces.local_poses[~box]]),
-                  corners_outside(pieces.local_poses[box], pieces.sizes[box], poses, sizes))
+                  corners_outside(pieces.local_poses[box], pieces.sizes[box], poses, sizes),
+                  Hexahedra(kept.part + np.int32(len(poses)), kept.corners))
 
 
 def solid_inertia(shape: int, size: np.ndarray, mass: float) -> np.ndarray:

@@ -98,6 +98,8 @@ class RapierEngine:
             colliders = [
                 _collider(shape, size)
                 for shape, size in zip(pieces.shapes.tolist(), pieces.sizes.tolist())]
+            for piece, corners in zip(pieces.hexahedra.part, pieces.hexahedra.corners):
+                colliders[piece] = rapier3d.Collider.convex_hull(corners.reshape(8, 3))
             poses = pieces.local_poses.tolist()
             if state == BodyState.GROUND:
                 colliders = [rapier3d.Collider.halfspace((0.0, 0.0, 1.0))]

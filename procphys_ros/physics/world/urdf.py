@@ -12,12 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""URDF text of a rigid body made of boxes and capsules."""
+"""URDF text of a rigid body made of boxes, hexahedra and capsules."""
 
 import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.hexahedron import FACES
 from procphys_ros.physics.world.pieces import Pieces
 
 # One line per shape: PyBullet reads files line by line into 1024 characters.
@@ -28,27 +29,47 @@ _HEAD = ('<robot name="f">\n<link name="b">\n'
 _ORIGIN = '<collision><origin xyz="%.12g %.12g %.12g" rpy="%.12g %.12g %.12g"/><geometry>'
 _BOX = _ORIGIN + '<box size="%.9g %.9g %.9g"/></geometry></collision>'
 _CAPSULE = _ORIGIN + '<capsule radius="%.9g" length="%.9g"/></geometry></collision>'
+_MESH = '<collision><geometry><mesh filename="%s"/></geometry></collision>'
 _TAIL = '\n</link>\n</robot>\n'
 _SHORTEST = 1e-4  # [m], cylinder between the round ends of a capsule that is nearly a sphere
 
 
-def write_urdf(mass: float, inertia: np.ndarray, pieces: Pieces) -> str:
+def write_urdf(mass: float, inertia: np.ndarray, pieces: Pieces, mesh: str = '') -> str:
     """
     Write a rigid body in its principal frame as URDF.
 
     :param mass: [kg].
     :param inertia: principal moments [kg·m²], (3,).
     :param pieces: in the principal frame.
+    :param mesh: file with the hexahedra among them, see `write_hulls`.
     """
     turns = roll_pitch_yaw(pieces.local_poses[:, 3:])
     rows = np.column_stack([pieces.local_poses[:, :3], turns]).tolist()
     lines = []
-    for shape, size, row in zip(pieces.shapes, pieces.sizes.tolist(), rows):
+    cut = set(pieces.hexahedra.part.tolist())
+    if cut:
+        lines.append(_MESH % mesh)
+    for piece, (shape, size, row) in enumerate(zip(pieces.shapes, pieces.sizes.tolist(), rows)):
+        if piece in cut:
+            continue
         if shape == Shape.BOX:
             lines.append(_BOX % (*row, *size))
         else:
             lines.append(_CAPSULE % (*row, 0.5 * size[0], max(size[2] - size[0], _SHORTEST)))
     return _HEAD % (mass, *inertia) + '\n'.join(lines) + _TAIL
+
+
+def write_hulls(corners: np.ndarray) -> str:
+    """
+    Write hexahedra as Wavefront OBJ, an object each: Bullet makes a convex hull of every object.
+
+    :param corners: [m], (H, 8, 3).
+    """
+    quads = [' '.join(str(corner - 8) for corner in face) for face in FACES.tolist()]
+    faces = ''.join(f'f {quad}\n' for quad in quads)  # counted back from the last corner
+    return ''.join(f'o {number}\n' + ''.join(f'v {x:.9g} {y:.9g} {z:.9g}\n'
+                                             for x, y, z in solid) + faces
+                   for number, solid in enumerate(corners.tolist()))
 
 
 def roll_pitch_yaw(quaternions: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from typing import Self
 
 import numpy as np
 
+from procphys_ros.blueprint import Hexahedra
 from procphys_ros.physics.world import kinematic, settling
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
@@ -116,7 +117,7 @@ class World:
     def add_body(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
                  velocity: np.ndarray | None = None, inertia: np.ndarray | None = None,
                  friction: float = FRICTION, restitution: float = 0.0,
-                 damped: bool = True) -> int:
+                 damped: bool = True, hexahedra: Hexahedra | None = None) -> int:
         """
         Add one loose box or capsule (a capsule no longer than wide is a sphere).
 
@@ -128,13 +129,14 @@ class World:
         :param friction: against a body of the same kind.
         :param restitution: against a body of the same kind; against the ground its root.
         :param damped: whether the engine may damp its motion.
+        :param hexahedra: the corners of a box that is no rectangular one.
         """
         size = np.asarray(size, float)
         if inertia is None:
             inertia = solid_inertia(shape, size, mass)
         return self._enter(self._bodies.add_body(
-            BodyState.AWAKE, single(shape, size), mass, inertia, pose, velocity, friction,
-            restitution, damped, plain=True))
+            BodyState.AWAKE, single(shape, size, hexahedra), mass, inertia, pose, velocity,
+            friction, restitution, damped, plain=True))
 
     def add_projectile(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
                        velocity: np.ndarray, friction: float = FRICTION,
@@ -147,7 +149,7 @@ class World:
                      mass: float, inertia: np.ndarray, pose: np.ndarray,
                      velocity: np.ndarray | None = None, friction: float = FRICTION,
                      restitution: float = 0.0, tolerance: float = TOOTHING,
-                     damped: bool = True) -> int:
+                     damped: bool = True, hexahedra: Hexahedra | None = None) -> int:
         """
         Add a loose rigid body made of boxes and capsules; `assembly.rigid_sum` gives the values.
 
@@ -162,9 +164,11 @@ class World:
         :param restitution: against a body of the same kind.
         :param tolerance: how far ends may be apart that `merge_boxes` makes one [m].
         :param damped: whether the engine may damp its motion.
+        :param hexahedra: those of the boxes that are no rectangular ones.
         """
-        pieces = merge_pieces(Pieces(np.asarray(shapes, np.int64), np.asarray(sizes, float),
-                                     np.asarray(local_poses, float)), tolerance)
+        pieces = merge_pieces(
+            Pieces(np.asarray(shapes, np.int64), np.asarray(sizes, float),
+                   np.asarray(local_poses, float), hexahedra=hexahedra or Hexahedra()), tolerance)
         return self._enter(self._bodies.add_body(
             BodyState.AWAKE, pieces, mass, inertia, pose, velocity, friction, restitution, damped,
             plain=False))
@@ -185,7 +189,9 @@ class World:
             damped=False, plain=plain))
 
     def add_bricks(self, poses: np.ndarray, sizes: np.ndarray, mass: np.ndarray,
-                   friction: float = FRICTION, restitution: float = 0.0) -> np.ndarray:
+                   friction: float = FRICTION, restitution: float = 0.0,
+                   hexahedra: Hexahedra | None = None,
+                   inertia: np.ndarray | None = None) -> np.ndarray:
         """
         Add boxes that stand still until they are thawed.
 
@@ -194,9 +200,12 @@ class World:
         :param mass: [kg], (K,).
         :param friction: against a body of the same kind.
         :param restitution: against a body of the same kind.
+        :param hexahedra: those of the boxes that are no rectangular ones.
+        :param inertia: principal moments [kg·m²], (K, 3); None = of solid rectangular boxes.
         :returns: ids, (K,).
         """
-        ids = self._bodies.add_boxes(BodyState.FIXED, poses, sizes, mass, friction, restitution)
+        ids = self._bodies.add_boxes(BodyState.FIXED, poses, sizes, mass, friction, restitution,
+                                     hexahedra or Hexahedra(), inertia)
         self._engine.add(self._bodies, ids)
         self._bodies.bounds[ids] = self._engine.bounds(ids)
         return ids

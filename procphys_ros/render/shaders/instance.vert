@@ -1,4 +1,4 @@
-// One copy of a unit mesh: a box, a ball, a branch, a leaf or a free triangle.
+// One copy of a unit mesh: a box, a hexahedron, a ball, a branch, a leaf or a free triangle.
 // KIND_... chooses which; SHADOW asks for the depth from the sun only.
 uniform mat4 projection;
 uniform float swell;          // [m] that boxes grow by, so that their joints let no sun through
@@ -12,6 +12,10 @@ in float in_offset;           // along the image, so that no two bricks look ali
 
 #if defined(KIND_TRIANGLE)
 in vec3 in_a, in_b, in_c;
+#elif defined(KIND_HEXAHEDRON)
+in vec4 in_face;              // numbers of the corners of the face
+in float in_own;              // which of these four the vertex is
+in vec3 in_c0, in_c1, in_c2, in_c3, in_c4, in_c5, in_c6, in_c7;
 #elif defined(KIND_BRANCH)
 in vec4 in_ring;              // tip or base, height and radius of the ring, share of a turn
 #elif defined(KIND_LEAF)
@@ -50,12 +54,27 @@ vec2 across(vec3 point, vec3 facing) {
     return side.x > max(side.y, side.z) ? point.yz : side.y > side.z ? point.zx : point.xy;
 }
 
+#if defined(KIND_HEXAHEDRON)
+vec3 corner_of(float number) {
+    vec3 low = number < 1.5 ? (number < 0.5 ? in_c0 : in_c1) : (number < 2.5 ? in_c2 : in_c3);
+    vec3 high = number < 5.5 ? (number < 4.5 ? in_c4 : in_c5) : (number < 6.5 ? in_c6 : in_c7);
+    return number < 3.5 ? low : high;
+}
+#endif
+
 void main() {
     vec3 local, facing;
 #if defined(KIND_TRIANGLE)
     int corner = gl_VertexID % 3;
     local = corner == 0 ? in_a : corner == 1 ? in_b : in_c;
     facing = normalize(cross(in_b - in_a, in_c - in_a) + vec3(0.0, 0.0, 1e-12));
+    uv = across(local, facing) / BRICK_TILE + in_offset * vec2(1.0, 7.31);
+#elif defined(KIND_HEXAHEDRON)
+    vec3 a = corner_of(in_face.x), b = corner_of(in_face.y);
+    vec3 c = corner_of(in_face.z), d = corner_of(in_face.w);
+    facing = normalize(cross(c - a, d - b) + vec3(0.0, 0.0, 1e-12));
+    local = in_own < 1.5 ? (in_own < 0.5 ? a : b) : (in_own < 2.5 ? c : d);
+    local += 0.5 * swell * facing;
     uv = across(local, facing) / BRICK_TILE + in_offset * vec2(1.0, 7.31);
 #elif defined(KIND_BRANCH)
     float radius = 0.5 * mix(in_size.x, in_size.y, in_ring.x);

@@ -1,0 +1,179 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Polygons: where faces of solids with eight corners look at each other, and how much of them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import GROUND
+from procphys_ros.hexahedron import faces
+from procphys_ros.wallgrammar.assembly import Patches
+
+_FACING = -0.94    # largest cosine between normals of faces that look at each other: 20 degrees
+_INSIDE = 0.004    # [m] by which such faces may lie in each other
+_LEAST = 4e-4      # [m²] smaller patches hold nothing
+_THINNEST = 0.008  # [m] narrower ones neither
+_AT_ONCE = 64      # solids compared with all others at a time
+
+
+def meet(corners: np.ndarray, chosen: np.ndarray, reach: float) -> Patches:
+    """
+    Find the contact polygons of some solids with each other, with all others, and the ground.
+
+    Faces that look at each other across at most `reach` meet where they overlap, seen along the
+    mean of their normals. The patch lies half way, with its principal axes, and has the extents
+    of the rectangle with the same second moments over its area. Of several patches between two
+    solids the widest counts.
+
+    :param corners: of all solids, world [m], (N, 8, 3).
+    :param chosen: solids whose contacts are wanted, (N,) bool.
+    :param reach: widest joint [m].
+    """
+    pairs = _near(corners, chosen, reach)
+    points, normals, middles = faces(corners)
+    found = [_patch(pair, points[pair[0], f], points[pair[1], g], normal, gap)
+             for pair, f, g, normal, gap in _facing(pairs, normals, middles, reach)]
+    rows = np.flatnonzero(chosen & (corners[:, :, 2].min(axis=1) < reach))
+    down = np.array([0.0, 0.0, -1.0])
+    for row in rows.tolist():
+        for f in np.flatnonzero((normals[row] @ down > -_FACING)
+                                & (middles[row, :, 2] < reach)).tolist():
+            flat = points[row, f] * [1.0, 1.0, 0.0]
+            found.append(_patch((GROUND, row), flat[::-1], points[row, f], -down,
+                                float(middles[row, f, 2])))
+    widest: dict[tuple[int, int], tuple] = {}
+    for patch in found:
+        if patch is not None and (patch[0] not in widest or widest[patch[0]][3] < patch[3]):
+            widest[patch[0]] = patch
+    return _table(list(widest.values()), corners)
+
+
+def _near(corners: np.ndarray, chosen: np.ndarray, reach: float) -> np.ndarray:
+    """List pairs whose bounds come near, each once, (K, 2)."""
+    low, high = corners.min(axis=1) - reach, corners.max(axis=1)
+    rows = np.flatnonzero(chosen)
+    found = [np.zeros((0, 2), np.intp)]
+    for start in range(0, len(rows), _AT_ONCE):
+        some = rows[start:start + _AT_ONCE]
+        close = np.ones((len(some), len(corners)), bool)
+        for axis in range(3):
+            close &= low[some, axis, None] <= high[:, axis]
+            close &= high[some, axis, None] >= low[:, axis]
+        first, second = np.nonzero(close)
+        first = some[first]
+        once = (first < second) | ~chosen[second]
+        found.append(np.column_stack([first, second])[once])
+    return np.concatenate(found)
+
+
+def _facing(pairs: np.ndarray, normals: np.ndarray, middles: np.ndarray, reach: float
+            ) -> Sequence[tuple[tuple[int, int], int, int, np.ndarray, float]]:
+    """List faces that look at each other: pair, face of each, mean normal and gap [m]."""
+    first, second = pairs.T
+    cosine = np.einsum('pfk,pgk->pfg', normals[first], normals[second])
+    pair, f, g = np.nonzero(cosine < _FACING)
+    a, b = first[pair], second[pair]
+    normal = normals[a, f] - normals[b, g]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    gap = ((middles[b, g] - middles[a, f]) * normal).sum(axis=1)
+    keep = np.flatnonzero((gap > -_INSIDE) & (gap < reach))
+    return [((int(a[k]), int(b[k])), int(f[k]), int(g[k]), normal[k], float(gap[k]))
+            for k in keep]
+
+
+def _patch(pair: tuple[int, int], face: np.ndarray, other: np.ndarray, normal: np.ndarray,
+           gap: float) -> tuple | None:
+    """Give pair, pose, extents, area and gap of where two faces overlap, seen along a normal."""
+    along = face[1] - face[0] if np.ptp(face[:2], axis=0).max() > 1e-9 else face[2] - face[1]
+    along = along - (along @ normal) * normal
+    along /= np.linalg.norm(along)
+    axes = np.column_stack([along, np.cross(normal, along), normal])
+    centre = 0.5 * (face.mean(axis=0) + other.mean(axis=0))
+    flat = [(points - centre) @ axes[:, :2] for points in (face, other[::-1])]
+    outline = clip(*flat)
+    if len(outline) < 3:
+        return None
+    area, middle, second = moments(outline)
+    if area < _LEAST:
+        return None
+    spread, turn = np.linalg.eigh(second)
+    if abs(second[0, 1]) < 1e-6 * np.trace(second):  # also where both sides are alike
+        spread, turn = np.diag(second), np.eye(2)
+    elif np.linalg.det(turn) < 0.0:
+        turn[:, 0] *= -1.0
+    extent = np.sqrt(12.0 * spread / area)
+    if extent.min() < _THINNEST:
+        return None
+    frame = np.column_stack([axes[:, :2] @ turn, normal])
+    where = centre + axes[:, :2] @ middle
+    return pair, np.concatenate([where, rotation.from_matrix(frame[None])[0]]), extent, area, gap
+
+
+def _table(found: Sequence[tuple], corners: np.ndarray) -> Patches:
+    """Put patches into columns."""
+    if not found:
+        none = np.zeros(0)
+        return Patches(np.zeros((0, 2), np.intp), np.zeros((0, 7)), np.zeros((0, 2)), none, none,
+                       np.zeros((0, 2)))
+    pair, pose, extent, area, gap = (np.array(column) for column in zip(*found))
+    normal = rotation.rotate(pose[:, 3:], np.array([0.0, 0.0, 1.0]))
+    along = np.einsum('mpck,mk->mpc', corners[pair], normal)
+    reach = 0.5 * np.ptp(along, axis=2)
+    reach[pair == GROUND] = 0.0
+    return Patches(pair, pose, extent, area, np.maximum(gap, 0.0), reach)
+
+
+def clip(subject: np.ndarray, window: np.ndarray) -> np.ndarray:
+    """
+    Intersect convex polygons (Sutherland and Hodgman 1974), (n, 2).
+
+    :param subject, window: corners, counter-clockwise, (n, 2).
+    """
+    points = list(subject)
+    for a, b in zip(window, np.roll(window, -1, axis=0)):
+        edge = b - a
+        side = [edge[0] * (p[1] - a[1]) - edge[1] * (p[0] - a[0]) for p in points]
+        kept = []
+        for i, p in enumerate(points):
+            j = (i + 1) % len(points)
+            if side[i] >= 0.0:
+                kept.append(p)
+            if (side[i] > 0.0 > side[j]) or (side[i] < 0.0 < side[j]):
+                kept.append(p + (points[j] - p) * side[i] / (side[i] - side[j]))
+        points = kept
+        if len(points) < 3:
+            return np.zeros((0, 2))
+    return np.array(points)
+
+
+def moments(outline: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """
+    Give area [m²], centroid [m], (2,), and second moments about it [m⁴], (2, 2), of a polygon.
+
+    :param outline: corners, counter-clockwise [m], (n, 2).
+    """
+    following = np.roll(outline, -1, axis=0)
+    cross = outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1]
+    area = 0.5 * float(cross.sum())
+    if area <= 1e-12:
+        return 0.0, outline[0], np.zeros((2, 2))
+    middle = ((outline + following) * cross[:, None]).sum(axis=0) / (6.0 * area)
+    a, b = outline - middle, following - middle
+    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
+    total = a + b
+    second = sum(np.einsum('n,ni,nj->ij', cross, u, u) for u in (a, b, total)) / 24.0
+    return area, middle, second
