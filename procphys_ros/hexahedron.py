@@ -171,7 +171,8 @@ def inset(corners: np.ndarray, distance: float) -> np.ndarray:
     :param distance: of each face from where it was.
     """
     normal = faces(corners)[1]
-    adjacent = np.array([np.flatnonzero((corner == FACES).any(axis=1)) for corner in range(8)])
+    adjacent = np.array([np.flatnonzero(np.isin(FACES, corner).any(axis=1))
+                         for corner in range(8)])
     back = np.linalg.pinv(normal[:, adjacent], rcond=1e-6)
     real = np.linalg.norm(normal[:, adjacent], axis=3) > 0.5
     return corners - distance * np.einsum('ncij,ncj->nci', back, real.astype(float))

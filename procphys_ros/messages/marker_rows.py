@@ -24,6 +24,7 @@ for text markers only.
 
 from enum import IntEnum
 import struct
+from typing import Any
 
 import numpy as np
 
@@ -73,8 +74,9 @@ def row_layout(namespace_bytes: int, frame_id: str, mesh: str = '',
         offsets['points'] = head.align(8)
         head.raw(bytes(24 * points))
     data = _finish(head, mesh)
-    formats = {'stamp': ('<u4', 2), 'ns': ('u1', namespace_bytes), 'id': '<i4', 'type': '<i4',
-               'action': '<i4', 'pose': ('<f8', 7), 'scale': ('<f8', 3), 'color': ('<f4', 4)}
+    formats: dict[str, Any] = {
+        'stamp': ('<u4', 2), 'ns': ('u1', namespace_bytes), 'id': '<i4', 'type': '<i4',
+        'action': '<i4', 'pose': ('<f8', 7), 'scale': ('<f8', 3), 'color': ('<f4', 4)}
     if points:
         formats['points'] = ('<f8', (points, 3))
     layout = np.dtype({'names': list(formats), 'formats': list(formats.values()),

@@ -33,7 +33,7 @@ _RING_AT_TIP = np.array([0, 0, 0, 1, 1, 1])
 _BARK_TILE = np.array([0.25, 0.5])  # [m] around and along the branch that one image covers
 _BRICK_TILE = 0.6  # [m] of wall that one image covers
 QUADS = np.concatenate([4 * np.arange(6)[:, None] + [0, 1, 2],
-                         4 * np.arange(6)[:, None] + [0, 2, 3]])  # six faces of four corners each
+                        4 * np.arange(6)[:, None] + [0, 2, 3]])  # six faces of four corners each
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,16 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, box_inertia, GROUND, Law, Mortar, Shape
+from procphys_ros.blueprint import (
+    Blueprint,
+    box_inertia,
+    GROUND,
+    Hexahedra,
+    Law,
+    Mortar,
+    Shape,
+)
+from procphys_ros.hexahedron import box_corners, solids
 from procphys_ros.wallgrammar.boxes import Boxes, Joint, MICRO
 from procphys_ros.wallgrammar.contacts import Contacts
 from procphys_ros.wallgrammar.materials import Material, weakest
@@ -78,7 +87,8 @@ def on_ground(boxes: Boxes, frames: np.ndarray, upright: int) -> Patches:
     :param frames: pose of each frame [m], (f, 7).
     :param upright: how many frames, from the first, have their z up.
     """
-    rows = np.flatnonzero((boxes.cells[0][:, 2] == 0) & (boxes.frame < upright))
+    rows = np.flatnonzero((boxes.cells[0][:, 2] == 0) & (boxes.frame < upright)
+                          & (boxes.form < 0))
     low, high = boxes.low[rows], boxes.high[rows]
     high = np.column_stack([high[:, :2], low[:, 2]])
     low = np.column_stack([low[:, :2], np.zeros(len(rows), np.int64)])
@@ -98,8 +108,25 @@ def _patches(pair: np.ndarray, axis: np.ndarray, low: np.ndarray, high: np.ndarr
                    extent.prod(axis=1), size[row, axis], reach)
 
 
+def corners_of(boxes: Boxes, forms: Sequence[np.ndarray], frames: np.ndarray) -> np.ndarray:
+    """
+    Give the corners of parts in the building [m], (n, 8, 3).
+
+    :param boxes: the parts.
+    :param forms: see `Site.forms`.
+    :param frames: pose of each frame [m], (f, 7).
+    """
+    corners = box_corners(boxes.low / MICRO, boxes.high / MICRO)
+    rows = np.flatnonzero(boxes.form >= 0)
+    if len(rows):
+        corners[rows] = np.array(forms)[boxes.form[rows]]
+    frame = frames[boxes.frame, None]
+    return frame[..., :3] + rotation.rotate(frame[..., 3:], corners)
+
+
 def assemble(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
-             materials: dict[str, Material], kinds: Sequence[str]) -> Blueprint:
+             materials: dict[str, Material], kinds: Sequence[str],
+             corners: np.ndarray) -> Blueprint:
     """
     Write the blueprint.
 
@@ -108,6 +135,7 @@ def assemble(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
     :param frames: pose of each frame in the building [m], (f, 7).
     :param materials: by name, in the order that `Boxes.material` counts.
     :param kinds: names that `Boxes.kind` counts.
+    :param corners: of those that are hexahedra, in part order [m], (h, 8, 3).
     """
     names = tuple(materials)
     table = list(materials.values())
@@ -119,17 +147,23 @@ def assemble(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
     mass = density * size.prod(axis=1)
     centre = (boxes.low + boxes.high) / (2.0 * MICRO)
     poses = rotation.compose(frames[boxes.frame], np.column_stack([centre, _TURNS[boxes.axis]]))
+    inertia = box_inertia(mass, size)
+    cut = np.flatnonzero(boxes.form >= 0)
+    made = solids(corners)
+    size[cut], poses[cut], mass[cut] = made.size, made.poses, density[cut] * made.volume
+    inertia[cut] = density[cut, None] * made.inertia
     bonds = Patches(**{f.name: np.concatenate([getattr(p, f.name) for p in patches])
                        for f in fields(Patches)})
     return Blueprint(
         shape=np.full(len(boxes), Shape.BOX, np.uint8), size=size, visual_size=size.copy(),
-        density=density, mass=mass, inertia=box_inertia(mass, size), poses=poses,
+        density=density, mass=mass, inertia=inertia, poses=poses,
         kind=boxes.kind.astype(np.int16), material=boxes.material.astype(np.int16),
         texture=texture[boxes.material], leaf_area=np.zeros(len(boxes)),
         bonds=bonds.pair.astype(np.int32), bond_law=np.full(len(bonds.pair), Law.MORTAR, np.uint8),
         bond_frame=bonds.pose, bond_extent=bonds.extent, bond_area=bonds.area,
-        mortar=_mortar(bonds, boxes, materials), kinds=tuple(kinds), materials=names,
-        textures=textures)
+        mortar=_mortar(bonds, boxes, materials),
+        hexahedra=Hexahedra(cut.astype(np.int32), made.corners), kinds=tuple(kinds),
+        materials=names, textures=textures)
 
 
 def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mortar:

@@ -54,7 +54,8 @@ class Boxes:
     :ivar kind: index of the kind name, (n,).
     :ivar material: index of the material, (n,).
     :ivar joint: `Joint`, (n,).
-    :ivar member: pieces of equal number >= 0 are one piece of timber, (n,).
+    :ivar member: pieces of equal number >= 0 are one piece of timber, or one brick, (n,).
+    :ivar form: which of `Site.forms` the part is, inside its box; -1 = the box, (n,).
     """
 
     low: np.ndarray
@@ -67,6 +68,7 @@ class Boxes:
     material: np.ndarray
     joint: np.ndarray
     member: np.ndarray
+    form: np.ndarray
 
     def __len__(self) -> int:
         return len(self.low)
@@ -83,7 +85,7 @@ class Boxes:
 
 def from_cells(low: ArrayLike, high: ArrayLike, before: ArrayLike = 0, after: ArrayLike = 0, *,
                frame: int = 0, axis: int = 0, kind: int = 0, material: int = 0,
-               joint: int = Joint.MORTAR, member: int = -1) -> Boxes:
+               joint: int = Joint.MORTAR, member: int = -1, form: int = -1) -> Boxes:
     """
     Make boxes that fill cells up to their joints; columns broadcast against the cells.
 
@@ -101,7 +103,8 @@ def from_cells(low: ArrayLike, high: ArrayLike, before: ArrayLike = 0, after: Ar
         return np.broadcast_to(np.asarray(value, np.int64), len(low)).copy()
 
     return Boxes(low + before, high - after, before.copy(), after.copy(), column(frame),
-                 column(axis), column(kind), column(material), column(joint), column(member))
+                 column(axis), column(kind), column(material), column(joint), column(member),
+                 column(form))
 
 
 def stack(pieces: Sequence[Boxes]) -> Boxes:

@@ -22,10 +22,10 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.language import check_length, read_text, resolve_defines
-from procphys_ros.wallgrammar import contacts, corners, footprint, references, walls
-from procphys_ros.wallgrammar.assembly import assemble, from_contacts, on_ground
+from procphys_ros.wallgrammar import contacts, corners, footprint, polygons, references, walls
+from procphys_ros.wallgrammar.assembly import assemble, corners_of, from_contacts, on_ground
 from procphys_ros.wallgrammar.bonds import Layout
-from procphys_ros.wallgrammar.boxes import micro
+from procphys_ros.wallgrammar.boxes import MICRO, micro
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Deriver, Piece
 from procphys_ros.wallgrammar.interior import Interior
@@ -36,6 +36,7 @@ from procphys_ros.wallgrammar.stability import check_connected
 from procphys_ros.wallgrammar.tables import check_panel, read_layouts, read_materials
 
 _HIGHEST = 1000.0     # [m]
+_JOINT_SLACK = 0.004  # [m] by which joints between cut bricks may be wider than others
 MOST_PARTS = 200_000  # default bound on the parts of one building
 
 
@@ -187,8 +188,14 @@ class _Construction:
         frames = np.array(site.frames)
         patches = [on_ground(boxes, frames, len(self.plan.yaws)),
                    from_contacts(contacts.find(boxes), boxes, frames), *site.patches]
+        cut = boxes.form >= 0
+        solids = corners_of(boxes, site.forms, frames) if cut.any() else np.zeros((0, 8, 3))
+        if cut.any():
+            reach = self.layout.joint / MICRO + _JOINT_SLACK
+            patches.append(polygons.meet(solids, cut, reach))
+            solids = solids[cut]
         check_connected(boxes, patches, frames, site)
-        return assemble(boxes, patches, frames, grammar.materials, site.kinds)
+        return assemble(boxes, patches, frames, grammar.materials, site.kinds, solids)
 
     @staticmethod
     def _fit(pieces: list[Piece], length: int) -> list[Piece]:

@@ -35,6 +35,7 @@ class Site:
     :ivar kinds: names of the kinds met so far.
     :ivar frames: pose of each frame in the building [m], 7 each; upright frames come first.
     :ivar patches: bonds between parts of different frames.
+    :ivar forms: corners of the parts that are hexahedra, in their frames [m], (8, 3) each.
     :ivar count: parts so far.
     """
 
@@ -44,6 +45,7 @@ class Site:
     kinds: list[str] = field(default_factory=list)
     frames: list[np.ndarray] = field(default_factory=list)
     patches: list[Patches] = field(default_factory=list)
+    forms: list[np.ndarray] = field(default_factory=list)
     count: int = 0
     _boxes: list[Boxes] = field(default_factory=list)
     _members: int = 0

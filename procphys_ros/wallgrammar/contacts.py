@@ -55,6 +55,7 @@ def find(boxes: Boxes) -> Contacts:
     """
     Find all faces that meet: opposite faces of two cells in one plane, with boxes that overlap.
 
+    Parts that are no boxes have no contacts here, see `polygons`.
     Work and memory grow with the number of faces; a face is compared only with those in its own
     plane that share a square of the grid with it.
 
@@ -68,6 +69,8 @@ def find(boxes: Boxes) -> Contacts:
 def _along(boxes: Boxes, cell_low: np.ndarray, cell_high: np.ndarray, axis: int) -> Contacts:
     across = [a for a in range(3) if a != axis]
     ahead, behind = _same_planes(boxes.frame, cell_high[:, axis], cell_low[:, axis])
+    cut = boxes.form >= 0
+    ahead, behind = np.where(cut, -1, ahead), np.where(cut, -1, behind)
     first, second, square = _candidates(boxes, across, ahead, behind)
     low = np.maximum(boxes.low[first], boxes.low[second])
     high = np.minimum(boxes.high[first], boxes.high[second])

@@ -59,11 +59,16 @@ class Scope(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A panel of the derived facade, and where the text names it."""
+    """
+    A panel of the derived facade, and where the text names it.
+
+    :ivar numbers: values of `Panel.numbers`.
+    """
 
     scope: Scope
     panel: str
     place: Place
+    numbers: tuple[float, ...] = ()
 
 
 class _Task(NamedTuple):
@@ -109,7 +114,9 @@ class Deriver:
                 raise start.place.error(f'the facades take more than {_MOST_STEPS} divisions; '
                                         f'make their parts larger')
             if isinstance(call, Call) and call.name in self.spec.panels:
-                pieces.append(Piece(task.scope, call.name, call.place))
+                numbers = tuple(self._number(number, task)
+                                for number in self.spec.panels[call.name].numbers)
+                pieces.append(Piece(task.scope, call.name, call.place, numbers))
                 continue
             tasks.extend(reversed(self._expand(task)))
         return pieces

@@ -19,8 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.language import Place
-from procphys_ros.wallgrammar.boxes import Boxes, micro, micros
+from procphys_ros.wallgrammar.boxes import Boxes, MICRO, micro, micros
 
 _ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-angled
 _MERGED = 3       # [µm] corners of one frame this close lie on one line
@@ -68,6 +69,11 @@ class Facade:
     origin: tuple[int, int]
     start: Corner = Corner()
     end: Corner = Corner()
+
+    def place_points(self, points: np.ndarray) -> np.ndarray:
+        """Move points [m] from the facade (x along, y inwards, z up) into its frame, (..., 3)."""
+        turn = rotation.from_yaw(0.5 * np.pi * self.quarter)
+        return rotation.rotate(turn, points) + np.array([*self.origin, 0]) / MICRO
 
     def place(self, boxes: Boxes) -> Boxes:
         """Move boxes from the facade (x along, y inwards, z up) into its frame."""

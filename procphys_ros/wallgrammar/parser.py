@@ -31,6 +31,7 @@ from procphys_ros.language import (
     shorten,
     syntax_error,
 )
+from procphys_ros.wallgrammar import arches
 from procphys_ros.wallgrammar.grammar import WALL_GRAMMAR, WALL_WORDS
 from procphys_ros.wallgrammar.spec import (
     Border,
@@ -54,7 +55,7 @@ Node: TypeAlias = Any  # a tree; lark says of children only that they are trees 
 SCOPE_NAMES = ('scope_x', 'scope_y')  # size of the present scope [m], known inside rules
 _PROPERTIES = ('footprint', 'facades', 'storey_height', 'storeys', 'floors', 'roof', 'partitions')
 _DEEPEST = 32  # divisions written inside each other
-_PANEL_KINDS = {'boards': 1, 'glazing': 2, 'beam': 1, 'none': 0}
+_PANEL_KINDS = {'boards': 1, 'glazing': 2, 'beam': 1, 'none': 0, 'arch': 3}
 
 
 @cache
@@ -241,6 +242,8 @@ class _Reader:
             raise place.error(f'a panel is a layout or one of {", ".join(_PANEL_KINDS)}')
         kind, *arguments = (c for c in value.children if c is not None)
         kind = str(kind)
+        if kind == 'arch':
+            return self.arch(str(name), arguments, place)
         wanted = _PANEL_KINDS.get(kind, 0)
         if len(arguments) != wanted:
             raise place.error(f'"{kind}" takes {wanted} material names, found {len(arguments)}')
@@ -248,6 +251,32 @@ class _Reader:
             if argument.data != 'variable':
                 raise self.place(argument).error('expected the name of a material')
         return Panel(str(name), kind, tuple(str(a.children[0]) for a in arguments), place)
+
+    def arch(self, name: str, arguments: list[Node], place: Place) -> Panel:
+        """Read shape, rings and material of an arch."""
+        shapes = ', '.join(f'{shape}(rise)' if count else shape
+                           for shape, count in arches.SHAPES.items())
+        if not 2 <= len(arguments) <= 3:
+            raise place.error(f'an arch is arch(shape, rings) or arch(shape, rings, material), '
+                              f'found {len(arguments)} values (shapes: {shapes})')
+        shape, rings, *materials = arguments
+        if shape.data not in ('variable', 'call') or str(
+                shape.children[0]) not in arches.SHAPES:
+            found = str(shape.children[0]) if shape.data in ('variable', 'call') else 'a number'
+            raise self.place(shape).error(
+                f'unknown shape "{found}" of an arch{nearest_names(found, arches.SHAPES)} '
+                f'(shapes: {shapes})')
+        form, *numbers = (c for c in shape.children if c is not None)
+        wanted = arches.SHAPES[str(form)]
+        if len(numbers) != wanted:
+            raise self.place(shape).error(f'"{form}" takes {wanted} numbers, found '
+                                          f'{len(numbers)} (shapes: {shapes})')
+        for material in materials:
+            if material.data != 'variable':
+                raise self.place(material).error('expected the name of a material')
+        known = {*self.known, *SCOPE_NAMES}
+        return Panel(name, 'arch', tuple(str(m.children[0]) for m in materials), place, str(form),
+                     tuple(self.expression(n, known) for n in (*numbers, rings)))
 
     def rule(self, node: Node) -> Rule:
         name, formals, condition, successor, weight = node.children

@@ -116,12 +116,20 @@ class Rule:
 
 @dataclass(frozen=True)
 class Panel:
-    """What a terminal name stands for: a layout, `boards`, `glazing`, `beam` or `none`."""
+    """
+    What a terminal name stands for: a layout, `boards`, `glazing`, `beam`, `arch` or `none`.
+
+    :ivar arguments: names of materials.
+    :ivar shape: of an arch.
+    :ivar numbers: of an arch: of its shape, and how many rings it has.
+    """
 
     name: str
     kind: str
     arguments: tuple[str, ...]
     place: Place
+    shape: str = ''
+    numbers: tuple[Expression, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ _REQUIRED = ('density', 'tension', 'cohesion', 'compression')
 _RANGES = {
     # Beyond these no solid lies, and sums of products of them may not be finite.
     'density': (1.0, 25e3),     # [kg/m³] aerogel to osmium
-    'tension': (1.0, 1e12), 'cohesion': (1.0, 1e12), 'compression': (1.0, 1e12),  # [Pa]
+    'tension': (0.0, 1e12), 'cohesion': (0.0, 1e12), 'compression': (1.0, 1e12),  # [Pa] 0: dry
     'friction': (0.0, 10.0),
     'modulus': (1e3, 2e12),     # [Pa] gel to diamond
 }
@@ -130,11 +130,11 @@ def check_panel(panel: Panel, layouts: dict[str, Layout],
     """
     for material in panel.arguments:
         check_material(material, materials, panel.place)
-    if panel.kind not in ('boards', 'glazing', 'beam', 'none', *layouts):
+    if panel.kind not in ('boards', 'glazing', 'beam', 'arch', 'none', *layouts):
         raise panel.place.error(
             f'unknown layout "{panel.kind}" of panel "{panel.name}"'
             f'{nearest_names(panel.kind, layouts)} (layouts: {", ".join(layouts) or "none"}; or '
-            f'boards(material), glazing(frame, glass), beam(material), none)')
+            f'boards(material), glazing(frame, glass), beam(material), arch(shape, rings), none)')
 
 
 def check_material(name: str, materials: dict[str, Material], place: Place) -> None:

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.wallgrammar import arching
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Joint
 from procphys_ros.wallgrammar.construction import Site
@@ -35,6 +36,7 @@ _DEEPEST = 0.5            # of the thickness: how far a panel may stand in or ou
 _MASONRY = 0              # classes from 0 up are masonry, below it are beams, openings, nothing
 _OPENING = -2
 _BEAM = -3
+_ARCH = -4   # until it is known which masonry is around it
 
 
 def gauge_pieces(pieces: Sequence[Piece], layout: Layout) -> list[Piece]:
@@ -69,6 +71,7 @@ class Elevation:
     def __post_init__(self) -> None:
         self._classes = _classes(self.pieces, self.panels, self.layouts)
         owners = np.array([_owner(p, self.panels, self._classes) for p in self.pieces], int)
+        owners = _surrounded(self.pieces, owners)
         scopes = np.array([p.scope[:4] for p in self.pieces], int).reshape(-1, 4)
         _check(self, owners)
         bare = self._paint(scopes, owners)
@@ -79,6 +82,7 @@ class Elevation:
         self._scopes = np.concatenate([scopes, beams])
         self._owners = np.concatenate([owners, np.full(len(beams), _BEAM)])
         self._regions = self._paint(self._scopes, self._owners)
+        self._arches = self._plan_arches(bare)
         self._pockets: list[tuple[int, int, int, int]] = []
         self.rows: list[int] = []
 
@@ -104,11 +108,57 @@ class Elevation:
 
     def obstacle(self, left: int, bottom: int, right: int, top: int) -> str | None:
         """Name the first panel that is no masonry inside a rectangle [µm], if there is one."""
+        for arch in self._arches:
+            low, foot, high, crown = arch.bounds
+            if low < right and high > left and foot < top and crown > bottom:
+                return arch.piece.panel
+        return self._opening(left, bottom, right, top, _MASONRY)
+
+    def _opening(self, left: int, bottom: int, right: int, top: int, below: int) -> str | None:
+        """Name the first panel of a class below another one inside a rectangle [µm]."""
         for scope, owner, i in zip(self._scopes, self._owners, range(len(self._scopes))):
-            if owner < _MASONRY and (scope[0] < right and scope[2] > left and scope[1] < top
-                                     and scope[3] > bottom):
+            if owner < below and (scope[0] < right and scope[2] > left and scope[1] < top
+                                  and scope[3] > bottom):
                 return self.pieces[i].panel if i < len(self.pieces) else 'lintel'
         return None
+
+    def _plan_arches(self, bare: Regions) -> list[arching.Arch]:
+        """Divide the arches into stones; those over masonry or a beam are filled."""
+        found: list[arching.Arch] = []
+        for piece in self.pieces:
+            panel = self.panels[piece.panel]
+            if panel.kind != 'arch':
+                continue
+            row = np.searchsorted(bare.z, piece.scope.bottom) - 1
+            middle = (piece.scope.left + piece.scope.right) // 2
+            below = bare.owner[row, np.searchsorted(bare.x, middle) - 1] if row >= 0 else EMPTY
+            arch = arching.plan(piece, panel, self.layout, below >= _MASONRY or below == _BEAM)
+            self._check_room(arch, found)
+            found.append(arch)
+        return found
+
+    def _check_room(self, arch: arching.Arch, others: Sequence[arching.Arch]) -> None:
+        """Refuse arches that spring from each other, from corners or from openings."""
+        left, bottom, right, _ = arch.bounds
+        scope, name = arch.piece.scope, arch.piece.panel
+        low = max(-self.facade.start.yielded, 0)
+        high = self.facade.length - max(-self.facade.end.yielded, 0)
+        aside = None if left >= low and right <= high else 'the corner'
+        for end, start, foot, crown in (
+                (left, scope.left, bottom, arch.shoulder),
+                (scope.right, right, bottom, arch.shoulder),
+                (scope.left, scope.right, scope.top, arch.bounds[3])):
+            met = self._opening(end, foot, start, crown, EMPTY)
+            aside = aside or (met and f'the panel "{met}"')
+        for other in others:
+            its_left, foot, its_right, _ = other.bounds
+            if its_left < right and its_right > left and foot < arch.shoulder and (
+                    other.shoulder > bottom):
+                aside = aside or f'the arch "{other.piece.panel}" beside it'
+        if aside:
+            raise arch.piece.place.error(
+                f'the arch "{name}" reaches {(scope.left - left) / 1e6:.3f} m into the wall at '
+                f'its sides, and there is {aside}: leave more wall around it')
 
     def cut(self, left: int, bottom: int, right: int, top: int) -> None:
         """Leave a rectangle [µm] free of masonry."""
@@ -128,12 +178,15 @@ class Elevation:
             runs = courses(covered, owner, depth, layout, self.facade)
             site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
             kind, joint = unit_of(layout, self.unit)
-            rows = site.add(self.facade.place(lay(runs, layout, site.kind(kind), joint,
-                                                  site.next_member)))
+            bricks = arching.cut_bricks(site, self.facade, lay(
+                runs, layout, site.kind(kind), joint, site.next_member), self._arches)
+            rows = site.add(self.facade.place(bricks))
             self.rows += range(rows.start, rows.stop)
         self._fill(Wall(site, self.facade, self.layout.thickness, self.layout.joint))
 
     def _fill(self, wall: Wall) -> None:
+        for arch in self._arches:
+            wall.add(arching.stones(wall.site, self.facade, arch, self.layout))
         for i, piece in enumerate(self.pieces):
             panel = self.panels[piece.panel]
             if panel.kind == 'glazing':
@@ -171,7 +224,28 @@ def _owner(piece: Piece, panels: dict[str, Panel], classes: dict[tuple[str, int]
         return EMPTY
     if kind == 'beam':
         return _BEAM
+    if kind == 'arch':
+        return _ARCH
     return classes.get((piece.panel, piece.scope.depth), _OPENING)
+
+
+def _surrounded(pieces: Sequence[Piece], owners: np.ndarray) -> np.ndarray:
+    """Let the masonry above arches, or else beside them, go on around them."""
+    scopes = np.array([piece.scope[:4] for piece in pieces], int).reshape(-1, 4)
+    found = owners.copy()
+    for i in np.flatnonzero(owners == _ARCH).tolist():
+        left, bottom, right, top = scopes[i]
+        across = np.minimum(scopes[:, 2], right) - np.maximum(scopes[:, 0], left)
+        upright = np.minimum(scopes[:, 3], top) - np.maximum(scopes[:, 1], bottom)
+        beside = (scopes[:, 2] == left) | (scopes[:, 0] == right)
+        for length in (across * (scopes[:, 1] == top), upright * beside):
+            shared = np.where(owners >= _MASONRY, length, 0)
+            if shared.max() > 0:
+                found[i] = owners[int(np.argmax(shared))]
+                break
+        else:
+            found[i] = EMPTY
+    return found
 
 
 def _check(elevation: Elevation, owners: np.ndarray) -> None:

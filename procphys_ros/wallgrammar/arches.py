@@ -1,0 +1,186 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Arches: how rings of voussoirs are divided, and the outlines that the wall keeps clear of."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+SHAPES = {'round': 0, 'segmental': 1, 'pointed': 0, 'flat': 0}  # and how many numbers they take
+_SKEW = np.sqrt(0.75)  # height over span of the triangle whose tip the joints of flat arches meet
+_SHALLOWEST = 0.02  # of the span: least rise of a segmental arch
+_MOST = 400  # voussoirs in a ring
+
+
+class Line(NamedTuple):
+    """
+    Where two voussoirs meet.
+
+    :ivar inner, outer: ends at the intrados and the extrados [m], (2,).
+    """
+
+    inner: np.ndarray
+    outer: np.ndarray
+
+
+@dataclass(frozen=True)
+class Curve:
+    """
+    Middle line of what arches do: arcs of a circle, or a level line.
+
+    Origin half way between the springings, x along the wall, y up.
+
+    :ivar shape: one of `SHAPES`.
+    :ivar span: between the springings [m].
+    :ivar rise: of the intrados [m].
+    """
+
+    shape: str
+    span: float
+    rise: float
+
+    @classmethod
+    def of(cls, shape: str, span: float, numbers: tuple[float, ...]) -> 'Curve':
+        """
+        Choose the rise.
+
+        :param numbers: the rise of a segmental arch [m].
+        :raises ValueError: for a rise that makes no arc; the message says which is allowed.
+        """
+        rise = {'round': 0.5 * span, 'pointed': _SKEW * span, 'flat': 0.0}.get(shape)
+        if rise is None:
+            rise, = numbers
+            low, high = _SHALLOWEST * span, 0.5 * span
+            if not low <= rise <= high:
+                raise ValueError(f'the rise of a segmental arch of {span:g} m span must be from '
+                                 f'{low:.3g} to {high:.3g} m, found {rise:g} m')
+        return cls(shape, span, rise)
+
+    def ring(self, offset: float, depth: float, pitch: float) -> list[Line]:
+        """
+        Divide a ring into voussoirs that are nowhere wider than the pitch.
+
+        :param offset: of its inside from the intrados [m].
+        :param depth: from its inside to its outside [m].
+        :param pitch: largest width of a voussoir with its joint [m].
+        :returns: lines between the voussoirs, from the left springing to the right one.
+        """
+        outside = offset + depth
+        if self.shape == 'flat':
+            tip = _SKEW * self.span
+            whole = self.span * (tip + outside) / tip
+            at = np.linspace(-0.5, 0.5, _odd(whole / pitch) + 1) * self.span
+            return [Line(np.array([x * (tip + offset) / tip, offset]),
+                         np.array([x * (tip + outside) / tip, outside])) for x in at]
+        centre, radius, half = self._arc()
+        if self.shape == 'pointed':
+            return self._pointed(radius + offset, radius + outside, pitch)
+        count = _odd(2.0 * half * (radius + outside) / pitch)
+        turn = np.linspace(-half, half, count + 1)
+        way = np.column_stack([np.sin(turn), np.cos(turn)])
+        return [Line(centre + (radius + offset) * w, centre + (radius + outside) * w)
+                for w in way]
+
+    def _arc(self) -> tuple[np.ndarray, float, float]:
+        """Give centre, radius and half of the angle of a circular arch."""
+        radius = (0.25 * self.span ** 2 + self.rise ** 2) / (2.0 * self.rise)
+        if self.shape == 'pointed':
+            radius = self.span
+        half = np.arcsin(min(0.5 * self.span / radius, 1.0))
+        return np.array([0.0, self.rise - radius]), radius, float(half)
+
+    def _pointed(self, inner: float, outer: float, pitch: float) -> list[Line]:
+        """Divide two arcs about the springings opposite; they meet in an upright joint."""
+        reach = np.arccos(0.5 * self.span / inner)
+        count = max(int(np.ceil(outer * np.arccos(0.5 * self.span / outer) / pitch)), 2)
+        turn = np.linspace(0.0, reach, count + 1)[:-1]
+        way = np.column_stack([-np.cos(turn), np.sin(turn)])
+        centre = np.array([0.5 * self.span, 0.0])
+        left = [Line(centre + inner * w, centre + outer * w) for w in way]
+        top = [np.array([0.0, np.sqrt(r ** 2 - 0.25 * self.span ** 2)]) for r in (inner, outer)]
+        mirror = np.array([-1.0, 1.0])
+        return [*left, Line(*top),
+                *(Line(line.inner * mirror, line.outer * mirror) for line in reversed(left))]
+
+
+def _odd(count: float) -> int:
+    """Round up to an odd number, so that there is a keystone."""
+    whole = max(int(np.ceil(count - 1e-9)), 3)
+    return whole + (whole + 1) % 2
+
+
+def too_many(curve: Curve, depth: float, pitch: float) -> bool:
+    """Say whether a ring would have more voussoirs than anybody could lay."""
+    return bool(np.pi * (curve.span + 2.0 * depth) > _MOST * pitch)
+
+
+def voussoirs(lines: list[Line], joint: float) -> np.ndarray:
+    """
+    Cut the stones of a ring, their sides half a joint from the lines, (n, 4, 2).
+
+    :param lines: of the ring, see `Curve.ring`.
+    :param joint: [m].
+    :returns: corners: inner left, inner right, outer right, outer left: clockwise seen from the
+        middle of the arch, counter-clockwise seen from outside the wall.
+    """
+    out = []
+    for left, right in zip(lines, lines[1:]):
+        sides = [(line.inner, line.outer - line.inner) for line in (left, right)]
+        moved = []
+        for (start, way), sign in zip(sides, (1.0, -1.0)):
+            across = sign * np.array([way[1], -way[0]]) / np.hypot(*way)
+            moved.append((start + 0.5 * joint * across, way))
+        faces = [(left.inner, right.inner - left.inner), (left.outer, right.outer - left.outer)]
+        out.append([_cross(*moved[0], *faces[0]), _cross(*moved[1], *faces[0]),
+                    _cross(*moved[1], *faces[1]), _cross(*moved[0], *faces[1])])
+    return np.array(out)
+
+
+def _cross(point: np.ndarray, way: np.ndarray, other: np.ndarray,
+           its_way: np.ndarray) -> np.ndarray:
+    """Give the point where two lines cross."""
+    share = np.linalg.solve(np.column_stack([way, -its_way]), other - point)[0]
+    return point + share * way
+
+
+def extrados(lines: list[Line], joint: float) -> np.ndarray:
+    """
+    Give the outline of the outermost ring with the seats, that the wall around keeps clear of.
+
+    :param lines: of the outermost ring, and the inner ends of the first and last of the innermost.
+    :returns: half planes whose intersection is the outline: a·x + b·y <= c, rows a b c, (n, 3).
+    """
+    points = [lines[0].inner, *(line.outer for line in lines), lines[-1].inner]
+    rooms = [0.5 * joint, *[joint] * (len(lines) - 1), 0.5 * joint, 0.0]
+    return _half_planes(points, rooms)
+
+
+def intrados(lines: list[Line], joint: float) -> np.ndarray:
+    """Give the outline of what fills an arch, as `extrados` does."""
+    points = [line.inner for line in lines]
+    return _half_planes(points, [*[-joint] * (len(points) - 1), 0.0])
+
+
+def _half_planes(points: list[np.ndarray], rooms: list[float]) -> np.ndarray:
+    """Turn a polygon, clockwise, into half planes, moved outwards side by side."""
+    rows = []
+    for a, b, room in zip(points, [*points[1:], points[0]], rooms):
+        way = b - a
+        if np.hypot(*way) < 1e-9:
+            continue
+        out = np.array([-way[1], way[0]]) / np.hypot(*way)
+        rows.append([*out, float(out @ a) + room])
+    return np.array(rows)

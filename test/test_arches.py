@@ -1,0 +1,170 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Test arches of wall grammars: how they are divided, what they carry, and what is refused."""
+
+import numpy as np
+import pytest
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.hexahedron import are_convex
+from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.resources import shared_folder
+from procphys_ros.wallgrammar import WallGrammar
+from procphys_ros.wallgrammar.arches import Curve, voussoirs
+from procphys_ros.wallgrammar.polygons import clip, moments
+
+WALL = """
+building wall
+  footprint: (0, 0) (3.5, 0)
+  facades: front
+  storey_height: 2.4
+rule front -> split(x) {{ ~1: wall | 1.5: bay | ~1: wall }}
+rule bay -> split(y) {{ 0.6: {below} | {height}: arch | ~1: wall }}
+layout running {{ unit: 0.215 0.1025 0.065  material: brick }}
+panel wall: running
+panel opening: none
+panel arch: arch({arch})
+"""
+FREE = """
+building ring
+  footprint: (0, 0) ({length}, 0)
+  facades: front
+  storey_height: 1.5
+rule front -> split(x) {{ 1: wall | ~1: gap | {span}: bay | ~1: gap }}
+rule bay -> split(y) {{ 1.3: arch | ~1: gap }}
+material brick {{ tension: 0  cohesion: 0  friction: 0.7  compression: 1e9 }}
+layout stack {{ unit: {thickness} 0.2 {pitch}  joint: 0  material: brick }}
+panel wall: stack
+panel gap: none
+panel arch: arch(round, 1)
+"""
+
+
+def built(arch='round, 1', height=1.1, below='opening'):
+    """Build a wall with an arch in it."""
+    return WallGrammar.parse(WALL.format(arch=arch, height=height, below=below)).build()
+
+
+def outlines(blueprint):
+    """Give the outlines of all parts in the plane of the wall, counter-clockwise, (N, 4, 2)."""
+    flat = blueprint.poses[:, None, [0, 2]] + 0.5 * blueprint.size[:, None, [0, 2]] * np.array(
+        [[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    solids = blueprint.hexahedra
+    for part, points in zip(solids.part, solids.points(blueprint.poses)[..., [0, 2]]):
+        middle = points.mean(axis=0)
+        near = points[np.argsort(np.arctan2(*(points - middle).T[::-1]))]
+        flat[part] = near[::2]  # each twice: in front and behind
+    return flat
+
+
+def test_voussoirs_fill_their_ring():
+    """Add up the stones of a ring without joints: a polygon with as many sides."""
+    ring = Curve.of('round', 2.0, ()).ring(0.0, 0.2, 0.1)
+    stones = voussoirs(ring, 0.0)
+    count = len(stones)
+    assert count % 2 == 1 and np.pi * 1.2 / 0.1 <= count < np.pi * 1.2 / 0.1 + 2.0
+    area = sum(abs(moments(stone[::-1])[0] or moments(stone)[0]) for stone in stones)
+    assert area == pytest.approx(0.5 * count * np.sin(np.pi / count) * (1.2 ** 2 - 1.0))
+
+
+@pytest.mark.parametrize(('arch', 'height'), [
+    ('round, 1', 1.1), ('segmental(0.3), 2', 0.8), ('pointed, 1', 1.6), ('flat, 1', 0.3)])
+def test_bricks_make_room_for_arches(arch, height):
+    """Cut bricks so that no part lies in another, and each stone is bonded to the next."""
+    wall = built(arch, height)
+    assert are_convex(wall.hexahedra.corners.reshape(-1, 8, 3)).all()
+    stone = np.array(wall.kinds)[wall.kind] == 'voussoir'
+    assert stone.sum() >= 15 and np.isin(np.flatnonzero(stone), wall.hexahedra.part).all()
+    flat = outlines(wall)
+    low, high = flat.min(axis=1), flat.max(axis=1)
+    area = np.array([moments(row)[0] for row in flat])
+    np.testing.assert_allclose(wall.mass / (1900.0 * 0.1025), area, rtol=1e-6)
+    for part in wall.hexahedra.part.tolist():
+        near = np.flatnonzero(((low < high[part]) & (high > low[part])).all(axis=1))
+        for other in near[near != part].tolist():
+            shared = clip(flat[part], flat[other])
+            assert len(shared) < 3 or moments(shared)[0] < 1e-7
+    between = stone[wall.bonds].all(axis=1) & (wall.bonds >= 0).all(axis=1)
+    rings = int(arch[-1])
+    assert between.sum() >= stone.sum() - rings
+    assert wall.bond_extent[between].max() <= 0.2151 or not arch.startswith('round')
+
+
+def test_arches_over_walls_are_filled():
+    """Set an arch over an opening, and over masonry: this one relieves what is under it."""
+    openly, filled = built('round, 1', 1.1), built('round, 1', 1.1, below='wall')
+    under = 0.5 * np.pi * 0.75 ** 2 + 1.5 * 0.6  # tympanum and opening [m²]
+    more = (filled.mass.sum() - openly.mass.sum()) / (1900.0 * 0.1025)
+    assert 0.75 * under < more < under  # less mortar
+
+
+def fracture(blueprint):
+    """Find what cracks and falls under its own weight."""
+    found = Fracture(StressSolver(BondGraph(blueprint)))
+    found.advance(20_000)
+    assert found.stable
+    return found
+
+
+@pytest.mark.parametrize('count', [25, 47])
+def test_dry_rings_stand_down_to_limit_analysis(count):
+    """Build semicircles of mean radius 1 m: they stand 3 % above the least t/R, and not below."""
+    for ratio, holds in ((1.03 * 0.1075, True), (0.97 * 0.1065, False)):
+        span = 2.0 - ratio
+        pitch = np.pi * (1.0 + 0.5 * ratio) / (count - 0.5)
+        ring = WallGrammar.parse(FREE.format(length=span + 2.6, span=span, thickness=ratio,
+                                             pitch=pitch)).build()
+        stone = np.array(ring.kinds)[ring.kind] == 'voussoir'
+        assert stone.sum() == count
+        assert fracture(ring).solver.supported[stone].all() == holds
+
+
+def test_an_arch_carries_the_wall_above_it_until_a_pier_goes():
+    """Load a flat arch with its wall: it stands; take a pier out: arch and wall come down."""
+    wall = built('flat, 1', 0.3)
+    found = fracture(wall)
+    assert found.solver.supported.all() and found.solver.graph.alive.all()
+    stone = np.array(wall.kinds)[wall.kind] == 'voussoir'
+    pier = np.flatnonzero((wall.poses[:, 0] < 1.0) & (wall.poses[:, 2] < 0.6))
+    found.solver.remove_parts(pier)
+    found.advance(20_000)
+    assert not found.solver.supported[stone].all()
+
+
+@pytest.mark.parametrize(('change', 'message'), [
+    (('round, 1', 'gothic, 1'), 'unknown shape "gothic" of an arch (shapes: round, '
+                                'segmental(rise), pointed, flat)'),
+    (('round, 1', 'segmental, 1'), '"segmental" takes 1 numbers, found 0'),
+    (('round, 1', 'segmental(2), 1'), 'must be from 0.03 to 0.75 m, found 2 m'),
+    (('round, 1', 'round'), 'arch(shape, rings) or arch(shape, rings, material), found 1'),
+    (('round, 1', 'round, 0'), 'a whole number of rings from 1 to 10, found 0'),
+    (('round, 1', 'round, 1, cheese'), 'unknown material "cheese"'),
+    (('1.1: arch', '0.5: arch'), 'm high with its rings, the panel has only'),
+    (('~1: wall | 1.5', '0.1: wall | 1.5'), 'and there is the corner: leave more wall around it'),
+])
+def test_arches_that_cannot_be_built_are_refused(change, message):
+    """Name the place, what was found, and what is allowed."""
+    text = WALL.format(arch='round, 1', height=1.1, below='opening').replace(*change)
+    with pytest.raises(GrammarError, match=r'^<text>:\d+:\d+: ') as refused:
+        WallGrammar.parse(text).build()
+    assert message in str(refused.value)
+
+
+def test_the_shipped_arcade_stands():
+    """Crack nothing under its own weight."""
+    grammar = WallGrammar.load(shared_folder() / 'grammars' / 'arcade.wall')
+    found = fracture(grammar.build(bays=1))
+    assert found.solver.supported.all() and found.solver.graph.alive.all()
+    assert not found.solver.graph.cracked.any()
