@@ -15,7 +15,8 @@
 
 """The node among other nodes: late joiners, other clocks, dumps of parameters, life cycles."""
 
-from threading import Event
+from threading import Event, Thread
+from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped, WrenchStamped
@@ -39,6 +40,7 @@ from procphys_ros.ros.commands import Command
 from procphys_ros.ros.managed import ManagedSimNode
 from procphys_ros.ros.node import banner, SimNode
 from procphys_ros.scene import Scene
+from procphys_ros.scene.spawn import Spawn
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 WEAK = SAPLING.replace('DampingRatio', 'Strength(1e6) DampingRatio')
@@ -269,6 +271,40 @@ def test_a_managed_node_answers_while_it_configures(client, monkeypatch):
     assert is_done(change('configure')) and state() == 'inactive'
     assert is_done(change('activate')) and state() == 'active'
     assert is_done(change('shutdown')) and node.loop.ended.done()
+    end(node)
+
+
+def test_a_node_ends_in_time_whatever_it_is_about(client, monkeypatch):
+    """Wait for threads that build, join and compute for 2 s in all at most, and say they go on."""
+    held, building_, joining, stepping = Event(), Event(), Event(), Event()
+
+    def hold(entered):
+        def wait(*_):
+            entered.set()
+            held.wait()
+            raise SceneError('let go')
+        return wait
+
+    node = made(SimNode, ('-r', '__node:=stuck'), **{'spawn.grammar_text': SAPLING})
+    client.host(node)
+    client.spin_until(lambda: node.session.has_scene, 'a scene')
+    monkeypatch.setattr(building, 'Scene', SimpleNamespace(from_parameters=hold(building_)))
+    monkeypatch.setattr(Spawn, 'build', hold(joining))
+    patience = []
+    try:
+        for service in ('reload_scene', 'spawn'):
+            caller = client.node.create_client(Trigger, f'/stuck/{service}')
+            client.spin_until(caller.service_is_ready, 'the service')
+            caller.call_async(Trigger.Request())
+        client.spin_until(lambda: building_.is_set() and joining.is_set(), 'both')
+        node.commands.call(Command('hold', hold(stepping)))
+        client.spin_until(stepping.is_set, 'the simulation')
+        with monkeypatch.context() as change:
+            change.setattr(Thread, 'join', lambda _, timeout=None: patience.append(timeout))
+            assert not node.destroy_node()
+    finally:
+        held.set()
+    assert len(patience) == 4 and sum(patience) <= 1.5  # the rest is for a child that compiles
     end(node)
 
 

@@ -22,7 +22,7 @@ from threading import Thread
 
 from procphys_ros.compilation.overloads import is_complete
 
-_END = 2.0  # [s] that the child gets to end
+_END = 0.3  # [s] that the child gets to end, before it is killed
 
 
 class BackgroundCompilation:

@@ -119,7 +119,7 @@ class CommandQueue:
         with self._lock:
             self.taken[name] += 1
 
-    def reject(self, name: str, why: str | Exception, note: str = '') -> str:
+    def reject(self, name: str, why: str | Exception, note: str = '', count: int = 1) -> str:
         """
         Count and report a command that is not carried out.
 
@@ -127,12 +127,13 @@ class CommandQueue:
         :param why: the reason, or what was raised; anything but an error that is meant for users
             is a defect, and is reported as one.
         :param note: goes behind the reason.
+        :param count: of commands that this is said of.
         :returns: the reason, shortened.
         """
         defect = why if isinstance(why, Exception) and not isinstance(why, ProcPhysError) else None
         reason = shortened((describe(why) if isinstance(why, Exception) else why) + note)
         with self._lock:
-            self.rejected[name] += 1
+            self.rejected[name] += count
             self.last_rejection = f'{name}: {reason}'
         self._on_rejection(name, reason, defect)
         return reason

@@ -47,7 +47,7 @@ from procphys_ros.scene.settings import read_settings
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics
 _LONGEST_TURN = 0.05  # [s] of steps before commands are looked at again
-_LAST_TURN = 0.5  # [s] that each thread may take to end
+_LAST_TURN = 0.3  # [s] that each of four threads may take to end; the node ends within 2 s
 _WARNING_PERIOD = 1.0  # [s] least time between warnings about rejected commands
 
 
@@ -176,10 +176,9 @@ class SimNode(Node):
 
         :returns: whether all threads have ended; one that computes cannot be made to.
         """
-        self._topics.stop()
         self._compilation.close()
-        ended = [self.builder.stop(_LAST_TURN), self._loading.stop(_LAST_TURN),
-                 self.loop.stop(_LAST_TURN)]
+        ended = [thread.stop(_LAST_TURN)
+                 for thread in (self._topics, self.builder, self._loading, self.loop)]
         if all(ended):
             self.session.close()
             super().destroy_node()

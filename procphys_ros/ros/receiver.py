@@ -25,8 +25,10 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from procphys_ros.ros import qos
+from procphys_ros.ros.sequence_gaps import SequenceGaps
 
 _PERIOD = 0.005  # [s] between looks at the subscriptions
+_MOST = 100  # messages of a topic per look, some 5 ms: a flood must leave time to other threads
 
 
 class Receiver:
@@ -49,7 +51,7 @@ class Receiver:
         self._thread = Thread(target=self._run, name='receiver', daemon=True)
 
     def subscribe(self, kind: type, topic: str, receive: Callable[[Any], None],
-                  reject: Callable[[Exception], None]) -> None:
+                  reject: Callable[[Exception], None], lose: Callable[[int], None]) -> None:
         """
         Subscribe to a topic.
 
@@ -57,36 +59,43 @@ class Receiver:
         :param topic: its name.
         :param receive: called with each message, in the thread of the receiver.
         :param reject: called with what `receive` raises, or the reading of a message.
+        :param lose: called with how many messages were lost, because they came faster than they
+            could be taken.
         """
         subscription = qos.subscription(self._node, kind, topic, receive, qos.commands(),
                                         callback_group=self._group)
-        self._topics.append(_Topic(subscription, receive, reject))
+        self._topics.append(_Topic(subscription, receive, reject, lose))
 
     def start(self) -> None:
         """Begin to receive."""
         self._thread.start()
 
-    def stop(self) -> None:
-        """End receiving, and wait for that."""
+    def stop(self, patience: float) -> bool:
+        """End receiving, wait some time for that [s], and say whether it has ended."""
         self._stopping.set()
         if self._thread.is_alive():
-            self._thread.join()
+            self._thread.join(patience)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         while not self._stopping.wait(_PERIOD):
             for topic in self._topics:
-                while not self._stopping.is_set() and self._node.context.ok() and topic.take():
-                    pass
+                for _ in range(_MOST):
+                    if (self._stopping.is_set() or not self._node.context.ok()
+                            or not topic.take()):
+                        break
 
 
 class _Topic:
     """One subscription, and who is told of its messages."""
 
     def __init__(self, subscription: Subscription, receive: Callable[[Any], None],
-                 reject: Callable[[Exception], None]):
+                 reject: Callable[[Exception], None], lose: Callable[[int], None]):
         self._subscription = subscription
         self._receive = receive
         self._reject = reject
+        self._lose = lose
+        self._gaps = SequenceGaps()
 
     def take(self) -> bool:
         """Take a message and hand it on; say whether there was one."""
@@ -100,6 +109,11 @@ class _Topic:
             return False
         if taken is None:
             return False
+        number = taken[1]['publication_sequence_number']  # None where RMW has none
+        missing = 0 if number is None else self._gaps.missing(
+            number, self._subscription.handle.get_publisher_count())
+        if missing:
+            self._lose(missing)
         try:
             self._receive(taken[0])
         except Exception as error:

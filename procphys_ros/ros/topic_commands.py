@@ -73,9 +73,9 @@ class TopicCommands:
         """Begin to receive."""
         self._receiver.start()
 
-    def stop(self) -> None:
-        """End receiving."""
-        self._receiver.stop()
+    def stop(self, patience: float) -> bool:
+        """End receiving, wait some time for that [s], and say whether it has ended."""
+        return self._receiver.stop(patience)
 
     def _subscribe(self, name: str, kind: type, read: Callable[[Any], Act]) -> None:
         def reject(error: Exception) -> None:
@@ -84,7 +84,11 @@ class TopicCommands:
         def receive(message: Any) -> None:
             self._queue.submit(Command(name, read(message)))
 
-        self._receiver.subscribe(kind, f'~/{name}', receive, reject)
+        def lose(count: int) -> None:
+            self._queue.reject(name, f'{count} messages were lost, they came faster than they can '
+                                     'be taken', count=count)
+
+        self._receiver.subscribe(kind, f'~/{name}', receive, reject, lose)
 
     def _wind(self, message: Vector3Stamped) -> Act:
         check_frame(message.header, self._frame)
