@@ -23,6 +23,7 @@ import rclpy
 from rclpy.exceptions import NotInitializedException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
+from rclpy.signals import uninstall_signal_handlers
 
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.ros.node import SimNode
@@ -55,6 +56,7 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
     finally:
         with suppress(RuntimeError):  # a signal may shut the context down at the same moment
             rclpy.try_shutdown()
+        uninstall_signal_handlers()  # ends their thread, which must not outlive the interpreter
     return code
 
 
