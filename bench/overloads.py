@@ -48,9 +48,9 @@ _SCENES = {'figure_1.yaml': 240, 'tree_on_house.yaml': 240, 'felled_by_wind.yaml
            'palms_in_a_gust.yaml': 120, 'vehicle_on_wall.yaml': 150}
 
 
-# Rules with contexts, and trees that are culled, which no shipped scene has.
+# Rules with contexts, trees that are culled, and shelter, which no shipped scene has.
 _CULLED: dict[str, Any] = {
-    'scene': {'objects': ['sapling']}, 'wind': {'velocity': [20.0, 0.0, 0.0]},
+    'scene': {'objects': ['sapling']}, 'wind': {'velocity': [20.0, 0.0, 0.0], 'shelter': True},
     'culling': {'distance': 60.0, 'sleeping': True, 'far_distance': 10.0, 'far_interval': 2},
     'sapling': {'count': 9, 'spacing': 0.6, 'grammar_text': """
 axiom: Width(0.05) Density(700) Modulus(8e9) DampingRatio(0.05) Preload(0.5) F(1) A B F(1)
