@@ -33,10 +33,21 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 
 
 from masonry_walls import building  # noqa: E402, I100
 
-from procphys_ros.physics.masonry import BondGraph, Fracture, pcg, StressSolver  # noqa: E402
+from procphys_ros.physics.masonry import (  # noqa: E402
+    BondGraph,
+    factor,
+    Fracture,
+    pcg,
+    StressSolver,
+)
+from procphys_ros.physics.masonry.coarse import CoarseSpace  # noqa: E402
 from procphys_ros.physics.masonry.coarse_matrix import CoarseMatrix  # noqa: E402
 
 _REPEATS = 3
+_ROUNDS = 10  # of the comparison of factors
+_AGGREGATE = 8  # parts per aggregate, as the solver has them
+_SYMMETRIC = {'permc_spec': 'MMD_AT_PLUS_A', 'diag_pivot_thresh': 0.0,
+              'options': {'SymmetricMode': True}}
 
 
 def timed(work):
@@ -46,20 +57,23 @@ def timed(work):
     return time.perf_counter() - begin, result
 
 
+def processor(work):
+    """Give the processor time of a call [s]."""
+    begin = time.process_time()
+    work()
+    return time.process_time() - begin
+
+
 def jacobi(solver, displacement, load, limit=20000):
     """Solve with blocks alone, from a displacement and its residual; give the iterations."""
     graph = solver.graph
     parts = np.flatnonzero(solver.supported)
     bonds = np.flatnonzero(graph.alive)
     state = (displacement, load, *np.zeros((3, graph.count + 1, 6)))
-    one = np.zeros(graph.count + 1, np.int32)  # a single aggregate of infinite stiffness: no-op
-    stiff = (np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(0, np.int64),
-             np.zeros((0, 6, 6), np.float32), np.zeros((1, 6, 6)))
-    none = (solver._blocks, one, np.zeros((graph.count, 3)), stiff, np.zeros((1, 6)),
-            np.zeros((1, 6)))
     whole = (parts, bonds, np.zeros(1, np.int64), np.array([0, len(parts)]),
              np.array([0, len(bonds)]), np.array([[0, 1]]))
-    return pcg.iterate(whole, (graph.links, graph.first, graph.second), none, state,
+    return pcg.iterate(whole, (graph.links, graph.first, graph.second),
+                       pcg.blocks_alone(solver._blocks), state,
                        graph.reach, np.zeros(1), solver.tolerance, limit)[0][0]
 
 
@@ -75,10 +89,37 @@ def direct(solver):
     owner = np.full(solver.graph.count + 1, -1)
     owner[parts] = np.arange(len(parts))
     assembly, matrix = timed(lambda: assembled(solver.graph, owner, solver.graph.centre[parts]))
-    factoring, lu = timed(lambda: splu(matrix, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
-                                       options={'SymmetricMode': True}))
+    factoring, lu = timed(lambda: splu(matrix, **_SYMMETRIC))
     solving, _ = timed(lambda: lu.solve(solver.equilibrium.weight[parts].ravel()))
     return assembly, factoring, solving
+
+
+def coarse_factors(solver):
+    """Factor and solve the coarse matrix with our blocks and with scipy; print one line each."""
+    graph, parts = solver.graph, np.flatnonzero(solver.supported)
+    space = CoarseSpace(graph, parts, _AGGREGATE)
+    matrix = CoarseMatrix(graph, space.owner, space.middle)
+    sparse = bsr_matrix((matrix.blocks, matrix.column, matrix.start)).tocsc()
+    load = np.random.default_rng(0).normal(size=(space.count, 6))
+    work = np.empty_like(load)
+    whole = factor.Factor(matrix.start, matrix.column, matrix.blocks)
+    factor.solve(whole.panels, whole.columns, load.copy(), work)  # compiled
+    lu = splu(sparse, **_SYMMETRIC)
+    makers = {'ours': lambda: factor.Factor(matrix.start, matrix.column, matrix.blocks),
+              'splu': lambda: splu(sparse, **_SYMMETRIC)}
+    solvers = {'ours': lambda: factor.solve(whole.panels, whole.columns, load.copy(), work),
+               'splu': lambda: lu.solve(load.ravel())}
+    sizes = {'ours': sum(panel.nbytes for panel in whole.panels),
+             'splu': 12 * (lu.L.nnz + lu.U.nnz)}
+    times = {name: [[], []] for name in makers}
+    for _ in range(_ROUNDS):  # side by side: the machine may be busy
+        for name in makers:
+            for kept, act in zip(times[name], (makers[name], solvers[name])):
+                kept.append(processor(act))
+    for name, (made, solved) in times.items():
+        print(f'coarse matrix of {space.count} aggregates, {name}: factor '
+              f'{1e3 * min(made):.1f} ms, solve {1e3 * min(solved):.2f} ms, '
+              f'{1e-6 * sizes[name]:.1f} MB')
 
 
 def change(name, solver, act):
@@ -131,6 +172,8 @@ def main(side: int) -> None:
     breaking, rounds = timed(lambda: fracture.advance(100000))
     print(f'cracks under own weight: {len(rounds)} rounds, {solver.spent - spent} its, '
           f'{breaking:.2f} s, {int((~solver.supported).sum())} parts fall')
+    solver.reset()
+    coarse_factors(solver)
     assembly, factoring, solving = direct(solver)
     print(f'scipy splu: assemble {assembly:.2f} s, factor {factoring:.2f} s, solve '
           f'{1e3 * solving:.0f} ms; factor/iteration = {factoring / step:.0f}')

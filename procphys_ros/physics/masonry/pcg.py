@@ -35,8 +35,8 @@ def residual_size(parts, residual, reach):
 
 def residual_sizes(residual: np.ndarray, reach: np.ndarray) -> np.ndarray:
     """Give the nodal residuals [N], (N,): force, or moment over the part's reach."""
-    force = np.linalg.norm(residual[:-1, :3], axis=1)
-    return np.maximum(force, np.linalg.norm(residual[:-1, 3:], axis=1) / reach)
+    force = np.linalg.norm(residual[:, :3], axis=1)
+    return np.maximum(force, np.linalg.norm(residual[:, 3:], axis=1) / reach)
 
 
 @kernel(fastmath=True)
@@ -123,6 +123,40 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
     return done, worst
 
 
+def blocks_alone(blocks: np.ndarray) -> tuple:
+    """Give the preconditioner of `iterate` without a coarse space: one aggregate that is rigid."""
+    count = len(blocks)
+    rigid = (np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(0, np.int64),
+             np.zeros((0, 6, 6), np.float32), np.zeros((1, 6, 6)))
+    return (blocks, np.zeros(count + 1, np.int32), np.zeros((count, 3)), rigid,
+            *np.zeros((2, 1, 6)))
+
+
+def relax(first: np.ndarray, second: np.ndarray, springs: np.ndarray, blocks: np.ndarray,
+          load: np.ndarray, reach: np.ndarray, accuracy: float, limit: int) -> np.ndarray:
+    """
+    Solve one small system from zero, preconditioned by blocks alone.
+
+    :param first, second: parts that each bond joins, (M,).
+    :param springs: see `links.build`, (M, 18).
+    :param blocks: inverses of the diagonal blocks, (N, 6, 6).
+    :param load: on the parts [N, N·m], (N, 6); its sum vanishes where nothing is held.
+    :param reach: of the parts [m], (N,).
+    :param accuracy: largest nodal residual at the end, of the largest nodal load.
+    :param limit: largest number of iterations.
+    :returns: displacements [m, rad], (N, 6).
+    """
+    count = len(load)
+    parts, bonds = np.arange(count), np.arange(len(first))
+    whole = (parts, bonds, np.zeros(1, np.int64), np.array([0, count]),
+             np.array([0, len(first)]), np.array([[0, 1]]))
+    state = (np.zeros((count, 6)), load.copy(), *np.zeros((3, count, 6)))
+    goal = accuracy * float(residual_sizes(load, reach).max())
+    iterate(whole, (springs, first, second), blocks_alone(blocks), state, reach, np.zeros(1),
+            goal, limit)
+    return state[0]
+
+
 @kernel
 def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit):
     """Run conjugate gradients (Saad 2003, algorithm 9.1) on one island, see `iterate`."""
@@ -139,7 +173,10 @@ def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit)
         old = product
         _turn(parts, z, beta, p, q)
         links.add_pulls(bonds, all_links, first, second, p, q, -1.0)
-        _go(parts, product / _dot(parts, p, q), x, residual, p, q)
+        bend = _dot(parts, p, q)
+        if not bend > 0.0:  # what is left moves parts without straining a bond
+            break
+        _go(parts, product / bend, x, residual, p, q)
         worst = residual_size(parts, residual, reach)
         done += 1
     return done, old, worst
