@@ -72,6 +72,14 @@ panel brickwork: running
 material brick { tension: 500  cohesion: 500 }
 """}}
 
+# Both on a hillside, where the wall has footings.
+_HILL: dict[str, Any] = {
+    'scene': {'objects': ['wall', 'sapling']}, 'wind': {'velocity': [0.0, 8.0, 0.0]},
+    'terrain': {'noise': 3.0, 'wavelength': 12.0, 'extent': 24.0},
+    'wall': _CRACKED['wall'],
+    'sapling': {'origin': [3.0, 0.0, 0.0],
+                'grammar_text': _CULLED['sapling']['grammar_text']}}
+
 
 def show(simulation: Simulation) -> None:
     """Write all messages twice, as for a new and for an old subscriber."""
@@ -128,6 +136,13 @@ def exercise(share: float) -> Iterator[None]:
     cracked.step(60)
     cracked.apply_impulse(len(cracked.blueprint) // 2, (0.0, 2.0, 0.0))
     cracked.step(60)
+    hill = Simulation(Scene.from_parameters(_HILL))
+    hill.step()
+    hill.launch(Projectile('sphere', (0.4,), 60.0, (-3.0, 1.0, 4.0), (10.0, -1.0, 0.0)))
+    hill.step(30)
+    hill.demolish()
+    hill.step(30)
+    show(hill)
     simulations = [stand(name) for name in _SCENES]
     demo.step(int(200 * share))
     damage(demo)

@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.simulation import Simulation
 
@@ -40,6 +41,7 @@ class Content:
     :ivar broken: bonds that have broken, (M,) bool.
     :ivar gravity: downward acceleration [m/s²].
     :ivar time: simulated time since the scene stood at rest [s].
+    :ivar terrain: the surface of the ground.
     """
 
     blueprint: Blueprint
@@ -49,6 +51,7 @@ class Content:
     broken: np.ndarray
     gravity: float
     time: float = 0.0
+    terrain: Terrain = FLAT
 
     @classmethod
     def at_rest(cls, scene: Scene) -> 'Content':
@@ -57,7 +60,8 @@ class Content:
         leaves = blueprint.leaves
         return cls(blueprint, scene.objects, blueprint.poses,
                    rotation.compose(blueprint.poses[leaves.part], leaves.pose),
-                   np.zeros(len(blueprint.bonds), bool), scene.settings.gravity)
+                   np.zeros(len(blueprint.bonds), bool), scene.settings.gravity,
+                   terrain=scene.settings.terrain)
 
     @classmethod
     def of(cls, simulation: Simulation) -> 'Content':
@@ -66,7 +70,7 @@ class Content:
         broken[simulation.events['bond']] = True
         return cls(simulation.blueprint, list(simulation.objects), simulation.poses.copy(),
                    simulation.leaf_poses(), broken, simulation.scene.settings.gravity,
-                   simulation.time)
+                   simulation.time, simulation.scene.settings.terrain)
 
     @classmethod
     def at(cls, scene: Scene, time: float, report: Report) -> 'Content':

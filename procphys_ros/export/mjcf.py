@@ -25,12 +25,14 @@ from procphys_ros.export.articulation import articulate, Articulation, CLAMPED, 
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.markup import child, text, write
 from procphys_ros.palette import rgba
+from procphys_ros.physics.terrain import Terrain
 
 _TIME_STEP = 0.002  # [s], longest; MuJoCo's own default
 _STEPS_PER_RADIAN = 4.0  # of the fastest joint: MuJoCo steps springs explicitly
 # Mortar: time constant [s] and damping ratio, two time steps; impedance so high that a wall of 24
 # courses sinks by 5 µm (MuJoCo's default 0.9 lets it sink by 5 mm).
 _WELD = {'solref': '0.004 1', 'solimp': '0.9999 0.9999 0.001'}
+_THINNEST = 0.1  # [m] of hills, and of what is below the lowest point of a height field
 _TREE, _SOLID = '2', '1'  # contact types: trees meet what is solid, but not each other
 _NOTE = 'Units: m, kg, s, rad. Bodies sit at centres of mass; springs are preloaded by weight.'
 
@@ -59,8 +61,7 @@ def write_mjcf(content: Content, path: Path, report: Report) -> None:
     world = child(root, 'worldbody')
     hulls = _hulls(content, assets)
     child(world, 'light', pos='0 0 50', dir='0 0.3 -1', directional='true')
-    child(world, 'geom', name='ground', class_='solid', type_='plane', size='0 0 1',
-          rgba=text(*rgba('ground')))
+    _ground(content.terrain, assets, world)
     bodies = _trees(content, joints, world)
     _bricks(content, joints, world, report, hulls)
     contact = child(root, 'contact')
@@ -68,6 +69,20 @@ def write_mjcf(content: Content, path: Path, report: Report) -> None:
         child(contact, 'exclude', body1='world', body2=bodies[row].attrib['name'])
     _welds(content, child(root, 'equality'))
     write(root, path, _NOTE)
+
+
+def _ground(terrain: Terrain, assets: ElementTree.Element, world: ElementTree.Element) -> None:
+    """Write a plane, or a height field about the middle of its grid, rows from +y down."""
+    shape = {'type_': 'plane', 'size': '0 0 1'}
+    if not terrain.is_flat:
+        columns, rows = terrain.heights.shape
+        half = 0.5 * terrain.edge * np.array([columns - 1, rows - 1])
+        bottom, top = terrain.bounds()
+        child(assets, 'hfield', name='ground', nrow=str(rows), ncol=str(columns),
+              size=text(*half, max(top - bottom, _THINNEST), _THINNEST),
+              elevation=text(*terrain.heights.T[::-1].ravel()))
+        shape = {'type_': 'hfield', 'hfield': 'ground', 'pos': text(*(terrain.low + half), bottom)}
+    child(world, 'geom', name='ground', class_='solid', rgba=text(*rgba('ground')), **shape)
 
 
 def _time_step(content: Content, joints: Articulation) -> float:

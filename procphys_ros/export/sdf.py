@@ -24,6 +24,7 @@ from procphys_ros.export.content import Content, Report
 from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, write
 from procphys_ros.palette import rgba
+from procphys_ros.physics.terrain import Terrain
 
 _VERSION = '1.10'  # of Gazebo Garden and later: joints between a model and the world
 _GROUND = 500.0  # [m] edge of the ground as it is drawn; collisions reach further
@@ -45,7 +46,7 @@ def write_sdf(content: Content, path: Path, report: Report) -> None:
     root = ElementTree.Element('sdf', version=_VERSION)
     world = child(root, 'world', name=path.stem)
     child(world, 'gravity', text(0.0, 0.0, -content.gravity))
-    _ground(world)
+    _ground(world, content.terrain, path)
     models: dict[str, ElementTree.Element] = {}
     links = list(tree_links(content, joints))
     for done, link in enumerate(links, 1):
@@ -64,17 +65,31 @@ def write_sdf(content: Content, path: Path, report: Report) -> None:
     write(root, path, _NOTE)
 
 
-def _ground(world: ElementTree.Element) -> None:
+def _ground(world: ElementTree.Element, terrain: Terrain, path: Path) -> None:
+    """Write a plane, or a mesh that lies in a file beside the world."""
     model = child(world, 'model', name='ground')
     child(model, 'static', 'true')
     link = child(model, 'link', name='plane')
     for use in ('visual', 'collision'):
         element = child(link, use, name=use)
-        plane = child(child(element, 'geometry'), 'plane')
-        child(plane, 'normal', '0 0 1')
-        child(plane, 'size', text(_GROUND, _GROUND))
+        if terrain.is_flat:
+            plane = child(child(element, 'geometry'), 'plane')
+            child(plane, 'normal', '0 0 1')
+            child(plane, 'size', text(_GROUND, _GROUND))
+        else:
+            child(child(child(element, 'geometry'), 'mesh'), 'uri', _hills(terrain, path).name)
         if use == 'visual':
             _material('ground', element)
+
+
+def _hills(terrain: Terrain, path: Path) -> Path:
+    """Write the mesh of a terrain beside a world, and give its file."""
+    points, triangles = terrain.mesh()
+    lines = [f'v {x:.6g} {y:.6g} {z:.6g}' for x, y, z in points.tolist()]
+    lines += [f'f {a} {b} {c}' for a, b, c in (triangles + 1).tolist()]
+    file = path.with_name(f'{path.stem}_ground.obj')
+    file.write_text('\n'.join(lines) + '\n', encoding='ascii')
+    return file
 
 
 def _tree_model(name: str, world: ElementTree.Element) -> ElementTree.Element:

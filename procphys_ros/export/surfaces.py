@@ -22,6 +22,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.export.content import Content
 from procphys_ros.palette import look
+from procphys_ros.physics.terrain import Terrain
 from procphys_ros.render import joints, mesh
 from procphys_ros.render.mesh import Mesh
 
@@ -65,6 +66,9 @@ def surfaces(content: Content) -> Iterator[Surface]:
     if len(place):
         texture = next((name for name in content.textures if 'mortar' in name), 'mortar')
         yield _surface('mortar', texture, mesh.boxes(place, size), np.arange(len(place)))
+    if not content.terrain.is_flat:
+        hills = ground(content.terrain)
+        yield Surface('ground', 'ground', hills, np.ones(len(hills.points)))
 
 
 def _solids(content: Content, owner: str, parts: np.ndarray) -> Iterator[Surface]:
@@ -102,6 +106,15 @@ def _surface(owner: str, texture: str, built: Mesh, rows: np.ndarray,
     unit = np.where(length > 0.5, built.normals / np.maximum(length, 0.5), _UP)
     whole = Mesh(built.points, built.triangles, unit, built.uv, built.piece)
     return Surface(owner, texture, whole, tone[rows][built.piece], leaf)
+
+
+def ground(terrain: Terrain) -> Mesh:
+    """Build the mesh of a terrain, lit smoothly; its texture repeats every metre."""
+    points, triangles = terrain.mesh()
+    slope = np.stack(np.gradient(terrain.heights, terrain.edge), axis=-1).reshape(-1, 2)
+    normals = np.column_stack([-slope, np.ones(len(slope))])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Mesh(points, triangles, normals, points[:, :2].copy(), np.zeros(len(points), int))
 
 
 def local_part(content: Content, part: int) -> Mesh:

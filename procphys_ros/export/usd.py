@@ -23,6 +23,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND, Law
 from procphys_ros.export.articulation import articulate, Articulation, LOOSE
 from procphys_ros.export.content import Content, Report
+from procphys_ros.export.surfaces import ground as ground_mesh
 from procphys_ros.export.surfaces import local_part
 from procphys_ros.export.usd_joints import (
     add_base,
@@ -41,6 +42,7 @@ from procphys_ros.export.usd_shapes import (
     Prototypes,
     weigh,
 )
+from procphys_ros.physics.terrain import Terrain
 
 ROOT = '/World'
 _PROTOTYPES = '/Prototypes'
@@ -60,7 +62,7 @@ def write_usd(content: Content, path: Path, report: Report) -> None:
         layer.prim(ROOT, 'Xform')
         materials = Materials(layer, f'{ROOT}/materials', path)
         _physics(layer, content.gravity)
-        add_ground(layer, materials)
+        add_ground(layer, materials, content.terrain)
         paths = _part_paths(content)
         for owner in content.objects:
             layer.prim(f'{ROOT}/{identifier(owner.name)}', 'Xform')
@@ -83,8 +85,14 @@ def _physics(layer: Layer, gravity: float) -> None:
     put(scene, 'float', 'physics:gravityMagnitude', gravity)
 
 
-def add_ground(layer: Layer, materials: Materials) -> None:
-    """Write the ground, a plane that bodies collide with."""
+def add_ground(layer: Layer, materials: Materials, terrain: Terrain) -> None:
+    """Write the ground, a plane or a mesh that bodies collide with."""
+    if not terrain.is_flat:
+        add_mesh(layer, f'{ROOT}/ground', ground_mesh(terrain), materials.path('ground'))
+        hills = layer.prim(f'{ROOT}/ground', 'Mesh', [
+            'MaterialBindingAPI', 'PhysicsCollisionAPI', 'PhysicsMeshCollisionAPI'])
+        put(hills, 'token', 'physics:approximation', 'none', uniform=True)
+        return
     ground = layer.prim(f'{ROOT}/ground', 'Plane', ['PhysicsCollisionAPI', 'MaterialBindingAPI'])
     put(ground, 'token', 'axis', 'Z', uniform=True)
     put(ground, 'double', 'width', _GROUND_SIZE)

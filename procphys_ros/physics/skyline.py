@@ -20,6 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.terrain import FLAT, Terrain
+from procphys_ros.physics.terrain import height_at as ground_at
 
 _EDGE = 0.25   # [m] of a cell: leaves and dust stop so close to a wall
 _MOST = 1000   # cells along an axis; beyond, they are larger
@@ -30,29 +32,33 @@ class Skyline(NamedTuple):
     """
     Heights of what stands, over cells of the ground.
 
-    :ivar tops: [m], (X, Y); 0 where nothing stands.
+    :ivar tops: [m], (X, Y); 0, or over a terrain -inf, where nothing stands.
     :ivar low: corner of the first cell [m], (2,).
     :ivar edge: of a cell [m].
+    :ivar terrain: the surface of the ground.
     """
 
     tops: np.ndarray
     low: np.ndarray
     edge: float
+    terrain: Terrain = FLAT
 
     @classmethod
-    def over(cls, bounds: np.ndarray) -> 'Skyline':
+    def over(cls, bounds: np.ndarray, terrain: Terrain = FLAT) -> 'Skyline':
         """
         Draw the skyline of boxes.
 
         :param bounds: three minima, three maxima [m], (K, 6), world.
+        :param terrain: the surface of the ground.
         """
         if not len(bounds):
-            return OPEN
+            return OPEN._replace(terrain=terrain)
         low, high = bounds[:, :2].min(axis=0), bounds[:, 3:5].max(axis=0)
         edge = max(_EDGE, float((high - low).max()) / _MOST)
-        tops = np.zeros(np.floor((high - low) / edge).astype(int) + 1)
+        tops = np.full(np.floor((high - low) / edge).astype(int) + 1,
+                       0.0 if terrain.is_flat else -np.inf)
         _raise_tops(np.ascontiguousarray(bounds, float), low, edge, tops)
-        return cls(tops, low, edge)
+        return cls(tops, low, edge, terrain)
 
     def left_in_the_air(self, points: np.ndarray) -> np.ndarray:
         """Say which points, (K, 3), of what lay on something lie on nothing any more, (K,)."""
@@ -75,12 +81,18 @@ def _raise_tops(bounds, low, edge, tops):
 
 @kernel
 def height_at(skyline, x, y):
+    """Give how high what stands, or the ground, reaches at a place [m]."""
+    return max(_built(skyline, x, y), ground_at(skyline.terrain, x, y))
+
+
+@kernel
+def _built(skyline, x, y):
     """Give how high what stands reaches at a place [m]."""
     column = np.floor((x - skyline.low[0]) / skyline.edge)
     row = np.floor((y - skyline.low[1]) / skyline.edge)
     if (column < 0 or row < 0 or column >= skyline.tops.shape[0]
             or row >= skyline.tops.shape[1]):
-        return 0.0
+        return 0.0 if skyline.terrain.heights.shape[0] == 0 else -np.inf
     return skyline.tops[int(column), int(row)]
 
 
@@ -104,9 +116,10 @@ def keep_out(skyline, before, x, y, z):
     :returns: where it goes instead, and the height of what is below it there [m].
     """
     floor = height_at(skyline, before[0], before[1])
-    if before[2] < floor:
-        return x, y, 0.0
-    top = height_at(skyline, x, y)
+    ground = ground_at(skyline.terrain, x, y)
+    top = _built(skyline, x, y)
+    if before[2] < floor or top <= ground:
+        return x, y, ground
     if z >= top or before[2] >= top:
         return x, y, top
     return before[0], before[1], floor

@@ -34,6 +34,7 @@ from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.terrain import TerrainSettings
 from procphys_ros.scene.trees import TreeSettings
 from procphys_ros.schema import LARGEST, Parameter, parameters, short
 
@@ -78,6 +79,7 @@ GLOBAL = (
     *parameters(CullingSettings, 'culling', takes_effect='reload'),
     *parameters(IntruderSettings, 'intruder', takes_effect='reload'),
     *parameters(IntrudersSettings, 'intruders', read_only=True),
+    *parameters(TerrainSettings, 'terrain', takes_effect='reload'),
     Parameter('state.file', '', 'that ~/save_state writes and ~/restore_state reads',
               takes_effect='use'),
     *parameters(Blow, 'impulse', takes_effect='use'),

@@ -58,7 +58,7 @@ class ObjectSpec:
     layout: str = declared('grid', 'how instances are placed', choices=LAYOUTS)
     spacing: float = declared(8.0, 'distance between instances', 'm', 1e-3, 1e5)
     origin: tuple[float, ...] = declared(
-        (0.0, 0.0, 0.0), 'where the layout is centred', 'm', -1e6, 1e6)
+        (0.0, 0.0, 0.0), 'where the layout is centred; z counts from the ground', 'm', -1e6, 1e6)
     yaw: float = declared(0.0, 'heading of every instance about the vertical', 'rad', -1e3, 1e3)
     seed: int = declared(-1, 'seed of the first instance; -1 = from the seed of the scene', '',
                          -1, 2**62)

@@ -26,9 +26,11 @@ from procphys_ros.errors import SceneError
 from procphys_ros.progress import stage
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
+from procphys_ros.scene.placement import stand_on
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import read_shard, Shard
 from procphys_ros.scene.sources import load_grammar, parse_grammar
+from procphys_ros.scene.terrain import make_terrain
 from procphys_ros.scene.wind_record import read_wind_record
 from procphys_ros.scene.yaml_file import read_yaml
 
@@ -92,7 +94,8 @@ class Scene:
         :raises GrammarError: when a grammar cannot be read or derived.
         """
         settings = read_settings(parameters)
-        scene = cls(replace(settings, wind_record=read_wind_record(settings.wind.file, beside)))
+        scene = cls(replace(settings, wind_record=read_wind_record(settings.wind.file, beside),
+                            terrain=make_terrain(settings.ground, settings.seed, beside)))
         scene.shard = read_shard(parameters)
         for number, spec in enumerate(read_objects(parameters)):
             scene._add_object(spec, number, beside)
@@ -111,10 +114,10 @@ class Scene:
         Place a blueprint.
 
         :param blueprint: what to place; it is not changed.
-        :param position: where its origin goes [m], (3,), world frame.
+        :param position: where its origin goes [m], (3,), world frame; z counts from the ground.
         :param yaw: turn about the vertical [rad].
         :param name: unique name, `object_<n>` when left out.
-        :raises SceneError: when the name is taken, or the place is not finite.
+        :raises SceneError: when the name is taken, or the place not finite or off the terrain.
         """
         name = name or f'object_{len(self.objects)}'
         if any(o.name == name for o in self.objects):
@@ -122,8 +125,9 @@ class Scene:
         if not np.all(np.isfinite([*position, yaw])):
             raise SceneError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
         first = self.objects[-1].first + self.objects[-1].count if self.objects else 0
-        placed = SceneObject(name, first, len(blueprint))
-        self._blueprints.append(blueprint.placed(position, yaw))
+        standing = stand_on(self.settings.terrain, blueprint.placed(position, yaw), name)
+        placed = SceneObject(name, first, len(standing))
+        self._blueprints.append(standing)
         self._chained = None
         self.objects.append(placed)
         return placed

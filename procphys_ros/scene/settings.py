@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import Gust, Record, WindSettings
 from procphys_ros.physics.world import DEFAULT_ENGINE, ENGINES, Pieces
 from procphys_ros.physics.world.pieces import single
@@ -29,6 +30,7 @@ from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.intruders import INTRUDER, IntrudersSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
+from procphys_ros.scene.terrain import TerrainSettings
 from procphys_ros.scene.trees import TreeSettings
 from procphys_ros.schema import check, declared
 from procphys_ros.schema import parameters as declarations
@@ -56,6 +58,8 @@ class Settings:
     :ivar intruder: shape and size of a body moved from outside.
     :ivar intruders: further ones, by name.
     :ivar camera, sun, sky: of pictures and films.
+    :ivar ground: what the ground looks like.
+    :ivar terrain: its surface, as `ground` asks for it.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -77,6 +81,8 @@ class Settings:
     camera: CameraSettings = field(default_factory=CameraSettings)
     sun: SunSettings = field(default_factory=SunSettings)
     sky: SkySettings = field(default_factory=SkySettings)
+    ground: TerrainSettings = field(default_factory=TerrainSettings)
+    terrain: Terrain = field(default=FLAT, compare=False)
 
     def __post_init__(self) -> None:
         check(self)
@@ -109,7 +115,8 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
                     intruders=_group(parameters, 'intruders', IntrudersSettings),
                     camera=_group(parameters, 'camera', CameraSettings),
                     sun=_group(parameters, 'sun', SunSettings),
-                    sky=_group(parameters, 'sky', SkySettings))
+                    sky=_group(parameters, 'sky', SkySettings),
+                    ground=_group(parameters, 'terrain', TerrainSettings))
 
 
 def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:

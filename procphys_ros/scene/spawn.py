@@ -50,7 +50,8 @@ class Spawn:
     defines: tuple[str, ...] = declared(
         (), 'values that override the grammar\'s own, as "name=number"')
     seed: int = declared(0, 'of what is random in the grammar', '', 0, 2**62)
-    position: tuple[float, ...] = declared((0.0, 0.0, 0.0), 'where it is put', 'm', -1e6, 1e6)
+    position: tuple[float, ...] = declared(
+        (0.0, 0.0, 0.0), 'where it is put; z counts from the ground', 'm', -1e6, 1e6)
     yaw: float = declared(0.0, 'heading about the vertical', 'rad', -1e3, 1e3)
 
     def __post_init__(self) -> None:

@@ -22,9 +22,10 @@ from itertools import count
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, chain
-from procphys_ros.errors import CommandError
+from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.scene import SceneObject
+from procphys_ros.scene.placement import stand_on
 from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
@@ -38,7 +39,7 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     Place an object into a running scene, at rest and with its stresses settled.
 
     :param blueprint: what to place; it is not changed.
-    :param position: where its origin goes [m], (3,), world.
+    :param position: where its origin goes [m], (3,), world; z counts from the ground.
     :param yaw: turn about the vertical [rad].
     :param name: that no object has or had.
     :returns: the model of the enlarged scene; the state has grown to it.
@@ -48,7 +49,10 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
         raise CommandError(f'there is, or was, an object called "{name}"; choose another name')
     if not np.all(np.isfinite([*position, yaw])):
         raise CommandError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
-    placed = blueprint.placed(position, yaw)
+    try:
+        placed = stand_on(model.terrain, blueprint.placed(position, yaw), name)
+    except SceneError as error:
+        raise CommandError(str(error)) from None
     added = SceneObject(name, len(state.parts), len(placed))
     enlarged = compile_model(
         model.settings, model.shard, chain([state.blueprint, placed]), [*state.objects, added],

@@ -58,15 +58,19 @@ def explode(model: Model, state: State, explosion: Explosion) -> None:
     boxes = np.flatnonzero(there & (parts.shape == Shape.BOX))
     rods = np.flatnonzero(there & (parts.shape == Shape.CAPSULE))
     point, charge = explosion.position, explosion.charge
+    ground = float(model.terrain.height(np.array([point]))[0])
+    if point[2] < ground:
+        raise CommandError(f'explosion.position is {list(point)}: that is under the ground, which '
+                           f'is {ground:.2f} m high there')
     state.blasts.single_left = _MOST_SINGLE
     sight = Sight(parts.poses[boxes], parts.size[boxes]) if len(boxes) else None
     found: list[tuple[np.ndarray, Impulses]] = []
     if sight is not None:
         found.append((boxes, blast_boxes(point, charge, parts.poses[boxes], parts.size[boxes],
-                                         sight=sight)))
+                                         sight=sight, ground=ground)))
     if len(rods):
         found.append((rods, blast_capsules(point, charge, parts.poses[rods], parts.size[rods],
-                                           sight=sight)))
+                                           sight=sight, ground=ground)))
     if not found:
         return
     hit, linear, angular, arrival, pulse = (np.concatenate(column) for column in zip(*(

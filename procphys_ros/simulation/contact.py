@@ -61,7 +61,7 @@ def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
             state.world, model.masonry.bricks, state.standing, state.parts.body,
             model.trees.beside, model.trees.slack,
             contact_pairs.pair_keys(*contact_exclusions.colliders(state, state.excluded).T),
-            model.trees.crowns)
+            model.terrain, model.trees.crowns)
         pairs = contact_pairs.find(state.forest, model.trees.sizes, around, state.tree_bounds,
                                    trees.movers(state), dt)
         if not len(pairs.row):

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overlaps
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.world import World
@@ -128,6 +129,7 @@ class Surroundings:
     :ivar body: id of each part's body, (N,).
     :ivar beside, slack, crowns: see `TreeModel`.
     :ivar excluded: what does not meet, `pair_keys` of `contact_exclusions`, (K,).
+    :ivar terrain: the surface of the ground.
     """
 
     world: World
@@ -137,6 +139,7 @@ class Surroundings:
     beside: np.ndarray
     slack: np.ndarray
     excluded: np.ndarray
+    terrain: Terrain
     crowns: np.ndarray | None = None
 
 
@@ -165,7 +168,7 @@ def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBo
     loose = meets_trees(around.world)
     entries = slice(None) if len(movers) == len(roots) else _entries(plan.start, movers)
     found = [_on_ground(forest, plan.row[entries], sizes, forest.velocities, around.slack,
-                        time_step)]
+                        time_step, around.terrain)]
     crowns = around.crowns
     if len(loose) or free.any() or beside.any() or crowns is not None:
         bounds.update(forest, sizes, movers, entries, reach)
@@ -184,20 +187,22 @@ def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBo
     return _nearest(forest, joined)
 
 
-def survey(forest: Forest, sizes: np.ndarray, bricks: Bricks) -> tuple[np.ndarray, np.ndarray]:
+def survey(forest: Forest, sizes: np.ndarray, bricks: Bricks,
+           terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
     """
     Find the trees that can reach a wall, and how deep branches were authored into things.
 
     :param forest: at rest.
     :param sizes: of the segments [m], (S, 3).
     :param bricks: all masonry.
+    :param terrain: the surface of the ground.
     :returns: whether the tree of each row may reach a wall, (S,), and overlaps [m], (S,).
     """
     beside, slack = np.zeros(len(forest), bool), np.zeros(len(forest))
     if not len(forest):
         return beside, slack
     plan, still = forest.plan, np.zeros_like(forest.velocities)
-    touching = [_on_ground(forest, plan.row, sizes, still, slack, 0.0)]
+    touching = [_on_ground(forest, plan.row, sizes, still, slack, 0.0, terrain)]
     if len(bricks):
         length = 0.5 * sizes[:, 2].max(initial=0.0)
         for first, last in zip(plan.start[:-1], plan.start[1:]):
@@ -301,8 +306,9 @@ def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacl
 
 
 def _on_ground(forest: Forest, rows: np.ndarray, sizes: np.ndarray, velocities: np.ndarray,
-               slack: np.ndarray, time_step: float) -> Pairs:
-    found = meet_ground(rows, forest.is_free(rows), forest.poses, sizes, velocities, time_step)
+               slack: np.ndarray, time_step: float, terrain: Terrain) -> Pairs:
+    found = meet_ground(rows, forest.is_free(rows), forest.poses, sizes, velocities, time_step,
+                        terrain)
     row = rows[found.pair]
     nothing = np.full(len(row), -1, np.intp)
     return Pairs(row, nothing, nothing, nothing, found.point, found.normal,

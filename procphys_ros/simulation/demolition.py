@@ -20,6 +20,7 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.causes import Cause
+from procphys_ros.scene.placement import FOOTING
 from procphys_ros.scene.strikes import Demolition
 from procphys_ros.simulation import fragments
 from procphys_ros.simulation.model import Model
@@ -72,6 +73,8 @@ def implosion(model: Model, state: State) -> Demolition:
         on_ground[ends[graph.grounded()]] = True
     foot = float(np.min(low[on_ground[:-1] & standing], initial=0.0))
     height = source.poses[:, 2] - foot
+    if not model.terrain.is_flat:
+        height = source.poses[:, 2] - _feet(model, low)
     chosen = np.flatnonzero(standing & (source.shape == Shape.BOX) & (height > _BAND[0])
                             & (height < _BAND[1]) & (source.mass < _HEAVY))
     if not len(chosen):
@@ -89,6 +92,15 @@ def implosion(model: Model, state: State) -> Demolition:
                   np.linalg.norm(points - middles[place.ravel()], axis=1))
     return Demolition(delays.tolist(), middles.ravel().tolist(),
                       ((reach + _MARGIN) / _CORE).tolist())
+
+
+def _feet(model: Model, low: np.ndarray) -> np.ndarray:
+    """Give the foot of the building that each part belongs to, above its footings [m], (N,)."""
+    source = model.blueprint
+    footing = np.array([kind == FOOTING for kind in source.kinds])[source.kind]
+    height = np.where(footing, np.inf, low)
+    return np.concatenate([np.full(thing.count, height[thing.first:][:thing.count].min())
+                           for thing in model.objects])
 
 
 def _fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:

@@ -76,7 +76,8 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
         return
     trees.age = {r: trees.age.get(r, 0.0) + dt for r in roots}
     trees.quiet = {r: trees.quiet.get(r, 0.0) + dt if _lies(state, r) else 0.0 for r in roots}
-    trees.down = {r: trees.down.get(r, 0.0) + (dt if _is_low(state, r) else 0.0) for r in roots}
+    trees.down = {r: trees.down.get(r, 0.0) + (dt if _is_low(model, state, r) else 0.0)
+                  for r in roots}
     for root in roots:
         if (len(forest.subtree(root)) < SMALLEST or trees.age[root] > _LONGEST - 1e-9
                 or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9):
@@ -119,5 +120,6 @@ def _lies(state: State, root: int) -> bool:
     return bool((np.abs(state.forest.velocities[rows, :3]).max(axis=1) < _SLOW).all())
 
 
-def _is_low(state: State, root: int) -> bool:
-    return bool(state.forest.poses[state.forest.subtree(root), 2].min() < _LOW)
+def _is_low(model: Model, state: State, root: int) -> bool:
+    place = state.forest.poses[state.forest.subtree(root), :3]
+    return bool((place[:, 2] - model.terrain.height(place)).min() < _LOW)

@@ -133,7 +133,7 @@ def _spent(model: Model, state: State, watch: dict[str, np.ndarray],
     kick /= np.maximum(np.linalg.norm(kick, axis=1, keepdims=True), 1e-9)
     radius = watch['radius'][hit]
     place = watch['poses'][hit, :3] - radius[:, None] * kick
-    place[:, 2] = np.maximum(place[:, 2], 0.0)
+    place[:, 2] = np.maximum(place[:, 2], model.terrain.height(place))
     return _at_contacts(state, ids[hit], place, radius, energy)
 
 

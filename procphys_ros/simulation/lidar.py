@@ -84,7 +84,8 @@ def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     sizes = np.concatenate([sizes, *(pieces.sizes for pieces, _ in others)])
     pattern = _pattern(settings.pattern, settings.rows, settings.columns, settings.vertical_field,
                        settings.horizontal_field)
-    ranges, row = cast(pattern, pose, settings.range, shapes, poses, sizes)
+    ranges, row = cast(pattern, pose, settings.range, shapes, poses, sizes,
+                       model.terrain)
     met = np.concatenate([seen, *(np.full(len(pieces.shapes), number)
                                   for number, (pieces, _) in zip(bodies, others)), [NOTHING]])
     return Scan(pose, ranges, np.where(row < 0, row, met[row]), pattern.directions)

@@ -22,8 +22,10 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law, Shape
 from procphys_ros.physics.masonry import Failures
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlap, overlaps, piece_bounds
 from procphys_ros.scene import SceneObject
+from procphys_ros.scene.placement import FOOTING
 
 _SUNK = 0.01     # [m] below the ground from which on an object is called sunk
 _OVERLAP = 0.01  # [m] depth from which on objects overlap: twice what roofs have by their tiles
@@ -31,13 +33,14 @@ _TWIGS = 0.2     # [m] the same for trees and walls: thinner twigs give way
 _MOST = 10       # lines about overlaps; who places a hundred houses in one place knows by then
 
 
-def check_places(blueprint: Blueprint, objects: Sequence[SceneObject]) -> list[str]:
+def check_places(blueprint: Blueprint, objects: Sequence[SceneObject],
+                 terrain: Terrain = FLAT) -> list[str]:
     """List what is wrong with where objects are: below the ground, or in each other."""
     if not len(blueprint) or not objects:
         return []
     bounds = piece_bounds(blueprint.shape, blueprint.poses, blueprint.size,
                           np.zeros((len(blueprint), 6)), 0.0, -0.5 * _OVERLAP)
-    return _sunk(blueprint, objects) + _overlapping(blueprint, objects, bounds)
+    return _sunk(blueprint, objects, terrain) + _overlapping(blueprint, objects, bounds)
 
 
 def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
@@ -70,7 +73,7 @@ def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
     return lines
 
 
-def _sunk(blueprint: Blueprint, objects: Sequence[SceneObject]) -> list[str]:
+def _sunk(blueprint: Blueprint, objects: Sequence[SceneObject], terrain: Terrain) -> list[str]:
     up = np.abs(rotation.to_matrix(blueprint.poses[:, 3:])[:, 2])
     size = blueprint.size
     boxes = 0.5 * (up * size).sum(axis=1)
@@ -78,14 +81,20 @@ def _sunk(blueprint: Blueprint, objects: Sequence[SceneObject]) -> list[str]:
     depth = np.where(blueprint.shape == Shape.BOX, boxes, axes) - blueprint.poses[:, 2]
     depth[blueprint.hexahedra.part] = -blueprint.hexahedra.points(
         blueprint.poses)[..., 2].min(axis=1, initial=np.inf)
+    depth += terrain.height(blueprint.poses)
+    depth[np.array([kind == FOOTING for kind in blueprint.kinds])[blueprint.kind]] = 0.0
     lines = []
     for thing in objects:
         own = depth[thing.first:thing.first + thing.count]
         count = np.count_nonzero(own > _SUNK)
         if count:
             lines.append(f'{thing.name} is below the ground: {count} of {thing.count} parts, by '
-                         f'up to {own.max():.2f} m (the ground is at z = 0)')
+                         f'up to {own.max():.2f} m ({_where(terrain)})')
     return lines
+
+
+def _where(terrain: Terrain) -> str:
+    return 'the ground is at z = 0' if terrain.is_flat else 'the ground is the terrain'
 
 
 def _overlapping(blueprint: Blueprint, objects: Sequence[SceneObject],

@@ -25,6 +25,7 @@ from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.physics.air import SHEDDING_SPEED
 from procphys_ros.physics.foliage import speed_of, strengths
 from procphys_ros.physics.masonry import BondGraph, FreeBodies
+from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import Pieces
@@ -168,6 +169,11 @@ class Model:
         """Downward acceleration [m/s²]."""
         return self.settings.gravity
 
+    @property
+    def terrain(self) -> Terrain:
+        """The surface of the ground."""
+        return self.settings.terrain
+
 
 def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
                   objects: Sequence[SceneObject], time_step: float, seed: int,
@@ -187,8 +193,9 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     trees = _trees(blueprint, settings, masonry.bricks)
     loose_bonds = FreeBodies(blueprint)
     mortar = blueprint.bond_law == Law.MORTAR
-    wind = copy(wind) if wind else Wind(settings.wind, seed, settings.wind_record)
-    wind.shelter = find_shelter(blueprint, objects, masonry.members)
+    wind = copy(wind) if wind else Wind(
+        settings.wind, seed, settings.wind_record, settings.terrain)
+    wind.shelter = find_shelter(blueprint, objects, masonry.members, settings.terrain)
     pairs = blueprint.bonds[~mortar]
     return Model(settings, time_step, seed, shard, blueprint, tuple(objects),
                  wind, trees, masonry, _glass(blueprint, loose_bonds),
@@ -213,7 +220,7 @@ def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks) -> TreeMode
     capacity = np.column_stack([hinges.break_force, hinges.break_torque, hinges.strength,
                                 hinges.root_moment])[hinge_row[forest.bonds]]
     sizes = blueprint.solid_size(forest.parts)
-    beside, slack = survey(forest, sizes, bricks)
+    beside, slack = survey(forest, sizes, bricks, settings.terrain)
     joint_arm = 0.5 * blueprint.visual_size[forest.parts, 2]
     crowns = survey_crowns(forest, sizes) if settings.trees.contact else None
     return TreeModel(forest, row, _span(forest.parts), sizes, joint_arm, capacity, beside, slack,

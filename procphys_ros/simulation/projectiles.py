@@ -59,6 +59,11 @@ def launch(model: Model, state: State, projectile: Projectile) -> int:
                            'allowed until the simulation is reset')
     made = spawned_parts.projectile_part(projectile)
     ball, size = projectile.shape == 'sphere', projectile.edges
+    ground = float(model.terrain.height(made.poses)[0])
+    if made.poses[0, 2] < ground + 0.5 * size[2]:
+        raise CommandError(f'projectile.position is {list(projectile.position)}: it reaches '
+                           f'{ground + 0.5 * size[2] - made.poses[0, 2]:.3g} m into the ground, '
+                           f'which is {ground:.2f} m high there')
     probe = Missile(-1, -1, ball, size, 0.0)
     wall, tree = _ahead(model, state, probe, made.poses[0], np.zeros(3))
     inside = (int(wall.index[0]) if len(wall)

@@ -20,23 +20,26 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import Shelter
 from procphys_ros.scene import SceneObject
 
 
 def find_shelter(blueprint: Blueprint, objects: Sequence[SceneObject],
-                 masonry: np.ndarray) -> Shelter:
+                 masonry: np.ndarray, terrain: Terrain = FLAT) -> Shelter:
     """
     Measure trees and buildings.
 
     :param blueprint: all parts.
     :param objects: owners of the parts; each is one tree (or bush) or one building.
     :param masonry: which parts stand in buildings, (N,) bool.
+    :param terrain: the surface of the ground; heights count from there.
     """
     trees, buildings = [], []
     axes = np.abs(rotation.to_matrix(blueprint.poses[:, 3:]))
     reach = 0.5 * np.einsum('nij,nj->ni', axes, blueprint.visual_size)
     low, high = blueprint.poses[:, :3] - reach, blueprint.poses[:, :3] + reach
+    high[:, 2] -= terrain.height(blueprint.poses)
     for own in objects:
         parts = slice(own.first, own.first + own.count)
         area, built = blueprint.leaf_area[parts], masonry[parts]

@@ -88,7 +88,9 @@ class Simulation:
         self._flutter: Flutter | None = None
         self._scene_model = self.model  # without what is added while it runs
         self.state, cracked = at_rest(self.model)
-        self.warnings = (*load_checks.check_places(scene.blueprint, scene.objects), *cracked)
+        self.warnings = (*load_checks.check_places(
+            scene.blueprint, scene.objects, scene.settings.terrain),
+                         *cracked)
         for line in self.warnings:
             _LOG.warning(line)
 

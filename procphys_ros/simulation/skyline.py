@@ -40,4 +40,4 @@ def _draw(model: Model, parts: np.ndarray) -> Skyline:
     source = model.blueprint
     return Skyline.over(piece_bounds(
         source.shape[parts].astype(np.uint8), source.poses[parts], source.solid_size(parts),
-        np.zeros((len(parts), 6)), 0.0, 0.0))
+        np.zeros((len(parts), 6)), 0.0, 0.0), model.terrain)

@@ -323,7 +323,8 @@ class State:
         state = cls(
             parts=part_columns(model), objects=list(model.objects),
             names=PartNames(model.objects, model.blueprint), wind=_still_to_come(model.wind),
-            world=World((0.0, 0.0, -model.gravity), engine=model.settings.engine),
+            world=World((0.0, 0.0, -model.gravity), engine=model.settings.engine,
+                        terrain=model.terrain),
             loose_bonds=deepcopy(model.loose_bonds),
             solver=solver, fracture=Fracture(solver), loads=StandingLoads(count), forest=forest,
             trees=TreeState(np.zeros((len(forest), 3)), lod=lod,
@@ -337,7 +338,7 @@ class State:
                 np.ones(len(model.blueprint.leaves), bool), model.blueprint.leaf_area.copy(),
                 leaves.first.copy(), leaves.queue_speed[leaves.first], np.zeros(len(forest))),
             dust=DustState(DustCloud(dust.capacity, (_DUST_SEED << 64) + model.seed,
-                                     model.gravity) if dust.enabled else None))
+                                     model.gravity, model.terrain) if dust.enabled else None))
         state.blueprints.append(model.blueprint)
         state.intruders = {name: IntruderState() for name in model.intruders}
         if forest.has_sagged:

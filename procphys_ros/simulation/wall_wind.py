@@ -70,7 +70,7 @@ def _survey(model: Model, state: State, standing: np.ndarray) -> None:
     source, own = model.blueprint, state.wall_wind
     own.parts = np.flatnonzero(standing & (source.shape == Shape.BOX))
     poses = source.poses[own.parts]
-    own.exposed = exposed_faces(poses, source.size[own.parts])
+    own.exposed = exposed_faces(poses, source.size[own.parts], terrain=model.terrain)
     _, own.structure = np.unique(state.solver.labels[own.parts], return_inverse=True)
     count = np.bincount(own.structure)
     own.tops = np.column_stack([np.bincount(own.structure, poses[:, axis]) / count

@@ -25,6 +25,7 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.air import AIR_DENSITY, AIR_VISCOSITY
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
+from procphys_ros.physics.terrain import FLAT, Terrain
 
 GRAIN_DENSITY = 2000.0  # [kg/m³] mortar and brick
 _MEDIAN, _SPREAD = 20e-6, math.log(2.0)  # [m], [-] of a lognormal of grain diameters by mass
@@ -82,6 +83,7 @@ class DustCloud:
     :param capacity: number of puffs that there can be.
     :param seed: of grain sizes, places and turbulence.
     :param gravity: downward acceleration [m/s²].
+    :param terrain: the surface of the ground.
 
     :ivar position: [m], world, (C, 3).
     :ivar deviation: of the dust about the middle of each puff [m], (C,).
@@ -91,7 +93,9 @@ class DustCloud:
     :ivar owed: dust that is too little for a puff so far [kg].
     """
 
-    def __init__(self, capacity: int, seed: int, gravity: float = 9.81):
+    def __init__(self, capacity: int, seed: int, gravity: float = 9.81,
+                 terrain: Terrain = FLAT):
+        self._terrain = terrain
         self._seed = seed
         self._gravity = gravity
         self._noise = np.zeros((capacity, 3), np.float32)
@@ -179,7 +183,8 @@ class DustCloud:
         rows = (self._next + np.arange(count)) % len(self.state)
         self._next = int(self._next + count) % len(self.state)
         place = points + spread[:, None] * self._rng.standard_normal((count, 3))
-        place[:, 2] = np.abs(place[:, 2])
+        ground = self._terrain.height(place)
+        place[:, 2] = ground + np.abs(place[:, 2] - ground)
         grain = _MEDIAN * np.exp(_SPREAD * self._rng.standard_normal(count))
         self.position[rows] = place
         self.deviation[rows] = _young_deviation(mass)

@@ -27,6 +27,7 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.lidar.pattern import Pattern, window
+from procphys_ros.physics.terrain import FLAT, ray_range, Terrain
 from procphys_ros.rotation_kernels import matrix_rows
 
 GROUND, NOTHING = -1, -2  # in place of a part
@@ -35,9 +36,10 @@ _PARALLEL = 1e-12  # [-] of a ray along a face
 
 
 def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
-         poses: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+         poses: np.ndarray, sizes: np.ndarray,
+         terrain: Terrain = FLAT) -> tuple[np.ndarray, np.ndarray]:
     """
-    Measure how far it is to the first part, or to the ground z = 0, along each ray.
+    Measure how far it is to the first part, or to the ground, along each ray.
 
     Parts that the sensor is inside of are not seen.
 
@@ -47,6 +49,7 @@ def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
     :param shapes: `Shape` of each part, (N,).
     :param poses: world, (N, 7).
     :param sizes: as in `Blueprint.size` [m], (N, 3).
+    :param terrain: the surface of the ground.
     :returns: ranges [m], inf = nothing, (V, H), and the row of the part that was hit, `GROUND` or
         `NOTHING`, (V, H) int32.
     """
@@ -57,7 +60,10 @@ def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
     order = near[np.argsort((away - radius)[near])]
     ranges = np.full(pattern.directions.shape[:2], np.inf)
     hit = np.full(ranges.shape, NOTHING, np.int32)
-    _ground(pattern.directions, pose, reach, ranges, hit)
+    if terrain.is_flat:
+        _ground(pattern.directions, pose, reach, ranges, hit)
+    else:
+        _over_terrain(terrain, *terrain.bounds(), pattern.directions, pose, reach, ranges, hit)
     _cast(pattern, pose, reach, order, (away - radius)[order], np.asarray(shapes, np.uint8),
           np.asarray(poses, float), np.asarray(sizes, float), ranges, hit)
     return ranges, hit
@@ -71,6 +77,18 @@ def _ground(directions, pose, reach, ranges, hit):
             down = -_dot(up, directions[i, j])
             if down * reach > height >= 0.0 and down > 0.0:
                 ranges[i, j], hit[i, j] = height / down, GROUND
+
+
+@kernel
+def _over_terrain(terrain, bottom, top, directions, pose, reach, ranges, hit):
+    u, v, w = matrix_rows(pose[3:])
+    for i in range(directions.shape[0]):
+        for j in range(directions.shape[1]):
+            d = directions[i, j]
+            far = ray_range(terrain, bottom, top, pose[0], pose[1], pose[2], _dot(u, d),
+                            _dot(v, d), _dot(w, d), reach)
+            if far < np.inf:
+                ranges[i, j], hit[i, j] = far, GROUND
 
 
 @kernel

@@ -54,7 +54,8 @@ class Impulses:
 
 
 def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,
-                blocking: np.ndarray | None = None, sight: Sight | None = None) -> Impulses:
+                blocking: np.ndarray | None = None, sight: Sight | None = None,
+                ground: float = 0.0) -> Impulses:
     """
     Compute the impulses on boxes; faces that cannot see the charge get none.
 
@@ -62,15 +63,16 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     reflected · cos² i + side-on · (1 - cos i)²; near grazing the second term fades, since it
     soon acts on the far side too. Diffraction behind bodies is left out.
 
-    :param point: of the charge, (3,) [m], world; the ground is z = 0.
+    :param point: of the charge, (3,) [m], world.
     :param charge: mass of TNT [kg].
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
     :param blocking: which boxes shield others, (N,) bool; None = all.
     :param sight: the boxes as already listed for rays; None = list them now.
+    :param ground: height of the ground below the charge [m].
     :raises CommandError: when point or charge are out of range.
     """
-    place, scale, ground = _check(point, charge)
+    place, scale, burst = _check(point, charge, ground)
     poses = np.asarray(poses, float)
     sizes = np.asarray(sizes, float)
     patches = faces.cut(poses, sizes, faces.facing(poses, sizes, place))
@@ -82,28 +84,29 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
     z = distance / scale
-    per_area = scale * face_impulse(z, cosine, ground)
+    per_area = scale * face_impulse(z, cosine, burst)
     linear, angular = faces.gather(
         patches, -(per_area * patches.area)[:, None] * patches.normal, poses)
-    return Impulses(linear, angular, *_times(place, scale, ground, poses))
+    return Impulses(linear, angular, *_times(place, scale, burst, poses))
 
 
 def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,
-                   sight: Sight | None = None) -> Impulses:
+                   sight: Sight | None = None, ground: float = 0.0) -> Impulses:
     """
     Compute the impulses on slender segments from the shadow that they throw.
 
     A thin body is engulfed at once: it takes half the reflected pressure for the time the front
     needs to pass it, then drag, whose pressure falls off with the square of the overpressure.
 
-    :param point: of the charge, (3,) [m], world; the ground is z = 0.
+    :param point: of the charge, (3,) [m], world.
     :param charge: mass of TNT [kg].
     :param poses: (N, 7) [m], xyzw, world; the axis is z.
     :param sizes: diameter, diameter, length over the round ends, (N, 3) [m].
     :param sight: boxes that shield; None = nothing does.
+    :param ground: height of the ground below the charge [m].
     :raises CommandError: when point or charge are out of range.
     """
-    place, scale, ground = _check(point, charge)
+    place, scale, burst = _check(point, charge, ground)
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     away = poses[:, :3] - place
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
@@ -113,16 +116,16 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
     shadow = (diameter * (length - diameter) * np.sqrt(np.maximum(1.0 - along ** 2, 0.0))
               + 0.25 * np.pi * diameter ** 2)
     z = distance / scale
-    peak = air_blast.overpressure(z, ground)
-    passing = 0.5 * air_blast.reflected(z, ground) * diameter / air_blast.shock_speed(peak)
+    peak = air_blast.overpressure(z, burst)
+    passing = 0.5 * air_blast.reflected(z, burst) * diameter / air_blast.shock_speed(peak)
     drag = (CYLINDER_DRAG * air_blast.dynamic_pressure(peak)
-            * scale * air_blast.duration(z, ground) / 3)
-    ceiling = scale * air_blast.reflected_impulse(z, ground)
+            * scale * air_blast.duration(z, burst) / 3)
+    ceiling = scale * air_blast.reflected_impulse(z, burst)
     size = np.minimum(passing + drag, ceiling) * shadow
     if sight is not None:
         size *= sight.clear(poses[:, :3], place, np.full(len(poses), -1))
     return Impulses(size[:, None] * away, np.zeros((len(poses), 3)),
-                    *_times(place, scale, ground, poses))
+                    *_times(place, scale, burst, poses))
 
 
 def face_impulse(z: np.ndarray, cosine: np.ndarray, ground: float = 0.0) -> np.ndarray:
@@ -150,7 +153,8 @@ def _axes(poses: np.ndarray) -> np.ndarray:
     return np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
 
 
-def _check(point: Sequence[float], charge: float) -> tuple[np.ndarray, float, float]:
+def _check(point: Sequence[float], charge: float,
+           ground: float) -> tuple[np.ndarray, float, float]:
     """Return the place and W^(1/3) of the charge, and how far it is one on the ground."""
     place = np.asarray(point, float)
     if place.shape != (3,) or not np.isfinite(place).all():
@@ -158,5 +162,5 @@ def _check(point: Sequence[float], charge: float) -> tuple[np.ndarray, float, fl
     if not (math.isfinite(charge) and 0.0 < charge <= _LARGEST):
         raise CommandError(f'explosion.charge is {charge:g} kg TNT, it must lie above 0 and not '
                            f'exceed {_LARGEST:g}')
-    ground = air_blast.ground_share(charge, float(place[2]))
-    return place, charge ** (1.0 / 3.0), ground
+    burst = air_blast.ground_share(charge, float(place[2]) - ground)
+    return place, charge ** (1.0 / 3.0), burst

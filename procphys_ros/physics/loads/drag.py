@@ -21,6 +21,7 @@ from procphys_ros import rotation
 from procphys_ros.physics.air import AIR_DENSITY, CUBE_DRAG
 from procphys_ros.physics.loads import faces
 from procphys_ros.physics.loads.sight import Sight
+from procphys_ros.physics.terrain import FLAT, Terrain
 
 _WINDWARD = 0.8      # EN 1991-1-4, table 7.1, zone D, height over depth 1
 _ELSEWHERE = -0.5    # same table, zones C and E: sides and lee
@@ -29,17 +30,18 @@ _OFF_FACE = 1e-4     # [m] rays start this far off a face
 
 
 def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
-                  sight: Sight | None = None) -> np.ndarray:
+                  sight: Sight | None = None, terrain: Terrain = FLAT) -> np.ndarray:
     """
     Find the faces that the wind can reach: nothing stands in front of them, nor the ground.
 
     A face towards a room sees the opposite wall, so it is not exposed (internal pressure 0). It
     takes a ray per face: ask again only when something has moved or broken.
 
-    :param poses: (N, 7) [m], xyzw, world; the ground is z = 0.
+    :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
     :param reach: how far ahead a face must be free [m].
     :param sight: the boxes as already listed for rays; None = list them now.
+    :param terrain: the surface of the ground.
     :returns: (N, 6) bool, sides -x +x -y +y -z +z of each box.
     """
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
@@ -48,7 +50,7 @@ def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
     free = (sight or Sight(poses, sizes)).clear(one.centre + _OFF_FACE * one.normal, ahead,
                                                 one.owner)
     exposed = np.zeros((len(poses), 6), bool)
-    exposed[one.owner, one.face] = free & (ahead[:, 2] > 0.0)
+    exposed[one.owner, one.face] = free & (ahead[:, 2] > terrain.height(ahead))
     return exposed
 
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.terrain import FLAT, height_at, normal_at, Terrain
 from procphys_ros.rotation_kernels import matrix
 
 _BOX = int(Shape.BOX)  # numba reads no enums
@@ -31,6 +32,7 @@ _STRIDE = 0.5     # least way between two looks as a share of the thickness of b
 _LOOKS = 64       # at most along the way of one step
 _SPAN = 0.15      # of its length: a segment that lies along something on more touches twice
 _SLANT = 0.05     # sine of the angle up to which things count as lying along each other
+_STEEPEST = 2.0   # slope, rise over run, up to which nothing near the ground is passed over
 _HALVINGS = 26    # finds the nearest point of an axis to 1e-8 of its length
 
 
@@ -126,43 +128,60 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
 
 
 def meet_ground(rows: np.ndarray, both: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
-                velocities: np.ndarray, dt: float) -> Meetings:
+                velocities: np.ndarray, dt: float, terrain: Terrain = FLAT) -> Meetings:
     """
-    Look which segments may touch the plane z = 0 with their tips in the next step.
+    Look which segments may touch the ground with their tips in the next step.
 
     :param rows: of the segments, (K,).
     :param both: whether the start of a segment counts as well as its tip, (K,).
     :param poses: of all segments, (S, 7); `sizes` (S, 3) and `velocities` (S, 6) likewise.
     :param dt: time step [s].
+    :param terrain: the surface of the ground.
     :returns: `pair` is the place in `rows`.
     """
-    pair, place, gap = _meet_ground(rows, both, poses, sizes, velocities, dt)
-    place[:, 2] = 0.5 * gap
-    return Meetings(pair, place, np.tile([0.0, 0.0, 1.0], (len(pair), 1)), gap)
+    return Meetings(*_meet_ground(rows, both, poses, sizes, velocities, dt, terrain))
 
 
 @kernel
-def _meet_ground(rows, both, poses, sizes, velocities, dt):
+def _meet_ground(rows, both, poses, sizes, velocities, dt, terrain):
     pair = np.empty(2 * len(rows), np.int64)
     place, gap = np.empty((2 * len(rows), 3)), np.empty(2 * len(rows))
+    normal = np.empty((2 * len(rows), 3))
+    steep = 0.0 if len(terrain.heights) == 0 else _STEEPEST
     count = 0
     for n in range(len(rows)):
         i = rows[n]
-        if poses[i, 2] > sizes[i, 2] + _AHEAD * dt * (
-                abs(velocities[i, 2]) + sizes[i, 2] * (abs(velocities[i, 3])
-                                                       + abs(velocities[i, 4]))) + _NEAR:
+        over = poses[i, 2] - height_at(terrain, poses[i, 0], poses[i, 1])
+        reach = sizes[i, 2] + _AHEAD * dt * (
+            abs(velocities[i, 2]) + sizes[i, 2] * (abs(velocities[i, 3])
+                                                   + abs(velocities[i, 4])))
+        if steep > 0.0:
+            reach += steep * (sizes[i, 2] + _AHEAD * dt * math.hypot(velocities[i, 0],
+                                                                    velocities[i, 1]))
+        if over > reach + _NEAR:
             continue
         half, radius = 0.5 * max(sizes[i, 2] - sizes[i, 0], 0.0), 0.5 * sizes[i, 0]
         axis = matrix(poses[i, 3:])[:, 2]
         for end in range(2 if both[n] else 1):
             arm = (half if end == 0 else -half) * axis
+            x, y = poses[i, 0] + arm[0], poses[i, 1] + arm[1]
+            nx, ny, nz = normal_at(terrain, x, y)
             fall = velocities[i, 2] + velocities[i, 3] * arm[1] - velocities[i, 4] * arm[0]
             room = poses[i, 2] + arm[2] - radius
+            if steep > 0.0:
+                fall = nz * fall + nx * (
+                    velocities[i, 0] + velocities[i, 4] * arm[2] - velocities[i, 5] * arm[1]) + (
+                    ny * (velocities[i, 1] + velocities[i, 5] * arm[0]
+                          - velocities[i, 3] * arm[2]))
+                room = nz * (poses[i, 2] + arm[2] - height_at(terrain, x, y)) - radius
             if room < _NEAR - _AHEAD * dt * min(fall, 0.0):
                 pair[count], gap[count] = n, room
-                place[count] = poses[i, :3] + arm
+                normal[count, 0], normal[count, 1], normal[count, 2] = nx, ny, nz
+                place[count, 0], place[count, 1], place[count, 2] = x, y, 0.5 * room
+                if steep > 0.0:
+                    place[count] = poses[i, :3] + arm - (radius + 0.5 * room) * normal[count]
                 count += 1
-    return pair[:count], place[:count], gap[:count]
+    return pair[:count], place[:count], normal[:count], gap[:count]
 
 
 @kernel

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.errors import CommandError
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import kernel, spectra
 from procphys_ros.physics.wind.eddies import DRIFT, Eddies, make_boxes
 from procphys_ros.physics.wind.history import History
@@ -80,13 +81,16 @@ class Wind:
     :param settings: what blows.
     :param seed: of the eddies.
     :param record: of the mean wind, in the place of the settings' velocity; () = there is none.
+    :param terrain: the surface of the ground, which the wind follows.
 
     :ivar settings: what the wind was set up with, or last changed to.
     :ivar shelter: what stands in its way, where the settings ask for it.
     :ivar enabled: False = still air everywhere; eddies and gusts travel on meanwhile.
     """
 
-    def __init__(self, settings: WindSettings, seed: int = 0, record: Record = ()):
+    def __init__(self, settings: WindSettings, seed: int = 0, record: Record = (),
+                 terrain: Terrain = FLAT):
+        self._terrain = terrain
         self._seed = seed
         self._record = record
         self.settings = settings
@@ -164,7 +168,7 @@ class Wind:
         """
         Return the air velocity at points.
 
-        :param points: (N, 3) [m], world; the ground is z = 0.
+        :param points: (N, 3) [m], world.
         :param time: [s].
         :param out: (N, 3) array to write to.
         :returns: (N, 3) [m/s], world.
@@ -173,6 +177,8 @@ class Wind:
         out = np.empty_like(points) if out is None else out
         if self.enabled:
             s = self.settings
+            if not self._terrain.is_flat:  # what blows at a height blows at it over any ground
+                points = points - self._terrain.height(points)[:, None] * [0.0, 0.0, 1.0]
             self._fill(points, time, out, s.turbulence_intensity, self._gusts)
             if s.shelter:
                 self.shelter.apply(points, out, np.asarray(self._history.velocity(time)),

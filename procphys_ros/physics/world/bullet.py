@@ -33,8 +33,9 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.hexahedron import inset
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
-from procphys_ros.physics.world.engine import COLLISION_FILTERS
+from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
 from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.stderr_filter import drop_stderr_lines
 from procphys_ros.physics.world.urdf import write_hulls, write_urdf
@@ -72,11 +73,13 @@ class BulletEngine:
     One PyBullet world, see `Engine`.
 
     :param gravity: acceleration of awake bodies [m/s²], (3,).
+    :param terrain: the surface of the ground.
     """
 
     name = 'bullet'
 
-    def __init__(self, gravity: np.ndarray):
+    def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
+        self._terrain = terrain
         self._gravity = np.asarray(gravity, float).tolist()
         self._folder = _MEMORY_FOLDER if os.access(_MEMORY_FOLDER, os.W_OK) else None
         self._connect()
@@ -136,17 +139,32 @@ class BulletEngine:
 
     def _create_ground(self) -> int:
         """
-        Create the ground, whose top is z = 0.
+        Create the ground: a height field, or, where the top is z = 0, a huge box.
 
-        A huge box: against a plane, Bullet finds one contact point per step only, so that what
+        Against a plane, Bullet finds one contact point per step only, so that what
         lands flat would strike with a corner and be turned.
         """
+        if not self._terrain.is_flat:
+            return self._create_terrain(self._terrain.padded(TERRAIN_MARGIN))
         slab = pybullet.createCollisionShape(
             pybullet.GEOM_BOX, halfExtents=(_GROUND_HALF, _GROUND_HALF, _GROUND_DEPTH),
             physicsClientId=self._client)
         return pybullet.createMultiBody(
             0.0, slab, self._visual, basePosition=(0.0, 0.0, -_GROUND_DEPTH),
             useMaximalCoordinates=1, flags=_SLEEPING, physicsClientId=self._client)
+
+    def _create_terrain(self, terrain: Terrain) -> int:
+        """Create a height field, which Bullet puts about the middle of its grid and heights."""
+        columns, rows = terrain.heights.shape
+        field = pybullet.createCollisionShape(
+            pybullet.GEOM_HEIGHTFIELD, meshScale=(terrain.edge, terrain.edge, 1.0),
+            heightfieldData=terrain.heights.T.ravel().tolist(), numHeightfieldRows=columns,
+            numHeightfieldColumns=rows, physicsClientId=self._client)
+        middle = (*(terrain.low + 0.5 * terrain.edge * np.array([columns - 1, rows - 1])),
+                  0.5 * sum(terrain.bounds()))
+        return pybullet.createMultiBody(
+            0.0, field, self._visual, basePosition=middle, useMaximalCoordinates=1,
+            flags=_SLEEPING, physicsClientId=self._client)
 
     def _create_plain(self, table: BodyTable, ids: np.ndarray) -> list[int]:
         """

@@ -23,12 +23,15 @@ from typing import Protocol
 import numpy as np
 
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 
 _LOG = logging.getLogger(__name__)
 
 ENGINES = {'bullet': 'pybullet', 'rapier': 'rapier3d'}  # and the library that each one needs
 DEFAULT_ENGINE = 'bullet'
+
+TERRAIN_MARGIN = 50.0  # [m] of ground beyond the grid of a terrain that bodies collide with
 
 # Collision groups and masks: two bodies meet when the mask of each has the group of the other.
 # Immovable bodies do not meet each other, and kinematic bodies pass through them.
@@ -117,13 +120,14 @@ def installed_engines() -> list[str]:
     return [name for name, library in ENGINES.items() if util.find_spec(library)]
 
 
-def make_engine(name: str, gravity: np.ndarray) -> Engine:
+def make_engine(name: str, gravity: np.ndarray, terrain: Terrain = FLAT) -> Engine:
     """
     Start an engine.
 
     :param name: of `ENGINES`. Where the library of the default is missing and another engine is
         installed, that one is taken, and the log says so.
     :param gravity: acceleration of awake bodies [m/s²], (3,).
+    :param terrain: the surface of the ground.
     :raises SceneError: when there is no such engine, or its library is not installed.
     """
     if name not in ENGINES:
@@ -136,7 +140,7 @@ def make_engine(name: str, gravity: np.ndarray) -> Engine:
     if name not in found:
         raise SceneError(f'engine is "{name}", but {ENGINES[name]} is not installed: '
                          f'pip install {ENGINES[name]}')
-    return _class_of(name)(gravity)
+    return _class_of(name)(gravity, terrain)
 
 
 def _class_of(name: str) -> Callable[[np.ndarray], Engine]:

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyTable
 from procphys_ros.physics.world.ground_points import resolve_ground_contacts
 
@@ -47,8 +48,8 @@ class Correction(NamedTuple):
 _NOTHING = Correction(np.zeros(0, np.intp), np.zeros((0, 7)), np.zeros((0, 6)), np.zeros((0, 13)))
 
 
-def lift_fallen(table: BodyTable, awake: np.ndarray, heights: np.ndarray, gravity: np.ndarray,
-                time_step: float) -> Correction:
+def lift_fallen(table: BodyTable, awake: np.ndarray, before: np.ndarray, gravity: np.ndarray,
+                time_step: float, terrain: Terrain = FLAT) -> Correction:
     """
     Put bodies that ran deep into the ground back to where they touched it.
 
@@ -58,18 +59,20 @@ def lift_fallen(table: BodyTable, awake: np.ndarray, heights: np.ndarray, gravit
 
     :param table: the bodies.
     :param awake: ids, (K,).
-    :param heights: of their centres before the step [m], (K,).
+    :param before: where their centres were before the step [m], (K, 3).
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
+    :param terrain: the surface of the ground.
     """
-    height, radius = table.poses[awake, 2], table.radius[awake]
+    place, radius = table.poses[awake, :3], table.radius[awake]
+    height = place[:, 2] - terrain.height(place)
     spin = np.sqrt((table.velocities[awake, 3:] ** 2).sum(axis=1))
-    down = heights - height + spin * radius * time_step
-    deep = (height < 0.0) | ((height < radius) & (down > _DEPTH))
+    down = before[:, 2] - terrain.height(before) - height + spin * radius * time_step
+    deep = (height < 0.0) | ((height < _reach(terrain, place, radius)) & (down > _DEPTH))
     if not deep.any():
         return _NOTHING
     chosen = awake[deep]
-    depth = -lowest(table, chosen)
+    depth = -lowest(table, chosen, terrain)
     chosen, depth = chosen[depth > _DEPTH], depth[depth > _DEPTH]
     if not len(chosen):
         return _NOTHING
@@ -81,8 +84,14 @@ def lift_fallen(table: BodyTable, awake: np.ndarray, heights: np.ndarray, gravit
     contacts = np.zeros((len(chosen), 13))
     contacts[:, 0], contacts[:, 1] = chosen, _GROUND
     contacts[:, 2:4], contacts[:, 7] = poses[:, :2], 1.0
+    contacts[:, 4] = terrain.height(poses)
     contacts[:, 11], contacts[:, 12] = force, force
     return Correction(chosen, poses, velocities, contacts)
+
+
+def _reach(terrain: Terrain, places: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Give how high over the ground the centre of a ball is that touches it [m], (K,)."""
+    return radius if terrain.is_flat else radius / terrain.normal(places)[:, 2]
 
 
 def _pay(table: BodyTable, ids: np.ndarray, velocities: np.ndarray, owed: np.ndarray) -> None:
@@ -97,7 +106,7 @@ def _pay(table: BodyTable, ids: np.ndarray, velocities: np.ndarray, owed: np.nda
 
 
 def touch_with_points(table: BodyTable, awake: np.ndarray, friction: float,
-                      time_step: float) -> Correction:
+                      time_step: float, terrain: Terrain = FLAT) -> Correction:
     """
     Let the ground meet the corners that stick out of the collision shapes of bodies.
 
@@ -105,9 +114,12 @@ def touch_with_points(table: BodyTable, awake: np.ndarray, friction: float,
     :param awake: ids, (K,).
     :param friction: Coulomb coefficient.
     :param time_step: [s].
+    :param terrain: the surface of the ground.
     """
-    chosen = awake[(table.point_count[awake] > 0)
-                   & (table.poses[awake, 2] < table.radius[awake])]
+    chosen = awake[table.point_count[awake] > 0]
+    place = table.poses[chosen, :3]
+    chosen = chosen[place[:, 2] - terrain.height(place)
+                    < _reach(terrain, place, table.radius[chosen])]
     if not len(chosen):
         return _NOTHING
     points = [table.pieces(body).ground_points for body in chosen.tolist()]
@@ -115,7 +127,7 @@ def touch_with_points(table: BodyTable, awake: np.ndarray, friction: float,
     poses, velocities = table.poses[chosen], table.velocities[chosen]
     contacts = resolve_ground_contacts(start, np.concatenate(points), poses, velocities,
                                        table.mass[chosen], table.inertia[chosen], friction,
-                                       time_step)
+                                       time_step, terrain)
     if not len(contacts):
         return _NOTHING
     rows = contacts[:, 0].astype(np.intp)
@@ -124,19 +136,21 @@ def touch_with_points(table: BodyTable, awake: np.ndarray, friction: float,
     return Correction(chosen[moved], poses[moved], velocities[moved], contacts)
 
 
-def lift_settled(table: BodyTable, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def lift_settled(table: BodyTable, ids: np.ndarray,
+                 terrain: Terrain = FLAT) -> tuple[np.ndarray, np.ndarray]:
     """
     Find bodies that came to rest in the ground, and where they are out of it.
 
     :returns: ids, (K,), and poses, (K, 7).
     """
-    low = lowest(table, ids)
+    low = lowest(table, ids, terrain)
     sunk = low < -_SUNK
     poses = table.poses[ids[sunk]]
     poses[:, 2] += -low[sunk] - OVERLAP
     return ids[sunk], poses
 
 
-def lowest(table: BodyTable, ids: np.ndarray) -> np.ndarray:
-    """Give the heights of the lowest points of bodies [m], (K,)."""
-    return np.array([table.pieces(body).lowest(table.poses[body]) for body in ids.tolist()])
+def lowest(table: BodyTable, ids: np.ndarray, terrain: Terrain = FLAT) -> np.ndarray:
+    """Give the heights over the ground of the lowest points of bodies [m], (K,)."""
+    return np.array([table.pieces(body).lowest(table.poses[body], terrain)
+                     for body in ids.tolist()])

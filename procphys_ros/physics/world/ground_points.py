@@ -16,12 +16,13 @@
 Ground contact points: corners of bricks that stick out of the merged boxes of a fragment.
 
 The merged boxes of a toothed edge end half way (`merging`), otherwise broken walls would interlock
-for good. The ground is flat, so against it the true corners count.
+for good. The ground has no such teeth, so against it the true corners count.
 """
 
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.terrain import height_at, normal_at
 from procphys_ros.rotation_kernels import matrix
 
 _OUT = 0.01  # [m] by which a corner must stick out to be kept
@@ -99,12 +100,13 @@ def _is_inside(point, near, poses, sizes, axes):
 
 
 @kernel
-def resolve_ground_contacts(start, points, poses, velocities, mass, inertia, friction, time_step):
+def resolve_ground_contacts(start, points, poses, velocities, mass, inertia, friction, time_step,
+                            terrain):
     """
     Stop the points that penetrate the ground, and move them out of it.
 
-    Perfectly plastic impulses with Coulomb friction at all points below z = 0 of a body together,
-    by projected Gauss-Seidel; then the same in displacements for the depth that is left.
+    Perfectly plastic impulses with Coulomb friction at all points of a body in the ground
+    together, by projected Gauss-Seidel; then the same in displacements for the depth that is left.
 
     :param start: first point of each body, one more at the end, (B + 1,) int.
     :param points: in the bodies' frames [m], (Q, 3).
@@ -114,6 +116,7 @@ def resolve_ground_contacts(start, points, poses, velocities, mass, inertia, fri
     :param inertia: principal moments [kg·m²], (B, 3).
     :param friction: of the bodies on the ground.
     :param time_step: [s].
+    :param terrain: the surface of the ground.
     :returns: contacts as of `Engine.contacts`, with the row of the body for its id, (C, 13).
     """
     table = np.zeros((len(points), _COLUMNS))
@@ -123,12 +126,14 @@ def resolve_ground_contacts(start, points, poses, velocities, mass, inertia, fri
         first = count
         for t in range(start[b], start[b + 1]):
             arm = axes @ points[t]
-            height = poses[b, 2] + arm[2]
+            x, y = poses[b, 0] + arm[0], poses[b, 1] + arm[1]
+            height = poses[b, 2] + arm[2] - height_at(terrain, x, y)
             if height < 0.0:
+                normal = normal_at(terrain, x, y)
                 table[count, 0] = b
                 table[count, 2:5] = arm
-                table[count, 7] = 1.0
-                table[count, 8] = height
+                table[count, 5], table[count, 6], table[count, 7] = normal
+                table[count, 8] = height * normal[2]
                 count += 1
         if count > first:
             compliance = (axes / inertia[b]) @ axes.T
@@ -146,20 +151,33 @@ def _solve_velocities(rows, velocity, mass, compliance, friction):
     for _ in range(_ITERATIONS):
         for row in rows:
             arm = row[2:5]
+            ways = _ways(row[5:8])
             for axis in (2, 0, 1):
-                push = np.zeros(3)
-                push[axis] = 1.0
+                push = ways[axis].copy()
                 turn = compliance @ np.cross(arm, push)
-                softness = 1.0 / mass + np.cross(turn, arm)[axis]
-                slip = velocity[axis] + np.cross(velocity[3:], arm)[axis]
+                softness = 1.0 / mass + (np.cross(turn, arm) * push).sum()
+                slip = ((velocity[:3] + np.cross(velocity[3:], arm)) * push).sum()
                 before = row[9 + axis]
                 most = friction * row[11]
                 after = before - slip / softness
                 after = max(after, 0.0) if axis == 2 else min(max(after, -most), most)
                 row[9 + axis] = after
-                velocity[axis] += (after - before) / mass
+                velocity[:3] += push * ((after - before) / mass)
                 velocity[3:] += turn * (after - before)
-    rows[:, 12] = rows[:, 11]
+    for row in rows:
+        row[12] = row[11]
+        row[9:12] = row[9:12].copy() @ _ways(row[5:8])
+
+
+@kernel
+def _ways(normal):
+    """Give two directions along the ground and its normal, (3, 3); of level ground x, y and z."""
+    ways = np.zeros((3, 3))
+    scale = 1.0 / (normal[0] ** 2 + normal[2] ** 2) ** 0.5
+    ways[0, 0], ways[0, 2] = normal[2] * scale, -normal[0] * scale
+    ways[1] = np.cross(normal, ways[0])
+    ways[2] = normal
+    return ways
 
 
 @kernel
@@ -171,12 +189,13 @@ def _solve_positions(rows, pose, mass, compliance):
         for i in range(len(rows)):
             arm = rows[i, 2:5]
             wanted = _RECOVERY * (-rows[i, 8] - _SLOP)
-            turn = compliance @ np.array([arm[1], -arm[0], 0.0])
-            softness = 1.0 / mass + turn[0] * arm[1] - turn[1] * arm[0]
-            got = shift[2] + turned[0] * arm[1] - turned[1] * arm[0]
+            normal = rows[i, 5:8]
+            turn = compliance @ np.cross(arm, normal)
+            softness = 1.0 / mass + (np.cross(turn, arm) * normal).sum()
+            got = ((shift + np.cross(turned, arm)) * normal).sum()
             more = max(given[i] + (wanted - got) / softness, 0.0) - given[i]
             given[i] += more
-            shift[2] += more / mass
+            shift += normal * (more / mass)
             turned += turn * more
     pose[:3] += shift
     half = 0.5 * turned

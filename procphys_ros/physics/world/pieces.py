@@ -21,6 +21,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, cylinder_inertia, Hexahedra, Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.terrain import FLAT, height_at, normal_at, Terrain
 from procphys_ros.physics.touch import overlap, piece_bounds
 from procphys_ros.physics.world.ground_points import corners_outside
 from procphys_ros.physics.world.merging import merge_boxes
@@ -55,21 +56,26 @@ class Pieces:
         bulk = float((np.linalg.norm(self.local_poses[:, :3], axis=1) + own).max())
         return max(bulk, np.linalg.norm(self.ground_points, axis=1).max(initial=0.0))
 
-    def lowest(self, pose: np.ndarray) -> float:
+    def lowest(self, pose: np.ndarray, terrain: Terrain = FLAT) -> float:
         """
-        Give the height of the lowest point [m].
+        Give the height over the ground of the lowest point [m].
+
+        Over a terrain, corners of boxes, ends of capsules and the middles of all are looked at.
 
         PyBullet's bounds will not do: those of a turned compound are larger than the compound.
 
         :param pose: of the body in the world, (7,).
+        :param terrain: the surface of the ground.
         """
-        if not len(self.hexahedra):
+        if terrain.is_flat and not len(self.hexahedra):
             return _lowest(pose, self.shapes, self.sizes, self.local_poses, self.ground_points)
         plain = ~self.are_hexahedra
         points = np.concatenate([self.ground_points,
                                  self.hexahedra.points(self.local_poses).reshape(-1, 3)])
-        return _lowest(pose, self.shapes[plain], self.sizes[plain], self.local_poses[plain],
-                       points)
+        columns = self.shapes[plain], self.sizes[plain], self.local_poses[plain], points
+        if terrain.is_flat:
+            return _lowest(pose, *columns)
+        return _clearance(terrain, pose, *columns)
 
     @property
     def are_hexahedra(self) -> np.ndarray:
@@ -95,6 +101,37 @@ def _lowest(pose, shapes, sizes, local, points):
     for q in range(len(points)):
         height = min(height, pose[2] + (up * points[q]).sum())
     return height
+
+
+@kernel
+def _clearance(terrain, pose, shapes, sizes, local, points):
+    turn = matrix(pose[3:])
+    room = np.inf
+    for p in range(len(shapes)):
+        own = turn @ matrix(local[p, 3:])
+        centre = pose[:3] + turn @ local[p, :3]
+        size = sizes[p]
+        room = min(room, _over(terrain, centre, 0.0))
+        if shapes[p] == _BOX:
+            for corner in range(8):
+                point = centre.copy()
+                for axis in range(3):
+                    point += own[:, axis] * size[axis] * (0.5 - ((corner >> axis) & 1))
+                room = min(room, _over(terrain, point, 0.0))
+        else:
+            arm = own[:, 2] * 0.5 * max(size[2] - size[0], 0.0)
+            room = min(room, min(_over(terrain, centre + arm, 0.5 * size[0]),
+                                 _over(terrain, centre - arm, 0.5 * size[0])))
+    for q in range(len(points)):
+        room = min(room, _over(terrain, pose[:3] + turn @ points[q], 0.0))
+    return room
+
+
+@kernel
+def _over(terrain, point, radius):
+    """Give how high a ball is over the plane of the ground below it, straight down [m]."""
+    steep = normal_at(terrain, point[0], point[1])[2]
+    return point[2] - height_at(terrain, point[0], point[1]) - radius / steep
 
 
 def bounds_of(pieces: Pieces, pose: np.ndarray) -> np.ndarray:

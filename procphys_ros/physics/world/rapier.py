@@ -30,8 +30,9 @@ from scipy.sparse.linalg import splu
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
-from procphys_ros.physics.world.engine import COLLISION_FILTERS
+from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
 from procphys_ros.physics.world.pieces import are_within, bounds_of, Pieces
 
 LINEAR_DAMPING = 0.05  # [1/s]
@@ -51,11 +52,13 @@ class RapierEngine:
     One rapier world, see `Engine`.
 
     :param gravity: acceleration of awake bodies [m/s²], (3,).
+    :param terrain: the surface of the ground.
     """
 
     name = 'rapier'
 
-    def __init__(self, gravity: np.ndarray):
+    def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
+        self._terrain = terrain
         self._gravity = tuple(np.asarray(gravity, float).tolist())
         self.clear()
 
@@ -102,8 +105,7 @@ class RapierEngine:
                 colliders[piece] = rapier3d.Collider.convex_hull(corners.reshape(8, 3))
             poses = pieces.local_poses.tolist()
             if state == BodyState.GROUND:
-                colliders = [rapier3d.Collider.halfspace((0.0, 0.0, 1.0))]
-                poses = [_SAME]
+                colliders, poses = [_ground(self._terrain)], [_SAME]
             handle = self._world.add_body(_rigid_body(table, body, state), [
                 _set_up(collider, table, body, state, pose)
                 for collider, pose in zip(colliders, poses)])
@@ -250,6 +252,14 @@ def _collider(shape: int, size: list[float]) -> rapier3d.ColliderBuilder:
     if straight <= 0.0:
         return rapier3d.Collider.ball(radius)
     return rapier3d.Collider.capsule_z(straight, radius)
+
+
+def _ground(terrain: Terrain) -> rapier3d.ColliderBuilder:
+    """Begin the collider of the ground."""
+    if terrain.is_flat:
+        return rapier3d.Collider.halfspace((0.0, 0.0, 1.0))
+    points, faces = terrain.padded(TERRAIN_MARGIN).mesh()
+    return rapier3d.Collider.trimesh(points, faces, rapier3d.TriMeshFlags.FIX_INTERNAL_EDGES)
 
 
 def _set_up(collider: rapier3d.ColliderBuilder, table: BodyTable, body: int, state: BodyState,

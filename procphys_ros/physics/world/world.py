@@ -20,6 +20,7 @@ from typing import Self
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world import kinematic, settling
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
@@ -41,7 +42,7 @@ FRICTION = 0.7  # dry brick on brick, broken mortar; also wood on earth
 
 class World:
     """
-    Rigid bodies over the ground z = 0, named by small integers.
+    Rigid bodies over the ground, named by small integers.
 
     Bodies at rest cost next to nothing: their poses are known without being read, and they do not
     meet each other. All that changes is in a `BodyTable` and a few arrays beside it, see
@@ -50,15 +51,17 @@ class World:
     :param gravity: [m/s²], (3,).
     :param friction: of the ground (as between two bodies that have this value).
     :param engine: name of an engine, see `make_engine`.
+    :param terrain: the surface of the ground.
     :ivar ground: id of the ground.
     """
 
     ground = 0
 
     def __init__(self, gravity: Sequence[float] = GRAVITY, friction: float = FRICTION,
-                 engine: str = DEFAULT_ENGINE):
+                 engine: str = DEFAULT_ENGINE, terrain: Terrain = FLAT):
         self._gravity = np.array(gravity, float)
-        self._engine = make_engine(engine, self._gravity)
+        self._terrain = terrain
+        self._engine = make_engine(engine, self._gravity, terrain)
         self._bodies = BodyTable()
         self._supports = settling.Supports()
         self._contacts: Contacts | None = None
@@ -346,9 +349,9 @@ class World:
             bodies.poses[awake], bodies.velocities[awake] = self._engine.read(awake)
             self.set_velocities(*limit_spin(bodies, awake, poses, spin, time_step))
         self._lifts = self._correct(lift_fallen(
-            bodies, awake, self._places[awake, 2], self._gravity, time_step))
+            bodies, awake, self._places[awake], self._gravity, time_step, self._terrain))
         self._point_contacts = self._correct(touch_with_points(
-            bodies, awake, FRICTION, time_step))
+            bodies, awake, FRICTION, time_step, self._terrain))
         self._settle(time_step)
 
     def _correct(self, correction: Correction) -> np.ndarray:
@@ -374,7 +377,7 @@ class World:
 
     def _take_out(self, rests: np.ndarray) -> None:
         """Lift bodies that come to rest out of the ground; what lies on them settles anew."""
-        ids, poses = lift_settled(self._bodies, rests)
+        ids, poses = lift_settled(self._bodies, rests, self._terrain)
         self.set_poses(ids, poses)
         self.thaw(self._supports.carried_by(ids))
 
@@ -392,6 +395,8 @@ class World:
         arrays |= {f'contacts.{name}': column.copy() for name, column in vars(contacts).items()}
         used = len(arrays['bodies.state'])
         return arrays | {
+            **{f'terrain.{name}': np.array(column)
+               for name, column in self._terrain._asdict().items()},
             'gravity': self._gravity.copy(), 'lifts': self._lifts.copy(),
             'point_contacts': self._point_contacts.copy(), 'places': self._places[:used].copy(),
             'excluded': self._excluded.copy(),
@@ -405,7 +410,9 @@ class World:
         :param arrays: as saved; they are copied.
         :param engine: name of an engine, see `make_engine`.
         """
-        world = cls(arrays['gravity'].tolist(), engine=engine)
+        ground = _group(arrays, 'terrain.')
+        terrain = Terrain(ground['heights'], ground['low'], float(ground['edge']))
+        world = cls(arrays['gravity'].tolist(), engine=engine, terrain=terrain)
         world._bodies = BodyTable.restore(_group(arrays, 'bodies.'))
         vars(world._supports).update(_group(arrays, 'supports.'))
         world._contacts = Contacts(**_group(arrays, 'contacts.'))

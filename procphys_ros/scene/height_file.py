@@ -1,0 +1,130 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Files of heights: PNG pictures, NPZ archives and ESRI ASCII grids."""
+
+import os
+from pathlib import Path
+import zipfile
+
+import numpy as np
+
+from procphys_ros.errors import SceneError
+from procphys_ros.language import shorten
+from procphys_ros.resources import shared_folder
+
+MOST_CORNERS = 1_050_625  # 1025 x 1025, what PyBullet takes with room to spare
+_KEY = 'terrain.file'
+_PACKAGE = 'package://procphys_ros/'
+_HEADER = ('ncols', 'nrows', 'xllcorner', 'yllcorner', 'xllcenter', 'yllcenter', 'cellsize',
+           'nodata_value')
+
+
+def read_heights(name: str, beside: Path | None,
+                 white: float) -> tuple[np.ndarray, float]:
+    """
+    Read heights over a grid.
+
+    :param name: file beside the scene file, a path, or package://procphys_ros/….
+    :param beside: folder of the scene file, looked into first; None = there is none.
+    :param white: height of white in a PNG [m].
+    :returns: [m], (X, Y), x to the right and y up as pictures and maps show them, and the edge of
+        a cell [m], 0 = the file does not say.
+    :raises SceneError: naming the file, what is wrong and what is allowed.
+    """
+    path = _locate(name, beside)
+    reader = {'.png': _png, '.npz': _npz, '.asc': _ascii}.get(path.suffix.lower())
+    if reader is None:
+        raise SceneError(f'{_KEY}: "{shorten(name)}" ends in "{path.suffix}"; files of heights '
+                         'end in .png, .npz or .asc (ESRI ASCII grid)')
+    try:
+        heights, cell = reader(path)
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as problem:
+        raise SceneError(f'{_KEY}: {path} cannot be read: {problem}') from None
+    if heights.ndim != 2 or min(heights.shape) < 2 or heights.size > MOST_CORNERS:
+        raise SceneError(f'{_KEY}: {path} has a grid of {heights.shape}, it must have two '
+                         f'dimensions, at least 2 x 2 and at most {MOST_CORNERS} heights')
+    gaps = np.argwhere(~np.isfinite(heights))
+    if len(gaps):
+        raise SceneError(f'{_KEY}: {path} has {len(gaps)} cells without a height, the first in '
+                         f'row {gaps[0][0] + 1}, column {gaps[0][1] + 1}; every cell needs one')
+    if not (np.isfinite(cell) and cell >= 0.0):
+        raise SceneError(f'{_KEY}: {path} has cells of {cell} m, they must be larger than 0')
+    if reader is _png:
+        heights = heights * white
+    return np.ascontiguousarray(heights[::-1].T, float), cell
+
+
+def _locate(name: str, beside: Path | None) -> Path:
+    candidates = [Path(os.path.expanduser(name))]
+    if name.startswith(_PACKAGE):
+        candidates = [shared_folder() / name[len(_PACKAGE):]]
+    elif beside is not None:
+        candidates.insert(0, beside / name)
+    for path in candidates:
+        if path.is_file():
+            return path
+    raise SceneError(f'{_KEY}: there is no file "{shorten(name)}" (looked for '
+                     f'{" and ".join(map(str, candidates))})')
+
+
+def _png(path: Path) -> tuple[np.ndarray, float]:
+    """Read a grey picture, 0 = black to 1 = white."""
+    try:
+        from PIL import Image
+    except ImportError:
+        raise SceneError(f'{_KEY}: {path} is a PNG, which needs Pillow: '
+                         'pip install pillow') from None
+    with Image.open(path) as picture:
+        if picture.mode not in ('1', 'L', 'I', 'I;16', 'I;16B'):
+            raise ValueError(f'it is a picture of mode {picture.mode}; heights are grey, with 8 '
+                             'or 16 bits')
+        deep = picture.mode.startswith('I')
+        grey = np.asarray(picture, float)
+    return grey / (1.0 if picture.mode == '1' else 65535.0 if deep else 255.0), 0.0
+
+
+def _npz(path: Path) -> tuple[np.ndarray, float]:
+    """Read the array `heights`, rows from north to south, and `cell` where it is there."""
+    with np.load(path, allow_pickle=False) as archive:
+        if 'heights' not in archive:
+            raise ValueError(f'it has no array "heights" (it has {", ".join(archive) or "none"}; '
+                             '"cell" may stand beside it)')
+        return (np.asarray(archive['heights'], float),
+                float(archive['cell']) if 'cell' in archive else 0.0)
+
+
+def _ascii(path: Path) -> tuple[np.ndarray, float]:
+    """Read a header of names and numbers, then rows of heights from north to south."""
+    lines = path.read_text(encoding='ascii').splitlines()
+    header: dict[str, float] = {}
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        if not words or not words[0][0].isalpha() or words[0].lower() == 'nan':
+            break
+        if words[0].lower() not in _HEADER or len(words) != 2:
+            raise ValueError(f'line {number} is "{shorten(line)}"; a header has '
+                             f'{", ".join(_HEADER)}, each with a number')
+        header[words[0].lower()] = float(words[1])
+    for key in ('ncols', 'nrows', 'cellsize'):
+        if not header.get(key, 0.0) > 0.0:
+            raise ValueError(f'its header has no {key} above 0')
+    values = np.array(' '.join(lines[len(header):]).split(), float)
+    columns, rows = int(header['ncols']), int(header['nrows'])
+    if len(values) != columns * rows:
+        raise ValueError(f'it has {len(values)} heights, {columns} columns and {rows} rows need '
+                         f'{columns * rows}')
+    values[values == header.get('nodata_value', -9999.0)] = np.nan
+    return values.reshape(rows, columns), header['cellsize']

@@ -1,0 +1,111 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Terrain of a scene: settings, and heights made up from noise."""
+
+from dataclasses import dataclass
+import math
+from pathlib import Path
+
+import numpy as np
+
+from procphys_ros.errors import SceneError
+from procphys_ros.physics.terrain import FLAT, Terrain
+from procphys_ros.scene.height_file import MOST_CORNERS, read_heights
+from procphys_ros.schema import check, declared
+
+_OCTAVES = 4   # of noise, each of half the wavelength of the one before
+_LESS = 0.35   # of its height, so that small hills are not as steep as large ones
+_WAVES = 24    # per octave; with fewer, hills line up
+
+
+@dataclass(frozen=True)
+class TerrainSettings:
+    """
+    What the ground looks like; without a file and without noise it is the plane z = 0.
+
+    Heights count from the lowest point of the grid, which is z = 0.
+
+    :ivar file: heights, see `height_file`; '' = none.
+    :ivar cell: edge of a cell, where the file does not say it [m].
+    :ivar height: of white over black in a PNG [m].
+    :ivar noise: from the lowest to the highest point of made-up hills [m]; 0 = none.
+    :ivar wavelength: of the largest hills [m].
+    :ivar extent: side of the square that has hills [m].
+    :ivar seed: of the hills; -1 = from the seed of the scene.
+    :ivar center: where the middle of the grid lies [m], (2,).
+    :raises SceneError: when a value is out of its range; the message names key and range.
+    """
+
+    file: str = declared('', 'heights of the ground: a PNG, NPZ or ESRI ASCII grid (.asc) beside '
+                         'the scene file, or a path; empty = none')
+    cell: float = declared(1.0, 'edge of a cell of terrain.file, where that does not say it, and '
+                           'of made-up hills', 'm', 0.1, 1000.0)
+    height: float = declared(10.0, 'height of white over black in a PNG', 'm', 0.0, 5000.0)
+    noise: float = declared(0.0, 'height of made-up hills over their valleys; 0 = none', 'm', 0.0,
+                            500.0)
+    wavelength: float = declared(40.0, 'of the largest made-up hills', 'm', 1.0, 1e4)
+    extent: float = declared(160.0, 'side of the square that has made-up hills', 'm', 4.0, 1e4)
+    seed: int = declared(-1, 'of made-up hills; -1 = from the seed of the scene', '', -1, 2**62)
+    center: tuple[float, ...] = declared(
+        (0.0, 0.0), 'where the middle of the terrain lies', 'm', -1e6, 1e6)
+
+    def __post_init__(self) -> None:
+        check(self, 'terrain')
+        if self.file and self.noise > 0.0:
+            raise SceneError('terrain: give either terrain.file or terrain.noise, not both')
+        if self.noise > 0.0 and (self.extent / self.cell + 1.0) ** 2 > MOST_CORNERS:
+            raise SceneError(f'terrain: terrain.extent {self.extent:g} m in cells of '
+                             f'{self.cell:g} m makes more than {MOST_CORNERS} heights; make '
+                             'terrain.cell larger')
+
+
+def make_terrain(settings: TerrainSettings, seed: int, beside: Path | None = None) -> Terrain:
+    """
+    Read or make up the ground.
+
+    :param seed: of the scene.
+    :param beside: folder of the scene file, looked into first; None = there is none.
+    :raises SceneError: when the file cannot be read; the message names it and what is allowed.
+    """
+    cell = settings.cell
+    if settings.file:
+        heights, own = read_heights(settings.file, beside, settings.height)
+        cell = own or cell
+    elif settings.noise > 0.0:
+        heights = _hills(settings, settings.seed if settings.seed >= 0 else seed)
+    else:
+        return FLAT
+    heights = np.ascontiguousarray(heights - heights.min())
+    middle = 0.5 * cell * (np.array(heights.shape) - 1.0)
+    return Terrain(heights, np.asarray(settings.center, float) - middle, cell)
+
+
+def _hills(settings: TerrainSettings, seed: int) -> np.ndarray:
+    """Add up waves of random direction and phase; towards the edges the hills flatten out."""
+    rng = np.random.default_rng([seed, 14])
+    count = max(int(settings.extent / settings.cell), 3) + 1
+    along = settings.cell * (np.arange(count) - 0.5 * (count - 1))
+    x, y = np.meshgrid(along, along, indexing='ij')
+    heights = np.zeros((count, count))
+    for octave in range(_OCTAVES):
+        number = 2.0 * math.pi * 2.0 ** octave / settings.wavelength
+        for angle, phase in rng.uniform(0.0, 2.0 * math.pi, (_WAVES, 2)):
+            heights += _LESS ** octave * np.cos(
+                number * (x * math.cos(angle) + y * math.sin(angle)) + phase)
+    fade = np.sin(0.5 * math.pi * np.clip((0.5 * (count - 1) * settings.cell - np.abs(along))
+                                          / (0.2 * settings.extent), 0.0, 1.0)) ** 2
+    heights = (heights - heights.min()) * fade[:, None] * fade
+    return heights * settings.noise / max(float(np.ptp(heights)), 1e-9)
