@@ -21,15 +21,18 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.errors import SceneError
 from procphys_ros.progress import stage
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.placement import stand_on
+from procphys_ros.scene.plan import read_plan
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import read_shard, Shard
-from procphys_ros.scene.sources import load_grammar, parse_grammar
+from procphys_ros.scene.sources import Grammar, load_grammar, locate, parse_grammar, PLAN
+from procphys_ros.scene.streets import lay_out
 from procphys_ros.scene.terrain import make_terrain
 from procphys_ros.scene.wind_record import read_wind_record
 from procphys_ros.scene.yaml_file import read_yaml
@@ -135,6 +138,9 @@ class Scene:
     def _add_object(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
         """Build and place all instances of one object; number makes its default seed its own."""
         key = f'{spec.name}.grammar'
+        if spec.grammar.endswith(PLAN):
+            self._add_plan(spec, number, beside)
+            return
         grammar = (load_grammar(spec.grammar, key, beside) if spec.grammar
                    else parse_grammar(spec.grammar_text, f'{key}_text'))
         seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
@@ -154,3 +160,29 @@ class Scene:
             x, y = points[i] @ turn
             position = np.asarray(spec.origin) + np.array([x, y, 0.0])
             self.add(built[i % variants], position, spec.yaw + headings[i], names[i])
+
+    def _add_plan(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
+        """Build and place the houses and trees of a plan, `<name>_house_0` and so on."""
+        key = f'{spec.name}.grammar'
+        if spec.defines or spec.count:
+            raise SceneError(f'{spec.name}: {key} is a plan, which has counts and defines of its '
+                             f'own; leave {spec.name}.count and {spec.name}.defines out')
+        path = locate(spec.grammar, key, beside)
+        grammars: dict[str, Grammar] = {}
+
+        def build(name: str, seed: int, defines: dict[str, float]) -> Blueprint:
+            if name not in grammars:
+                grammars[name] = load_grammar(name, str(path), path.parent)
+            return grammars[name].build(seed=seed, **defines)
+
+        seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
+        rows = read_plan(path)
+        count = sum(row.count for row in rows)
+        mine = set(self.shard.members(self._instances, count))
+        self._instances += count
+        turn = rotation.to_matrix(rotation.from_yaw(spec.yaw))[:2, :2]
+        for i, lot in enumerate(lay_out(rows, seed, build)):
+            with stage('growing objects', f'{spec.name}_{lot.name}, {i + 1} of {count}'):
+                if i in mine:
+                    place = np.asarray(spec.origin) + [*(turn @ lot.position), 0.0]
+                    self.add(lot.blueprint, place, spec.yaw + lot.yaw, f'{spec.name}_{lot.name}')

@@ -28,6 +28,7 @@ from procphys_ros.wallgrammar import WallGrammar
 
 _LANGUAGES: dict[str, type[LSystem] | type[WallGrammar]] = {
     '.lsys': LSystem, '.wall': WallGrammar}
+PLAN = '.plan'
 _PACKAGE = 'package://procphys_ros/'
 
 
@@ -48,8 +49,11 @@ def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
     :raises SceneError: when there is no such file, or its ending names no language.
     :raises GrammarError: when its text cannot be read.
     """
-    path = _locate(name, key, beside)
+    path = locate(name, key, beside)
     language = _LANGUAGES.get(path.suffix)
+    if path.suffix == PLAN:
+        raise SceneError(f'{key}: "{shorten(name)}" is a plan of many objects; it can only be '
+                         'the grammar of an object in scene.objects')
     if language is None:
         raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; '
                          f'grammars end in {" or ".join(_LANGUAGES)}')
@@ -71,7 +75,8 @@ def parse_grammar(text: str, key: str) -> Grammar:
     return (WallGrammar if is_wall else LSystem).parse(text, source=key)
 
 
-def _locate(name: str, key: str, beside: Path | None) -> Path:
+def locate(name: str, key: str, beside: Path | None) -> Path:
+    """Find a file of a grammar or a plan; see `load_grammar`."""
     if not name.strip() or not name.isprintable():
         raise SceneError(f'{key}: "{shorten(name)}" is not a file name')
     if name.startswith('package://'):
@@ -90,7 +95,7 @@ def _locate(name: str, key: str, beside: Path | None) -> Path:
         if reason:
             raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {reason}')
     known = sorted(p.name for p in (shared_folder() / 'grammars').glob('*')
-                   if p.suffix in _LANGUAGES)
+                   if p.suffix in (*_LANGUAGES, PLAN))
     raise SceneError(f'{key}: there is no grammar "{shorten(name)}"{nearest_names(name, known)} '
                      f'(shipped: {", ".join(known)}; or give a path)')
 

@@ -99,8 +99,8 @@ def _feet(model: Model, low: np.ndarray) -> np.ndarray:
     source = model.blueprint
     footing = np.array([kind == FOOTING for kind in source.kinds])[source.kind]
     height = np.where(footing, np.inf, low)
-    return np.concatenate([np.full(thing.count, height[thing.first:][:thing.count].min())
-                           for thing in model.objects])
+    feet = [height[thing.first:][:thing.count].min(initial=np.inf) for thing in model.objects]
+    return np.repeat(feet, [thing.count for thing in model.objects])
 
 
 def _fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:

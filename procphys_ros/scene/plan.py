@@ -1,0 +1,253 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Plans: streets with plots and rows of trees, each with its grammar, as `*.plan` files say."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from procphys_ros.errors import nearest_names, SceneError
+
+MOST = 2000  # houses, or trees, of one row
+_STREET = ('from', 'to', 'width')
+_PLOTS = ('street', 'side', 'count', 'grammars', 'defines', 'gap', 'setback', 'start')
+_TREES = ('street', 'side', 'grammars', 'defines', 'spacing', 'offset', 'start', 'end')
+_SIDES = ('left', 'right')
+
+
+@dataclass(frozen=True)
+class Street:
+    """
+    A straight street.
+
+    :ivar start: of its middle [m], (2,).
+    :ivar end: likewise.
+    :ivar width: from kerb to kerb [m].
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    width: float
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    @property
+    def heading(self) -> float:
+        """Direction from its start to its end [rad]."""
+        return math.atan2(*(self.end - self.start)[::-1])
+
+    def place(self, along: float, beyond: float, left: bool) -> np.ndarray:
+        """Give the place so far along the street and beyond its kerb [m], (2,)."""
+        way = np.array([math.cos(self.heading), math.sin(self.heading)])
+        side = np.array([-way[1], way[0]]) * (1.0 if left else -1.0)
+        return self.start + along * way + (0.5 * self.width + beyond) * side
+
+
+@dataclass(frozen=True)
+class Row:
+    """
+    Houses or trees along one side of a street.
+
+    :ivar is_plots: whether these are houses.
+    :ivar street: that they stand along.
+    :ivar left: side, as seen from its start.
+    :ivar grammars: files, of which each takes one.
+    :ivar defines: least, largest value and step of each define; step 0 = any value between.
+    :ivar count: of houses, or of trees.
+    :ivar gap: between houses, or from tree to tree [m].
+    :ivar beyond: of the fronts, or of the trees, from the kerb [m].
+    :ivar first: where the row starts along the street [m].
+    :ivar where: file and line, for messages.
+    """
+
+    is_plots: bool
+    street: Street
+    left: bool
+    grammars: tuple[str, ...]
+    defines: Mapping[str, tuple[float, float, float]]
+    count: int
+    gap: float
+    beyond: float
+    first: float
+    where: str
+
+    def choices(self, rng: np.random.Generator) -> Iterator[tuple[str, dict[str, float]]]:
+        """
+        Choose a grammar and defines for each in the row.
+
+        Grammars take turns in an order that is shuffled anew each time.
+        """
+        order: list[str] = []
+        for _ in range(self.count):
+            order = order or [str(name) for name in rng.permutation(self.grammars)]
+            values = {}
+            for name, (low, high, step) in self.defines.items():
+                value = rng.uniform(low, high)
+                values[name] = (low + step * round((value - low) / step) if step else value)
+            yield order.pop(), values
+
+
+def read_plan(path: Path) -> list[Row]:
+    """
+    Read a plan.
+
+    :raises SceneError: naming file, line, key and what is allowed.
+    """
+    try:
+        root = yaml.compose(path.read_text(encoding='utf-8'), yaml.SafeLoader)
+    except (OSError, UnicodeDecodeError) as problem:
+        raise SceneError(f'{path} cannot be read: {problem}') from None
+    except yaml.MarkedYAMLError as problem:
+        line = f':{problem.problem_mark.line + 1}' if problem.problem_mark else ''
+        raise SceneError(f'{path}{line}: not valid YAML: {problem.problem}') from None
+    top = _Keys(root, str(path), ('streets', 'plots', 'trees'))
+    streets = {name: _street(_Keys(node, str(path), _STREET))
+               for name, node in top.mapping('streets')}
+    rows = [_plots(_Keys(node, str(path), _PLOTS), streets) for node in top.items('plots')]
+    rows += [_trees(_Keys(node, str(path), _TREES), streets) for node in top.items('trees')]
+    if not rows:
+        raise SceneError(f'{path}: a plan needs rows under "plots" or "trees"')
+    return rows
+
+
+class _Keys:
+    """A mapping of a plan, whose values are asked for by key and checked."""
+
+    def __init__(self, node: Any, file: str, known: Sequence[str]):
+        self.where = f'{file}:{node.start_mark.line + 1}' if node is not None else file
+        self._file, self._nodes = file, {}
+        if not isinstance(node, yaml.MappingNode):
+            raise SceneError(f'{self.where}: keys with values are expected ({", ".join(known)})')
+        for key, value in node.value:
+            if key.value not in known:
+                raise SceneError(f'{file}:{key.start_mark.line + 1}: there is no key '
+                                 f'"{key.value}"{nearest_names(str(key.value), known)} (known: '
+                                 f'{", ".join(known)})')
+            self._nodes[key.value] = value
+
+    def error(self, key: str, text: str) -> SceneError:
+        node = self._nodes.get(key)
+        where = f'{self._file}:{node.start_mark.line + 1}' if node is not None else self.where
+        return SceneError(f'{where}: {key} {text}')
+
+    def value(self, key: str, default: Any = None) -> Any:
+        if key not in self._nodes:
+            if default is None:
+                raise SceneError(f'{self.where}: {key} is missing')
+            return default
+        loader = yaml.SafeLoader('')
+        try:
+            return loader.construct_document(self._nodes[key])
+        except yaml.YAMLError:
+            raise self.error(key, 'cannot be read') from None
+
+    def number(self, key: str, low: float, high: float, default: float | None = None) -> float:
+        value = self.value(key, default)
+        if (isinstance(value, bool) or not isinstance(value, int | float)
+                or not low <= value <= high):
+            raise self.error(key, f'is {value!r}, it must be a number from {low:g} to {high:g}')
+        return float(value)
+
+    def point(self, key: str) -> np.ndarray:
+        value = self.value(key)
+        if not _are_numbers(value, (2,)):
+            raise self.error(key, f'is {value!r}, it must be two numbers, [x, y]')
+        return np.array(value, float)
+
+    def choice(self, key: str, known: Sequence[str]) -> str:
+        value = self.value(key)
+        if value not in known:
+            raise self.error(key, f'is {value!r}{nearest_names(str(value), known)}, it must be '
+                             f'one of {", ".join(known)}')
+        return str(value)
+
+    def names(self, key: str) -> tuple[str, ...]:
+        value = self.value(key)
+        value = [value] if isinstance(value, str) else value
+        if not isinstance(value, list) or not value or not all(
+                isinstance(name, str) and name.endswith(('.wall', '.lsys')) for name in value):
+            raise self.error(key, f'is {value!r}, it must name files that end in .wall or .lsys')
+        return tuple(value)
+
+    def ranges(self, key: str) -> dict[str, tuple[float, float, float]]:
+        value = self.value(key, {})
+        if not isinstance(value, dict):
+            raise self.error(key, f'is {value!r}, it must be {{name: value, …}}')
+        found = {}
+        for name, given in value.items():
+            given = [given, given] if _are_numbers([given], (1,)) else given
+            if not _are_numbers(given, (2, 3)) or given[0] > given[1] or min(given[2:] or [0]) < 0:
+                raise self.error(key, f'has {name}: {given!r}, it must be a number, [least, '
+                                 'largest] or [least, largest, step]')
+            found[str(name)] = (float(given[0]), float(given[1]), float((given[2:] or [0])[0]))
+        return found
+
+    def mapping(self, key: str) -> list[tuple[str, Any]]:
+        node = self._nodes.get(key)
+        if not isinstance(node, yaml.MappingNode) or not node.value:
+            raise self.error(key, 'must name streets, as {high: {from: [0, 0], to: [90, 0]}}')
+        return [(str(name.value), value) for name, value in node.value]
+
+    def items(self, key: str) -> list[Any]:
+        node = self._nodes.get(key)
+        if node is None:
+            return []
+        if not isinstance(node, yaml.SequenceNode):
+            raise self.error(key, 'must be a list of rows, each in its "- {…}"')
+        return list(node.value)
+
+
+def _are_numbers(value: Any, counts: Sequence[int]) -> bool:
+    return isinstance(value, list) and len(value) in counts and all(
+        isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v)
+        for v in value)
+
+
+def _street(keys: _Keys) -> Street:
+    street = Street(keys.point('from'), keys.point('to'), keys.number('width', 0.0, 200.0, 8.0))
+    if not 1.0 <= street.length <= 1e5:
+        raise keys.error('to', f'makes the street {street.length:g} m long, it must be 1 to '
+                         '100000 m')
+    return street
+
+
+def _plots(keys: _Keys, streets: Mapping[str, Street]) -> Row:
+    street = streets[keys.choice('street', tuple(streets))]
+    return Row(True, street, keys.choice('side', _SIDES) == 'left', keys.names('grammars'),
+               keys.ranges('defines'), int(keys.number('count', 1, MOST)),
+               keys.number('gap', 0.0, 1000.0, 2.0), keys.number('setback', 0.0, 1000.0, 2.0),
+               keys.number('start', 0.0, street.length, 0.0), keys.where)
+
+
+def _trees(keys: _Keys, streets: Mapping[str, Street]) -> Row:
+    street = streets[keys.choice('street', tuple(streets))]
+    spacing = keys.number('spacing', 0.1, 1000.0, 8.0)
+    start = keys.number('start', 0.0, street.length, 0.0)
+    end = keys.number('end', start, street.length, street.length)
+    count = int((end - start) / spacing + 1e-9) + 1
+    if count > MOST:
+        raise keys.error('spacing', f'makes {count} trees, {MOST} are allowed in a row')
+    return Row(False, street, keys.choice('side', _SIDES) == 'left', keys.names('grammars'),
+               keys.ranges('defines'), count, spacing, keys.number('offset', -100.0, 1000.0, 1.0),
+               start, keys.where)
