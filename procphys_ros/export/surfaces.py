@@ -111,10 +111,8 @@ def _surface(owner: str, texture: str, built: Mesh, rows: np.ndarray,
 def ground(terrain: Terrain) -> Mesh:
     """Build the mesh of a terrain, lit smoothly; its texture repeats every metre."""
     points, triangles = terrain.mesh()
-    slope = np.stack(np.gradient(terrain.heights, terrain.edge), axis=-1).reshape(-1, 2)
-    normals = np.column_stack([-slope, np.ones(len(slope))])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Mesh(points, triangles, normals, points[:, :2].copy(), np.zeros(len(points), int))
+    return Mesh(points, triangles, terrain.vertex_normals(), points[:, :2].copy(),
+                np.zeros(len(points), int))
 
 
 def local_part(content: Content, part: int) -> Mesh:

@@ -99,6 +99,14 @@ class Terrain(NamedTuple):
                                 np.column_stack([first + across, first + across + 1, first + 1])])
         return points, faces
 
+    def vertex_normals(self, margin: float = 0.0) -> np.ndarray:
+        """Give upward unit normals at the points of `mesh`, for smooth shading, (P, 3)."""
+        slope = np.stack(np.gradient(self.heights, self.edge), axis=-1)
+        if margin > 0.0:
+            slope = np.pad(slope, ((1, 1), (1, 1), (0, 0)))
+        normals = np.concatenate([-slope, np.ones((*slope.shape[:2], 1))], axis=-1).reshape(-1, 3)
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
     def padded(self, margin: float) -> 'Terrain':
         """Go on with further cells beyond the edges, level with them, for at least so far [m]."""
         cells = int(np.ceil(margin / self.edge))

@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.palette import rgba
 from procphys_ros.physics.dust import Puffs
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render import texture
 from procphys_ros.render.backend import open_context
 from procphys_ros.render.camera import View
@@ -64,11 +65,13 @@ class Canvas:
     :param size: width and height [px].
     :param sun: where it stands.
     :param sky: how clear it is.
+    :param terrain: the surface of the ground.
     :ivar context: of OpenGL.
     :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
     """
 
-    def __init__(self, size: tuple[int, int], sun: SunSettings, sky: SkySettings):
+    def __init__(self, size: tuple[int, int], sun: SunSettings, sky: SkySettings,
+                 terrain: Terrain = FLAT):
         self.context = context = open_context()
         self._size = size
         self._daylight = Daylight.of(sun, sky)
@@ -92,7 +95,7 @@ class Canvas:
         programs = Programs(context)
         self._passes = {name: _screen_pass(context, programs, name)
                         for name in ('sky.frag', 'occlusion.frag', 'compose.frag')}
-        self._ground = _ground(context, programs)
+        self._ground = _ground(context, programs, terrain)
         self._dust = _DustPass(context, programs)
 
     def draw(self, drawing: Drawing, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
@@ -237,9 +240,21 @@ def _screen_pass(context: Any, programs: Programs, fragment: str) -> tuple[Any, 
     return target, context.vertex_array(target, [])
 
 
-def _ground(context: Any, programs: Programs) -> tuple[Any, Any]:
-    """Lay flat ground to the horizon, finer towards the middle."""
+def _ground(context: Any, programs: Programs, terrain: Terrain) -> tuple[Any, Any]:
+    """Lay the ground to the horizon."""
     target = programs.get('ground.vert', 'ground.frag')
+    points, faces = _plain() if terrain.is_flat else terrain.mesh(_RINGS[-1])
+    normals = (np.tile([0.0, 0.0, 1.0], (len(points), 1)) if terrain.is_flat
+               else terrain.vertex_normals(_RINGS[-1]))
+    vertices = np.column_stack([points, normals])
+    return target, context.vertex_array(
+        target, [(context.buffer(vertices.astype('f4').tobytes()), '3f 3f', 'in_corner',
+                  'in_normal')],
+        context.buffer(faces.astype('u4').tobytes()), index_element_size=4)
+
+
+def _plain() -> tuple[np.ndarray, np.ndarray]:
+    """Give points and triangles of flat ground, finer towards the middle."""
     turn = np.linspace(0.0, 2.0 * np.pi, _SPOKES + 1)
     points = np.zeros((len(_RINGS), _SPOKES + 1, 3))
     points[..., :2] = _RINGS[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
@@ -247,11 +262,7 @@ def _ground(context: Any, programs: Programs) -> tuple[Any, Any]:
     a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
                             np.stack([a, c, d], -1).reshape(-1, 3)])
-    vertices = np.column_stack([points.reshape(-1, 3), np.tile([0.0, 0.0, 1.0], (grid.size, 1))])
-    return target, context.vertex_array(
-        target, [(context.buffer(vertices.astype('f4').tobytes()), '3f 3f', 'in_corner',
-                  'in_normal')],
-        context.buffer(faces.astype('u4').tobytes()), index_element_size=4)
+    return points.reshape(-1, 3), faces
 
 
 def _load_noise(context: Any) -> Any:

@@ -87,7 +87,8 @@ def _picture(scene: Scene, camera: CameraSettings, options: argparse.Namespace) 
     if options.time == 0.0 and camera.motion != 'follow':
         moment = Moment(scene.blueprint, scene.blueprint.poses)
         motion = CameraMotion(camera, scene_points(moment), options.size)
-        renderer = Renderer(moment, options.size, scene.settings.sun, scene.settings.sky)
+        renderer = Renderer(moment, options.size, scene.settings.sun, scene.settings.sky,
+                            scene.settings.terrain)
         writer.add(renderer.draw(moment, motion.view(0.0)))
         renderer.close()
     else:

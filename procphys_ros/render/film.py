@@ -95,7 +95,8 @@ def shoot(scene: Scene, shot: Shot, writer: Writer,
         if renderer is None:
             settings = scene.settings
             motion = CameraMotion(shot.camera, scene_points(moment), shot.size, place)
-            renderer = Renderer(moment, shot.size, settings.sun, settings.sky)
+            renderer = Renderer(moment, shot.size, settings.sun, settings.sky,
+                                settings.terrain)
         writer.add(renderer.draw(moment, motion.view(time - shot.start, place)))
         tell(number + 1)
     if renderer is not None:

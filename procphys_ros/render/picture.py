@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.dust import Puffs
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render import camera as cameras
 from procphys_ros.render.camera import View
 from procphys_ros.render.canvas import Bounds, Canvas
@@ -44,12 +45,14 @@ class Renderer:
     :param size: width and height [px].
     :param sun: where it stands.
     :param sky: how clear it is.
+    :param terrain: the surface of the ground.
     :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
     """
 
     def __init__(self, first: Moment, size: tuple[int, int] = (1280, 720),
-                 sun: SunSettings | None = None, sky: SkySettings | None = None):
-        self._canvas = Canvas(size, sun or SunSettings(), sky or SkySettings())
+                 sun: SunSettings | None = None, sky: SkySettings | None = None,
+                 terrain: Terrain = FLAT):
+        self._canvas = Canvas(size, sun or SunSettings(), sky or SkySettings(), terrain)
         self._drawing = Drawing(self._canvas.context, first)
         self._bounds: Bounds | None = None
 
@@ -86,7 +89,8 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
          camera: Sequence[float] | None = None, size: tuple[int, int] = (1280, 720),
          exists: np.ndarray | None = None, leaf_poses: np.ndarray | None = None,
          dust: Puffs | None = None, cracked: np.ndarray | None = None,
-         sun: SunSettings | None = None, sky: SkySettings | None = None) -> None:
+         sun: SunSettings | None = None, sky: SkySettings | None = None,
+         terrain: Terrain = FLAT) -> None:
     """
     Draw a blueprint as a picture; needs no display.
 
@@ -101,6 +105,7 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     :param cracked: bonds that have cracked or broken, (K,), drawn dark; none when not given.
     :param sun: where it stands.
     :param sky: how clear it is.
+    :param terrain: the surface of the ground.
     :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
     """
     from PIL import Image
@@ -112,7 +117,7 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
         view = cameras.frame(scene_points(moment), size)
     else:
         view = View(np.asarray(camera[:3], float), np.asarray(camera[3:], float))
-    renderer = Renderer(moment, size, sun, sky)
+    renderer = Renderer(moment, size, sun, sky, terrain)
     pixels = renderer.draw(moment, view)
     renderer.close()
     Image.fromarray(pixels).save(path)

@@ -171,7 +171,7 @@ class Model:
 
     @property
     def terrain(self) -> Terrain:
-        """The surface of the ground."""
+        """Surface of the ground."""
         return self.settings.terrain
 
 

@@ -152,9 +152,8 @@ def _meet_ground(rows, both, poses, sizes, velocities, dt, terrain):
     for n in range(len(rows)):
         i = rows[n]
         over = poses[i, 2] - height_at(terrain, poses[i, 0], poses[i, 1])
-        reach = sizes[i, 2] + _AHEAD * dt * (
-            abs(velocities[i, 2]) + sizes[i, 2] * (abs(velocities[i, 3])
-                                                   + abs(velocities[i, 4])))
+        spin = abs(velocities[i, 3]) + abs(velocities[i, 4])
+        reach = sizes[i, 2] + _AHEAD * dt * (abs(velocities[i, 2]) + sizes[i, 2] * spin)
         if steep > 0.0:
             reach += steep * (sizes[i, 2] + _AHEAD * dt * math.hypot(velocities[i, 0],
                                                                     velocities[i, 1]))
