@@ -155,8 +155,8 @@ def _meet_ground(rows, both, poses, sizes, velocities, dt, terrain):
         spin = abs(velocities[i, 3]) + abs(velocities[i, 4])
         reach = sizes[i, 2] + _AHEAD * dt * (abs(velocities[i, 2]) + sizes[i, 2] * spin)
         if steep > 0.0:
-            reach += steep * (sizes[i, 2] + _AHEAD * dt * math.hypot(velocities[i, 0],
-                                                                    velocities[i, 1]))
+            slip = math.hypot(velocities[i, 0], velocities[i, 1])
+            reach += steep * (sizes[i, 2] + _AHEAD * dt * slip)
         if over > reach + _NEAR:
             continue
         half, radius = 0.5 * max(sizes[i, 2] - sizes[i, 0], 0.0), 0.5 * sizes[i, 0]
