@@ -143,7 +143,7 @@ def make_engine(name: str, gravity: np.ndarray, terrain: Terrain = FLAT) -> Engi
     return _class_of(name)(gravity, terrain)
 
 
-def _class_of(name: str) -> Callable[[np.ndarray], Engine]:
+def _class_of(name: str) -> Callable[[np.ndarray, Terrain], Engine]:
     """Import an engine when it is needed: each takes a while, and memory."""
     module = import_module(f'procphys_ros.physics.world.{name}')
     return getattr(module, f'{name.capitalize()}Engine')
