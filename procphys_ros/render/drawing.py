@@ -134,7 +134,8 @@ class Drawing:
         box = ~capsule
         box[solids.part - new[0]] = False
         corners = np.zeros((self._parts, 24 * bool(len(solids))))
-        corners[solids.part] = solids.corners
+        if len(solids):
+            corners[solids.part] = solids.corners
         kinds = ((Kind.BALL, ball), (Kind.BRANCH, capsule & ~ball), (Kind.BOX, box),
                  (Kind.HEXAHEDRON, ~capsule & ~box))
         for kind, chosen in kinds:
