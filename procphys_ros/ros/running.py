@@ -67,8 +67,8 @@ def _spin(kind: type[SimNode]) -> None:
     code = 0
     try:
         _serve(executor, node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
+    except (KeyboardInterrupt, ExternalShutdownException, SystemExit):
+        pass  # SIGTERM raises SystemExit; threads must end before the interpreter does
     except ProcPhysError as error:
         code = _complain(error)
     if not node.destroy_node():
