@@ -290,6 +290,17 @@ def test_command_draws_without_a_display(tmp_path):
     assert _pixels(path).shape == (120, 200, 3)
 
 
+def test_joints_between_voussoirs_let_no_sun_through(tmp_path):
+    """Keep the shadow of a bridge beside the rim of its arch as dark as elsewhere."""
+    path = tmp_path / 'bridge.png'
+    assert not main([str(_ROOT / 'grammars' / 'bridge.wall'), '--out', str(path), '--size',
+                     '900x500', '--view', '12', '6', '4'])
+    shadow = np.concatenate([_pixels(path)[rows, columns].mean(axis=2).ravel() for rows, columns in
+                             ((slice(355, 400), slice(642, 700)),
+                              (slice(400, 440), slice(600, 650)))])
+    assert shadow.max() < 1.4 * np.median(shadow)  # a slit of sun is 1.7 times as bright
+
+
 def test_command_simulates_before_it_draws(tmp_path, capsys):
     """Show a shrub of a scene file bent by a gale after half a second."""
     scene = tmp_path / 'gale.yaml'

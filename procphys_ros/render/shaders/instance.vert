@@ -60,6 +60,11 @@ vec3 corner_of(float number) {
     vec3 high = number < 5.5 ? (number < 4.5 ? in_c4 : in_c5) : (number < 6.5 ? in_c6 : in_c7);
     return number < 3.5 ? low : high;
 }
+
+// Unit vector from one corner to another; nothing where both are the same.
+vec3 way(vec3 from, vec3 to) {
+    return (to - from) / max(distance(from, to), 1e-6);
+}
 #endif
 
 void main() {
@@ -74,7 +79,9 @@ void main() {
     vec3 c = corner_of(in_face.z), d = corner_of(in_face.w);
     facing = normalize(cross(c - a, d - b) + vec3(0.0, 0.0, 1e-12));
     local = in_own < 1.5 ? (in_own < 0.5 ? a : b) : (in_own < 2.5 ? c : d);
-    local += 0.5 * swell * facing;
+    vec3 before = in_own < 1.5 ? (in_own < 0.5 ? d : a) : (in_own < 2.5 ? b : c);
+    vec3 after = in_own < 1.5 ? (in_own < 0.5 ? b : c) : (in_own < 2.5 ? d : a);
+    local += 0.5 * swell * (facing + way(before, local) + way(after, local));
     uv = across(local, facing) / BRICK_TILE + in_offset * vec2(1.0, 7.31);
 #elif defined(KIND_BRANCH)
     float radius = 0.5 * mix(in_size.x, in_size.y, in_ring.x);
