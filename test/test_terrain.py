@@ -20,6 +20,7 @@ from PIL import Image
 import pytest
 import trimesh
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND, Shape
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.export import export
@@ -209,6 +210,25 @@ def test_a_wall_stands_on_footings():
     simulation = Simulation(scene)
     simulation.step(5)
     assert not simulation.warnings and not len(simulation.events)
+
+
+def test_doors_stand_on_footings():
+    """Fill the air below a door as well as below the walls at its sides."""
+    scene = scene_on(terrain={'noise': 8.0, 'wavelength': 30.0, 'extent': 60.0, 'seed': 2},
+                     barn={'grammar': 'barn.wall', 'yaw': 0.4})
+    barn, terrain = scene.blueprint, scene.settings.terrain
+    up = np.abs(rotation.to_matrix(barn.poses[:, 3:])[:, 2])
+    low = barn.poses[:, 2] - 0.5 * (up * barn.size).sum(axis=1)
+    footings = np.flatnonzero(barn.kind == barn.kinds.index('footing'))
+    building = np.setdiff1d(np.arange(len(barn)), footings)
+    feet = building[low[building] < low[building].min() + 0.02]
+    open_below = feet[low[feet] - terrain.height(barn.poses[feet]) > 0.1]
+    assert len(open_below) > 40
+    for part in open_below:
+        back = rotation.conjugate(barn.poses[footings, 3:])
+        inside = rotation.rotate(back, barn.poses[part, :3] - barn.poses[footings, :3])
+        on = (np.abs(inside[:, :2]) <= 0.5 * barn.size[footings, :2] + 0.03).all(axis=1)
+        assert on.any(), barn.poses[part, :3]
 
 
 def test_branches_meet_the_slope():

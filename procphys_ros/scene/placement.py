@@ -122,8 +122,9 @@ def _heading(pose: np.ndarray) -> float:
 
 def _with_footings(terrain: Terrain, building: Blueprint, base: np.ndarray) -> Blueprint:
     """Fill the air below the parts of a building that stand on the ground, and bond them to it."""
-    poses, sizes = merge_boxes(building.poses[base], building.size[base], 0.0)
-    blocks = [block for pose, size in zip(poses, sizes)
+    walls = merge_boxes(building.poses[base], building.size[base], 0.0)
+    doors = _below_doors(building, base)
+    blocks = [block for poses, sizes in (walls, doors) for pose, size in zip(poses, sizes)
               for block in _blocks(terrain, pose, size)]
     if not blocks:
         return building
@@ -134,6 +135,35 @@ def _with_footings(terrain: Terrain, building: Blueprint, base: np.ndarray) -> B
     bonds[held[carrier >= 0], 0] = len(building) + carrier[carrier >= 0]
     joined = chain([building, _footings(places, extents)])
     return replace(joined, bonds=np.concatenate([bonds, joined.bonds[len(bonds):]]))
+
+
+def _below_doors(building: Blueprint, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give runs of what reaches down to the foot of the walls without bearing on the ground."""
+    foot = _lower_faces(building, base)
+    others = np.setdiff1d(building.bonds[building.bond_law == Law.MORTAR], np.append(base, GROUND))
+    others = others[_lower_faces(building, others) < foot.min() + _LEVEL]
+    if not len(others):
+        return np.zeros((0, 7)), np.zeros((0, 3))
+    # Boards stand on end; what is below them is as thick as the walls.
+    turn = rotation.to_matrix(building.poses[others, 3:])
+    size = building.size[others]
+    wall = float(np.median(np.sort(building.size[base], axis=1)[:, 1]))
+    up = np.abs(turn[:, 2]).argmax(axis=1)
+    along = np.where(np.arange(3) == up[:, None], 0.0, size).argmax(axis=1)
+    row = np.arange(len(others))
+    yaw = np.arctan2(turn[row, 1, along], turn[row, 0, along])
+    poses = building.poses[others].copy()
+    poses[:, 2] -= 0.5 * (size[row, up] - _LEVEL)
+    poses[:, 3:] = [rotation.from_yaw(angle) for angle in yaw]
+    sizes = np.column_stack([size[row, along], np.full(len(others), wall),
+                             np.full(len(others), _LEVEL)])
+    return merge_boxes(poses, sizes, 0.0)
+
+
+def _lower_faces(building: Blueprint, parts: np.ndarray) -> np.ndarray:
+    """Give the heights of the lowest points of boxes [m], (K,)."""
+    up = np.abs(rotation.to_matrix(building.poses[parts, 3:])[:, 2])
+    return building.poses[parts, 2] - 0.5 * (up * building.size[parts]).sum(axis=1)
 
 
 def _blocks(terrain: Terrain, pose: np.ndarray,
