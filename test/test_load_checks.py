@@ -80,3 +80,23 @@ def test_objects_below_the_ground_are_named():
     """Sink a wall by 20 cm."""
     line, = loaded(('sunk', wall(4, 4), (0, 0, -0.2)))
     assert 'sunk is below the ground' in line and '0.20 m' in line
+
+
+def test_what_joins_a_running_scene_is_checked_against_what_is_there():
+    """Name the wall that a new one stands in, and nothing that was told before or has gone."""
+    scene = Scene()
+    scene.add(wall(4, 4), (0, 0, 0), 0.0, 'one')
+    scene.add(wall(4, 4), (0, 0.05, 0), 0.0, 'two')
+    simulation = Simulation(scene)
+    before = simulation.warnings
+    assert len(before) == 1
+    simulation.remove('two')
+    simulation.add(wall(4, 4), (0, 3, 0), name='aside')
+    assert simulation.warnings == before
+    simulation.add(wall(4, 4), (0, 3.05, -0.2), name='late')
+    sunk, overlap = simulation.warnings[1:]
+    assert sunk.startswith('late is below the ground')
+    assert overlap.startswith('aside and late overlap')
+    simulation.add(wall(4, 4), (0, 0.05, 0), name='again')
+    assert simulation.warnings[-1].startswith('one and again overlap')
+    assert len(simulation.warnings) == 4

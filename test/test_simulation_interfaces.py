@@ -105,9 +105,9 @@ def build_and_join(wanted, join, answer):
         answer(False, str(error))
 
 
-def serve():
+def serve(**settings):
     """Make a server on two trees whose commands are carried out at once."""
-    scene = Scene()
+    scene = Scene.from_parameters(settings)
     tree = LSystem.parse(TREE).build()
     scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'oak_0')
     scene.add(tree, (9.0, 0.0, 0.0), 0.0, 'oak_1')
@@ -381,6 +381,24 @@ def test_entities_are_spawned_and_deleted(server):
     spawned = call(server, 'reset_simulation', scope=REQUEST.SCOPE_SPAWNED).result
     assert spawned.result == RESULT.RESULT_OK
     assert call(server, 'get_entities').entities == ['oak_0', 'oak_1']
+
+
+def test_poses_of_what_is_spawned_on_a_terrain_are_those_of_the_world():
+    """Put roots at the height of the pose, and on the ground when that is below it."""
+    server = serve(terrain={'noise': 8.0, 'wavelength': 30.0, 'extent': 60.0, 'seed': 2})
+    simulation = server.session.simulation
+    ground = simulation.model.terrain.height(np.array([[5.0, 6.0]]))[0]
+    assert ground > 1.0
+    for z, root in ((0.0, ground), (ground, ground), (ground + 2.0, ground + 2.0)):
+        pose = place(5.0, 6.0)
+        pose.pose.position.z = z
+        answer = call(server, 'spawn_entity', allow_renaming=True, initial_pose=pose,
+                      entity_resource=resource(text=TREE))
+        assert answer.result.result == RESULT.RESULT_OK
+        first = simulation.objects[-1].first
+        bond = np.flatnonzero(simulation.blueprint.bonds[:, 1] == first)[0]
+        assert simulation.blueprint.bond_frame[bond, 2] == pytest.approx(root)
+        call(server, 'delete_entity', entity=answer.entity_name)
 
 
 def test_reset_scopes_differ_in_what_was_spawned(server):

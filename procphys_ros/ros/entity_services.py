@@ -21,6 +21,8 @@ import math
 from typing import Any, Protocol, TypeVar
 from urllib.parse import parse_qsl, unquote
 
+import numpy as np
+
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, ProcPhysError, SceneError
 from procphys_ros.resources import shared_folder
@@ -176,7 +178,9 @@ class EntityServer:
 
     def _placed(self, stamped: Any) -> dict[str, Any]:
         """
-        Read where to put an object.
+        Read where to put an object; its height counts from the ground from here on.
+
+        A pose below the ground of a terrain, such as an empty one, means a place on the ground.
 
         :raises CommandError: when that is in another frame, or is not upright.
         """
@@ -188,7 +192,9 @@ class EntityServer:
         if math.hypot(qx, qy) > _UPRIGHT * length:
             raise CommandError('objects stand upright here: the initial pose may only turn about '
                                'the vertical')
-        return {'position': (x, y, z), 'yaw': 2.0 * math.atan2(qz, qw)}
+        ground = float(self._session.simulation.model.terrain.height(np.array([[x, y]]))[0])
+        above = z if ground == 0.0 else max(z - ground, 0.0)
+        return {'position': (x, y, above), 'yaw': 2.0 * math.atan2(qz, qw)}
 
 
 class _Refusal(Exception):

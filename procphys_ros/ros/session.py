@@ -157,6 +157,7 @@ class Session:
         """Let what has been built join the scene; when it cannot, the scene stays as it was."""
         self._refuse_after_failure()
         name = spawn.name or self.simulation.free_name(spawn.stem)
+        known = len(self.simulation.warnings)
         try:
             joined = self.simulation.add(blueprint, spawn.position, spawn.yaw, name)
         except CommandError:
@@ -165,7 +166,8 @@ class Session:
             self.fail(error)
             raise
         self.on_steps()
-        return f'{name} stands at {list(spawn.position)} m, {joined.count} parts'
+        return '; '.join([f'{name} stands at {list(spawn.position)} m, {joined.count} parts',
+                          *self.simulation.warnings[known:]])
 
     def remove(self, name: str) -> str:
         """Take an object out of the scene."""

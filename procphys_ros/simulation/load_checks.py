@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, Law, Shape
+from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.physics.masonry import Failures
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlap, overlaps, piece_bounds
@@ -38,9 +38,24 @@ def check_places(blueprint: Blueprint, objects: Sequence[SceneObject],
     """List what is wrong with where objects are: below the ground, or in each other."""
     if not len(blueprint) or not objects:
         return []
-    bounds = piece_bounds(blueprint.shape, blueprint.poses, blueprint.size,
-                          np.zeros((len(blueprint), 6)), 0.0, -0.5 * _OVERLAP)
-    return _sunk(blueprint, objects, terrain) + _overlapping(blueprint, objects, bounds)
+    present = np.ones(len(blueprint), bool)
+    pairs = _pairs(blueprint, objects, present)
+    return (_sunk(blueprint, objects, terrain)
+            + _overlapping(blueprint, objects, present, pairs))
+
+
+def check_added(blueprint: Blueprint, objects: Sequence[SceneObject], present: np.ndarray,
+                terrain: Terrain = FLAT) -> list[str]:
+    """
+    List what is wrong with where the last object is, which has just joined the others.
+
+    :param blueprint: of the whole scene, with poses as they are now.
+    :param present: parts that are not gone, (N,) bool.
+    """
+    added = len(objects) - 1
+    pairs = [pair for pair in _pairs(blueprint, objects, present) if added in pair]
+    return (_sunk(blueprint, objects[added:], terrain)
+            + _overlapping(blueprint, objects, present, pairs))
 
 
 def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
@@ -97,22 +112,44 @@ def _where(terrain: Terrain) -> str:
     return 'the ground is at z = 0' if terrain.is_flat else 'the ground is the terrain'
 
 
-def _overlapping(blueprint: Blueprint, objects: Sequence[SceneObject],
-                 bounds: np.ndarray) -> list[str]:
-    """Compare walls with walls and with trees; crowns may well grow into each other."""
+def _mortared(blueprint: Blueprint, objects: Sequence[SceneObject]) -> np.ndarray:
+    """Tell objects with walls from trees, (O,) bool."""
     held = np.zeros(len(blueprint), bool)
-    held[blueprint.bonds[blueprint.bond_law == Law.MORTAR].ravel()] = True
-    first = np.array([thing.first for thing in objects])
-    whole = np.hstack([np.minimum.reduceat(bounds[:, :3], first),
-                       np.maximum.reduceat(bounds[:, 3:], first)])
-    built = np.logical_or.reduceat(held, first)
-    walls = np.flatnonzero(built)
+    ends = blueprint.bonds[blueprint.bond_law == Law.MORTAR]
+    held[ends[ends != GROUND]] = True
+    return np.array([held[thing.first:thing.first + thing.count].any() for thing in objects])
+
+
+def _pairs(blueprint: Blueprint, objects: Sequence[SceneObject],
+           present: np.ndarray) -> list[tuple[int, int]]:
+    """Pair walls with walls and with trees that are near; crowns may well grow into each other."""
+    built = _mortared(blueprint, objects)
+    low, high = np.split(_bounds(blueprint), 2, axis=1)
+    low, high = (np.where(present[:, None], low, np.inf), np.where(present[:, None], high, -np.inf))
+    parts = [slice(thing.first, thing.first + thing.count) for thing in objects]
+    whole = np.array([[*low[own].min(axis=0, initial=np.inf),
+                       *high[own].max(axis=0, initial=-np.inf)] for own in parts])
+    there = np.flatnonzero(np.isfinite(whole).all(axis=1))
+    walls = there[built[there]]
+    found = overlaps(whole[walls], whole[there])
+    return [(mine, other) for mine, other in zip(walls[found[0]].tolist(), there[found[1]].tolist())
+            if mine != other and not (built[other] and other < mine)]
+
+
+def _bounds(blueprint: Blueprint) -> np.ndarray:
+    return piece_bounds(blueprint.shape, blueprint.poses, blueprint.size,
+                        np.zeros((len(blueprint), 6)), 0.0, -0.5 * _OVERLAP)
+
+
+def _overlapping(blueprint: Blueprint, objects: Sequence[SceneObject], present: np.ndarray,
+                 pairs: Sequence[tuple[int, int]]) -> list[str]:
+    """Say which pairs, a wall and another object each, reach into each other, and how deep."""
+    built, bounds = _mortared(blueprint, objects), _bounds(blueprint)
     lines = []
-    for w, other in zip(*overlaps(whole[walls], whole)):
-        mine = walls[w]
-        if other == mine or (built[other] and other < mine):
-            continue
-        depth, place = _deepest(blueprint, bounds, objects[mine], objects[other])
+    for mine, other in pairs:
+        depth, place = _deepest(blueprint, bounds, *(
+            thing.first + np.flatnonzero(present[thing.first:thing.first + thing.count])
+            for thing in (objects[mine], objects[other])))
         if depth > (_OVERLAP if built[other] else _TWIGS):
             x, y, z = place
             lines.append(f'{objects[mine].name} and {objects[other].name} overlap by up to '
@@ -121,11 +158,9 @@ def _overlapping(blueprint: Blueprint, objects: Sequence[SceneObject],
     return lines[:_MOST] + ([f'{more} more pairs of objects overlap'] if more > 0 else [])
 
 
-def _deepest(blueprint: Blueprint, bounds: np.ndarray, one: SceneObject,
-             other: SceneObject) -> tuple[float, np.ndarray]:
-    """Give how deep two objects reach into each other, and where [m]."""
-    mine = np.arange(one.first, one.first + one.count)
-    theirs = np.arange(other.first, other.first + other.count)
+def _deepest(blueprint: Blueprint, bounds: np.ndarray, mine: np.ndarray,
+             theirs: np.ndarray) -> tuple[float, np.ndarray]:
+    """Give how deep some parts reach into others, and where [m]."""
     a, b = overlaps(bounds[mine], bounds[theirs])
     worst, place = 0.0, np.zeros(3)
     for part in np.unique(b):

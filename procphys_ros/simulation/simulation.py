@@ -63,7 +63,8 @@ class Simulation:
     :ivar state: everything that changes.
     :ivar stages: of each step, in order; see `Stage` to add one.
     :ivar warnings: what a user should know of the scene: objects that crack under their weight,
-        overlap, or are below the ground, a line each; they are logged, too.
+        overlap, or are below the ground, a line each, also of those that joined later; they are
+        logged, too.
     :ivar timings: wall time of each stage of the last call of `step` [s].
     """
 
@@ -88,10 +89,13 @@ class Simulation:
         self._flutter: Flutter | None = None
         self._scene_model = self.model  # without what is added while it runs
         self.state, cracked = at_rest(self.model)
-        self.warnings = (*load_checks.check_places(
-            scene.blueprint, scene.objects, scene.settings.terrain),
-                         *cracked)
-        for line in self.warnings:
+        self.warnings: tuple[str, ...] = ()
+        self._warn([*load_checks.check_places(
+            scene.blueprint, scene.objects, scene.settings.terrain), *cracked])
+
+    def _warn(self, lines: Sequence[str]) -> None:
+        self.warnings = (*self.warnings, *lines)
+        for line in lines:
             _LOG.warning(line)
 
     @property
@@ -292,7 +296,7 @@ class Simulation:
         Place an object into the running scene, at rest; it stays until `remove` or `revert`.
 
         :param blueprint: what to place; it is not changed.
-        :param position: where its origin goes [m], (3,), world.
+        :param position: where its origin goes [m], (3,), world; z counts from the ground.
         :param yaw: turn about the vertical [rad].
         :param name: that no object has or had; `object_<n>` when left out.
         :returns: its name and parts, which are behind all others.
@@ -301,6 +305,9 @@ class Simulation:
         name = name or self.free_name('object')
         self.model = additions.add(self.model, self.state, blueprint, position, yaw, name)
         self._flutter = None
+        self._warn(load_checks.check_added(
+            replace(self.blueprint, poses=self.poses), self.state.objects,
+            self.exists, self.model.terrain))
         return self.state.objects[-1]
 
     def remove(self, name: str) -> None:
