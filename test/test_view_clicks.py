@@ -17,13 +17,16 @@
 
 from dataclasses import replace
 
+from masonry_walls import wall
 import numpy as np
 import pytest
 from view_scene import DOWN, frame_of, NORTH, simulation_at_rest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.commands import Impulse
 from procphys_ros.view.clicks import command_of, describe, Strength
 from procphys_ros.view.picking import GROUND, pick
@@ -71,6 +74,27 @@ def test_a_ray_down_meets_the_ground_where_nothing_is(frame):
     np.testing.assert_allclose(hit.point, [-28.0, 7.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(hit.distance, np.sqrt(8.0))
     assert pick(frame, np.array([-30.0, 7.0, 2.0]), -DOWN) is None
+
+
+def test_clicks_on_a_hillside_meet_its_surface():
+    """Set a charge off on the slope, and start a ball above it."""
+    scene = Scene.from_parameters({'terrain': {'noise': 8.0, 'wavelength': 30.0, 'extent': 60.0}})
+    scene.add(wall(4, 10), (5.0, 0.0, 0.0), name='wall')
+    simulation = Simulation(scene)
+    frame = frame_of(simulation)
+    terrain = simulation.model.terrain
+    hit = pick(frame, np.array([-8.0, 3.0, 30.0]), DOWN)
+    height = terrain.height(np.array([[-8.0, 3.0]]))[0]
+    assert hit.part == GROUND and hit.point[2] == pytest.approx(height) and height > 0.5
+    charge = command_of(hit, frame.content, DOWN, Strength())
+    np.testing.assert_allclose(charge.position, [-8.0, 3.0, height])
+    simulation.apply(charge)
+    brick = middle_of_wall(frame)
+    up = np.array([0.0, 0.6, 0.8])
+    hit = pick(frame, frame.poses[brick, :3] - 2.0 * up, up)
+    ball = command_of(hit, frame.content, up, Strength())
+    over = ball.position[2] - terrain.height(np.array([ball.position]))[0]
+    assert over >= 0.5 * Strength().ball_size
 
 
 def test_a_leaf_counts_as_the_branch_that_carries_it(frame):

@@ -39,5 +39,5 @@ def simulation_at_rest() -> Simulation:
 
 def frame_of(simulation: Simulation) -> Frame:
     """Take a frame."""
-    content = Content.of(simulation.blueprint, simulation.names.name, 0)
+    content = Content.of(simulation.blueprint, simulation.names.name, 0, simulation.model.terrain)
     return Frame(content, simulation.poses.copy(), simulation.leaf_poses().copy())

@@ -125,14 +125,15 @@ def _pairs(blueprint: Blueprint, objects: Sequence[SceneObject],
     """Pair walls with walls and with trees that are near; crowns may well grow into each other."""
     built = _mortared(blueprint, objects)
     low, high = np.split(_bounds(blueprint), 2, axis=1)
-    low, high = (np.where(present[:, None], low, np.inf), np.where(present[:, None], high, -np.inf))
+    low = np.where(present[:, None], low, np.inf)
+    high = np.where(present[:, None], high, -np.inf)
     parts = [slice(thing.first, thing.first + thing.count) for thing in objects]
     whole = np.array([[*low[own].min(axis=0, initial=np.inf),
                        *high[own].max(axis=0, initial=-np.inf)] for own in parts])
     there = np.flatnonzero(np.isfinite(whole).all(axis=1))
     walls = there[built[there]]
-    found = overlaps(whole[walls], whole[there])
-    return [(mine, other) for mine, other in zip(walls[found[0]].tolist(), there[found[1]].tolist())
+    mine, other = overlaps(whole[walls], whole[there])
+    return [(mine, other) for mine, other in zip(walls[mine].tolist(), there[other].tolist())
             if mine != other and not (built[other] and other < mine)]
 
 

@@ -59,17 +59,21 @@ def command_of(hit: Hit, content: Content, direction: np.ndarray, strength: Stre
     :param strength: how strong.
     """
     if hit.part == GROUND:
-        return Explosion([float(v) for v in hit.point[:2]] + [0.0], strength.charge)
+        return Explosion([*hit.point[:2].tolist(), _ground(content, hit.point)], strength.charge)
     if content.shape[hit.part] == Shape.CAPSULE:  # branches, and balls that lie around
         pull = -direction * strength.pull * content.mass[hit.part]
         return Impulse(hit.part, pull.tolist())
-    return _ball(hit, direction, strength)
+    return _ball(hit, content, direction, strength)
 
 
-def _ball(hit: Hit, direction: np.ndarray, strength: Strength) -> Projectile:
+def _ground(content: Content, point: np.ndarray) -> float:
+    return float(content.terrain.height(point[None])[0])
+
+
+def _ball(hit: Hit, content: Content, direction: np.ndarray, strength: Strength) -> Projectile:
     """Throw a ball along the line of sight, so that it hits what was clicked."""
     start = hit.point - direction * min(_RUN_UP, hit.distance)
-    start[2] = max(start[2], 0.5 * strength.ball_size + _CLEARANCE)
+    start[2] = max(start[2], _ground(content, start) + 0.5 * strength.ball_size + _CLEARANCE)
     aim = hit.point - start
     aim /= max(float(np.linalg.norm(aim)), 1e-9)
     return Projectile('sphere', strength.ball_size, strength.ball_mass, start.tolist(),

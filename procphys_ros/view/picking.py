@@ -61,12 +61,17 @@ def pick(frame: Frame, origin: np.ndarray, direction: np.ndarray) -> Hit | None:
     if len(leaves):
         nearest = int(np.argmin(leaves))
         candidates.append((leaves[nearest], int(frame.content.leaves.part[nearest])))
-    if direction[2] < 0.0 < origin[2]:
-        candidates.append((-origin[2] / direction[2], GROUND))
+    candidates.append((_distance_to_ground(frame, origin, direction), GROUND))
     distance, part = min(candidates, default=(np.inf, GROUND))
     if not np.isfinite(distance):
         return None
     return Hit(part, origin + distance * direction, float(distance))
+
+
+def _distance_to_ground(frame: Frame, origin: np.ndarray, direction: np.ndarray) -> float:
+    if not frame.content.terrain.is_flat:
+        return frame.content.terrain.range(origin, direction)
+    return float(-origin[2] / direction[2]) if direction[2] < 0.0 < origin[2] else np.inf
 
 
 def _distance_to_boxes(poses: np.ndarray, size: np.ndarray, origin: np.ndarray,

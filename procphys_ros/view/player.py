@@ -196,7 +196,8 @@ class Player:
         return ''
 
     def _describe(self) -> Content:
-        return Content.of(self.simulation.blueprint, self.simulation.names.name, self._scene)
+        return Content.of(self.simulation.blueprint, self.simulation.names.name, self._scene,
+                          self.simulation.model.terrain)
 
     def _take_frame(self) -> Frame:
         simulation = self.simulation

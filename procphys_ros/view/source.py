@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves, Shape
 from procphys_ros.physics.dust import Puffs
+from procphys_ros.physics.terrain import FLAT, Terrain
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class Content:
     :ivar textures: names.
     :ivar leaves: leaves on the parts.
     :ivar hexahedra: corners of boxes that are no rectangular ones.
+    :ivar terrain: the surface of the ground.
     """
 
     scene: int
@@ -54,18 +56,21 @@ class Content:
     textures: Sequence[str]
     leaves: Leaves
     hexahedra: Hexahedra = field(default_factory=Hexahedra)
+    terrain: Terrain = FLAT
 
     def __len__(self) -> int:
         return len(self.shape)
 
     @classmethod
-    def of(cls, blueprint: Blueprint, name: Callable[[int], str], scene: int) -> 'Content':
+    def of(cls, blueprint: Blueprint, name: Callable[[int], str], scene: int,
+           terrain: Terrain = FLAT) -> 'Content':
         """
         Describe a blueprint.
 
         :param blueprint: parts and leaves.
         :param name: gives the name of a part by its index.
         :param scene: number of the scene.
+        :param terrain: the surface of the ground.
         """
         launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
                                             if kind == 'projectile'])
@@ -74,7 +79,7 @@ class Content:
                    np.where(ball[:, None], blueprint.size, blueprint.visual_size),
                    blueprint.mass, ball, blueprint.texture,
                    lambda part: blueprint.materials[blueprint.material[part]],
-                   blueprint.textures, blueprint.leaves, blueprint.hexahedra)
+                   blueprint.textures, blueprint.leaves, blueprint.hexahedra, terrain)
 
 
 @dataclass(frozen=True)

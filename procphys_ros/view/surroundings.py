@@ -58,13 +58,17 @@ def arrange(server: Any, frame: Frame, unit: float) -> None:
     ground, line = (_bytes(tone * np.array(rgba('ground')[:3])) for tone in (1.0, 0.85))
     place = float(middle[0]) * unit, float(middle[1]) * unit
     # A mesh, because a grid is drawn with what is translucent, and would be hidden by dust.
-    corners = 0.5 * span * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
-    server.scene.add_mesh_simple('/ground', corners, np.array([[0, 1, 2], [0, 2, 3]]),
-                                 color=ground, position=(*place, 0.0), cast_shadow=False)
+    if frame.content.terrain.is_flat:
+        corners = 0.5 * span * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+        corners, faces = corners + [*place, 0.0], np.array([[0, 1, 2], [0, 2, 3]])
+    else:
+        corners, faces = frame.content.terrain.mesh(0.5 * span / unit)
+        corners = unit * corners
+    server.scene.add_mesh_simple('/ground', corners, faces, color=ground, cast_shadow=False)
     server.scene.add_grid(
         '/grid', span, span, position=(*place, _LIFT * unit), cell_size=unit,
         section_size=10.0 * unit, cell_color=line, section_color=line, shadow_opacity=0.0,
-        fade_distance=span)
+        fade_distance=span, visible=frame.content.terrain.is_flat)
     server.scene.configure_fog(0.5 * _HAZE * span, 0.5 * span, color=_bytes(light.SKY_LOW))
     eye, target = _view(frame)
     for view in (server.initial_camera, *(c.camera for c in server.get_clients().values())):
