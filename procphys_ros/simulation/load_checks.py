@@ -16,6 +16,8 @@
 """Load checks: what a user should be told of a scene before it starts."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+import logging
 
 import numpy as np
 
@@ -26,7 +28,10 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlap, overlaps, piece_bounds
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.placement import FOOTING
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State
 
+_LOG = logging.getLogger(__name__)
 _SUNK = 0.01     # [m] below the ground from which on an object is called sunk
 _OVERLAP = 0.01  # [m] depth from which on objects overlap: twice what roofs have by their tiles
 _TWIGS = 0.2     # [m] the same for trees and walls: thinner twigs give way
@@ -44,18 +49,21 @@ def check_places(blueprint: Blueprint, objects: Sequence[SceneObject],
             + _overlapping(blueprint, objects, present, pairs))
 
 
-def check_added(blueprint: Blueprint, objects: Sequence[SceneObject], present: np.ndarray,
-                terrain: Terrain = FLAT) -> list[str]:
-    """
-    List what is wrong with where the last object is, which has just joined the others.
-
-    :param blueprint: of the whole scene, with poses as they are now.
-    :param present: parts that are not gone, (N,) bool.
-    """
+def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
+    """List what is wrong with where the last object is, which has just joined a running scene."""
+    blueprint = replace(state.blueprint, poses=state.shown_poses())
+    objects, present = state.objects, state.parts.owner != Owner.GONE
     added = len(objects) - 1
     pairs = [pair for pair in _pairs(blueprint, objects, present) if added in pair]
     return (_sunk(blueprint, objects[added:], terrain)
             + _overlapping(blueprint, objects, present, pairs))
+
+
+def log(lines: Sequence[str]) -> tuple[str, ...]:
+    """Log warnings, a line each, and give them back."""
+    for line in lines:
+        _LOG.warning(line)
+    return tuple(lines)
 
 
 def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],

@@ -18,7 +18,6 @@
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-import logging
 from time import perf_counter
 from typing import Any, Self
 
@@ -48,8 +47,6 @@ from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.stages import STAGES
-
-_LOG = logging.getLogger(__name__)
 
 
 class Simulation:
@@ -89,14 +86,8 @@ class Simulation:
         self._flutter: Flutter | None = None
         self._scene_model = self.model  # without what is added while it runs
         self.state, cracked = at_rest(self.model)
-        self.warnings: tuple[str, ...] = ()
-        self._warn([*load_checks.check_places(
+        self.warnings = load_checks.log([*load_checks.check_places(
             scene.blueprint, scene.objects, scene.settings.terrain), *cracked])
-
-    def _warn(self, lines: Sequence[str]) -> None:
-        self.warnings = (*self.warnings, *lines)
-        for line in lines:
-            _LOG.warning(line)
 
     @property
     def time_step(self) -> float:
@@ -305,9 +296,7 @@ class Simulation:
         name = name or self.free_name('object')
         self.model = additions.add(self.model, self.state, blueprint, position, yaw, name)
         self._flutter = None
-        self._warn(load_checks.check_added(
-            replace(self.blueprint, poses=self.poses), self.state.objects,
-            self.exists, self.model.terrain))
+        self.warnings += load_checks.log(load_checks.check_added(self.state, self.model.terrain))
         return self.state.objects[-1]
 
     def remove(self, name: str) -> None:
