@@ -34,10 +34,10 @@ types: $(VENV)/.installed-test
 	$(BIN)/mypy procphys_ros
 
 # Kernels first, on all cores: else every node that a test starts would begin to compile them.
-# Then two files at a time, each with a ROS domain of its own.
+# Then two files at a time, each with a ROS domain of its own; the longest come first.
 pytest: $(VENV)/.installed-test
 	$(BIN)/python -m procphys_ros.warm
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 bench: $(VENV)/.installed-test
 	for file in bench/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
@@ -55,7 +55,7 @@ $(VENV)/.installed-run: $(SOURCES) | $(BIN)/python
 
 $(VENV)/.installed-test: $(SOURCES) | $(BIN)/python
 	rm -rf build
-	$(BIN)/pip install --quiet '.[wheels,render,test]'
+	$(BIN)/pip install --quiet --no-compile '.[wheels,render,test]'
 	./.ci/browser
 	@touch $@ $(VENV)/.installed-run
 

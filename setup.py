@@ -67,7 +67,7 @@ setup(
                  'types-PyYAML',
                  # the wheels of ament's linters do not name what they need
                  'ros-ament-flake8', 'flake8', 'flake8-builtins', 'flake8-comprehensions',
-                 'flake8-docstrings', 'flake8-import-order', 'flake8-quotes',
+                 'flake8-import-order', 'flake8-quotes',
                  'ros-ament-pep257', 'pydocstyle',
                  # readers of what is exported and recorded, none of them ours
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',

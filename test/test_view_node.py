@@ -18,7 +18,7 @@
 import json
 import signal
 
-from node_process import NodeProcess, PATIENCE, SAPLING, wait_until
+from node_process import NodeProcess, SAPLING, wait_until
 import numpy as np
 import pytest
 import rclpy
@@ -55,7 +55,7 @@ def folder(tmp_path_factory):
 def followed():
     """Follow a node that does not run yet."""
     rclpy.init()
-    made = FollowedNode('sim', PATIENCE)
+    made = FollowedNode('sim', patience=20.0)
     made.start()
     yield made
     made.close()
