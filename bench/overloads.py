@@ -53,7 +53,7 @@ _CULLED: dict[str, Any] = {
     'scene': {'objects': ['sapling']}, 'wind': {'velocity': [20.0, 0.0, 0.0], 'shelter': True},
     'culling': {'distance': 60.0, 'sleeping': True, 'far_distance': 10.0, 'far_interval': 2},
     'sapling': {'count': 9, 'spacing': 0.6, 'grammar_text': """
-axiom: Width(0.05) Density(700) Modulus(8e9) DampingRatio(0.05) Preload(0.5) F(1) A B F(1)
+axiom: Width(0.05) Density(700) Modulus(8e9) DampingRatio(0.05) Preload(0.5) F(1) A B F(1) Leaf(1)
 derivation length: 2
 production:
 A < B -> F(0.5)
