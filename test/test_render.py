@@ -328,6 +328,9 @@ def test_command_simulates_before_it_draws(tmp_path, capsys):
     (['nosuch.yaml'], 'nosuch.yaml'),
     (['oak.txt'], 'neither a scene'),
     (['oak.lsys', '--define', 'hight=9'], 'did you mean height?'),
+    (['config/demo.yaml', '--define', 'height=9'], '--define: is for a grammar'),
+    (['config/demo.yaml', '--seed', '2'], '--seed: is for a grammar'),
+    (['shrub.lsys', '--from', '1'], '--from: '), (['shrub.lsys', '--to', '1'], 'one picture'),
 ])
 def test_command_refuses_bad_input_in_one_line(words, said, tmp_path, capsys):
     """Return 1 and say what is wrong, without a traceback or a picture."""
@@ -358,6 +361,16 @@ def test_command_checks_the_picture_first(name, said, tmp_path, capsys):
     """Refuse a picture that cannot be written before doing any work."""
     assert main(['oak.lsys', '--out', str(tmp_path / name)]) == 1
     assert said in capsys.readouterr().err
+
+
+def test_command_interrupted_while_it_loads_says_so(monkeypatch, tmp_path, capsys):
+    """End with the code of SIGINT and one line when Ctrl-C comes before the first picture."""
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(LSystem, 'build', interrupted)
+    assert main(['shrub.lsys', '--out', str(tmp_path / 'out.png')]) == 130
+    assert capsys.readouterr().err == 'render: interrupted\n'
 
 
 def test_missing_moderngl_says_how_to_install_it(bush, monkeypatch, tmp_path, capsys):

@@ -66,16 +66,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ProcPhysError, RenderUnavailableError, OSError) as error:
         print(f'render: {error}', file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        print('render: interrupted', file=sys.stderr)
+        return _INTERRUPTED
 
 
 def _draw(scene: Scene, options: argparse.Namespace) -> int:
     """Draw a picture, or a film; give the exit code."""
     camera = _camera_settings(scene, options)
     if options.out.suffix.lower() in FILMS or is_series(options.out):
+        if options.time:
+            raise SceneError('--time: a film lasts from --from to --to')
         return _film(scene, camera, options)
-    if options.end is not None:
-        raise SceneError(f'--to: "{options.out}" is one picture; a series is called '
-                         'frames/%04d.png')
+    for name, value in (('--from', options.start), ('--to', options.end)):
+        if value:
+            raise SceneError(f'{name}: "{options.out}" is one picture, at --time; a series is '
+                             'called frames/%04d.png')
     _picture(scene, camera, options)
     return 0
 
@@ -185,7 +191,7 @@ def _parser() -> _Parser:
     parser.add_argument('--view', type=_coordinate, nargs=3, metavar=('X', 'Y', 'Z'),
                         help='where the camera stands at first [m]; where it sees the whole '
                         'scene when not given')
-    parser.add_argument('--seed', type=int, default=0, help='of a grammar')
+    parser.add_argument('--seed', type=int, help='of a grammar, 0 when not given')
     parser.add_argument('--define', type=_define, action='append', default=[],
                         metavar='name=value', help='of a grammar, may be repeated')
     return parser
@@ -195,14 +201,17 @@ def _scene(options: argparse.Namespace) -> Scene:
     """Read the scene, or put one instance of a grammar on empty ground."""
     suffix = Path(options.scene).suffix
     if suffix in _SCENES:
+        if options.seed is not None or options.define:
+            name = '--define' if options.define else '--seed'
+            raise SceneError(f'{name}: is for a grammar; "{options.scene}" holds its own values')
         return Scene.from_yaml(options.scene)
     if suffix not in _GRAMMARS:
         raise SceneError(f'"{options.scene}" is neither a scene ({", ".join(_SCENES)}) nor a '
                          f'grammar ({", ".join(_GRAMMARS)})')
     grammar = load_grammar(options.scene, 'scene')
     scene = Scene()
-    scene.add(grammar.build(seed=options.seed, **dict(options.define)), (0.0, 0.0, 0.0), 0.0,
-              name=Path(options.scene).stem)
+    built = grammar.build(seed=options.seed or 0, **dict(options.define))
+    scene.add(built, (0.0, 0.0, 0.0), 0.0, name=Path(options.scene).stem)
     return scene
 
 
