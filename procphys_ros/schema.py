@@ -119,7 +119,7 @@ def _is_sequence(value: Any) -> bool:
 
 def short(value: Any) -> str:
     """Show a value in a message, not all of it when it is long."""
-    text = repr(value)
+    text = repr(list(value) if _is_sequence(value) else value)
     return text if len(text) <= 60 else f'{text[:57]}...'
 
 

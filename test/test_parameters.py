@@ -15,6 +15,7 @@
 
 """The parameter table: what it accepts and refuses, and that it agrees with scenes and docs."""
 
+from array import array
 from dataclasses import fields
 import math
 from pathlib import Path
@@ -48,7 +49,7 @@ from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.schema import parameters
+from procphys_ros.schema import parameters, short
 
 TABLE = {p.name: p for p in GLOBAL}
 DEFAULTS = {p.name: p.default for p in GLOBAL}
@@ -205,3 +206,8 @@ def test_docs_show_the_table():
     """Keep the tables of the docs as the table of parameters has them."""
     assert markdown(GLOBAL) in DOCS
     assert markdown(OBJECT, '<name>.') in DOCS
+
+
+def test_lists_are_shown_as_they_are_written():
+    """Say [1.0] where ROS gives an array."""
+    assert short(array('d', [1.0])) == short((1.0,)) == '[1.0]'

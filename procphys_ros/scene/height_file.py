@@ -51,7 +51,8 @@ def read_heights(name: str, beside: Path | None,
                          'end in .png, .npz or .asc (ESRI ASCII grid)')
     try:
         heights, cell = reader(path)
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as problem:
+    except (OSError, EOFError, ValueError, TypeError, KeyError, SyntaxError,
+            zipfile.BadZipFile) as problem:  # numpy and Pillow raise all of them on broken files
         raise SceneError(f'{_KEY}: {path} cannot be read: {problem}') from None
     if heights.ndim != 2 or min(heights.shape) < 2 or heights.size > MOST_CORNERS:
         raise SceneError(f'{_KEY}: {path} has a grid of {heights.shape}, it must have two '
@@ -87,7 +88,14 @@ def _png(path: Path) -> tuple[np.ndarray, float]:
     except ImportError:
         raise SceneError(f'{_KEY}: {path} is a PNG, which needs Pillow: '
                          'pip install pillow') from None
-    with Image.open(path) as picture:
+    try:
+        opened = Image.open(path)
+    except Image.DecompressionBombError as problem:
+        raise ValueError(str(problem)) from None
+    with opened as picture:
+        if picture.width * picture.height > MOST_CORNERS:  # before it is unpacked
+            raise ValueError(f'it has {picture.width} x {picture.height} pixels, at most '
+                             f'{MOST_CORNERS} are allowed')
         if picture.mode not in ('1', 'L', 'I', 'I;16', 'I;16B'):
             raise ValueError(f'it is a picture of mode {picture.mode}; heights are grey, with 8 '
                              'or 16 bits')
@@ -117,14 +125,22 @@ def _ascii(path: Path) -> tuple[np.ndarray, float]:
         if words[0].lower() not in _HEADER or len(words) != 2:
             raise ValueError(f'line {number} is "{shorten(line)}"; a header has '
                              f'{", ".join(_HEADER)}, each with a number')
-        header[words[0].lower()] = float(words[1])
+        header[words[0].lower()] = _number(words[1], number)
     for key in ('ncols', 'nrows', 'cellsize'):
-        if not header.get(key, 0.0) > 0.0:
+        if not 0.0 < header.get(key, 0.0) < np.inf:
             raise ValueError(f'its header has no {key} above 0')
-    values = np.array(' '.join(lines[len(header):]).split(), float)
+    values = np.array([_number(word, number) for number, line in enumerate(lines, 1)
+                       if number > len(header) for word in line.split()])
     columns, rows = int(header['ncols']), int(header['nrows'])
     if len(values) != columns * rows:
         raise ValueError(f'it has {len(values)} heights, {columns} columns and {rows} rows need '
                          f'{columns * rows}')
     values[values == header.get('nodata_value', -9999.0)] = np.nan
     return values.reshape(rows, columns), header['cellsize']
+
+
+def _number(word: str, line: int) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        raise ValueError(f'line {line} has "{shorten(word)}", which is no number') from None
