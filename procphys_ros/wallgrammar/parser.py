@@ -258,7 +258,7 @@ class _Reader:
                            for shape, count in arches.SHAPES.items())
         if not 2 <= len(arguments) <= 3:
             raise place.error(f'an arch is arch(shape, rings) or arch(shape, rings, material), '
-                              f'found {len(arguments)} values (shapes: {shapes})')
+                              f'found {len(arguments)} of them (shapes: {shapes})')
         shape, rings, *materials = arguments
         if shape.data not in ('variable', 'call') or str(
                 shape.children[0]) not in arches.SHAPES:
@@ -269,8 +269,9 @@ class _Reader:
         form, *numbers = (c for c in shape.children if c is not None)
         wanted = arches.SHAPES[str(form)]
         if len(numbers) != wanted:
-            raise self.place(shape).error(f'"{form}" takes {wanted} numbers, found '
-                                          f'{len(numbers)} (shapes: {shapes})')
+            raise self.place(shape).error(
+                f'"{form}" takes {"one number, its rise" if wanted else "no number"}, found '
+                f'{len(numbers)} (shapes: {shapes})')
         for material in materials:
             if material.data != 'variable':
                 raise self.place(material).error('expected the name of a material')
