@@ -15,7 +15,6 @@
 
 """Files of heights: PNG pictures, NPZ archives and ESRI ASCII grids."""
 
-import os
 from pathlib import Path
 import zipfile
 
@@ -23,11 +22,10 @@ import numpy as np
 
 from procphys_ros.errors import SceneError
 from procphys_ros.language import shorten
-from procphys_ros.resources import shared_folder
+from procphys_ros.scene.data_file import find_data_file
 
 MOST_CORNERS = 1_050_625  # 1025 x 1025, what PyBullet takes with room to spare
 _KEY = 'terrain.file'
-_PACKAGE = 'package://procphys_ros/'
 _HEADER = ('ncols', 'nrows', 'xllcorner', 'yllcorner', 'xllcenter', 'yllcenter', 'cellsize',
            'nodata_value')
 
@@ -44,7 +42,7 @@ def read_heights(name: str, beside: Path | None,
         a cell [m], 0 = the file does not say.
     :raises SceneError: naming the file, what is wrong and what is allowed.
     """
-    path = _locate(name, beside)
+    path = find_data_file(_KEY, name, beside)
     reader = {'.png': _png, '.npz': _npz, '.asc': _ascii}.get(path.suffix.lower())
     if reader is None:
         raise SceneError(f'{_KEY}: "{shorten(name)}" ends in "{path.suffix}"; files of heights '
@@ -66,19 +64,6 @@ def read_heights(name: str, beside: Path | None,
     if reader is _png:
         heights = heights * white
     return np.ascontiguousarray(heights[::-1].T, float), cell
-
-
-def _locate(name: str, beside: Path | None) -> Path:
-    candidates = [Path(os.path.expanduser(name))]
-    if name.startswith(_PACKAGE):
-        candidates = [shared_folder() / name[len(_PACKAGE):]]
-    elif beside is not None:
-        candidates.insert(0, beside / name)
-    for path in candidates:
-        if path.is_file():
-            return path
-    raise SceneError(f'{_KEY}: there is no file "{shorten(name)}" (looked for '
-                     f'{" and ".join(map(str, candidates))})')
 
 
 def _png(path: Path) -> tuple[np.ndarray, float]:

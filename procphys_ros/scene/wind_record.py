@@ -15,17 +15,15 @@
 """Records of the mean wind, as weather stations write them."""
 
 import math
-import os
 from pathlib import Path
 
 from procphys_ros.errors import SceneError
 from procphys_ros.language import shorten
 from procphys_ros.physics.wind import FASTEST, Record
-from procphys_ros.resources import shared_folder
+from procphys_ros.scene.data_file import find_data_file
 
 _COLUMNS = ('time', 'speed', 'direction')
 _LONGEST = 100_000  # rows; a day of seconds
-_PACKAGE = 'package://procphys_ros/'
 
 
 def read_wind_record(name: str, beside: Path | None = None) -> Record:
@@ -41,7 +39,7 @@ def read_wind_record(name: str, beside: Path | None = None) -> Record:
     """
     if not name.strip():
         return ()
-    path = _locate(name, beside)
+    path = find_data_file('wind.file', name, beside)
     try:
         lines = path.read_text(encoding='utf-8-sig').splitlines()
     except (OSError, UnicodeDecodeError) as problem:
@@ -58,19 +56,6 @@ def read_wind_record(name: str, beside: Path | None = None) -> Record:
     if not rows:
         raise SceneError(f'wind.file: {path} has no rows of {", ".join(_COLUMNS)}')
     return tuple(rows)
-
-
-def _locate(name: str, beside: Path | None) -> Path:
-    candidates = [Path(os.path.expanduser(name))]
-    if name.startswith(_PACKAGE):
-        candidates = [shared_folder() / name[len(_PACKAGE):]]
-    elif beside is not None:
-        candidates.insert(0, beside / name)
-    for path in candidates:
-        if path.is_file():
-            return path
-    raise SceneError(f'wind.file: there is no file "{shorten(name)}" (looked for '
-                     f'{" and ".join(map(str, candidates))})')
 
 
 def _read_row(words: list[str], rows: list[tuple[float, float, float]]) -> tuple[

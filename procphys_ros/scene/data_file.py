@@ -1,0 +1,45 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Files that scenes name: where they are looked for."""
+
+import os
+from pathlib import Path
+
+from procphys_ros.errors import SceneError
+from procphys_ros.language import shorten
+from procphys_ros.resources import shared_folder
+
+_PACKAGE = 'package://procphys_ros/'
+
+
+def find_data_file(key: str, name: str, beside: Path | None) -> Path:
+    """
+    Find a file that a scene names.
+
+    :param key: of the scene file, for messages.
+    :param name: file beside the scene file, a path, or package://procphys_ros/….
+    :param beside: folder of the scene file, looked into first; None = there is none.
+    :raises SceneError: naming where it was looked for.
+    """
+    candidates = [Path(os.path.expanduser(name))]
+    if name.startswith(_PACKAGE):
+        candidates = [shared_folder() / name[len(_PACKAGE):]]
+    elif beside is not None:
+        candidates.insert(0, beside / name)
+    for path in candidates:
+        if path.is_file():
+            return path
+    raise SceneError(f'{key}: there is no file "{shorten(name)}" (looked for '
+                     f'{" and ".join(map(str, candidates))})')
