@@ -130,6 +130,7 @@ class _Job:
                 scene = Scene.from_parameters(self._parameters)
                 with progress.stage('setting it up'):
                     simulation = Simulation(scene)
+                    simulation.wind.prepare()  # half a second, that no step is to take
         except _Cancelled:
             return
         except Exception as error:
@@ -138,6 +139,5 @@ class _Job:
             return
         if self.abandon():
             self._done(simulation)
-            simulation.wind.prepare()  # half a second, that no step is to take later
         else:
             simulation.close()
