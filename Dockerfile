@@ -3,8 +3,7 @@
 # Kernels fit the CPU of the machine that builds; on another one the node compiles its own.
 
 FROM ros:jazzy-ros-base AS build
-# PyBullet has no wheel for Python 3.12: the compiler stays in this stage.
-RUN apt-get update && apt-get install -y --no-install-recommends g++ python3-dev python3-venv
+RUN apt-get update && apt-get install -y --no-install-recommends python3-venv
 COPY . /src
 RUN python3 -m venv --system-site-packages /opt/procphys_ros \
  && /opt/procphys_ros/bin/pip install --no-cache-dir /src

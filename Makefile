@@ -1,7 +1,7 @@
 # make run: the node on the demo scene, and a page that shows it (at PORT).  make warm: compile all
 # kernels.  make test: lint, types, tests.  make bench: figures.  make gallery: pictures.  make docs:
 # the site of the documentation.  make report: measurements beside what is expected, with plots.
-# PYTHON chooses the interpreter of the virtual environment (3.11 or 3.12).
+# PYTHON chooses the interpreter of the virtual environment (3.11 to 3.13).
 PYTHON ?= python3
 VENV := .venv
 SCENE ?= config/demo.yaml

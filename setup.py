@@ -49,13 +49,15 @@ setup(
     zip_safe=False,
     python_requires='>=3.11',
     # numba: compilation/cache.py replaces its cache of kernels, tested with these versions.
-    install_requires=['setuptools', 'numpy', 'numba>=0.58,<0.69', 'scipy', 'lark', 'pybullet',
-                      'pyyaml'],
+    # PyBullet has wheels up to Python 3.11: later ones take the engine that needs no compiler.
+    install_requires=['setuptools', 'numpy', 'numba>=0.58,<0.69', 'scipy', 'lark', 'pyyaml',
+                      'pybullet; python_version < "3.12"', 'rapier3d; python_version >= "3.12"'],
     extras_require={
         # On a ROS machine these come with ROS itself, so they are no hard requirements.
         'wheels': ['ros-rclpy[fastrtps]~=7.1.6', 'ros-jazzy-common-interfaces'],
         'render': ['moderngl>=5.10', 'pillow', 'av'],  # pictures and films
-        'rapier': ['rapier3d'],  # the other engine of rigid bodies
+        'bullet': ['pybullet'],  # the engines of rigid bodies
+        'rapier': ['rapier3d'],
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],
         'batch': ['pyarrow', 'distributed'],  # Parquet tables, clusters of machines

@@ -161,11 +161,15 @@ def test_shapes_survive_the_removal_of_others():
 
 def test_unknown_and_missing_engines_are_refused_in_one_line(monkeypatch):
     """Name the known engines, and how to install one."""
-    with pytest.raises(SceneError, match='engine is "bulet"; did you mean bullet.*known: bullet'):
+    with pytest.raises(SceneError, match='engine is "bulet"; did you mean bullet.*known: auto, b'):
         World(engine='bulet')
-    monkeypatch.setattr(engine_module, 'installed_engines', list)
-    with pytest.raises(SceneError, match='"bullet", but pybullet is not installed: pip install'):
+    monkeypatch.setattr(engine_module, 'installed_engines', lambda: ['rapier'])
+    with pytest.raises(SceneError, match='"bullet", but pybullet is not installed: pip install '
+                                         'pybullet, or take one that is there: rapier'):
         World(engine='bullet')
+    monkeypatch.setattr(engine_module, 'installed_engines', list)
+    with pytest.raises(SceneError, match='no engine.*pip install one of them: pybullet, rapier'):
+        World()
 
 
 def test_rapier_stands_in_where_pybullet_is_missing(monkeypatch, caplog):
@@ -177,4 +181,4 @@ def test_rapier_stands_in_where_pybullet_is_missing(monkeypatch, caplog):
         with World() as world:
             assert world.engine == 'rapier'
     assert [record.getMessage() for record in caplog.records] == [
-        'pybullet is not installed: engine is rapier instead']
+        'pybullet is not installed: engine is rapier']

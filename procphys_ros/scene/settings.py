@@ -46,7 +46,7 @@ class Settings:
     :ivar seed: seed of everything random.
     :ivar time_step: [s].
     :ivar gravity: downward acceleration [m/s²].
-    :ivar engine: of rigid bodies, 'bullet' or 'rapier'.
+    :ivar engine: of rigid bodies, 'bullet', 'rapier', or 'auto' for the first installed.
     :ivar wind: mean wind and turbulence.
     :ivar wind_record: what `wind.file` holds; () = there is none.
     :ivar gust: what `gust` starts when nothing else is said.
@@ -67,7 +67,8 @@ class Settings:
     time_step: float = declared(1.0 / 60.0, 'length of one simulation step', 's', 1e-4, 0.1)
     gravity: float = declared(9.81, 'downward acceleration', 'm/s²', 0.0, 100.0)
     engine: str = declared(
-        DEFAULT_ENGINE, 'library that moves rigid bodies', choices=tuple(ENGINES))
+        DEFAULT_ENGINE, 'library that moves rigid bodies; auto: the first that is installed',
+        choices=(DEFAULT_ENGINE, *ENGINES))
     wind: WindSettings = field(default_factory=WindSettings)
     wind_record: Record = ()
     gust: Gust = field(default_factory=Gust)

@@ -73,7 +73,7 @@ class Simulation:
         :param scene: what to simulate.
         :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
         :param seed: of the wind and all else that is random; None = the scene's own.
-        :param engine: of rigid bodies, 'bullet' or 'rapier'; None = the scene's own.
+        :param engine: of rigid bodies, 'auto', 'bullet' or 'rapier'; None = the scene's own.
         """
         settings = scene.settings if engine is None else replace(scene.settings, engine=engine)
         self.scene = scene

@@ -29,7 +29,7 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 _LOG = logging.getLogger(__name__)
 
 ENGINES = {'bullet': 'pybullet', 'rapier': 'rapier3d'}  # and the library that each one needs
-DEFAULT_ENGINE = 'bullet'
+DEFAULT_ENGINE = 'auto'  # the first of them that is installed
 
 TERRAIN_MARGIN = 50.0  # [m] of ground beyond the grid of a terrain that bodies collide with
 
@@ -124,22 +124,26 @@ def make_engine(name: str, gravity: np.ndarray, terrain: Terrain = FLAT) -> Engi
     """
     Start an engine.
 
-    :param name: of `ENGINES`. Where the library of the default is missing and another engine is
-        installed, that one is taken, and the log says so.
+    :param name: of `ENGINES`, or 'auto' for the first whose library is installed; the log says
+        once when that is not the first of all.
     :param gravity: acceleration of awake bodies [m/s²], (3,).
     :param terrain: the surface of the ground.
     :raises SceneError: when there is no such engine, or its library is not installed.
     """
-    if name not in ENGINES:
+    if name not in (DEFAULT_ENGINE, *ENGINES):
         raise SceneError(f'engine is "{name}"{nearest_names(name, ENGINES)} '
-                         f'(known: {", ".join(ENGINES)})')
+                         f'(known: {", ".join((DEFAULT_ENGINE, *ENGINES))})')
     found = installed_engines()
-    if name not in found and name == DEFAULT_ENGINE and found:
-        _log_once(f'{ENGINES[name]} is not installed: engine is {found[0]} instead')
-        name = found[0]
+    if not found:
+        raise SceneError(f'no engine of rigid bodies is installed, pip install one of them: '
+                         f'{", ".join(ENGINES.values())}')
+    if name == DEFAULT_ENGINE:
+        name, first = found[0], next(iter(ENGINES))
+        if name != first:
+            _log_once(f'{ENGINES[first]} is not installed: engine is {name}')
     if name not in found:
-        raise SceneError(f'engine is "{name}", but {ENGINES[name]} is not installed: '
-                         f'pip install {ENGINES[name]}')
+        raise SceneError(f'engine is "{name}", but {ENGINES[name]} is not installed: pip install '
+                         f'{ENGINES[name]}, or take one that is there: {", ".join(found)}')
     return _class_of(name)(gravity, terrain)
 
 
