@@ -100,17 +100,19 @@ def test_a_collapse_breaks_boards_across_the_grain():
 
 
 @pytest.mark.parametrize(('height', 'log', 'breaks'), [
-    (1.0, True, False), (3.0, True, True), (3.0, False, False)])
+    (1.0, True, False), (5.0, True, True), (5.0, False, False)])
 def test_a_board_breaks_over_a_log(height, log, breaks):
     """
     Drop an oak board of 2.4 m, 40 mm thick, across a log or flat on the ground.
 
-    The log stops its middle in 15 ms by F = m·v/T; where its middle piece ends, 0.24 m from there,
-    the bending moment of the free bar is F/L·(L/2 - 0.24)²/2, which it bears up to 1.9 m.
+    It bends more than the log yields. A free bar that is pushed in its middle has the stiffness
+    320·EI/L³ and stops in T = π·√(m·L³/(320·EI)), by F = m·v/T; where its middle piece ends, 0.24
+    m from there, the moment is F/L·(L/2 - 0.24)²/2, which it bears up to about 3 m.
     """
     centres = [[0.48 * i - 0.96, 0.0, 0.0] for i in range(5)]
     board = bonded(centres, (0.48, 0.2, 0.04), density=640.0, ground=False, gap=1e-3, tension=WOOD,
                    cohesion=3.9e6, friction=0.4, compression=24e6)
+    board.mortar.normal_stiffness[:] = 11e9 / 0.48  # [N/m³], of oak between two middles
     scene = Scene()
     if log:
         scene.add(bonded([[0.0, 0.0, 0.15]], (0.1, 0.5, 0.3), density=640.0, tension=1e6))
@@ -176,9 +178,9 @@ def test_a_beam_breaks_where_its_concrete_does(share, breaks):
     assert simulation.state.standing[1] != breaks
 
 
-@pytest.mark.parametrize(('height', 'breaks'), [(0.08, False), (0.5, True)])
+@pytest.mark.parametrize(('height', 'breaks'), [(0.004, False), (0.05, True)])
 def test_a_falling_beam_breaks_over_a_stone(height, breaks):
-    """Drop a lintel of two halves with its middle on a stone: 15 ms bear F = m·v/T = 6.3 kN."""
+    """Drop a lintel of two halves with its middle on a stone: 5 ms bear F = m·v/T = 6.3 kN."""
     beam = bonded([[-0.3725, 0.0, 0.07], [0.3725, 0.0, 0.07]], (0.745, 0.1025, 0.14),
                   density=2400.0, ground=False, **CONCRETE)
     scene = Scene()

@@ -22,6 +22,7 @@ import pytest
 
 from procphys_ros.blueprint import GROUND
 from procphys_ros.errors import CommandError
+from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.wind import WindSettings
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene
@@ -310,7 +311,7 @@ def test_an_impulse_tears_a_brick_out_or_loads_the_wall():
     simulation = stand(wall(12, 24), gravity=0.0)
     brick = int(np.argmin(np.linalg.norm(simulation.poses[:, :3] - [1.3, 0, 0.9], axis=1)))
     capacity = masonry.resist(simulation.state, np.array([brick]), np.array([0.0, 1, 0]))
-    limit = capacity.force * 2e-3
+    limit = capacity.force * contact_time(simulation.blueprint.mass[brick])
     assert not simulation.apply_impulse(brick, (0.0, 0.98 * limit, 0.0))
     simulation.step(2)
     assert simulation.state.standing[brick] and simulation.awake_bodies == 0
@@ -321,6 +322,21 @@ def test_an_impulse_tears_a_brick_out_or_loads_the_wall():
     mass = simulation.blueprint.mass[brick]
     speed = np.sqrt((1.02 * limit / mass) ** 2 - 2.0 * capacity.energy / mass)
     assert simulation.velocities[brick, 1] == pytest.approx(speed, rel=0.02)
+
+
+def test_of_equal_momentum_the_heavier_blow_lasts_longer_and_is_gentler():
+    """Break a brick out with 2 kg, and hold 20 kg of the same momentum, half the force."""
+    simulation = stand(wall(12, 24), gravity=0.0)
+    brick = int(np.argmin(np.linalg.norm(simulation.poses[:, :3] - [1.3, 0, 0.9], axis=1)))
+    place = simulation.poses[brick, :3]
+    withstood = masonry.resist(simulation.state, np.array([brick]), np.array([0.0, 1.0, 0.0]))
+    momentum = 2.0 * withstood.force * contact_time(2.0) / 1.25  # of the ball; it bounces
+    for mass, torn in ((20.0, False), (2.0, True)):
+        simulation.reset()
+        simulation.launch(Projectile('sphere', 0.1, mass, tuple(place - [0.0, 0.3, 0.0]),
+                                     (0.0, momentum / mass, 0.0)))
+        simulation.step(20)
+        assert simulation.impacts[0].torn == torn
 
 
 def test_a_lasting_force_on_a_brick_loads_its_wall():

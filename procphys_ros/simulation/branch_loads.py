@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import contact_time
 from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.contact_pairs import TreeContacts
 from procphys_ros.simulation.model import Model
@@ -34,7 +35,8 @@ def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
     """
     Break bricks out where branches press harder in a step than their bonds withstand.
 
-    The branch feels the bonds until they have broken; what holds then is only the brick.
+    The branch feels the bonds until they have broken, for the contact time of the brick; what
+    holds then is only the brick.
 
     :param contacts: of all trees in the step.
     :param dt: [s].
@@ -47,15 +49,15 @@ def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
             continue
         chosen, direction = np.array([part]), -total / size
         resistance = masonry.resist(state, chosen, direction)
-        withstood = resistance.momentum(masonry.CONTACT)
-        if size * masonry.CONTACT / dt <= withstood:
+        if size / dt <= resistance.force:
             continue
+        withstood = resistance.force * float(contact_time(state.parts.mass[part]))
         touching = contacts.part == part
         share = contacts.impulse[touching] * (withstood / size)
         state.forest.push(contacts.row[touching], contacts.point[touching], share)
         masonry.apply_impulse_around(state, resistance.bonds, chosen, withstood * direction)
         fragments.release(model, state, [chosen], np.zeros((1, 6)), Cause.IMPACT,
-                          size * masonry.CONTACT / dt / max(withstood, 1e-9))
+                          size / dt / max(resistance.force, masonry.NO_FORCE))
         broke = True
     return broke
 

@@ -23,6 +23,7 @@ from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
@@ -86,14 +87,14 @@ def may_touch(model: Model, state: State) -> bool:
     return len(overlaps(bounds, model.masonry.bricks.reach)[0]) > 0
 
 
-def knockouts(state: State, contacts: Contacts, struck: np.ndarray) -> list[Knockout]:
+def knockouts(state: State, blows: Blows, struck: np.ndarray) -> list[Knockout]:
     """
     List the standing parts that the hits of the last step drive out.
 
-    :param contacts: of the last step.
+    :param blows: of the last step.
     :param struck: bodies that contacts stopped or pushed, by id, (B,) bool.
     """
-    standing = _part_of_body(state)
+    contacts, standing = blows.contacts, _part_of_body(state)
     side = standing[contacts.body_a]
     part = np.maximum(side, standing[contacts.body_b])
     rows = np.flatnonzero((part >= 0) & (struck[contacts.body_a] | struck[contacts.body_b]))
@@ -101,19 +102,21 @@ def knockouts(state: State, contacts: Contacts, struck: np.ndarray) -> list[Knoc
         return []
     sign = np.where(side[rows] >= 0, 1.0, -1.0)
     hit, place = np.unique(part[rows], return_inverse=True)
-    total = np.zeros((len(hit), 3))
-    np.add.at(total, place, sign[:, None] * contacts.impulse[rows])
+    impulse = sign[:, None] * contacts.impulse[rows]
+    total, force = np.zeros((2, len(hit), 3))
+    np.add.at(total, place, impulse)
+    np.add.at(force, place, impulse / blows.duration[rows][:, None])
     size = np.linalg.norm(total, axis=1)
     out = []
     for n in np.argsort(-size, kind='stable')[:_MOST].tolist():
         if size[n] < _GRAIN:
             break
         chosen = hit[[n]]
-        resistance = masonry.resist(state, chosen, total[n] / size[n])
-        mass = float(state.parts.mass[hit[n]])
-        if masonry.comes_out(resistance, size[n], mass, size[n] / mass) is not None:
-            out.append(Knockout(int(hit[n]),
-                                min(resistance.momentum(masonry.CONTACT) / size[n], 1.0)))
+        direction = total[n] / size[n]
+        resistance = masonry.resist(state, chosen, direction)
+        push, mass = float(force[n] @ direction), float(state.parts.mass[hit[n]])
+        if masonry.comes_out(resistance, push, mass, size[n] / mass) is not None:
+            out.append(Knockout(int(hit[n]), resistance.force / push))
     return out
 
 

@@ -23,10 +23,11 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Resistance
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import fragments, spawned_parts
-from procphys_ros.simulation.masonry import RUBBLE_CONTACT
+from procphys_ros.simulation.blows import measure
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -120,7 +121,7 @@ def shatter_standing(model: Model, state: State,
         _scatter(model, state, pane.part, first, pane.pieces, velocities)
 
 
-def judge(model: Model, state: State, struck: np.ndarray, jump: np.ndarray,
+def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
           broken: Sequence[np.ndarray]) -> None:
     """
     Find out which panes in loose pieces the contacts of the last step broke.
@@ -130,7 +131,7 @@ def judge(model: Model, state: State, struck: np.ndarray, jump: np.ndarray,
     `state.glass.load`.
 
     :param struck: bodies that contacts stopped or pushed, by id, (B,) bool.
-    :param jump: change of velocity by contacts of the bodies `World.awake`, (K, 6).
+    :param change: of velocity by contacts, by id, (B, 6).
     :param broken: bonds that broke in pieces, rows of the blueprint.
     """
     own, glass = state.glass, model.glass
@@ -140,9 +141,9 @@ def judge(model: Model, state: State, struck: np.ndarray, jump: np.ndarray,
     loose = (body >= 0) & (state.world.bodies.state[body] == BodyState.AWAKE)
     if loose.any() and struck.any():
         rows = np.flatnonzero(loose & struck[body])
-        stopped = jump[np.searchsorted(state.world.awake, body[rows])]
-        np.maximum.at(own.load, rows, _bending(model, state, rows, body[rows], stopped))
-        np.maximum.at(own.load, *_point_loads(model, state, np.flatnonzero(loose), struck))
+        np.maximum.at(own.load, rows, _bending(model, state, rows, body[rows], change[body[rows]]))
+        np.maximum.at(own.load, *_point_loads(model, state, np.flatnonzero(loose), struck,
+                                              change))
     if broken:
         bent = _in_bent_frames(model, state, np.concatenate(broken))
         np.maximum.at(own.load, bent, np.full(len(bent), _JUST_OVER))
@@ -234,19 +235,33 @@ def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
     pose = rotation.compose(start, state.parts.local[parts])
     change = jump[:, :3] + np.cross(jump[:, 3:], pose[:, :3] - start[:, :3])
     across = rotation.to_matrix(pose[:, 3:])[np.arange(len(rows)), :, model.glass.thin[rows]]
-    rate = np.abs(np.einsum('ki,ki->k', across, change)) / RUBBLE_CONTACT
+    rate = np.abs(np.einsum('ki,ki->k', across, change))
+    rate /= np.hypot(contact_time(state.world.bodies.mass[body]), np.pi / _frequency(model, parts))
     bearable = pressure(model, parts) / (model.blueprint.density[parts]
                                          * model.glass.thickness[parts])
     return rate / bearable
 
 
-def _point_loads(model: Model, state: State, rows: np.ndarray,
-                 struck: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _frequency(model: Model, parts: np.ndarray) -> np.ndarray:
+    """
+    Give the lowest angular frequency of panes, square and simply supported [rad/s], (K,).
+
+    2·π²/a²·√(D/(ρ·h)) with the bending stiffness D (Leissa 1969, Vibration of Plates, 4.1). Pane
+    and contact are springs in series: the squares of their half periods add up to that of a blow.
+    """
+    thick, edge = model.glass.thickness[parts], model.glass.edge[parts]
+    stiffness = _MODULUS * thick ** 3 / (12.0 * (1.0 - _POISSON ** 2))
+    return 2.0 * np.pi ** 2 / edge ** 2 * np.sqrt(
+        stiffness / (model.blueprint.density[parts] * thick))
+
+
+def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarray,
+                 change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Compare contacts on panes with the force in one point that these bear.
 
     :param rows: loose panes, (K,).
-    :param struck: see `judge`.
+    :param struck, change: see `judge`.
     :returns: row and load of each such contact.
     """
     contacts, start = state.world.contacts(), state.rubble.poses
@@ -261,7 +276,8 @@ def _point_loads(model: Model, state: State, rows: np.ndarray,
     local = rotation.rotate(rotation.conjugate(pose[:, 3:]),
                             contacts.point[touch] - pose[:, :3])
     on = (np.abs(local) < 0.5 * model.blueprint.size[parts] + _NEAR).all(axis=1)
-    force = np.linalg.norm(contacts.impulse[touch[on]], axis=1) / RUBBLE_CONTACT
+    force = np.linalg.norm(contacts.impulse[touch[on]], axis=1)
+    force /= measure(contacts, change, start, model.time_step).duration[touch[on]]
     return rows[on], force / _point_force(model, parts[on])
 
 

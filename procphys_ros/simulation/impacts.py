@@ -26,8 +26,8 @@ from procphys_ros.physics.dust import motion_energy
 from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.simulation import contact_exclusions, debris_loads, fragments, glass
+from procphys_ros.simulation.blows import Blows, measure
 from procphys_ros.simulation.contact_forces import BodyContacts, spread
-from procphys_ros.simulation.masonry import RUBBLE_CONTACT
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -53,12 +53,14 @@ class Blow(NamedTuple):
     :ivar body: id.
     :ivar parts: what it carries, (P,).
     :ivar contacts: of the body; None = not selected yet.
+    :ivar energy: that these take from the motion [J].
     :ivar rows: of all contacts, see `_contacts_of`.
     """
 
     body: int
     parts: np.ndarray
     contacts: BodyContacts | None
+    energy: float
     rows: np.ndarray
 
 
@@ -75,12 +77,14 @@ def step(model: Model, state: State, dt: float) -> None:
     struck = _struck(state, jump)
     if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):
         return
-    share = np.ones(len(state.world.bodies.state))
-    broken = _break(model, state, struck, share)
-    glass.judge(model, state, struck, jump, [result.bonds for _, result in broken])
+    share = np.ones(len(struck))
+    change = np.zeros((len(struck), 6))
+    change[state.world.awake] = jump
+    broken = _break(model, state, struck, change, share)
+    glass.judge(model, state, struck, change, [result.bonds for _, result in broken])
     found = []
     if debris_loads.may_touch(model, state):
-        found = debris_loads.knockouts(state, state.world.contacts(), struck)
+        found = debris_loads.knockouts(state, blows_of(model, state, change), struck)
     for knock in found:
         share[state.parts.body[knock.part]] = knock.share
     if broken or found:
@@ -95,6 +99,11 @@ def step(model: Model, state: State, dt: float) -> None:
         fragments.write_poses(model, state, dt)
 
 
+def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
+    """Gather the contacts of the last step with the change of motion that they made, (B, 6)."""
+    return measure(state.world.contacts(), change, state.rubble.poses, model.time_step)
+
+
 def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
     """Say which bodies break coarsely, because they are far from who looks, (K,) bool."""
     sharp = model.settings.culling.debris_distance
@@ -104,12 +113,13 @@ def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
     return state.observer.distance(table.poses[bodies, :3]) > sharp + table.radius[bodies]
 
 
-def _break(model: Model, state: State, struck: np.ndarray,
+def _break(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
            share: np.ndarray) -> list[tuple[Blow, Breakage]]:
     """
     Judge the blows on pieces.
 
     :param struck: see `_struck`.
+    :param change: of velocity by contacts, by id, (B, 6).
     :param share: of the impulses on each body that its bonds transmitted, by id, (B,), written in
         place.
     :returns: those that broke something, and what.
@@ -121,11 +131,12 @@ def _break(model: Model, state: State, struck: np.ndarray,
     if (room < 2 or np.max(size, initial=0) < 2.0 * grain) and not debris_loads.may_touch(
             model, state):
         return []
-    contacts = state.world.contacts()
+    made = blows_of(model, state, change)
     blows = [b for b in state.rubble.waiting if state.bodies.parts_of(b.body) is b.parts]
     late = len(blows)
     known = {b.body for b in blows}
-    blows += [b for b in _blows(model, state, contacts, struck, grain) if b.body not in known]
+    blows += [b for b in _blows(model, state, made, struck, grain)
+              if b.body not in known]
     state.rubble.waiting = []
     broken = []
     work = 0
@@ -134,14 +145,16 @@ def _break(model: Model, state: State, struck: np.ndarray,
         cells = min(cells, _COARSE) if far[turn] else cells
         if cells < 2:
             continue
-        touching = blow.contacts or _contacts_of(state, blow.body, blow.rows, contacts)
+        touching, energy = blow.contacts, blow.energy
+        if touching is None:
+            touching, energy = _contacts_of(state, blow.body, blow.rows, made)
         if work > _WORK:
-            state.rubble.waiting.append(blow._replace(contacts=touching))
+            state.rubble.waiting.append(blow._replace(contacts=touching, energy=energy))
             continue
         work += len(blow.parts) + _PER_CELL * cells
         wrenches = spread(touching, state.parts.local[blow.parts], state.parts.size[blow.parts],
                           model.blueprint.poses[blow.parts])
-        result = state.loose_bonds.strike(blow.parts, wrenches, cells)
+        result = state.loose_bonds.strike(blow.parts, wrenches, cells, energy)
         if len(result.bonds):
             broken.append((blow, result))
             if turn >= late:  # the impulse of a late blow is history
@@ -176,20 +189,26 @@ def _struck(state: State, jump: np.ndarray) -> np.ndarray:
     return struck
 
 
-def _blows(model: Model, state: State, contacts: Contacts, struck: np.ndarray,
+def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
            grain: float) -> Iterator[Blow]:
     """
     List the blows that might break something, the hardest first.
 
+    :param made: in the last step.
     :param struck: bodies that were stopped or pushed; others only rest on each other.
     :param grain: parts of the smallest pieces that there is room for.
     """
+    contacts = made.contacts
     bodies, known, bonds = state.world.bodies, state.bodies, state.loose_bonds
     count = len(bodies.state)
     side = np.concatenate([contacts.body_a, contacts.body_b])
     push = np.tile(np.sqrt((contacts.impulse ** 2).sum(axis=1)), 2)
     by_blow = struck[side] | struck[np.concatenate([contacts.body_b, contacts.body_a])]
     felt = np.bincount(side, push * by_blow, count)
+    rows = np.flatnonzero(by_blow[:len(contacts)])
+    pair = np.concatenate([rows, rows + len(contacts)])
+    duration = made.duration[rows]
+    force = np.bincount(side[pair], push[pair] / np.tile(duration, 2), count)
     size = np.zeros(count, np.intp)
     size[:len(known.size)] = known.size[:count]
     chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > _LEAST_JUMP * bodies.mass)
@@ -202,23 +221,31 @@ def _blows(model: Model, state: State, contacts: Contacts, struck: np.ndarray,
         parts = known.parts_of(body)
         least = min(bonds.weakest[parts].min(),
                     bonds.weakest_bent[parts].min() / (_LEVER * bodies.radius[body]))
-        if felt[body] > RUBBLE_CONTACT * _SCREEN * least:
+        if force[body] > _SCREEN * least:
             rows = order[start[body]:start[body + 1]]
-            yield Blow(body, parts, None, rows)
+            yield Blow(body, parts, None, 0.0, rows)
 
 
-def _contacts_of(state: State, body: int, rows: np.ndarray, contacts: Contacts) -> BodyContacts:
-    """Select contacts of a body; those that have it second are listed behind all others."""
+def _contacts_of(state: State, body: int, rows: np.ndarray,
+                 made: Blows) -> tuple[BodyContacts, float]:
+    """
+    Select contacts of a body; those that have it second are listed behind all others.
+
+    :returns: these, and the energy that they take from the motion [J].
+    """
+    contacts = made.contacts
     first = rows < len(contacts)
     rows = rows % len(contacts)
     sign = np.where(first, 1.0, -1.0)[:, None]
+    duration = made.duration[rows][:, None]
     start = state.rubble.poses[body]
     axes = rotation.to_matrix(start[3:])
     return BodyContacts(
         (contacts.point[rows] - start[:3]) @ axes,
         (sign * contacts.normal[rows]) @ axes,
-        (sign * contacts.impulse[rows] / RUBBLE_CONTACT) @ axes,
-        np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
+        (sign * contacts.impulse[rows] / duration) @ axes,
+        np.where(first, contacts.body_b[rows], contacts.body_a[rows])), float(
+            np.maximum(made.energy[rows], 0.0).sum())
 
 
 def _give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,

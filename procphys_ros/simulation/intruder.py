@@ -132,7 +132,7 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
     for i in np.flatnonzero(depth > 0.0).tolist():
         part, push = np.array([near.part[i]]), -normal[i]
         resistance = masonry.resist(state, part, push)
-        force = resistance.momentum(1.0) * min(depth[i] / _YIELD, 1.0)
+        force = resistance.force * min(depth[i] / _YIELD, 1.0)
         arm = point[i] - pose[:3]
         if depth[i] > _YIELD:
             speed = max(0.0, float((velocity[:3] + np.cross(velocity[3:], arm)) @ push))

@@ -21,6 +21,7 @@ import math
 import numpy as np
 
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Failures, Resistance, resistance
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
@@ -28,12 +29,10 @@ from procphys_ros.simulation import fragments, load_checks
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-CONTACT = 2e-3     # [s] contact of hard bodies on masonry: Hertz gives less, crushing more
-RUBBLE_CONTACT = 15e-3  # [s] of falling pieces: edges crush and rubble gives way by v·T/2, 6 cm
-#                    after a fall of 3 m; the elastic contact of two whole bricks would be shorter
 WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick wall, T about 60 ms:
 #                    a blow much shorter than T stresses a wall as the steady force rate·impulse
 
+NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
 _ITERATIONS = 8  # of the stress solver per time step while something changed, ...
 _CURVED = 32     # ... as joints open and close, which takes several times as many, ...
 _FEWEST = 3      # ... fewer on large buildings, lest they fall behind real time: ...
@@ -66,7 +65,7 @@ def resist(state: State, parts: np.ndarray, direction: np.ndarray) -> Resistance
     return resistance(state.solver, parts, direction)
 
 
-def comes_out(withstood: Resistance, momentum: float, mass: float, speed: float) -> Exit | None:
+def comes_out(withstood: Resistance, force: float, mass: float, speed: float) -> Exit | None:
     """
     Say how parts come out under a blow; None when they hold.
 
@@ -74,12 +73,12 @@ def comes_out(withstood: Resistance, momentum: float, mass: float, speed: float)
     must exceed their work of fracture, which it loses.
 
     :param withstood: by the bonds around the parts.
-    :param momentum: of the blow if the parts hold [N·s].
+    :param force: of the blow if the parts hold: momentum over `contact_time` [N].
     :param mass: of what moves on together [kg].
     :param speed: of it, were there no bonds [m/s].
     """
     left = speed ** 2 - 2.0 * withstood.energy / mass
-    if momentum <= withstood.momentum(CONTACT) or left <= 0.0:
+    if force <= withstood.force or left <= 0.0:
         return None
     return Exit(float(np.sqrt(left)), mass * (speed - float(np.sqrt(left))))
 
@@ -88,6 +87,8 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
            point: np.ndarray) -> bool:
     """
     Give a standing part an impulse.
+
+    What strikes is taken to be as heavy as the part.
 
     :param part: index.
     :param linear: impulse [N·s], (3,), world.
@@ -102,12 +103,13 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
     if size > 0.0:
         direction = linear / size
         withstood = resist(state, chosen, direction)
-        out = comes_out(withstood, size, mass, size / mass)
+        force = size / float(contact_time(mass))
+        out = comes_out(withstood, force, mass, size / mass)
         if out is not None:
             velocity = np.zeros((1, 6))
             velocity[0, :3] = out.speed * direction
-            load = size / max(withstood.momentum(CONTACT), 1e-9)
-            fragments.release(model, state, [chosen], velocity, Cause.IMPACT, load)
+            fragments.release(model, state, [chosen], velocity, Cause.IMPACT,
+                              force / max(withstood.force, NO_FORCE))
             state.world.apply_impulse(int(state.parts.body[part]), np.zeros(3), angular=turn)
             return True
     apply_impulses(state, chosen, np.concatenate([linear, turn])[None])

@@ -19,6 +19,7 @@ import numpy as np
 
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.loads import (
     Hits,
     sweep_box_boxes,
@@ -209,7 +210,8 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
         resistance = masonry.resist(state, parts, direction)
     blow = (1.0 + RESTITUTION) * missile.mass * closing / cosine
     shared = closing / cosine / (1.0 / missile.mass + 1.0 / mass)
-    out = masonry.comes_out(resistance, blow, missile.mass + mass, shared / mass)
+    force = blow / float(contact_time(missile.mass))
+    out = masonry.comes_out(resistance, force, missile.mass + mass, shared / mass)
     if out is None:
         _bounce(velocity, normal, closing)
         lost = missile.mass * (before - velocity[:3])
@@ -218,7 +220,7 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
         return False
     velocity[:3] -= (shared / missile.mass + shared / mass - out.speed) * direction
     lost = missile.mass * (before - velocity[:3])
-    load = blow / max(resistance.momentum(masonry.CONTACT), 1e-9)
+    load = force / max(resistance.force, masonry.NO_FORCE)
     if pane is not None:
         glass.shatter_standing(model, state, [(pane, out.speed * direction, load)], Cause.IMPACT)
     else:

@@ -33,8 +33,8 @@ class Resistance:
     """
     What a set of parts withstands before it comes out along a direction.
 
-    Tearing out takes both: a blow whose momentum over its duration exceeds `force`, and `energy`,
-    which is lost by what strikes.
+    Tearing out takes both: a blow whose momentum over its duration (`impact.contact_time`) exceeds
+    `force`, and `energy`, which is lost by what strikes.
 
     :ivar bonds: rows of the living bonds around the set, (K,).
     :ivar force: sum of what these bonds carry at failure [N].
@@ -44,10 +44,6 @@ class Resistance:
     bonds: np.ndarray
     force: float
     energy: float
-
-    def momentum(self, duration: float) -> float:
-        """Give the momentum that a blow must bring [N·s], spread over a duration [s]."""
-        return self.force * duration
 
 
 def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,

@@ -122,7 +122,8 @@ class FreeBodies:
         groups = components.groups(label, np.ones(len(parts), bool))
         return [parts[g] for g in sorted(groups, key=len, reverse=True)]
 
-    def strike(self, parts: np.ndarray, wrenches: np.ndarray, wanted: int) -> Breakage:
+    def strike(self, parts: np.ndarray, wrenches: np.ndarray, wanted: int,
+               energy: float = np.inf) -> Breakage:
         """
         Break a free piece by a blow.
 
@@ -131,6 +132,8 @@ class FreeBodies:
             frame of the blueprint [N], [N·m], (P, 6).
         :param wanted: in about how many cells the piece may break; with as many as there are
             parts each is a cell.
+        :param energy: that the blow takes from the motion of the bodies [J]; a piece that yields
+            makes it longer and gentler, see `_gentler`.
         """
         rows, a, b = self._inside(parts)
         if wanted < len(parts):
@@ -140,9 +143,11 @@ class FreeBodies:
         else:
             node, count = np.arange(len(parts), dtype=np.int32), len(parts)
         system = _System(self, parts, node, count, rows, a, b)
-        broken, load, worst = [], [], 1.0
+        broken, load, worst, gentler = [], [], 1.0, 1.0
         for turn in range(_ROUNDS):
             share = system.utilisation(wrenches)
+            gentler = _gentler(system.strain_energy, energy) if not turn else gentler
+            share *= gentler
             over = system.overloaded(share)
             worst = max(worst, float(share[over].max(initial=1.0))) if not turn else worst
             if not len(over):
@@ -160,6 +165,19 @@ class FreeBodies:
         graph = self.graph
         return cells.inside(parts, graph.start, graph.incident, graph.alive, graph.first,
                             graph.second, self._place)
+
+
+def _gentler(strain_energy: float, energy: float) -> float:
+    """
+    Give by which factor the forces of a blow are less because the piece itself yields.
+
+    Contact and piece are springs in series, T² = T_c² + π²·m·c with the compliance c of the piece.
+    In terms of its strain energy under the forces of a rigid one that factor T_c/T needs no m.
+
+    :param strain_energy: of the piece under the forces of the blow [J].
+    :param energy: that the blow takes from the motion [J].
+    """
+    return float(1.0 / np.sqrt(1.0 + np.pi ** 2 * strain_energy / max(energy, 1e-9)))
 
 
 def _least(graph: BondGraph, value: np.ndarray) -> np.ndarray:
@@ -196,6 +214,7 @@ class _System:
         self._start, self._incident = links.incidence(count, a, b)
         self.alive = self._patches.alive
         self._wrench = np.zeros((len(rows), 6))
+        self.strain_energy = 0.0  # [J] under the last loads
 
     def utilisation(self, wrenches: np.ndarray) -> np.ndarray:
         """Give, for every bond, over its limit how many times the loads are, see `_demand`."""
@@ -204,6 +223,7 @@ class _System:
         load = _balanced(label, self._node, self._mass, self._inertia, self._part_centre,
                          self._centre, wrenches)
         if np.abs(load).max(initial=0.0) < _ROUNDING * np.abs(wrenches).max(initial=0.0):
+            self.strain_energy = 0.0
             return np.zeros(len(self._a))  # the loads move all parts alike
         blocks = np.zeros((count, 6, 6))
         self._links[~self.alive, 6:] = 0.0
@@ -211,6 +231,7 @@ class _System:
                                 self._links, self._a, blocks)
         moved = pcg.relax(self._a, self._b, self._links, blocks, load, self._reach, _ACCURACY,
                           _ITERATIONS)
+        self.strain_energy = 0.5 * float((moved * load).sum())
         links.pulls(np.arange(len(self._a)), self._links, self._axes, self._a, self._b, moved,
                     self._wrench)
         patches, mortar = self._patches, self._patches.mortar

@@ -1,0 +1,82 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How long blows last."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from procphys_ros.physics.impact import contact_time
+from procphys_ros.physics.world import World
+from procphys_ros.simulation.blows import measure
+
+_MODULUS, _DENSITY, _SPEED = 0.5e9, 1900.0, 3.0  # [Pa], [kg/m³], [m/s], of which the law is told
+_STEP = 1.0 / 60.0  # [s]
+
+
+@pytest.mark.parametrize('mass', [0.3, 3.0, 2000.0])
+def test_contact_lasts_as_long_as_that_of_hertz(mass):
+    """Integrate a ball that meets a flat wall, F = 4/3·E*·√R·δ^1.5, until it has sprung back."""
+    radius = np.cbrt(3.0 * mass / (4.0 * np.pi * _DENSITY))
+    stiffness = 4.0 / 3.0 * _MODULUS * np.sqrt(radius)
+
+    def leaves(time, state):
+        return state[0]
+
+    leaves.terminal, leaves.direction = True, -1.0
+    flight = solve_ivp(lambda t, s: [s[1], -stiffness / mass * max(s[0], 0.0) ** 1.5], (0.0, 1.0),
+                       [0.0, _SPEED], events=leaves, rtol=1e-9, atol=1e-12, max_step=1e-3)
+    assert flight.y[1, -1] == pytest.approx(-_SPEED, rel=1e-6)
+    assert flight.t_events[0][-1] == pytest.approx(contact_time(mass), rel=0.03)
+
+
+def test_contact_times_of_a_brick_and_of_a_wrecking_ball():
+    """Give 2 ms for a brick and 18 for two tonnes: eight times as long for a thousand times m."""
+    np.testing.assert_allclose(contact_time(np.array([3.0, 2000.0])), [2e-3, 17.6e-3], rtol=0.02)
+    assert contact_time(1000.0) == pytest.approx(10.0 * contact_time(1.0))
+    assert contact_time(np.inf) == np.inf
+
+
+def durations(bodies, pairs):
+    """
+    Give the durations of contacts along x, all at the middle of the bodies, (C,).
+
+    :param bodies: masses [kg] and changes of velocity by all contacts [m/s].
+    :param pairs: of each contact: first body, second body, impulse on the first [N·s].
+    """
+    with World() as world:
+        ids = [world.add_body(0, np.full(3, 0.2), mass, np.array([0.0, 0, 2, 0, 0, 0, 1]))
+               for mass, _ in bodies]
+        change = np.zeros((len(world.bodies.state), 6))
+        change[ids, 0] = [speed for _, speed in bodies]
+        start = world.bodies.poses.copy()
+    first, second, impulse = zip(*pairs)
+    contacts = SimpleNamespace(
+        body_a=np.array([ids[i] for i in first]), body_b=np.array([ids[i] for i in second]),
+        impulse=np.outer(impulse, [1.0, 0.0, 0.0]),
+        point=np.tile([0.0, 0.0, 2.0], (len(pairs), 1)))
+    return measure(contacts, change, start, _STEP).duration
+
+
+def test_mass_in_a_contact_is_that_which_it_stops():
+    """Reduce two free masses, share one that lands on two, and follow through what is squeezed."""
+    free = durations([(10.0, -4.0), (40.0, 1.0)], [(0, 1, -40.0)])
+    np.testing.assert_allclose(free, contact_time(8.0))
+    landing = durations([(10.0, -4.0), (1e9, 0.0), (1e9, 0.0)], [(0, 1, -10.0), (0, 2, -30.0)])
+    np.testing.assert_allclose(landing, contact_time(np.array([2.5, 7.5])))
+    squeezed = durations([(100.0, -4.0), (3.0, 0.0), (1e9, 0.0)], [(0, 1, -400.0), (1, 2, -400.0)])
+    np.testing.assert_allclose(squeezed, [contact_time(100.0), _STEP])
