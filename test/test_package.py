@@ -38,7 +38,7 @@ LONGEST = 470  # lines of a file; aim at 120, and do not cut a class in two for 
 LAYERS = {
     'errors': 0, 'rotation': 0, 'resources': 0, 'palette': 0, 'progress': 0, '': 0,
     'compilation': 1, 'schema': 1, 'warning_lines': 1, 'rotation_kernels': 2, 'blueprint': 2,
-    'physics.terrain': 2,
+    'physics.terrain': 2, 'paving': 0,
     'hexahedron': 2, 'skeleton': 3, 'physics.air': 1, 'physics.causes': 3, 'physics.impact': 3,
     'physics.skyline': 3,
     'language': 3, 'lsystem': 4, 'wallgrammar': 4,

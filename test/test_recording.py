@@ -110,7 +110,7 @@ def test_rosbags_reads_every_topic(run):
             if connection.topic == '/sim/breaks':
                 assert message.width > 0
     assert set(counts) == {'/clock', '/sim/poses', '/sim/markers', '/sim/scene_description',
-                           '/sim/breaks', '/sim/dust', '/sim/wind_info'}
+                           '/sim/breaks', '/sim/dust', '/sim/wind_info', '/sim/ground'}
     assert simulation.bonds_broken > 0
     assert counts['/sim/scene_description'] == 2  # once more when the ball came
 

@@ -20,102 +20,33 @@ import math
 import sys
 from types import SimpleNamespace
 
+from interface_stand_ins import (
+    BOUNDS,
+    build_and_join,
+    call,
+    CATEGORY,
+    KNOWN,
+    place,
+    record,
+    Replies,
+    REQUEST,
+    resource,
+    RESPONSE,
+    RESULT,
+    serve,
+    STAMPED,
+    STATE,
+    TREE,
+    TYPES,
+    VECTOR,
+)
 import numpy as np
 import pytest
 
-from procphys_ros.errors import CommandError, ProcPhysError
-from procphys_ros.lsystem import LSystem
+from procphys_ros import rotation
 from procphys_ros.ros import simulation_interfaces
-from procphys_ros.ros.pacing import Pacer
-from procphys_ros.ros.session import Session
 from procphys_ros.ros.simulation_interfaces import FEATURES, SimulationInterfacesServer
-from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Simulation
-
-TREE = 'axiom: Width(0.1) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) F(1)'
-
-
-def record(**fields):
-    """Make a class of messages with these constants and default values."""
-    class Message(SimpleNamespace):
-
-        def __init__(self):
-            super().__init__(**{name: value() if callable(value) else value
-                                for name, value in fields.items() if not name.isupper()})
-    for name, value in fields.items():
-        if name.isupper():
-            setattr(Message, name, value)
-    return Message
-
-
-# Names and numbers as in the definitions of the package, version 1.
-RESULT = record(result=0, error_message='', RESULT_FEATURE_UNSUPPORTED=0, RESULT_OK=1,
-                RESULT_NOT_FOUND=2, RESULT_INCORRECT_STATE=3, RESULT_OPERATION_FAILED=4)
-STATE = record(state=0, STATE_STOPPED=0, STATE_PLAYING=1, STATE_PAUSED=2, STATE_QUITTING=3)
-VECTOR = record(x=0.0, y=0.0, z=0.0, w=1.0)
-CATEGORY = record(category=0, CATEGORY_OBJECT=1)
-STAMPED = record(header=record(stamp=record(sec=0, nanosec=0), frame_id=''),
-                 pose=record(position=VECTOR, orientation=VECTOR),
-                 twist=record(linear=VECTOR, angular=VECTOR))
-FILTERS = record(filter='', categories=list,
-                 tags=record(tags=list, filter_mode=0, FILTER_MODE_ANY=0, FILTER_MODE_ALL=1),
-                 bounds=record(type=0, points=list, TYPE_BOX=0, TYPE_CONVEX_HULL=1,
-                               TYPE_SPHERE=2))
-KNOWN = record(**{name: 10 + i for i, name in enumerate(FEATURES) if name != 'ENTITY_TAGS'})
-RESOURCE = record(uri='', resource_string='')
-SPAWNABLE = record(entity_resource=RESOURCE, description='')
-TYPES = SimpleNamespace(Result=RESULT, SimulationState=STATE, SimulatorFeatures=KNOWN,
-                        EntityCategory=CATEGORY, EntityState=STAMPED, Spawnable=SPAWNABLE)
-RESPONSE = record(result=RESULT, state=STATE,
-                  features=record(features=list, spawn_formats=list, custom_info=''),
-                  entities=list, states=list, info=record(category=CATEGORY, description='',
-                                                          tags=list),
-                  entity_name='', spawnables=list, ALREADY_IN_TARGET_STATE=101,
-                  NAME_NOT_UNIQUE=101, NAME_INVALID=102, UNSUPPORTED_FORMAT=103, NO_RESOURCE=104,
-                  NAMESPACE_INVALID=105, RESOURCE_PARSE_ERROR=106, INVALID_POSE=109)
-REQUEST = record(state=STATE, steps=0, scope=0, filters=FILTERS, entity='',
-                 name='', allow_renaming=False, entity_resource=RESOURCE, entity_namespace='',
-                 initial_pose=STAMPED, sources=list, set_pose=False, set_twist=False,
-                 SCOPE_DEFAULT=0, SCOPE_TIME=1, SCOPE_STATE=2, SCOPE_SPAWNED=4, SCOPE_ALL=255)
-
-
-class Replies:
-    """Carries commands out at once; those that are begun are answered before they are awaited."""
-
-    async def ask(self, name, prepare):
-        """Carry a command out."""
-        try:
-            return True, prepare()()
-        except CommandError as error:
-            return False, str(error)
-
-    async def wait_for(self, name, begin):
-        """Begin with something, and give what it was answered."""
-        answers = []
-        begin(lambda *answer: answers.append(answer))
-        return answers[0]
-
-
-def build_and_join(wanted, join, answer):
-    """Do what the node does in another thread."""
-    try:
-        answer(True, join(wanted.build()))
-    except ProcPhysError as error:
-        answer(False, str(error))
-
-
-def serve(**settings):
-    """Make a server on two trees whose commands are carried out at once."""
-    scene = Scene.from_parameters(settings)
-    tree = LSystem.parse(TREE).build()
-    scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'oak_0')
-    scene.add(tree, (9.0, 0.0, 0.0), 0.0, 'oak_1')
-    session = Session(Pacer(1.0 / 60.0, 1.0, budget=0.05))
-    session.adopt(Simulation(scene))
-    made = SimulationInterfacesServer(TYPES, Replies(), build_and_join, session, 'world')
-    made.session = session
-    return made
 
 
 @pytest.fixture
@@ -128,19 +59,6 @@ def server():
 def unchanged():
     """Give a server for all tests that change nothing."""
     return serve()
-
-
-def call(server, service, /, **fields):
-    """Send a request and give the response."""
-    request = REQUEST()
-    for path, value in fields.items():
-        target = request
-        *inner, last = path.split('__')
-        for step in inner:
-            target = getattr(target, step)
-        setattr(target, last, value)
-    serve = getattr(server, service, None) or getattr(server.entities, service)
-    return asyncio.run(serve(request, RESPONSE()))
 
 
 def test_features_are_those_that_the_package_knows(unchanged):
@@ -170,7 +88,7 @@ def test_states_follow_each_other(server):
         return answer.result, answer.error_message
     assert state() == STATE.STATE_PLAYING
     assert change(STATE.STATE_PLAYING)[0] == 101
-    assert call(server, 'step_simulation', steps=1).result.result == RESULT.RESULT_INCORRECT_STATE
+    assert call(server, 'step_simulation', steps=1).result.result == RESULT.RESULT_OPERATION_FAILED
     server.session.simulation.step()
     assert change(STATE.STATE_PAUSED) == (1, '') and state() == STATE.STATE_PAUSED
     assert call(server, 'step_simulation', steps=5).result.result == RESULT.RESULT_OK
@@ -331,7 +249,7 @@ def test_an_action_steps_and_tells_of_each_step(server, monkeypatch):
     def run(goal):
         return asyncio.run(server.simulate_steps(goal)).result.result
     running = Goal(3)
-    assert run(running) == RESULT.RESULT_INCORRECT_STATE and running.end == 'aborted'
+    assert run(running) == RESULT.RESULT_OPERATION_FAILED and running.end == 'aborted'
     server.session.set_pause(True)
     goal = Goal(3)
     assert run(goal) == RESULT.RESULT_OK and goal.end == 'succeeded'
@@ -340,22 +258,6 @@ def test_an_action_steps_and_tells_of_each_step(server, monkeypatch):
     halted = Goal(1000, cancelled_after=2)
     assert run(halted) == RESULT.RESULT_OPERATION_FAILED and halted.end == 'cancelled'
     assert server.session.simulation.time == pytest.approx(5 / 60)
-
-
-def resource(uri='', text=''):
-    """Make a resource."""
-    made = RESOURCE()
-    made.uri, made.resource_string = uri, text
-    return made
-
-
-def place(x, y, yaw=0.0, roll=0.0):
-    """Make a stamped pose on the ground."""
-    made = STAMPED()
-    made.pose.position.x, made.pose.position.y = x, y
-    made.pose.orientation.z, made.pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
-    made.pose.orientation.x = roll
-    return made
 
 
 def test_entities_are_spawned_and_deleted(server):
@@ -381,6 +283,42 @@ def test_entities_are_spawned_and_deleted(server):
     spawned = call(server, 'reset_simulation', scope=REQUEST.SCOPE_SPAWNED).result
     assert spawned.result == RESULT.RESULT_OK
     assert call(server, 'get_entities').entities == ['oak_0', 'oak_1']
+
+
+def test_several_entities_are_spawned_at_once(unchanged):
+    """Answer for each; those that can join do, whatever becomes of the others."""
+    requests = []
+    for name, text in (('fir', TREE), ('fir', TREE), ('wreck', 'axiom: F(1'), ('elm', TREE)):
+        request = REQUEST()
+        request.name, request.entity_resource = name, resource(text=text)
+        request.initial_pose = place(-5.0 * len(requests), 30.0)
+        requests.append(request)
+    answer = call(unchanged, 'spawn_entities', spawn_requests=requests)
+    assert answer.result.result == 150 and '2 of 4' in answer.result.error_message
+    assert [one.result.result for one in answer.results] == [RESULT.RESULT_OK, 101, 106,
+                                                             RESULT.RESULT_OK]
+    assert call(unchanged, 'get_entities').entities[2:] == ['fir', 'elm']
+    assert call(unchanged, 'reset_simulation').result.result == RESULT.RESULT_OK
+    one = call(unchanged, 'spawn_entities', spawn_requests=requests[:1])
+    assert one.result.result == RESULT.RESULT_OK and one.results[0].entity_name == 'fir'
+    assert call(unchanged, 'reset_simulation').result.result == RESULT.RESULT_OK
+
+
+def test_bounds_hold_all_of_an_entity(unchanged):
+    """Give a box in the frame of the entity that holds the ends of all of its parts."""
+    simulation = unchanged.session.simulation
+    answer = call(unchanged, 'get_entity_bounds', entity='oak_1')
+    assert answer.result.result == RESULT.RESULT_OK and answer.bounds.type == BOUNDS.TYPE_BOX
+    high, low = (np.array([p.x, p.y, p.z]) for p in answer.bounds.points)
+    parts = slice(simulation.objects[1].first, None)
+    poses, length = simulation.poses[parts], simulation.blueprint.size[parts, 2]
+    ends = [poses[:, :3] + rotation.rotate(poses[:, 3:], np.outer(sign * 0.5 * length, [0, 0, 1]))
+            for sign in (-1.0, 1.0)]
+    own = rotation.rotate(rotation.conjugate(poses[0, 3:]), np.concatenate(ends) - poses[0, :3])
+    assert (own >= low).all() and (own <= high).all()
+    assert (high - low < np.ptp(own, axis=0) + 2.0 * length.max()).all()
+    assert call(unchanged, 'get_entity_bounds', entity='elm').result.result == \
+        RESULT.RESULT_NOT_FOUND
 
 
 def test_poses_of_what_is_spawned_on_a_terrain_are_those_of_the_world():

@@ -21,6 +21,9 @@ from typing import Any
 
 from procphys_ros.blueprint import Blueprint, Law, Shape
 from procphys_ros.messages.foliage import PlacedObject
+from procphys_ros.messages.ground import describe_ground
+from procphys_ros.paving import Paving
+from procphys_ros.physics.terrain import FLAT, Terrain
 
 _DIGITS = 6  # of sizes and masses; micrometres and milligrams are enough
 
@@ -32,11 +35,15 @@ class SceneDescription:
     Parts and bonds that come later are appended; what has been written once is kept as text.
 
     :param frame_id: frame of the poses that are published.
+    :param terrain: the surface of the ground.
+    :param paving: what covers it.
     :ivar parts: number of parts described so far.
     """
 
-    def __init__(self, frame_id: str):
+    def __init__(self, frame_id: str, terrain: Terrain = FLAT, paving: Sequence[Paving] = ()):
         self._frame = frame_id
+        ground = json.dumps(describe_ground(terrain, paving), separators=(',', ':'))[1:-1]
+        self._ground = f',{ground}' if ground else ''
         self._objects = self.parts = self._bonds = 0
         self._lists: dict[str, dict[str, list[str]]] = {
             'parts': {name: [] for name in ('name', 'kind', 'shape', 'size', 'visual_size', 'mass',
@@ -65,7 +72,7 @@ class SceneDescription:
         owners = [o | {'removed': True} if o['name'] in removed else o for o in self._owners]
         head = json.dumps({'frame': self._frame, 'objects': owners,
                            'textures': blueprint.textures}, separators=(',', ':'))
-        return f'{head[:-1]},{",".join(groups)}}}'
+        return f'{head[:-1]}{self._ground},{",".join(groups)}}}'
 
     def _add_parts(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> None:
         new = slice(self.parts, None)

@@ -56,7 +56,8 @@ class Recorder:
         self._last_poses = np.empty((0, 7))
         self._events = simulation.log.total
         self._markers: SceneMarkers | None = None
-        self._description = SceneDescription(frame)
+        self._terrain, self._paving = simulation.model.terrain, simulation.scene.paving
+        self._description = SceneDescription(frame, self._terrain, self._paving)
         self._described: tuple[int, int] | None = None
         self._added: tuple[str, ...] = ()
         self._had_dust = False
@@ -89,6 +90,7 @@ class Recorder:
             self._full_due = max(self._full_due + FULL_EVERY, simulation.time)
         at = messages.stamp(simulation.time)
         self._put('/clock', 'rosgraph_msgs/msg/Clock', _clock(at), at)
+        self._put_ground(at)
         self._put_description(at, is_full)
         self._put_poses(at, is_full)
         self._put_markers(at, is_full)
@@ -100,6 +102,12 @@ class Recorder:
     def _put(self, topic: str, kind: str, data: bytes, at: messages.Stamp) -> None:
         name = topic if topic.startswith('/') else f'{self._node}/{topic}'
         self._writer.write(name, kind, data, at[0] * 10**9 + at[1])
+
+    def _put_ground(self, at: messages.Stamp) -> None:
+        """Write the ground, which does not change, with the first frame."""
+        if self._markers is None:
+            self._put('ground', 'visualization_msgs/msg/MarkerArray', messages.ground_markers(
+                self._terrain, self._paving, at, self._frame), at)
 
     def _put_description(self, at: messages.Stamp, is_full: bool) -> None:
         """Describe the scene; parts that come later are described within a second."""

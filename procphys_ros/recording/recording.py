@@ -23,7 +23,7 @@ from procphys_ros.recording.library import load_mcap
 
 FULL_EVERY = 1.0  # [s] between whole sets of markers and poses: how far back a viewer must look
 # What is said when it changes: the last of it before a moment holds at that moment.
-_LASTING = ('/scene_description',)
+_LASTING = ('/scene_description', '/ground')
 # What only whole sets once in a while make complete: see `FULL_EVERY`.
 _REPEATED = ('/markers', '/poses')
 _SLACK = 1.5  # whole sets may come late by half their period

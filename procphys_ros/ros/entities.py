@@ -19,6 +19,7 @@ from collections import Counter
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.parts import Owner
@@ -79,6 +80,17 @@ class Entities:
         content = ', '.join(f'{count} {kind}' for kind, count in counts.most_common())
         return f'{content}; {source.mass[parts].sum():.1f} kg'
 
+    def bounds(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Give the corners of a box around an object, in the frame of its state [m], 2 of (3,).
+
+        :raises CommandError: as `state`.
+        """
+        pose, _ = self.state(name)
+        centre, reach = self._balls(name)
+        own = rotation.rotate(rotation.conjugate(pose[3:]), centre - pose[:3])
+        return (own - reach[:, None]).min(axis=0), (own + reach[:, None]).max(axis=0)
+
     def near(self, name: str, centre: np.ndarray, radius: float) -> bool:
         """Say whether the box around an object comes within a radius [m] of a point (3,)."""
         low, high = self._box(name)
@@ -91,12 +103,17 @@ class Entities:
 
     def _box(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Give the corners of the box around the balls around what is left of an object."""
+        centre, reach = self._balls(name)
+        low, high = centre - reach[:, None], centre + reach[:, None]
+        return low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf)
+
+    def _balls(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Give centres (K, 3) and radii (K,) of the balls around the parts that are left."""
         parts = np.asarray(self._parts(name))
         centre = self._simulation.poses[parts, :3]
         there = np.isfinite(centre[:, 0])
-        reach = 0.5 * np.linalg.norm(self._simulation.blueprint.size[parts[there]], axis=1)
-        low, high = centre[there] - reach[:, None], centre[there] + reach[:, None]
-        return low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf)
+        return centre[there], 0.5 * np.linalg.norm(
+            self._simulation.blueprint.size[parts[there]], axis=1)
 
     def _parts(self, name: str) -> list[int]:
         if name in self._objects:

@@ -106,6 +106,17 @@ class EntityServer:
         response.result.result = self._result.RESULT_OK
         return response
 
+    async def spawn_entities(self, request: Any, response: Any) -> Any:
+        """Let several join, one after the other; those that can, also if others cannot."""
+        response.results = [await self.spawn_entity(one, self._types.SpawnResult())
+                            for one in request.spawn_requests]
+        failed = sum(one.result.result != self._result.RESULT_OK for one in response.results)
+        if failed:
+            return self._failed(response, 'ENTITIES_SPAWN_FAILED',
+                                f'{failed} of {len(response.results)} were not spawned')
+        response.result.result = self._result.RESULT_OK
+        return response
+
     async def delete_entity(self, request: Any, response: Any) -> Any:
         """Take an object out of the scene."""
         name = _entity(request)

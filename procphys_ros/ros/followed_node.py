@@ -34,6 +34,7 @@ from std_msgs.msg import String
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Hexahedra, Leaves, Shape
+from procphys_ros.messages.ground import ground_of
 from procphys_ros.messages.leaves import LEAF, leaves_of
 from procphys_ros.messages.points import BREAK, DUST
 from procphys_ros.messages.poses import read_pose_array
@@ -240,6 +241,7 @@ def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Conten
     size = np.array(parts['size'], float).reshape(-1, 3)
     ball = (np.array(parts['kind']) == 'projectile') & (shape == Shape.CAPSULE)
     drawn = np.array(parts.get('visual_size', parts['size']), float).reshape(-1, 3)
+    terrain, paving = ground_of(described)
     textures = list(dict.fromkeys([*described.get('textures', ()), *parts.get('texture', ())]))
     number = {name: i for i, name in enumerate(textures)}
     texture = np.array([number[name] for name in parts.get('texture', ())], int)
@@ -251,11 +253,19 @@ def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Conten
                    np.where(ball[:, None], size, drawn), np.array(parts['mass'], float), ball,
                    texture, parts['material'].__getitem__, textures or [''], leaves,
                    Hexahedra(np.array(solids.get('part', ()), np.int32),
-                             np.array(solids.get('corners', ()), float).reshape(-1, 24)))
+                             np.array(solids.get('corners', ()), float).reshape(-1, 24)),
+                   terrain, paving)
 
 
 def _continues(old: Content, new: Content) -> bool:
-    """Say whether a content has the parts of another, and perhaps more."""
+    """Say whether a content has the ground and parts of another, and perhaps more."""
     count = len(old)
-    return (len(new) >= count and np.array_equal(old.size, new.size[:count])
+    return (len(new) >= count and _ground(new) == _ground(old)
+            and np.array_equal(old.size, new.size[:count])
             and all(old.name(i) == new.name(i) for i in range(count)))
+
+
+def _ground(content: Content) -> list[str | bytes]:
+    """Give what tells the ground of a scene from another."""
+    return [repr(content.terrain), *(one.texture for one in content.paving),
+            *(one.points.tobytes() for one in content.paving)]

@@ -75,6 +75,7 @@ class SimNode(Node):
         ~/markers (visualization_msgs/MarkerArray, depth 100): what changed; all of it for a new
             subscriber
         ~/scene_description (std_msgs/String, depth 1, latched): objects, parts, bonds as JSON
+        ~/ground (visualization_msgs/MarkerArray, depth 1, latched): terrain and paving of streets
         ~/breaks (sensor_msgs/PointCloud2, depth 100): a row per broken bond
         ~/broken_bonds (sensor_msgs/PointCloud2, depth 1, latched): all of them since the start
         ~/leaves (sensor_msgs/PointCloud2, depth 1, latched): a row per leaf: petiole on its part
@@ -87,6 +88,8 @@ class SimNode(Node):
         ~/intruders/<name>/wrench (geometry_msgs/WrenchStamped, depth 5): on a named one, likewise
         ~/ready (std_msgs/Bool, depth 1, latched): whether a scene is there
         /clock (rosgraph_msgs/Clock, depth 1): simulation time
+        /tf (tf2_msgs/TFMessage, depth 100): a frame per object, if `publish_tf` and the package is
+            there
         /diagnostics (diagnostic_msgs/DiagnosticArray, depth 5): once a second
 
     Subscribers (all reliable, depth 10000):
@@ -306,7 +309,8 @@ class SimNode(Node):
 def banner(node: SimNode) -> str:
     """Say what runs and where to look, with the names as they are after remapping."""
     everywhere = ('/rosout', '/parameter_events')
-    sent, taken = (sorted(topic for topic, _ in topics if topic not in everywhere) for topics in (
+    sent, taken = (sorted(topic for topic, _ in topics
+                          if topic not in everywhere and '/_' not in topic) for topics in (
         node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace()),
         node.get_subscriber_names_and_types_by_node(node.get_name(), node.get_namespace())))
     return '\n'.join((node.session.summary(), f'  out  {" ".join(sent)}',

@@ -51,6 +51,8 @@ _SCENE = (
 )
 _NODE = (
     Parameter('publish_clock', True, 'whether simulation time goes out on /clock', read_only=True),
+    Parameter('publish_tf', False, 'whether /tf has a frame per object, named as it is, at the '
+              'first part that is left of it; needs tf2_msgs', read_only=True),
     Parameter('status_line', 'auto', 'a line each second on the standard output; auto = on a '
               'terminal only', choices=('auto', 'on', 'off'), read_only=True),
     Parameter('publish_rate', 30.0, 'rate of ~/poses, ~/wind_info and /clock', 'Hz', 0.1, 240.0),

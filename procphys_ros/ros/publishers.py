@@ -27,12 +27,14 @@ from visualization_msgs.msg import MarkerArray
 
 from procphys_ros import messages
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
+from procphys_ros.messages.ground import thinned
 from procphys_ros.messages.points import BREAK
 from procphys_ros.ros import qos
 from procphys_ros.ros.late_joiners import LateJoinerTracker
 from procphys_ros.ros.leaf_publisher import LeafPublisher
 from procphys_ros.ros.pacing import RateLimiter
 from procphys_ros.ros.parameters import Parameters
+from procphys_ros.ros.transforms import TransformPublisher
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.simulation import Simulation
 
@@ -61,6 +63,7 @@ class Publishers:
         self._breaks = qos.publisher(node, PointCloud2, '~/breaks', qos.changes())
         self._dust = qos.publisher(node, PointCloud2, '~/dust', qos.newest())
         self._description = qos.publisher(node, String, '~/scene_description', qos.latched())
+        self._ground = qos.publisher(node, MarkerArray, '~/ground', qos.latched())
         self._wind_info = qos.publisher(node, Vector3Stamped, '~/wind_info', qos.arrays())
         self._wrenches = {INTRUDER: qos.publisher(node, WrenchStamped, '~/intruder_wrench',
                                                   qos.arrays())}
@@ -70,6 +73,7 @@ class Publishers:
         self._broken = qos.publisher(node, PointCloud2, '~/broken_bonds', qos.latched())
         self._ready = qos.publisher(node, Bool, '~/ready', qos.latched())
         self._leaves = LeafPublisher(node, frame)
+        self._transforms = TransformPublisher(node, frame) if parameters['publish_tf'] else None
         self._ready.publish(Bool(data=False))
         # Time has one source, also when several nodes share a scene.
         self._clock = (qos.publisher(node, Clock, '/clock', qos.newest())
@@ -81,6 +85,7 @@ class Publishers:
         self._broken_limiter = RateLimiter(_DESCRIPTIONS)
         self._forget_breaks()
         self._had_dust = False
+        self._last = np.empty((0, 7))
         self._added: tuple[str, ...] = ()
 
     @property
@@ -92,6 +97,7 @@ class Publishers:
     def start_scene(self, simulation: Simulation) -> None:
         """Announce a scene that has been loaded; whoever watches gets all of it anew."""
         self.reset()
+        self._show_ground(simulation)
         self._describe(simulation)
         self._ready.publish(Bool(data=True))
 
@@ -101,7 +107,7 @@ class Publishers:
 
     def reset(self) -> None:
         """Begin anew, because time has jumped back."""
-        self._describer = SceneDescription(self._frame)
+        self._describer: SceneDescription | None = None
         self._forget_breaks()
         self.restart()
 
@@ -127,9 +133,15 @@ class Publishers:
         :param has_moved: whether steps were run since the last call.
         """
         at = messages.stamp(simulation.time)
+        # While time stands still, commands may put something in or elsewhere.
+        has_moved = has_moved or not np.array_equal(simulation.poses, self._last, equal_nan=True)
+        if has_moved:
+            self._last = simulation.poses.copy()
         is_news = self._new_to_poses.are_waiting() or has_moved
         if is_news and self._poses.get_subscription_count():
             self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
+        if self._transforms is not None:
+            self._transforms.publish(simulation, has_moved)
         self._follow_content(simulation)
         self._publish_markers(simulation, at)
         self._leaves.publish(simulation, has_moved, self._parameters['marker_rate'])
@@ -158,7 +170,21 @@ class Publishers:
         if self._described != _content(simulation) and self._description_limiter.is_due():
             self._describe(simulation)
 
+    def _show_ground(self, simulation: Simulation) -> None:
+        """Publish the ground once per scene; late joiners get it, for the topic is latched."""
+        terrain = simulation.model.terrain
+        shown = thinned(terrain)
+        if shown.edge > terrain.edge:
+            self._node.get_logger().info(
+                f'topics show the ground in cells of {shown.edge:g} m instead of '
+                f'{terrain.edge:g} m: {terrain.heights.size} heights are too many for a message')
+        self._ground.publish(messages.ground_markers(
+            terrain, simulation.scene.paving, messages.stamp(simulation.time), self._frame))
+
     def _describe(self, simulation: Simulation) -> None:
+        if self._describer is None:
+            self._describer = SceneDescription(self._frame, simulation.model.terrain,
+                                               simulation.scene.paving)
         text = self._describer.write(simulation.blueprint, simulation.objects, simulation.removed)
         self._description.publish(String(data=text))
         self._leaves.describe(simulation)

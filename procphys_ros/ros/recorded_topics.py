@@ -26,7 +26,8 @@ from procphys_ros.ros import qos
 # Names are below that of the node, but for absolute ones.
 TOPICS: dict[str, tuple[type, QoSProfile]] = {
     'poses': (PoseArray, qos.arrays()), 'markers': (MarkerArray, qos.changes()),
-    'scene_description': (String, qos.latched()), 'breaks': (PointCloud2, qos.changes()),
+    'scene_description': (String, qos.latched()), 'ground': (MarkerArray, qos.latched()),
+    'breaks': (PointCloud2, qos.changes()),
     'dust': (PointCloud2, qos.newest()), 'wind_info': (Vector3Stamped, qos.arrays()),
     'intruder_wrench': (WrenchStamped, qos.arrays()), '/clock': (Clock, qos.newest())}
 KIND_NAMES = {kind: f'{kind.__module__.split(".")[0]}/msg/{kind.__name__}'

@@ -25,6 +25,7 @@ from importlib import import_module
 import re
 from typing import Any
 
+from geometry_msgs.msg import Vector3
 import numpy as np
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.node import Node
@@ -47,6 +48,7 @@ FEATURES = {'ENTITY_TAGS': 'get_entities', 'ENTITY_BOUNDS_BOX': 'get_entities',
             'STEP_SIMULATION_SINGLE': 'step_simulation',
             'STEP_SIMULATION_MULTIPLE': 'step_simulation',
             'STEP_SIMULATION_ACTION': 'simulate_steps', 'SPAWNING': 'spawn_entity',
+            'SPAWNING_ENTITIES': 'spawn_entities', 'ENTITY_BOUNDS': 'get_entity_bounds',
             'SPAWNING_RESOURCE_STRING': 'spawn_entity', 'SPAWNABLES': 'get_spawnables',
             'DELETING': 'delete_entity', 'ENTITY_STATE_SETTING': 'set_entity_state',
             'SIMULATION_RESET_SPAWNED': 'reset_simulation'}
@@ -56,7 +58,8 @@ _SERVICES = {'get_simulator_features': 'GetSimulatorFeatures',
              'reset_simulation': 'ResetSimulation', 'get_entities': 'GetEntities',
              'get_entity_state': 'GetEntityState', 'get_entities_states': 'GetEntitiesStates',
              'get_entity_info': 'GetEntityInfo', 'get_spawnables': 'GetSpawnables',
-             'spawn_entity': 'SpawnEntity', 'delete_entity': 'DeleteEntity',
+             'get_entity_bounds': 'GetEntityBounds', 'spawn_entity': 'SpawnEntity',
+             'spawn_entities': 'SpawnEntities', 'delete_entity': 'DeleteEntity',
              'set_entity_state': 'SetEntityState'}
 _ACTIONS = {'simulate_steps': 'SimulateSteps'}
 
@@ -154,7 +157,7 @@ class SimulationInterfacesServer:
     async def step_simulation(self, request: Any, response: Any) -> Any:
         """Run some steps while paused; other commands are heard between them."""
         if not self._session.paused:
-            return self._failed(response, self._result.RESULT_INCORRECT_STATE,
+            return self._failed(response, self._result.RESULT_OPERATION_FAILED,
                                 'the simulation is running; pause it first')
         for _ in range(request.steps):
             await self._carry_out(response, 'step_simulation', self._session.step_simulation)
@@ -169,7 +172,7 @@ class SimulationInterfacesServer:
         steps = handle.request.steps
         if not self._session.paused:
             handle.abort()
-            return self._failed(response, self._result.RESULT_INCORRECT_STATE,
+            return self._failed(response, self._result.RESULT_OPERATION_FAILED,
                                 'the simulation is running; pause it first')
         for done in range(steps):
             if handle.is_cancel_requested:
@@ -232,6 +235,17 @@ class SimulationInterfacesServer:
             response.info.tags = entities.kinds(request.entity)
             return ''
         return await self._carry_out(response, 'get_entity_info', look,
+                                     self._result.RESULT_NOT_FOUND)
+
+    async def get_entity_bounds(self, request: Any, response: Any) -> Any:
+        """Give the box around what is left of an object, in the frame of its state."""
+        def look() -> str:
+            low, high = self._entities().bounds(request.entity)
+            response.bounds.type = self._types.Bounds.TYPE_BOX
+            response.bounds.points = [Vector3(**dict(zip('xyz', corner.tolist())))
+                                      for corner in (high, low)]
+            return ''
+        return await self._carry_out(response, 'get_entity_bounds', look,
                                      self._result.RESULT_NOT_FOUND)
 
     def _entities(self) -> Entities:

@@ -24,6 +24,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.errors import SceneError
+from procphys_ros.paving import Paving
 from procphys_ros.progress import stage
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
@@ -59,6 +60,7 @@ class Scene:
 
     :ivar objects: instances in part order.
     :ivar settings: gravity, time step, seed, wind and gust.
+    :ivar paving: of its streets.
     :ivar shard: which share of a larger scene this is.
     """
 
@@ -66,6 +68,7 @@ class Scene:
         self.settings = settings or Settings()
         self.objects: list[SceneObject] = []
         self._blueprints: list[Blueprint] = []
+        self.paving: list[Paving] = []
         self.shard = Shard()
         self._instances = 0
         self._chained: Blueprint | None = None

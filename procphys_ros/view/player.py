@@ -197,7 +197,7 @@ class Player:
 
     def _describe(self) -> Content:
         return Content.of(self.simulation.blueprint, self.simulation.names.name, self._scene,
-                          self.simulation.model.terrain)
+                          self.simulation.model.terrain, self.simulation.scene.paving)
 
     def _take_frame(self) -> Frame:
         simulation = self.simulation

@@ -22,6 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves, Shape
+from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
 
@@ -43,6 +44,7 @@ class Content:
     :ivar leaves: leaves on the parts.
     :ivar hexahedra: corners of boxes that are no rectangular ones.
     :ivar terrain: the surface of the ground.
+    :ivar paving: what covers it.
     """
 
     scene: int
@@ -57,13 +59,14 @@ class Content:
     leaves: Leaves
     hexahedra: Hexahedra = field(default_factory=Hexahedra)
     terrain: Terrain = FLAT
+    paving: Sequence[Paving] = ()
 
     def __len__(self) -> int:
         return len(self.shape)
 
     @classmethod
     def of(cls, blueprint: Blueprint, name: Callable[[int], str], scene: int,
-           terrain: Terrain = FLAT) -> 'Content':
+           terrain: Terrain = FLAT, paving: Sequence[Paving] = ()) -> 'Content':
         """
         Describe a blueprint.
 
@@ -71,6 +74,7 @@ class Content:
         :param name: gives the name of a part by its index.
         :param scene: number of the scene.
         :param terrain: the surface of the ground.
+        :param paving: what covers it.
         """
         launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
                                             if kind == 'projectile'])
@@ -79,7 +83,8 @@ class Content:
                    np.where(ball[:, None], blueprint.size, blueprint.visual_size),
                    blueprint.mass, ball, blueprint.texture,
                    lambda part: blueprint.materials[blueprint.material[part]],
-                   blueprint.textures, blueprint.leaves, blueprint.hexahedra, terrain)
+                   blueprint.textures, blueprint.leaves, blueprint.hexahedra, terrain,
+                   paving)
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.palette import rgba
+from procphys_ros.paving import Paving
 from procphys_ros.render import camera, light
 from procphys_ros.view.source import Frame
 
@@ -65,6 +66,7 @@ def arrange(server: Any, frame: Frame, unit: float) -> None:
         corners, faces = frame.content.terrain.mesh(0.5 * span / unit)
         corners = unit * corners
     server.scene.add_mesh_simple('/ground', corners, faces, color=ground, cast_shadow=False)
+    _pave(server, frame.content.paving, unit)
     server.scene.add_grid(
         '/grid', span, span, position=(*place, _LIFT * unit), cell_size=unit,
         section_size=10.0 * unit, cell_color=line, section_color=line, shadow_opacity=0.0,
@@ -74,6 +76,15 @@ def arrange(server: Any, frame: Frame, unit: float) -> None:
     for view in (server.initial_camera, *(c.camera for c in server.get_clients().values())):
         view.fov = np.radians(camera.FIELD_OF_VIEW)
         view.position, view.look_at = unit * eye, unit * target
+
+
+def _pave(server: Any, paving: Sequence[Paving], unit: float) -> None:
+    """Show what covers the ground, in place of what did before."""
+    server.scene.remove_by_name('/paving')
+    for number, one in enumerate(paving):
+        server.scene.add_mesh_simple(
+            f'/paving/{number}', unit * one.points, one.faces,
+            color=_bytes(rgba(one.texture)[:3]), cast_shadow=False)
 
 
 def light_up(server: Any) -> None:

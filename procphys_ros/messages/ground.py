@@ -1,0 +1,99 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The ground in messages: heights of the terrain and pavings as JSON, and as markers."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.messages.cdr import Stamp
+from procphys_ros.messages.marker_rows import Action, command, Kind, ListMarker, marker_array
+from procphys_ros.palette import rgba
+from procphys_ros.paving import Paving
+from procphys_ros.physics.terrain import FLAT, Terrain
+
+MOST_HEIGHTS = 30_000  # in a message: 0.2 MB of JSON, 4.3 MB of triangles
+_DIGITS = 3  # millimetres
+_TERRAIN, _PAVING = 'terrain', 'paving'  # namespaces of markers
+
+
+def thinned(terrain: Terrain, most: int = MOST_HEIGHTS) -> Terrain:
+    """
+    Keep each k-th height in both directions, with the least k that leaves no more than so many.
+
+    Beyond the last height the ground goes on level, so the last cells may reach further.
+    """
+    step = 1
+    while np.prod([-(-(count - 1) // step) + 1 for count in terrain.heights.shape]) > most:
+        step += 1
+    if step == 1:
+        return terrain
+    rows, columns = (np.minimum(step * np.arange(-(-(count - 1) // step) + 1), count - 1)
+                     for count in terrain.heights.shape)
+    return Terrain(terrain.heights[np.ix_(rows, columns)], terrain.low, step * terrain.edge)
+
+
+def describe_ground(terrain: Terrain, paving: Sequence[Paving]) -> dict[str, Any]:
+    """
+    Describe the ground for JSON.
+
+    :returns: `terrain`: `low`, `edge` [m], `shape`, `heights` [m], row by row along x, and
+        `simulated_edge` [m]; none of flat ground. `paving`: `texture`, `points` [m], `faces`.
+    """
+    described: dict[str, Any] = {}
+    if not terrain.is_flat:
+        shown = thinned(terrain)
+        described['terrain'] = {
+            'low': shown.low.tolist(), 'edge': shown.edge, 'simulated_edge': terrain.edge,
+            'shape': list(shown.heights.shape),
+            'heights': shown.heights.ravel().round(_DIGITS).tolist()}
+    if paving:
+        described['paving'] = [{'texture': one.texture, 'faces': one.faces.tolist(),
+                                'points': one.points.round(_DIGITS).tolist()} for one in paving]
+    return described
+
+
+def ground_of(described: Mapping[str, Any]) -> tuple[Terrain, list[Paving]]:
+    """Read the ground from a scene description."""
+    paving = [Paving(one['texture'], np.array(one['points'], float).reshape(-1, 3),
+                     np.array(one['faces'], int).reshape(-1, 3))
+              for one in described.get('paving', ())]
+    if not (hills := described.get('terrain')):
+        return FLAT, paving
+    heights = np.array(hills['heights'], float).reshape(hills['shape'])
+    return Terrain(heights, np.array(hills['low'], float), float(hills['edge'])), paving
+
+
+def ground_markers(terrain: Terrain, paving: Sequence[Paving], at: Stamp,
+                   frame_id: str) -> bytes:
+    """
+    Write a visualization_msgs/MarkerArray of the ground, which clears what was shown before.
+
+    :param terrain: its surface; flat ground has no marker.
+    :param paving: what covers it.
+    :param at: stamp of the markers.
+    :param frame_id: frame of everything.
+    """
+    chunks = [command(Action.DELETEALL, '', 0, frame_id)]
+    if not terrain.is_flat:
+        points, faces = thinned(terrain).mesh()
+        chunks.append(ListMarker(Kind.TRIANGLE_LIST, _TERRAIN, 0, frame_id, rgba('ground'))
+                      .write(points[faces.ravel()], at))
+    for number, one in enumerate(paving):
+        chunks.append(ListMarker(Kind.TRIANGLE_LIST, _PAVING, number, frame_id,
+                                 rgba(one.texture)).write(one.points[one.faces.ravel()], at))
+    return marker_array(chunks, len(chunks))

@@ -1,0 +1,35 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Paving: what covers the ground of streets, drawn but without any physics of its own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Paving:
+    """
+    A surface just above the ground.
+
+    :ivar texture: its name.
+    :ivar points: [m], (P, 3), world.
+    :ivar faces: triangles, indices of points, counterclockwise from above, (F, 3).
+    """
+
+    texture: str
+    points: np.ndarray
+    faces: np.ndarray

@@ -1,0 +1,83 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Transform publisher: where the objects of a scene are, for tools that look things up in tf."""
+
+from importlib import import_module
+
+import numpy as np
+from rclpy.node import Node
+
+from procphys_ros import messages
+from procphys_ros.messages.transforms import TransformMessage
+from procphys_ros.ros import qos
+from procphys_ros.ros.late_joiners import LateJoinerTracker
+from procphys_ros.simulation import Simulation
+
+_PACKAGE = 'tf2_msgs'
+
+
+class TransformPublisher:
+    """
+    Publishes a frame per object, named as it is, at the first part that is left of it.
+
+    Without the package tf2_msgs it says so once, and does nothing.
+
+    :param node: the node that publishes.
+    :param frame: the frame that they are in.
+    """
+
+    def __init__(self, node: Node, frame: str):
+        self._frame = frame
+        self._new = LateJoinerTracker()
+        self._written: tuple[tuple[str, ...], TransformMessage] | None = None
+        try:
+            kind = import_module(f'{_PACKAGE}.msg').TFMessage
+        except ImportError:
+            self._publisher = None
+            node.get_logger().warning(
+                f'publish_tf is true, but {_PACKAGE} is not installed: nothing goes out on /tf; '
+                'on a ROS installation: apt install ros-$ROS_DISTRO-tf2-msgs')
+            return
+        self._publisher = qos.publisher(node, kind, '/tf', qos.changes(),
+                                        event_callbacks=self._new.events)
+
+    def publish(self, simulation: Simulation, has_moved: bool) -> None:
+        """
+        Publish where all objects are.
+
+        :param has_moved: whether steps were run since the last call.
+        """
+        is_news = self._new.are_waiting() or has_moved
+        if self._publisher is None or not is_news or not self._publisher.get_subscription_count():
+            return
+        names, parts = frames(simulation)
+        if self._written is None or self._written[0] != names:
+            self._written = names, TransformMessage(names, self._frame)
+        if names:
+            self._publisher.publish(self._written[1].write(
+                simulation.poses[parts], messages.stamp(simulation.time)))
+
+
+def frames(simulation: Simulation) -> tuple[tuple[str, ...], np.ndarray]:
+    """Give the objects of which something is left, and the first part of each that is, (K,)."""
+    there = np.isfinite(simulation.poses[:, 0])
+    names, parts = [], []
+    for one in simulation.objects:
+        left = there[one.first:one.first + one.count]
+        if left.any():
+            names.append(one.name)
+            parts.append(one.first + int(left.argmax()))
+    return tuple(names), np.array(parts, int)
