@@ -78,7 +78,8 @@ def test_the_unspoilt_grammar_builds():
     ('storey_height: 3', 'storey_height: 3 floors: lava', 4, 'timber'),
     ('storey_height: 3', 'storey_height: 3 floors: slab(9)', 4, '0.05 to 1'),
     ('storey_height: 3', 'storey_height: 3 roof: hip(5)', 4, '10 to 70'),
-    ('storey_height: 3', 'storey_height: 3 roof: hip(40)', 1, 'longer than wide'),
+    (_SQUARE, '(0, 0) (width + 0.3, 0) (width + 0.3, 4) (0, 4) roof: hip(40)', 1,
+     'longer than wide'),
     ('storey_height: 3', 'storey_height: 3 partitions: halves', 4, 'takes 1'),
     # splits
     ('-> wall', '-> split(x) { 9: wall | 2: wall }', 5, 'need 11 m and do not fit into 4 m'),

@@ -43,9 +43,9 @@ def rows_of(blueprint, kind):
     return np.flatnonzero(blueprint.kind == blueprint.kinds.index(kind))
 
 
-def open_share(blueprint, drops=8000):
+def open_share(blueprint, size=(8.0, 5.0), drops=8000):
     """Let drops fall on the plan: give the share that no tile stops."""
-    points = np.random.default_rng(0).uniform((0.0, 0.0), (8.0, 5.0), (drops, 2))
+    points = np.random.default_rng(0).uniform((0.0, 0.0), size, (drops, 2))
     stopped = np.zeros(drops, bool)
     for row in rows_of(blueprint, 'tile'):
         pose, half = blueprint.poses[row], 0.5 * blueprint.size[row]

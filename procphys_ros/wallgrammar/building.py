@@ -14,6 +14,7 @@
 
 """Building: from the text of a wall grammar to a blueprint of bricks and mortar."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,12 +23,12 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.language import check_length, read_text, resolve_defines
-from procphys_ros.wallgrammar import contacts, corners, footprint, polygons, references, walls
+from procphys_ros.wallgrammar import bodies, contacts, corners, polygons, references
 from procphys_ros.wallgrammar.assembly import assemble, corners_of, from_contacts, on_ground
+from procphys_ros.wallgrammar.bodies import Body
 from procphys_ros.wallgrammar.bonds import Layout
-from procphys_ros.wallgrammar.boxes import MICRO, micro
+from procphys_ros.wallgrammar.boxes import MICRO
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.derivation import Deriver, Piece
 from procphys_ros.wallgrammar.interior import Interior
 from procphys_ros.wallgrammar.materials import Material
 from procphys_ros.wallgrammar.parser import parse
@@ -35,7 +36,6 @@ from procphys_ros.wallgrammar.spec import Spec
 from procphys_ros.wallgrammar.stability import check_connected
 from procphys_ros.wallgrammar.tables import check_panel, read_layouts, read_materials
 
-_HIGHEST = 1000.0     # [m]
 _JOINT_SLACK = 0.004  # [m] by which joints between cut bricks may be wider than others
 MOST_PARTS = 200_000  # default bound on the parts of one building
 
@@ -98,107 +98,35 @@ class WallGrammar:
         :raises GrammarError: when rules, sizes or materials make no building that stands.
         """
         generator = np.random.default_rng(seed)
-        building = self.spec.building
-        values = resolve_defines(building.parameters, defines, generator, self.source)
-        values['storey_height'] = building.storey_height.number(values, generator)
-        values.setdefault('storeys', 1.0)
-        if building.storeys is not None:
-            values['storeys'] = building.storeys.number(values, generator)
-        storeys, storey_height = self._storeys(values)
-        deriver = Deriver(self.spec, values, generator)
-        points = np.array([[c.number(values, generator) for c in corner]
-                           for corner in building.footprint])
-        return _Construction(self, deriver, points, storeys, storey_height).blueprint()
-
-    def _storeys(self, values: dict[str, float]) -> tuple[int, float]:
-        building = self.spec.building
-        storeys, storey_height = values['storeys'], values['storey_height']
-        if storeys < 1 or storeys != int(storeys) or storeys > 1000:
-            place = building.storeys.place if building.storeys else building.place
-            raise place.error(f'storeys must be a whole number from 1 to 1000, found {storeys:g}')
-        if not 0.1 <= storey_height <= 100.0:
-            raise building.storey_height.place.error(f'storey_height must be from 0.1 to 100 m, '
-                                                     f'found {storey_height:g}')
-        if storeys * storey_height > _HIGHEST:
-            raise building.place.error(f'the building is {storeys * storey_height:g} m high, at '
-                                       f'most {_HIGHEST:g} m are possible')
-        return int(storeys), storey_height
+        spec = self.spec
+        values = resolve_defines(spec.building.parameters, defines, generator, self.source)
+        found: list[Body] = []
+        for building in (spec.building, *spec.wings):
+            known = found[-1].plan.yaws.tolist() if found else []
+            found.append(bodies.derive(building, spec, self.layouts, values, generator, known))
+        bodies.check_apart(found)
+        return _construct(self, found)
 
 
-class _Construction:
-    """One run of the builder."""
-
-    def __init__(self, grammar: WallGrammar, deriver: Deriver, points: np.ndarray, storeys: int,
-                 storey_height: float):
-        self.grammar = grammar
-        self.deriver = deriver
-        self.storeys = storeys
-        self.storey_height = storey_height
-        self.height = micro(storeys * storey_height)
-        building = grammar.spec.building
-        self.site = Site(grammar.materials, grammar.most_parts, building.place)
-        footprint.check(points, building.corners)
-        self.pieces = self._derive(points)
-        self.layout = self._wall_layout()
-        self.plan = footprint.read(points, self.layout.thickness, self.layout.joint,
-                                   building.corners)
-
-    def _derive(self, points: np.ndarray) -> list[list[Piece]]:
-        starts = self.grammar.spec.building.facades
-        edges = (np.roll(points, -1, axis=0) - points if len(points) > 2
-                 else np.diff(points, axis=0))
-        return [self.deriver.facade(starts[min(i, len(starts) - 1)],
-                                    micro(float(np.hypot(*edge))), self.height)
-                for i, edge in enumerate(edges)]
-
-    def _wall_layout(self) -> Layout:
-        """Find the one layout that sets thickness and courses, so that corners interlock."""
-        grammar = self.grammar
-        found: dict[tuple[int, int, int], tuple[Layout, Piece]] = {}
-        for piece in (p for pieces in self.pieces for p in pieces):
-            layout = grammar.layouts.get(grammar.spec.panels[piece.panel].kind)
-            if layout is not None:
-                found.setdefault((layout.thickness, layout.gauge, layout.joint), (layout, piece))
-        if not found:
-            raise grammar.spec.building.place.error('no facade has a panel with a layout, so '
-                                                    'there is no wall')
-        (first, one), *others = found.values()
-        for layout, piece in others:
-            raise piece.place.error(
-                f'the panels "{one.panel}" and "{piece.panel}" cannot interlock: layouts of one '
-                f'building must share wall thickness ({first.thickness / 1e6:g} and '
-                f'{layout.thickness / 1e6:g} m), course height ({first.gauge / 1e6:g} and '
-                f'{layout.gauge / 1e6:g} m) and joint')
-        return first
-
-    def blueprint(self) -> Blueprint:
-        """Build walls, partitions, floors and roof, and bond them."""
-        grammar, site = self.grammar, self.site
-        site.frames += [np.array([0.0, 0.0, 0.0, *rotation.from_yaw(yaw)])
-                        for yaw in self.plan.yaws]
-        elevations = [walls.Elevation(
-            facade, self._fit(walls.gauge_pieces(pieces, self.layout), facade.length),
-            grammar.spec.panels, grammar.layouts, self.layout)
-            for facade, pieces in zip(self.plan.facades, self.pieces)]
-        interior = Interior(site, self.plan, elevations, grammar.spec.building, self.storeys,
-                            self.storey_height, self.deriver)
-        interior.cut_and_lay()
+def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:
+    """Build walls, partitions, floors and roofs, and bond them."""
+    site = Site(grammar.materials, grammar.most_parts, grammar.spec.building.place)
+    upright = found[-1].plan.yaws
+    site.frames += [np.array([0.0, 0.0, 0.0, *rotation.from_yaw(yaw)]) for yaw in upright]
+    for body in found:
+        elevations = body.elevations(grammar.spec, grammar.layouts)
+        Interior(site, body.plan, elevations, body.building, body.storeys, body.storey_height,
+                 body.deriver, bodies.neighbours(body, found)).cut_and_lay()
         corners.bond(site, elevations)
-        boxes = site.boxes()
-        frames = np.array(site.frames)
-        patches = [on_ground(boxes, frames, len(self.plan.yaws)),
-                   from_contacts(contacts.find(boxes), boxes, frames), *site.patches]
-        cut = boxes.form >= 0
-        solids = corners_of(boxes, site.forms, frames) if cut.any() else np.zeros((0, 8, 3))
-        if cut.any():
-            reach = self.layout.joint / MICRO + _JOINT_SLACK
-            patches.append(polygons.meet(solids, cut, reach))
-            solids = solids[cut]
-        check_connected(boxes, patches, frames, site)
-        return assemble(boxes, patches, frames, grammar.materials, site.kinds, solids)
-
-    @staticmethod
-    def _fit(pieces: list[Piece], length: int) -> list[Piece]:
-        """Let panels end where the edge ends in whole micrometres of its frame."""
-        return [p._replace(scope=p.scope._replace(right=length))
-                if abs(p.scope.right - length) <= 5 else p for p in pieces]
+    boxes = site.boxes()
+    frames = np.array(site.frames)
+    patches = [on_ground(boxes, frames, len(upright)),
+               from_contacts(contacts.find(boxes), boxes, frames), *site.patches]
+    cut = boxes.form >= 0
+    solids = corners_of(boxes, site.forms, frames) if cut.any() else np.zeros((0, 8, 3))
+    if cut.any():
+        reach = max(body.layout.joint for body in found) / MICRO + _JOINT_SLACK
+        patches.append(polygons.meet(solids, cut, reach))
+        solids = solids[cut]
+    check_connected(boxes, patches, frames, site)
+    return assemble(boxes, patches, frames, grammar.materials, site.kinds, solids)

@@ -110,8 +110,8 @@ class Footprint:
 
     @property
     def right_angled(self) -> bool:
-        """Say whether all edges lie in one frame."""
-        return len(self.yaws) == 1
+        """Say whether all edges lie in the first frame."""
+        return all(facade.frame == 0 for facade in self.facades)
 
     @property
     def corners(self) -> np.ndarray:
@@ -119,7 +119,8 @@ class Footprint:
         return np.array([f.origin for f in self.facades])
 
 
-def read(points: np.ndarray, thickness: int, joint: int, places: Sequence[Place]) -> Footprint:
+def read(points: np.ndarray, thickness: int, joint: int, places: Sequence[Place],
+         known: Sequence[float] = ()) -> Footprint:
     """
     Say where the walls of a footprint end at its corners.
 
@@ -127,12 +128,13 @@ def read(points: np.ndarray, thickness: int, joint: int, places: Sequence[Place]
     :param thickness: of the walls [µm].
     :param joint: between walls that meet [µm].
     :param places: of the corners, for errors.
+    :param known: turns of the frames that there are already [rad].
     :raises GrammarError: for walls that have no room.
     """
     closed = len(points) > 2
     edges = np.roll(points, -1, axis=0) - points if closed else points[1:] - points[:1]
     angles = np.arctan2(edges[:, 1], edges[:, 0])
-    yaws, frame, quarter = _frames(angles)
+    yaws, frame, quarter = _frames(angles, known)
     lengths = np.hypot(*edges.T)
     facades = [Facade(micro(length), int(f), int(q), origin) for length, f, q, origin
                in zip(lengths, frame, quarter, _origins(points, yaws, frame))]
@@ -214,9 +216,10 @@ def _crossing(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return np.column_stack([first, second])[touch]
 
 
-def _frames(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _frames(angles: np.ndarray,
+            known: Sequence[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Group directions that differ by right angles; the first edge sets the first frame."""
-    yaws: list[float] = []
+    yaws = list(known)
     frame, quarter = [], []
     for angle in angles:
         turns = [(angle - yaw) / (0.5 * np.pi) for yaw in yaws]

@@ -18,20 +18,26 @@ from dataclasses import replace
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.wallgrammar.boxes import MICRO, micro, micros
 from procphys_ros.wallgrammar.footprint import Corner
 from procphys_ros.wallgrammar.roofs import RIDGE, Roof
+from procphys_ros.wallgrammar.slopes import Slope
 from procphys_ros.wallgrammar.tiling import lay, Runs
 from procphys_ros.wallgrammar.walls import Elevation, unit_of
 
 _RIDGE_ROOM = 12_000  # [µm] beside the ridge board in its pocket: it rests there, no more
 _GABLE_CLEAR = 0.01   # [m] between the gable and the battens
 _LEAST_RUN = 50_000   # [µm] shorter pieces of a gable course are left out
+_NEAR = 60_000        # [µm] walls this near to a gable leave no room for its boards
 _EDGE = 0.06          # [m] between the outermost rafters and the gable
 
 
 class GableRoof(Roof):
     """A roof of two slopes between masonry gables."""
+
+    def _eaves_axes(self) -> tuple[int, ...]:
+        return (self.axis,)
 
     def build(self) -> None:
         """Build plates, gables, ridge, slopes and ties."""
@@ -56,8 +62,35 @@ class GableRoof(Roof):
             self._seat(slope, rafters, np.concatenate(plates))
             self._head(slope, rafters, ridge, self._square_end(slope, rafters))
             slope.cover(self.site, frame, rafters)
-            slope.verges(self.site, frame)
+            slope.verges(self.site, frame, self._abutments(slope))
         self.tie(axis)
+
+    def _abutments(self, slope: Slope) -> list[list[tuple[float, float]]]:
+        """
+        Say where other bodies stand against the gables.
+
+        :returns: for either end of the eaves, the first at -length, stretches in plan that are
+            taken, measured from the eaves [m].
+        """
+        axis, across = self.axis, 1 - self.axis
+        first = self.site.frames[0][3:]
+        found: list[list[tuple[float, float]]] = []
+        for y in (-slope.length, 0.0):
+            foot = rotation.rotate(rotation.conjugate(first), slope.world(0.0, y, 0.0)[0]) * MICRO
+            at_low = abs(foot[axis] - self.low[axis]) < abs(foot[axis] - self.high[axis])
+            taken = []
+            for other in self.neighbours:
+                face = other.high[axis] - self.low[axis] if at_low else (
+                    self.high[axis] - other.low[axis])
+                if abs(face) < _NEAR and other.top > self.height:
+                    ends = sorted(abs(edge - foot[across]) / MICRO if (
+                        self.low[across] < edge < self.high[across]) else (
+                        -1.0 if abs(edge - foot[across]) < abs(
+                            edge - self.low[across] - self.high[across] + foot[across]) else 1e3)
+                        for edge in (other.low[across], other.high[across]))
+                    taken.append((ends[0], ends[1]))
+            found.append(taken)
+        return found
 
     def _gable_wall(self, wall: Elevation, seat: int, top: int, half: int) -> None:
         """Carry the courses of a wall on under the roof, with room for the ridge board."""

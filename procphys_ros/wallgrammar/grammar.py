@@ -18,9 +18,10 @@ from procphys_ros.language import EXPRESSION_GRAMMAR
 
 # A name with a colon behind it is a key, where a key may stand: that ends the values before it.
 WALL_GRAMMAR = r"""
-start: (include | building | rule | panel | material | layout)+
+start: (include | building | wing | rule | panel | material | layout)+
 include: "include" FILE
 building: "building" NAME [_OPEN [parameter (_COMMA parameter)*] _CLOSE] entry*
+wing: "wing" NAME entry*
 parameter: NAME _EQUALS expression
 entry: KEY _COLON value*
 ?value: expression | _OPEN expression _COMMA expression _CLOSE -> point
@@ -60,7 +61,8 @@ WALL_WORDS = {
     'KEY': 'a key with ":"', '_COLON': '":"', '_ARROW': '"->"', '_BAR': '"|"', '_QUOTE': '"\'"',
     '_TILDE': '"~"', '_EQUALS': '"="', 'LBRACE': '"{"', 'RBRACE': '"}"',
     'FILE': 'a file name in quotes', 'INCLUDE': '"include"',
-    'BUILDING': '"building"', 'RULE': '"rule"', 'PANEL': '"panel"', 'MATERIAL': '"material"',
-    'LAYOUT': '"layout"', 'SPLIT': '"split"', 'BORDER': '"border"', 'GRID': '"grid"',
+    'BUILDING': '"building"', 'WING': '"wing"', 'RULE': '"rule"', 'PANEL': '"panel"',
+    'MATERIAL': '"material"', 'LAYOUT': '"layout"', 'SPLIT': '"split"', 'BORDER': '"border"',
+    'GRID': '"grid"',
     'EXTRUDE': '"extrude"', 'INSERT': '"insert"',
 }

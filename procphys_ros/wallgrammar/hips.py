@@ -36,6 +36,8 @@ _CAP = (0.45, 0.4, 0.02)  # [m] length, width and thickness of hip caps
 _SHORT = 0.175        # [m] in plan, from the apex to the middle of the uppermost caps' ends
 _STRIP = 0.04         # [m] width of the strip below them
 _SHORTEST_RIDGE = 0.5  # [m]
+_SQUARE = 0.002       # [m] by which the sides of a pyramid may differ
+_POST = 0.5 * _HIP + 0.004  # [m] half the side of the post in the middle of a pyramid
 
 
 class HipRoof(Roof):
@@ -44,17 +46,20 @@ class HipRoof(Roof):
     def build(self) -> None:
         """Build a ring of plates, hips, ridge, slopes and ties."""
         axis, across, size, span = self.axis, 1 - self.axis, self.size, self.span
-        if size[axis] - size[across] < _SHORTEST_RIDGE:
+        longer = float(size[axis] - size[across])
+        if _SQUARE < longer < _SHORTEST_RIDGE:
             raise self.site.place.error(
-                f'a hip roof needs a footprint at least {_SHORTEST_RIDGE:g} m longer than wide, '
-                f'found {size.max():g} x {size.min():g} m; use gable(pitch) or flat')
+                f'a hip roof needs a footprint that is square or at least {_SHORTEST_RIDGE:g} m '
+                f'longer than wide, found {size.max():g} x {size.min():g} m; use gable(pitch) or '
+                f'flat')
         plates = self._plate_ring(axis)
         self._strut(axis)
         bottom, top = self._ridge_levels(span)
         middle = int(self.low[across] + self.high[across]) // 2
         half = micro(0.5 * RIDGE)
         ends = (self.low[axis] + micro(span), self.high[axis] - micro(span))
-        ridge = self._timber(axis, ends, (middle - half, middle + half), bottom, top, 0, 'ridge')
+        ridge = (self._timber(axis, ends, (middle - half, middle + half), bottom, top, 0, 'ridge')
+                 if longer > _SQUARE else self._king_post(bottom, self._apex_level()))
         hips = self._hips(axis, span, ridge, plates)
         slopes = [*self._opposite(axis, span, size[axis], True),
                   *self._opposite(across, span, size[across], True)]
@@ -69,27 +74,63 @@ class HipRoof(Roof):
             rows = Ends(*(column[~full] for column in rafters))
             self._head(slope, rows, hips, ends_at[~full])
             slope.cover(self.site, frame, rafters)
-        self._apexes(axis, middle, top, slopes[0].crest)
+        if longer > _SQUARE:
+            self._apexes(axis, middle, top, slopes[0].crest)
+        else:
+            self._crown(axis, middle, ridge, slopes[0].crest)
         self.tie(axis)
+
+    def _king_post(self, bottom: int, top: int) -> np.ndarray:
+        """Set a post between the hips of a pyramid, its faces towards them."""
+        middle = 0.5 * (self.low + self.high) / MICRO
+        first = self.site.frames[0]
+        place = rotation.rotate(first[3:], np.array([*middle, 0.0]))
+        attitude = rotation.multiply(first[3:], rotation.from_yaw(0.25 * np.pi))
+        self.site.frames.append(np.concatenate([place, attitude]))
+        half = micro(_POST)
+        rows = self.site.add(from_cells(
+            [-half, -half, bottom], [half, half, top], frame=len(self.site.frames) - 1, axis=2,
+            joint=Joint.FIXING, kind=self.site.kind('post'),
+            material=self.site.material('timber')))
+        return np.arange(rows.start, rows.stop)
 
     def _apexes(self, axis: int, middle: int, top: int, crest: float) -> None:
         """Set a post on each end of the ridge, with a block on it that closes the apex."""
         half, wide = micro(0.5 * RIDGE), micro(APEX)
-        # Over the hip boards, or in flat roofs over the tiles beside the ridge and the hip caps.
-        lowest = self.span * np.tan(self.pitch) + 0.005 + max(
-            self.depth / np.cos(self.pitch), (self.depth + COVER) * np.cos(self.pitch),
-            (self.depth + COVER) / np.cos(self.pitch) + self._lift + _CAP[2] - _SHORT * np.tan(
-                self.pitch))
-        bottom, crown = micro(self.eaves + lowest), micro(self.eaves + crest + _CAP[2])
+        bottom = self._apex_level()
         for end, inwards in ((int(self.low[axis]) + micro(self.span), 1),
                              (int(self.high[axis]) - micro(self.span), -1)):
             seat = sorted((end, end + inwards * wide))
             self._timber(axis, (seat[0], seat[1]), (middle - half, middle + half), top, bottom, 0,
                          'post')
-            block = self._box(axis, (end - wide, end + wide), (middle - wide, middle + wide),
-                              bottom, crown, 0, 'tile')
-            block.material[:] = self.site.material('tile')
-            self.site.add(block)
+            self._block(axis, end, middle, bottom, crest)
+
+    def _apex_level(self) -> int:
+        """Give the underside of the blocks that close apexes [µm]."""
+        # Over the hip boards, or in flat roofs over the tiles beside the ridge and the hip caps.
+        lowest = self.span * np.tan(self.pitch) + 0.005 + max(
+            self.depth / np.cos(self.pitch), (self.depth + COVER) * np.cos(self.pitch),
+            (self.depth + COVER) / np.cos(self.pitch) + self._lift + _CAP[2] - _SHORT * np.tan(
+                self.pitch))
+        return micro(self.eaves + lowest)
+
+    def _block(self, axis: int, end: int, middle: int, bottom: int, crest: float) -> int:
+        """Close an apex; give the part."""
+        wide, crown = micro(APEX), micro(self.eaves + crest + _CAP[2])
+        block = self._box(axis, (end - wide, end + wide), (middle - wide, middle + wide), bottom,
+                          crown, 0, 'tile')
+        block.material[:] = self.site.material('tile')
+        return self.site.add(block).start
+
+    def _crown(self, axis: int, middle: int, post: np.ndarray, crest: float) -> None:
+        """Set the block that closes the apex of a pyramid on its post."""
+        bottom = self._apex_level()
+        end = int(self.low[axis] + self.high[axis]) // 2
+        block = self._block(axis, end, middle, bottom, crest)
+        place = self.site.frames[self.site.boxes().frame[post[-1]]][:3] + [0.0, 0.0,
+                                                                           bottom / MICRO]
+        self._bond(post[-1:], np.array([block]), place[None], np.array([[0.0, 0.0, 1.0]]),
+                   (2.0 * _POST, 2.0 * _POST), np.array([[0.5, 0.5 * _CAP[2]]]))
 
     def _strut(self, axis: int) -> None:
         """Set struts between the ties, that hold the plates below the hipped ends."""

@@ -20,6 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.errors import nearest_names
+from procphys_ros.wallgrammar import spires
+from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Deriver
@@ -33,7 +35,8 @@ from procphys_ros.wallgrammar.spec import Building, Call
 from procphys_ros.wallgrammar.walls import Elevation
 
 _FLOORS = {'none': (), 'timber': (), 'slab': ((0.05, 1.0),)}
-_ROOFS = {'none': (), 'flat': (), 'gable': ((10.0, 70.0),), 'hip': ((10.0, 70.0),)}
+_ROOFS = {'none': (), 'flat': (), 'gable': ((10.0, 70.0),), 'hip': ((10.0, 70.0),),
+          'spire': ((50.0, 85.0),)}
 _PARTITIONS = {'none': (), 'halves': ((1.0, 100.0),)}
 
 
@@ -49,6 +52,7 @@ class Interior:
     :ivar storeys: number of storeys.
     :ivar storey_height: [m].
     :ivar deriver: evaluates expressions.
+    :ivar neighbours: other bodies of the building.
     """
 
     site: Site
@@ -58,6 +62,7 @@ class Interior:
     storeys: int
     storey_height: float
     deriver: Deriver
+    neighbours: Sequence[Neighbour] = ()
 
     def cut_and_lay(self) -> None:
         """
@@ -73,6 +78,8 @@ class Interior:
         else:
             only_top = False
         layout = self.walls[0].layout
+        for wall in self.walls if (floors, partitions) != ('none', 'none') else ():
+            wall.check_inside()
         levels = [int(snap_level(micro(s * self.storey_height), layout))
                   for s in range(self.storeys + 1)]
         rooms, inner = self._rooms(partitions, least, levels)
@@ -85,7 +92,9 @@ class Interior:
                              [] if bare else rooms)
         for wall in (*self.walls, *inner):
             wall.build(self.site)
-        if self.building.roof is not None and roof in ('gable', 'hip'):
+        if self.building.roof is not None and roof == 'spire':
+            spires.build(self.site, self.plan, layout, levels[-1], pitch, self.building.roof.place)
+        elif self.building.roof is not None and roof in ('gable', 'hip'):
             self._roof(self.building.roof, pitch, levels[-1])
 
     def _read(self, call: Call | None, key: str,
@@ -107,7 +116,8 @@ class Interior:
             if not low <= value <= high:
                 raise argument.place.error(f'the number of "{call.name}" must be from {low:g} to '
                                            f'{high:g}, found {value:g}')
-        if not self.plan.right_angled or len(self.plan.facades) < 3:
+        if call.name != 'spire' and (
+                not self.plan.right_angled or len(self.plan.facades) < 3):
             raise call.place.error(f'{key}: {call.name} needs a footprint with right angles only; '
                                    f'use none here')
         return call.name, value
@@ -135,7 +145,7 @@ class Interior:
                 f'a {call.name} roof needs a rectangular footprint, found '
                 f'{len(self.plan.facades)} corners; use flat or none')
         if call.name == 'gable':  # the ridge runs along the first facade
-            GableRoof(self.site, self.walls, level, pitch, 0).build()
+            GableRoof(self.site, self.walls, level, pitch, 0, self.neighbours).build()
         else:  # along the longer side
             longer = int(np.argmax(np.ptp(self.plan.corners, axis=0)))
-            HipRoof(self.site, self.walls, level, pitch, longer).build()
+            HipRoof(self.site, self.walls, level, pitch, longer, self.neighbours).build()

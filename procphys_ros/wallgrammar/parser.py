@@ -115,7 +115,7 @@ class _Reader:
     def __init__(self, source: str, tree: Node, included: bool = False):
         self.source = source
         self.trees: dict[str, list[Node]] = {kind: [] for kind in (
-            'include', 'building', 'rule', 'panel', 'material', 'layout')}
+            'include', 'building', 'wing', 'rule', 'panel', 'material', 'layout')}
         for child in tree.children:
             self.trees[child.data].append(child)
         self.known: set[str] = set()
@@ -136,7 +136,12 @@ class _Reader:
         return compile_expression(node, self.source, known=known)
 
     def spec(self) -> Spec:
-        spec = Spec(self.building(self.trees['building'][0]))
+        wings: dict[str, Building] = {}
+        for node in self.trees['wing']:
+            wing = self.building(node)
+            self.new(wing.name, wings, 'wing', wing.place)
+            wings[wing.name] = wing
+        spec = Spec(self.building(self.trees['building'][0]), tuple(wings.values()))
         for node in self.trees['rule']:
             rule = self.rule(node)
             spec.rules.setdefault(rule.name, []).append(rule)
@@ -182,7 +187,7 @@ class _Reader:
         return parameters, entries
 
     def building(self, node: Node) -> Building:
-        """Read the building."""
+        """Read the building, or a wing."""
         parameters, entries = self.properties(node)
         known = self.parameters
         place = self.place(node)
@@ -193,7 +198,7 @@ class _Reader:
                                               'next key needs a ":"')
         for key in ('footprint', 'facades', 'storey_height'):
             if key not in entries:
-                raise place.error(f'the building needs "{key}:"')
+                raise place.error(f'the {node.data} needs "{key}:"')
         for key in ('footprint', 'facades'):
             if len(entries[key].children) == 1:
                 raise self.place(entries[key]).error(f'nothing stands behind "{key}:"')

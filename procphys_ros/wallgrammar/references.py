@@ -38,8 +38,9 @@ def check(spec: Spec) -> None:
     :param spec: a parsed grammar.
     :raises GrammarError: at the first such call.
     """
-    for start in spec.building.facades:
-        _check_call(spec, start)
+    for body in (spec.building, *spec.wings):
+        for start in body.facades:
+            _check_call(spec, start)
     for rules in spec.rules.values():
         for rule in rules:
             for call in _calls(rule.successor):

@@ -20,9 +20,10 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.wallgrammar.assembly import Patches
+from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.slopes import Ends, RAFTER, rafter_depth, Slope, TILE_AREA
+from procphys_ros.wallgrammar.slopes import Ends, OVERHANG, RAFTER, rafter_depth, Slope, TILE_AREA
 from procphys_ros.wallgrammar.walls import Elevation
 
 RIDGE = 0.075         # [m] thickness of the ridge board
@@ -31,6 +32,7 @@ TIE = (50_000, 600_000)  # [µm] width and spacing of ties between plates
 _PLATE = 100_000      # [µm] width of wall plates, at most the wall
 _RIDGE_SEAT = 0.15    # [m] least depth of the ridge board below the rafters' ends
 _LEAST_ROOM = 0.5     # [m] between opposite walls, for ties and rafters
+_EAVES_ROOM = 0.03    # [m] kept clear around the eaves
 _TIE_GAP = 0.001      # [m] mean gap of cut timber joints
 
 
@@ -45,8 +47,9 @@ class Roof:
     """
 
     def __init__(self, site: Site, walls: Sequence[Elevation], height: int, pitch: float,
-                 axis: int):
+                 axis: int, neighbours: Sequence[Neighbour] = ()):
         self.site = site
+        self.neighbours = neighbours
         self.walls = walls
         self.height = height
         self.layout = walls[0].layout
@@ -64,11 +67,40 @@ class Roof:
         self.span = 0.5 * float(self.size[1 - axis])
         self.depth = rafter_depth(self.span, self.pitch)
         site.expect(float(self.size.prod()) / np.cos(self.pitch) / TILE_AREA)
+        self._check_eaves()
 
     @property
     def eaves(self) -> float:
         """Height of the rafters' underside over the outer edge of the wall [m]."""
         return (self.height + self.gauge) / MICRO
+
+    def _check_eaves(self) -> None:
+        """Refuse walls that stand where the eaves of this roof reach out."""
+        drop = micro(OVERHANG * np.tan(self.pitch) + _EAVES_ROOM)
+        reach = micro(OVERHANG + _EAVES_ROOM)
+        for other in self.neighbours:
+            if other.top <= self.height - drop:
+                continue
+            for axis in self._eaves_axes():
+                beside = other.low[axis] < self.high[axis] and other.high[axis] > self.low[axis]
+                across = 1 - axis
+                near = (other.low[across] < self.high[across] + reach
+                        and other.high[across] > self.low[across] - reach)
+                if beside and near:
+                    raise self.site.place.error(
+                        f'the eaves of a roof reach {OVERHANG:g} m out of its walls, and '
+                        f'"{other.name}" stands there; build it against a gable, or keep it below '
+                        f'{(self.height - drop) / MICRO:.2f} m')
+        for wall in self.walls:
+            if wall.facade.quarter % 2 in self._eaves_axes() and (
+                    wall.piers_above(self.height - drop)):
+                raise self.site.place.error(
+                    f'the eaves of a roof reach {OVERHANG:g} m out of its walls, over piers that '
+                    f'stand out of them: end the piers below {(self.height - drop) / MICRO:.2f} m')
+
+    def _eaves_axes(self) -> tuple[int, ...]:
+        """Name the axes along which eaves run."""
+        return (0, 1)
 
     def tie(self, axis: int) -> None:
         """

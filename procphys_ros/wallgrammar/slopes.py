@@ -14,6 +14,7 @@
 
 """Slopes: rafters, battens and tiles of one plane of a roof, in the frame of that plane."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -171,20 +172,34 @@ class Slope:
                 column.kind[:], column.material[:] = site.kind(kind), site.material(material)
                 site.add(column, longest)
 
-    def verges(self, site: Site, frame: int) -> None:
+    def verges(self, site: Site, frame: int,
+               taken: Sequence[Sequence[tuple[float, float]]] = ((), ())) -> None:
         """
         Nail boards to the ends of the battens, which cover the steps of the gables.
 
         :param site: takes the parts.
         :param frame: index of the slope's frame.
+        :param taken: for the ends at -length and at 0, stretches in plan where something stands
+            against the gable, measured from the eaves [m].
         """
         low, high = self.depth - _VERGE[1], self.depth + COVER
         bottom = -OVERHANG / np.cos(self.pitch)
         top = (self.span + low * np.sin(self.pitch)) / np.cos(self.pitch) - _APART
-        boards = stack([_box([bottom, y, low], [top, y + _VERGE[0], high], frame, 0)
-                        for y in (-self.length - _VERGE[0], 0.0)])
-        boards.kind[:], boards.material[:] = site.kind('verge'), site.material('timber')
-        site.add(boards, _PIECE)
+        boards = []
+        for y, stretches in zip((-self.length - _VERGE[0], 0.0), taken):
+            start = bottom
+            for near, far in sorted(stretches):
+                end = (near + low * np.sin(self.pitch)) / np.cos(self.pitch) - _APART
+                if end - start > _VERGE[1]:
+                    boards.append(_box([start, y, low], [min(end, top), y + _VERGE[0], high],
+                                       frame, 0))
+                start = max(start, (far + high * np.sin(self.pitch)) / np.cos(self.pitch) + _APART)
+            if top - start > _VERGE[1]:
+                boards.append(_box([start, y, low], [top, y + _VERGE[0], high], frame, 0))
+        if boards:
+            column = stack(boards)
+            column.kind[:], column.material[:] = site.kind('verge'), site.material('timber')
+            site.add(column, _PIECE)
 
     @property
     def crest(self) -> float:

@@ -143,7 +143,7 @@ class Entry:
 @dataclass(frozen=True)
 class Building:
     """
-    The building; `None` stands for what the text leaves out.
+    The building, or one of its wings; `None` stands for what the text leaves out.
 
     :ivar parameters: names with their defaults, in order.
     """
@@ -163,9 +163,14 @@ class Building:
 
 @dataclass(frozen=True)
 class Spec:
-    """A whole grammar text."""
+    """
+    A whole grammar text.
+
+    :ivar wings: built against the building, with parameters and tables in common.
+    """
 
     building: Building
+    wings: tuple[Building, ...] = ()
     rules: dict[str, list[Rule]] = field(default_factory=dict)
     panels: dict[str, Panel] = field(default_factory=dict)
     materials: dict[str, dict[str, Entry]] = field(default_factory=dict)

@@ -15,6 +15,7 @@
 """Tiling: runs of wall, course by course, are cut into units by the perpends of their bond."""
 
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,7 +60,28 @@ class Runs:
         return Runs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
-def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int) -> Boxes:
+def join(*runs: Runs) -> Runs:
+    """Put runs behind each other."""
+    return Runs(**{f.name: np.concatenate([getattr(r, f.name) for r in runs])
+                   for f in fields(Runs)})
+
+
+class Leaf(NamedTuple):
+    """
+    A single thickness of units, measured inwards from the outer face of its runs [µm].
+
+    :ivar near, far: its faces, with the joints.
+    :ivar near_joint, far_joint: joints inside them.
+    """
+
+    near: int
+    far: int
+    near_joint: int = 0
+    far_joint: int = 0
+
+
+def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int,
+        leaf: Leaf | None = None) -> Boxes:
     """
     Tile runs; x along the wall, y from the outer face inwards, z up.
 
@@ -68,6 +90,7 @@ def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int) ->
     :param kind: index of the kind name of the units.
     :param joint: `Joint` of the units.
     :param first_member: number that members may be counted from, when units have pieces.
+    :param leaf: what is laid; None = the whole thickness of the layout.
     """
     room = runs.right - runs.left - runs.left_joint - runs.right_joint
     runs = runs.take(room >= LEAST)
@@ -76,7 +99,7 @@ def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int) ->
              for k, course in enumerate(courses)]
     columns = _join_courses([np.concatenate(column) for column in zip(*cells)])
     low = columns[6] - columns[5] - layout.joint < min(LEAST, layout.unit[2])
-    boxes = _units([column[~low] for column in columns], layout, kind, joint)
+    boxes = _units([column[~low] for column in columns], layout, kind, joint, leaf)
     order = np.lexsort((boxes.low[:, 1], boxes.low[:, 0], boxes.low[:, 2]))
     boxes = boxes.take(order)
     if layout.pieces > 1:
@@ -141,25 +164,26 @@ def _join_courses(columns: list[np.ndarray]) -> list[np.ndarray]:
             bottom[keep], top[last], depth[keep]]
 
 
-def _units(columns: list[np.ndarray], layout: Layout, kind: int, joint: int) -> Boxes:
+def _units(columns: list[np.ndarray], layout: Layout, kind: int, joint: int,
+           only: Leaf | None) -> Boxes:
     """Give cells their depth: one unit through the wall, or two leaves of stretchers."""
     left, right, left_joint, right_joint, header, bottom, top, depth = columns
 
-    def leaf(rows: np.ndarray, near: int, far: int, near_joint: int, far_joint: int,
-             axis: int) -> Boxes:
-        low = np.column_stack([left, depth + near, bottom])[rows]
-        high = np.column_stack([right, depth + far, top])[rows]
+    def units(rows: np.ndarray, leaf: Leaf, axis: int) -> Boxes:
+        low = np.column_stack([left, depth + leaf.near, bottom])[rows]
+        high = np.column_stack([right, depth + leaf.far, top])[rows]
         bed = np.full(len(left), layout.joint)
         zero = np.zeros(len(left), np.int64)
-        before = np.column_stack([left_joint, zero + near_joint, bed])[rows]
-        after = np.column_stack([right_joint, zero + far_joint, zero])[rows]
+        before = np.column_stack([left_joint, zero + leaf.near_joint, bed])[rows]
+        after = np.column_stack([right_joint, zero + leaf.far_joint, zero])[rows]
         return from_cells(low, high, before, after, axis=axis, kind=kind, joint=joint,
                           material=layout.material)
 
-    if not layout.crossed:
-        return leaf(np.full(len(left), True), 0, layout.thickness, 0, 0, 0)
+    whole = np.full(len(left), True)
+    if only is not None or not layout.crossed:
+        return units(whole, only or Leaf(0, layout.thickness), 0)
     half = layout.joint // 2
     return stack([
-        leaf(~header, 0, layout.leaf, 0, half, 0),
-        leaf(~header, layout.leaf, layout.thickness, layout.joint - half, 0, 0),
-        leaf(header, 0, layout.thickness, 0, 0, 1)])
+        units(~header, Leaf(0, layout.leaf, 0, half), 0),
+        units(~header, Leaf(layout.leaf, layout.thickness, layout.joint - half, 0), 0),
+        units(header, Leaf(0, layout.thickness), 1)])

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros.wallgrammar import arching
+from procphys_ros.wallgrammar import arching, piers
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Joint
 from procphys_ros.wallgrammar.construction import Site
@@ -28,7 +28,7 @@ from procphys_ros.wallgrammar.footprint import Facade
 from procphys_ros.wallgrammar.openings import beam, door, glazing, Wall
 from procphys_ros.wallgrammar.regions import courses, EMPTY, paint, Regions, snap_level
 from procphys_ros.wallgrammar.spec import Panel
-from procphys_ros.wallgrammar.tiling import lay
+from procphys_ros.wallgrammar.tiling import join, lay, Leaf, Runs
 
 _BEARING = 150_000        # [µm] of a lintel at each side; UK practice (NHBC 6.1.8)
 _LEAST_BEARING = 100_000  # [µm] BS 5977-1
@@ -72,15 +72,20 @@ class Elevation:
         self._classes = _classes(self.pieces, self.panels, self.layouts)
         owners = np.array([_owner(p, self.panels, self._classes) for p in self.pieces], int)
         owners = _surrounded(self.pieces, owners)
+        self._thick = {owner: layout for (name, _), owner in self._classes.items()
+                       if (layout := self.layouts[self.panels[name].kind]).thickness
+                       != self.layout.thickness}
         scopes = np.array([p.scope[:4] for p in self.pieces], int).reshape(-1, 4)
-        _check(self, owners)
+        _check(self, owners, self._thick)
         bare = self._paint(scopes, owners)
         self._check_units(bare)
-        self._bearings = {i: _bear(self.pieces[i], bare, self.facade, self.layout)
+        self._walls_beside = piers.walls_beside(self.pieces, owners, self._thick)
+        self._bearings = {i: _bear(self.pieces[i], bare, self.facade, list(self._thick))
                           for i in np.flatnonzero(owners == _BEAM).tolist()}
         beams = np.array([s[:4] for s, _ in self._bearings.values()], int).reshape(-1, 4)
         self._scopes = np.concatenate([scopes, beams])
         self._owners = np.concatenate([owners, np.full(len(beams), _BEAM)])
+        self._walls_beside = np.concatenate([self._walls_beside, np.full(len(beams), _BEAM)])
         self._regions = self._paint(self._scopes, self._owners)
         self._arches = self._plan_arches(bare)
         self._pockets: list[tuple[int, int, int, int]] = []
@@ -117,8 +122,9 @@ class Elevation:
     def _opening(self, left: int, bottom: int, right: int, top: int, below: int) -> str | None:
         """Name the first panel of a class below another one inside a rectangle [µm]."""
         for scope, owner, i in zip(self._scopes, self._owners, range(len(self._scopes))):
-            if owner < below and (scope[0] < right and scope[2] > left and scope[1] < top
-                                  and scope[3] > bottom):
+            inside = (scope[0] < right and scope[2] > left and scope[1] < top
+                      and scope[3] > bottom)
+            if inside and (owner < below or owner in self._thick):
                 return self.pieces[i].panel if i < len(self.pieces) else 'lintel'
         return None
 
@@ -160,6 +166,21 @@ class Elevation:
                 f'the arch "{name}" reaches {(scope.left - left) / 1e6:.3f} m into the wall at '
                 f'its sides, and there is {aside}: leave more wall around it')
 
+    def piers_above(self, level: int) -> bool:
+        """Say whether a pier that stands out of the wall is higher than a level [µm]."""
+        return any(owner in self._thick and piece.scope.depth < 0 and piece.scope.top > level
+                   for piece, owner in zip(self.pieces, self._owners.tolist()))
+
+    def check_inside(self) -> None:
+        """Refuse piers that stand out into rooms, where floors and partitions go."""
+        for piece, owner in zip(self.pieces, self._owners.tolist()):
+            if owner in self._thick and (piece.scope.depth + self._thick[owner].thickness
+                                         > self.layout.thickness):
+                most = (self._thick[owner].thickness - self.layout.thickness) / 1e6
+                raise piece.place.error(
+                    f'the panel "{piece.panel}", thicker than the wall, stands out inside, where '
+                    f'floors and partitions go; extrude it by {most:g} m')
+
     def cut(self, left: int, bottom: int, right: int, top: int) -> None:
         """Leave a rectangle [µm] free of masonry."""
         self._pockets.append((left, bottom, right, top))
@@ -171,18 +192,32 @@ class Elevation:
         :param site: takes the parts.
         """
         pockets = np.array(self._pockets, int).reshape(-1, 4)
-        covered = self._paint(np.concatenate([self._scopes, pockets]), np.concatenate(
-            [self._owners, np.full(len(pockets), EMPTY)]))
+        cut = np.full(len(pockets), EMPTY)
+        scopes = np.concatenate([self._scopes, pockets])
+        covered = self._paint(scopes, np.concatenate([self._owners, cut]))
+        laps = self._walls_beside != self._owners
+        lapped = self._paint(scopes, np.concatenate([self._walls_beside, cut]))
+        faced = self._paint(scopes, np.concatenate([np.where(laps, self._owners, EMPTY), cut]))
         for (name, depth), owner in self._classes.items():
             layout = self.layouts[self.panels[name].kind]
             runs = courses(covered, owner, depth, layout, self.facade)
-            site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
-            kind, joint = unit_of(layout, self.unit)
-            bricks = arching.cut_bricks(site, self.facade, lay(
-                runs, layout, site.kind(kind), joint, site.next_member), self._arches)
-            rows = site.add(self.facade.place(bricks))
-            self.rows += range(rows.start, rows.stop)
+            if laps.any():  # every other course of the walls runs on through their piers
+                through = courses(lapped, owner, depth, layout, self.facade)
+                runs = join(runs.take(runs.course % 2 == 1), through.take(through.course % 2 == 0))
+            self._lay(site, runs, layout, None)
+            if owner in self._thick:
+                runs = courses(faced, owner, depth, layout, self.facade)
+                for leaf in piers.facings(depth, layout, self.layout):
+                    self._lay(site, runs.take(runs.course % 2 == 0), layout, leaf)
         self._fill(Wall(site, self.facade, self.layout.thickness, self.layout.joint))
+
+    def _lay(self, site: Site, runs: Runs, layout: Layout, leaf: Leaf | None) -> None:
+        site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
+        kind, joint = unit_of(layout, self.unit)
+        bricks = arching.cut_bricks(site, self.facade, lay(
+            runs, layout, site.kind(kind), joint, site.next_member, leaf), self._arches)
+        rows = site.add(self.facade.place(bricks))
+        self.rows += range(rows.start, rows.stop)
 
     def _fill(self, wall: Wall) -> None:
         for arch in self._arches:
@@ -248,7 +283,7 @@ def _surrounded(pieces: Sequence[Piece], owners: np.ndarray) -> np.ndarray:
     return found
 
 
-def _check(elevation: Elevation, owners: np.ndarray) -> None:
+def _check(elevation: Elevation, owners: np.ndarray, thick: dict[int, Layout]) -> None:
     """Refuse what no mason could build: windows in corners, panels that stand off the wall."""
     facade, layout = elevation.facade, elevation.layout
     low = max(-facade.start.yielded, 0)
@@ -260,7 +295,9 @@ def _check(elevation: Elevation, owners: np.ndarray) -> None:
             raise piece.place.error(
                 f'the panel "{piece.panel}" reaches into the corner, where the neighbouring wall '
                 f'stands; leave at least {layout.thickness / 1e6:g} m of wall')
-        if abs(scope.depth) > _DEEPEST * layout.thickness:
+        if owner in thick:
+            piers.check(piece, thick[owner], layout, facade)
+        elif abs(scope.depth) > _DEEPEST * layout.thickness:
             raise piece.place.error(
                 f'the panel "{piece.panel}" is extruded by {-scope.depth / 1e6:g} m; at most half '
                 f'the wall, {_DEEPEST * layout.thickness / 1e6:g} m, keeps it bonded')
@@ -269,9 +306,12 @@ def _check(elevation: Elevation, owners: np.ndarray) -> None:
                                     f'where the neighbouring wall stands')
 
 
-def _bear(piece: Piece, regions: Regions, facade: Facade, layout: Layout) -> tuple[Scope, str]:
+def _bear(piece: Piece, regions: Regions, facade: Facade,
+          thick: Sequence[int]) -> tuple[Scope, str]:
     """
     Lengthen a beam into the wall at both sides.
+
+    :param thick: classes of piers, which beams do not enter.
 
     :returns: the beam with its bearings, and whether it is a 'lintel' or only a 'beam'.
     """
@@ -281,7 +321,7 @@ def _bear(piece: Piece, regions: Regions, facade: Facade, layout: Layout) -> tup
     rows = regions.owner[bottom:top]
     below = regions.owner[bottom - 1, left:right] if bottom else np.zeros(1, int)
     spans = bool((below < _MASONRY).any())
-    solid: np.ndarray = np.all(rows >= _MASONRY, axis=0)
+    solid: np.ndarray = np.all((rows >= _MASONRY) & ~np.isin(rows, thick), axis=0)
     first = left
     while first > 0 and solid[first - 1]:
         first -= 1

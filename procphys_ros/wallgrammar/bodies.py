@@ -1,0 +1,211 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bodies: a building and its wings, each with walls, floors and a roof of its own."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros.language import Expression
+from procphys_ros.wallgrammar import footprint, walls
+from procphys_ros.wallgrammar.bonds import Layout
+from procphys_ros.wallgrammar.boxes import micro, micros
+from procphys_ros.wallgrammar.derivation import Deriver, Piece
+from procphys_ros.wallgrammar.footprint import Footprint
+from procphys_ros.wallgrammar.spec import Building, Spec
+
+_HIGHEST = 1000.0     # [m]
+_CLOSE = 1e-3         # [m] plans that share less than this touch each other
+
+
+class Body(NamedTuple):
+    """
+    A building, or a wing of one, before it is built.
+
+    :ivar building: what the text says of it.
+    :ivar deriver: knows the values of its parameters.
+    :ivar storeys: number of storeys.
+    :ivar storey_height: [m].
+    :ivar pieces: panels of each facade.
+    :ivar layout: of its walls.
+    :ivar plan: the footprint.
+    """
+
+    building: Building
+    deriver: Deriver
+    storeys: int
+    storey_height: float
+    pieces: list[list[Piece]]
+    layout: Layout
+    plan: Footprint
+
+    @property
+    def height(self) -> int:
+        """Height of the walls [µm]."""
+        return micro(self.storeys * self.storey_height)
+
+    def elevations(self, spec: Spec, layouts: dict[str, Layout]) -> list[walls.Elevation]:
+        """Give the walls, with room for what stands in them."""
+        return [walls.Elevation(
+            facade, _fit(walls.gauge_pieces(pieces, self.layout), facade.length), spec.panels,
+            layouts, self.layout) for facade, pieces in zip(self.plan.facades, self.pieces)]
+
+
+def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: dict[str, float],
+           generator: np.random.Generator, known: Sequence[float]) -> Body:
+    """
+    Derive the facades of a building or a wing.
+
+    :param building: what the text says of it.
+    :param spec: rules and panels.
+    :param layouts: by name.
+    :param values: of the parameters.
+    :param generator: draws weighted rules and random numbers.
+    :param known: turns of the frames that there are already [rad].
+    :raises GrammarError: when rules and sizes make no building that stands.
+    """
+    values = {**values, 'storey_height': building.storey_height.number(values, generator)}
+    values.setdefault('storeys', 1.0)
+    if building.storeys is not None:
+        values['storeys'] = building.storeys.number(values, generator)
+    elif building is not spec.building:
+        values['storeys'] = 1.0
+    storeys = _storeys(building, values)
+    storey_height = values['storey_height']
+    deriver = Deriver(spec, values, generator)
+
+    def number(value: Expression) -> float:
+        return value.number(values, generator)
+
+    points = np.array([[number(c) for c in corner] for corner in building.footprint])
+    footprint.check(points, building.corners)
+    edges = (np.roll(points, -1, axis=0) - points if len(points) > 2
+             else np.diff(points, axis=0))
+    starts = building.facades
+    pieces = [deriver.facade(starts[min(i, len(starts) - 1)], micro(float(np.hypot(*edge))),
+                             micro(storeys * storey_height)) for i, edge in enumerate(edges)]
+    layout = _wall_layout(building, spec, layouts, pieces)
+    plan = footprint.read(points, layout.thickness, layout.joint, building.corners, known)
+    return Body(building, deriver, storeys, storey_height, pieces, layout, plan)
+
+
+def _storeys(building: Building, values: dict[str, float]) -> int:
+    storeys, storey_height = values['storeys'], values['storey_height']
+    if storeys < 1 or storeys != int(storeys) or storeys > 1000:
+        place = building.storeys.place if building.storeys else building.place
+        raise place.error(f'storeys must be a whole number from 1 to 1000, found {storeys:g}')
+    if not 0.1 <= storey_height <= 100.0:
+        raise building.storey_height.place.error(f'storey_height must be from 0.1 to 100 m, '
+                                                 f'found {storey_height:g}')
+    if storeys * storey_height > _HIGHEST:
+        raise building.place.error(f'the building is {storeys * storey_height:g} m high, at '
+                                   f'most {_HIGHEST:g} m are possible')
+    return int(storeys)
+
+
+def _wall_layout(building: Building, spec: Spec, layouts: dict[str, Layout],
+                 pieces: list[list[Piece]]) -> Layout:
+    """Find the thinnest layout, which all walls have; thicker panels are piers in them."""
+    found: dict[str, tuple[Layout, Piece]] = {}
+    for piece in (p for row in pieces for p in row):
+        kind = spec.panels[piece.panel].kind
+        if kind in layouts:
+            found.setdefault(kind, (layouts[kind], piece))
+    if not found:
+        raise building.place.error('no facade has a panel with a layout, so there is no wall')
+    first, one = min(found.values(), key=lambda item: item[0].thickness)
+    for layout, piece in found.values():
+        if (layout.gauge, layout.joint) != (first.gauge, first.joint):
+            raise piece.place.error(
+                f'the panels "{one.panel}" and "{piece.panel}" cannot interlock: layouts of '
+                f'one building must share course height ({first.gauge / 1e6:g} and '
+                f'{layout.gauge / 1e6:g} m, with the joint) and joint')
+        if layout.thickness != first.thickness and max(layout.pieces, first.pieces) > 1:
+            raise piece.place.error(
+                f'the panels "{one.panel}" and "{piece.panel}" are of planks '
+                f'{first.thickness / 1e6:g} and {layout.thickness / 1e6:g} m thick; planks of '
+                f'one building must be equally thick')
+    return first
+
+
+def _fit(pieces: list[Piece], length: int) -> list[Piece]:
+    """Let panels end where the edge ends in whole micrometres of its frame."""
+    return [p._replace(scope=p.scope._replace(right=length))
+            if abs(p.scope.right - length) <= 5 else p for p in pieces]
+
+
+class Neighbour(NamedTuple):
+    """
+    What roofs of other bodies keep clear of.
+
+    :ivar name: of the body.
+    :ivar low, high: rectangle about it, in the first frame [µm], (2,).
+    :ivar top: height of its walls, or of its roof [µm].
+    """
+
+    name: str
+    low: np.ndarray
+    high: np.ndarray
+    top: int
+
+
+def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
+    """List the other bodies as the roof of one sees them."""
+    yaw = body.plan.yaws[0]
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    found = []
+    for other in bodies:
+        if other is not body:
+            corners = micros(other.plan.points @ turn)
+            found.append(Neighbour(other.building.name, corners.min(axis=0), corners.max(axis=0),
+                                   other.height))
+    return found
+
+
+def check_apart(bodies: Sequence[Body]) -> None:
+    """
+    Refuse wings that stand in each other or in the building.
+
+    :raises GrammarError: naming both.
+    """
+    for i, body in enumerate(bodies):
+        for other in bodies[:i]:
+            if _overlap(body.plan.points, other.plan.points):
+                raise body.building.place.error(
+                    f'the plans of "{body.building.name}" and "{other.building.name}" overlap; '
+                    f'wings may touch the building, not stand in it')
+
+
+def _overlap(points: np.ndarray, others: np.ndarray) -> bool:
+    """Say whether two polygons share more than their edges."""
+    samples = [np.concatenate([(1.0 - share) * p + share * np.roll(p, -1, axis=0)
+                               for share in np.arange(0.0, 1.0, 0.0625)]
+                              + [p.mean(axis=0)[None]]) for p in (points, others)]
+    return bool(_inside(samples[0], others).any() or _inside(samples[1], points).any())
+
+
+def _inside(samples: np.ndarray, polygon: np.ndarray) -> np.ndarray:
+    """Say which points lie inside a polygon and off its edges, (n,) bool."""
+    inside = np.zeros(len(samples), bool)
+    near = np.zeros(len(samples), bool)
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0)):
+        crosses = (a[1] > samples[:, 1]) != (b[1] > samples[:, 1])
+        with np.errstate(divide='ignore', invalid='ignore'):
+            x = a[0] + (samples[:, 1] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
+        inside ^= crosses & (samples[:, 0] < x)
+        share = np.clip((samples - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        near |= np.hypot(*(samples - a - share[:, None] * (b - a)).T) < _CLOSE
+    return inside & ~near

@@ -1,0 +1,199 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Spires: pyramids of masonry over convex plans, course by course, hollow up to their tops."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.language import Place
+from procphys_ros.wallgrammar.bonds import Layout
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, MICRO, micros
+from procphys_ros.wallgrammar.construction import Site
+from procphys_ros.wallgrammar.footprint import Footprint
+
+STONE = 'spire'
+_SHARPEST = 75.0   # [degrees] smallest angle of the plan: courses bond around corners up to there
+_SHAFT = 0.4       # of the thickness: half the width of the hollow below which a course is solid
+_NEAR_END = 0.35   # of a unit: no joint stands nearer to a corner
+_LEAST_LAP = 0.5   # of the thickness: what each course rests on
+
+
+@dataclass(frozen=True)
+class Pyramid:
+    """
+    A pyramid with its apex over the middle of a convex plan.
+
+    :ivar middle: of the plan [m], (2,).
+    :ivar normals: outwards, of the edges in plan, (n, 2).
+    :ivar reach: distance of the edges from the middle [m], (n,).
+    :ivar height: [m].
+    :ivar shell: thickness, measured level [m].
+    """
+
+    middle: np.ndarray
+    normals: np.ndarray
+    reach: np.ndarray
+    height: float
+    shell: float
+
+    def line(self, edge: int, level: float, inwards: float) -> tuple[np.ndarray, float]:
+        """Give a line along an edge at some height: normal and distance from the middle [m]."""
+        edge %= len(self.reach)
+        share = 1.0 - level / self.height
+        return self.normals[edge], float(self.reach[edge] * share - inwards)
+
+    def outline(self, level: float) -> np.ndarray:
+        """Give the corners at some height, each where an edge begins [m], (n, 2)."""
+        return np.array([_cross(self.line(i - 1, level, 0.0), self.line(i, level, 0.0))
+                         for i in range(len(self.reach))])
+
+    def is_solid(self, level: float) -> bool:
+        """Say whether a course that ends at some height leaves no hollow, or no room for sides."""
+        share = 1.0 - level / self.height
+        sides = np.roll(self.outline(0.0), -1, axis=0) - self.outline(0.0)
+        turn = np.arccos((self.normals * np.roll(self.normals, 1, axis=0)).sum(axis=1))
+        turns = np.minimum(np.sin(turn), np.roll(np.sin(turn), -1))
+        room = np.minimum(self.reach * share - self.shell,
+                          np.hypot(*sides.T) * share - self.shell / turns)
+        return bool(room.min() < _SHAFT * self.shell)
+
+
+def build(site: Site, plan: Footprint, layout: Layout, base: int, pitch: float,
+          place: Place) -> None:
+    """
+    Build a spire on the walls.
+
+    :param site: takes the stones.
+    :param plan: convex; walls as thick as the layout bear the spire.
+    :param layout: of the walls.
+    :param base: level of their tops [µm].
+    :param pitch: of the faces nearest to the middle [degrees].
+    :param place: of the roof in its text.
+    :raises GrammarError: for plans and pitches that no spire stands on.
+    """
+    pyramid = _pyramid(plan, layout, np.radians(pitch), place)
+    gauge, joint = layout.gauge / MICRO, layout.joint / MICRO
+    if gauge / np.tan(np.radians(pitch)) > _LEAST_LAP * pyramid.shell:
+        raise place.error(f'courses of {gauge:g} m in a spire of {pitch:g} degrees rest on less '
+                          f'than half the wall, {pyramid.shell:g} m; make it steeper, the courses '
+                          f'lower or the wall thicker')
+    levels = np.arange(0.0, pyramid.height - 0.5 * gauge, gauge)
+    tops = np.append(levels[1:], pyramid.height)
+    faces = float(np.hypot(*(np.roll(pyramid.outline(0.0), -1, 0) - pyramid.outline(0.0)).T).sum())
+    site.expect(0.5 * len(levels) * faces * MICRO / layout.pitch)
+    stones = [stone for k, (low, high) in enumerate(zip(levels.tolist(), tops.tolist()))
+              for stone in _course(pyramid, layout, k, low + joint, high)]
+    corners = np.array(stones) + np.array([*pyramid.middle, base / MICRO])
+    yaw = plan.yaws[0]
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    corners[..., :2] = corners[..., :2] @ turn  # from the building into the first frame
+    site.add(_boxes(site, layout, corners))
+
+
+def _pyramid(plan: Footprint, layout: Layout, pitch: float, place: Place) -> Pyramid:
+    points = plan.points
+    edges = np.roll(points, -1, axis=0) - points
+    turns = np.roll(np.arctan2(*edges.T[::-1]), -1) - np.arctan2(*edges.T[::-1])
+    turns = (turns + np.pi) % (2.0 * np.pi) - np.pi
+    if len(points) < 3 or turns.min() < 0.02 or np.degrees(np.pi - turns.max()) < _SHARPEST:
+        raise place.error(f'a spire needs a convex plan with angles from {_SHARPEST:g} to 178 '
+                          'degrees; use another roof here')
+    following = np.roll(points, -1, axis=0)
+    cross = points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]
+    middle = ((points + following) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None]
+    reach = ((points - middle) * normals).sum(axis=1)
+    shell = layout.thickness / MICRO
+    if reach.min() < 1.5 * shell:
+        raise place.error(f'a spire over walls of {shell:g} m needs at least {3 * shell:g} m from '
+                          f'side to side, found {2 * reach.min():g} m')
+    return Pyramid(middle, normals, reach, float(reach.min() * np.tan(pitch)), shell)
+
+
+def _course(pyramid: Pyramid, layout: Layout, number: int, low: float,
+            high: float) -> list[np.ndarray]:
+    """Give the corners of the stones of a course between two levels, (8, 3) each."""
+    if pyramid.is_solid(high):
+        bottom, top = pyramid.outline(low), pyramid.outline(high)
+        count = len(bottom)
+        if count == 4:
+            return [_prism(bottom, top, low, high)]
+        first = number % 2
+        stones = []
+        for i in range(first, first + count, 2):
+            rows = [i % count, (i + 1) % count, (i + 2 if i + 2 <= first + count else i + 1)
+                    % count]
+            inner, outer = (np.concatenate([np.zeros((1, 2)), ring[rows]])
+                            for ring in (bottom, top))
+            stones.append(_prism(inner, outer, low, high))
+        return stones
+    return [stone for edge in range(len(pyramid.reach))
+            for stone in _side(pyramid, layout, number, edge, low, high)]
+
+
+def _side(pyramid: Pyramid, layout: Layout, number: int, edge: int, low: float,
+          high: float) -> list[np.ndarray]:
+    """Give the stones along one side; the sides fill the corners in turn, course by course."""
+    joint, pitch = layout.joint / MICRO, layout.pitch / MICRO
+    inset = pyramid.shell + joint
+    ends = []
+    for neighbour, owning in ((edge - 1, number % 2 == 0), (edge + 1, number % 2 == 1)):
+        ends.append([pyramid.line(neighbour, level, 0.0 if owning else inset)
+                     for level in (low, high)])
+    faces = [[pyramid.line(edge, level, depth) for level in (low, high)]
+             for depth in (0.0, pyramid.shell)]
+    # By end, face and level: where the side ends.
+    corners = np.array([[[_cross(face[k], end[k]) for k in (0, 1)] for face in faces]
+                        for end in ends])
+    normal = pyramid.normals[edge]
+    along = np.array([-normal[1], normal[0]])
+    reach = corners @ along
+    first, last = reach[0].max() + _NEAR_END * pitch, reach[1].min() - _NEAR_END * pitch
+    shift = 0.5 * (number // 2 % 2)  # in pairs of courses, for the corners move every other
+    shift += 0.25 * (number % 2)
+    cuts = (np.arange(np.ceil(first / pitch - shift), np.floor(last / pitch - shift) + 1)
+            + shift) * pitch
+    lines = [corners[0]]
+    for x in cuts.tolist():
+        for side in (-0.5, 0.5):
+            lines.append(np.array([[_cross(face[k], (along, x + side * joint)) for k in (0, 1)]
+                                   for face in faces]))
+    lines.append(corners[1])
+    stones = []
+    for start, end in zip(lines[::2], lines[1::2]):
+        bottom, top = (np.array([start[0, k], end[0, k], end[1, k], start[1, k]]) for k in (0, 1))
+        stones.append(_prism(bottom, top, low, high))
+    return stones
+
+
+def _cross(line: tuple[np.ndarray, float], other: tuple[np.ndarray, float]) -> np.ndarray:
+    return np.linalg.solve(np.array([line[0], other[0]]), np.array([line[1], other[1]]))
+
+
+def _prism(bottom: np.ndarray, top: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Give the corners of a solid between two outlines, counter-clockwise, (4, 2) each."""
+    order = [0, 1, 3, 2]
+    return np.concatenate([np.column_stack([outline[order], np.full(4, level)])
+                           for outline, level in ((bottom, low), (top, high))])
+
+
+def _boxes(site: Site, layout: Layout, corners: np.ndarray) -> Boxes:
+    form = len(site.forms) + np.arange(len(corners))
+    site.forms += list(corners)
+    boxes = from_cells(micros(corners.min(axis=1)), micros(corners.max(axis=1)),
+                       kind=site.kind(STONE), material=layout.material)
+    boxes.form[:] = form
+    return boxes

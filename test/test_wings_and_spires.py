@@ -1,0 +1,238 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Test piers, wings, spires and pyramids: their volume, their bond, and what is refused."""
+
+from building_checks import count_loose, deepest_overlap, OVERLAP
+import numpy as np
+import pytest
+from test_wallgrammar_roofs import open_share
+
+from procphys_ros.errors import GrammarError
+from procphys_ros.hexahedron import are_convex, faces
+from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.wallgrammar import WallGrammar
+
+PIER = """
+building b
+  footprint: {footprint}
+  facades: front plain
+  storey_height: {height}
+  {extra}
+rule front -> split(x) {{ {room}: wall | 0.44: pier | ~1: wall }}
+rule pier -> split(y) {{ {top}: extrude({out}) {{ thick }} | ~1: wall }}
+rule plain -> wall
+layout running {{ unit: 0.215 0.1025 0.065  joint: {joint}  material: brick }}
+layout {thick}  joint: {joint}  material: brick }}
+panel wall: running
+panel thick: pier
+"""
+FREE, SQUARE = '(0, 0) (3, 0)', '(0, 0) (3, 0) (3, 3) (0, 3)'
+ENGLISH = 'pier { bond: english  unit: 0.215 0.1025 0.065'
+BLOCKS = 'pier { bond: running  unit: 0.44 0.33 0.065'
+SPIRE = """
+building b
+  footprint: {footprint}
+  facades: wall
+  storey_height: 0.6
+  roof: spire({pitch})
+layout stone {{ bond: running  unit: 0.6 0.3 {height}  joint: {joint}  material: brick }}
+panel wall: stone
+"""
+OCTAGON = ' '.join(f'({2.5 * np.cos(a):.6f}, {2.5 * np.sin(a):.6f})'
+                   for a in 0.3 + np.arange(8) * np.pi / 4)
+WINGS = """
+building hall
+  footprint: (0, 0) (5, 0) (5, 4) (0, 4)
+  facades: wall
+  storey_height: 2
+  roof: gable(45)
+wing tower
+  footprint: {footprint}
+  facades: wall
+  storey_height: {height}
+  roof: {roof}
+layout stone {{ bond: running  unit: 0.6 0.3 0.19  material: brick }}
+panel wall: stone
+"""
+
+
+def pier(footprint=FREE, thick=ENGLISH, out=0.1125, height=1.8, top=1.35, room=1.0, joint=0.01,
+         extra=''):
+    """Build a wall of half a brick with a pier."""
+    return WallGrammar.parse(PIER.format(
+        footprint=footprint, thick=thick, out=out, height=height, top=top, room=room, joint=joint,
+        extra=extra)).build()
+
+
+def holds(blueprint):
+    """Say whether nothing cracks or falls under its own weight."""
+    found = Fracture(StressSolver(BondGraph(blueprint)))
+    found.advance(20_000)
+    return bool(found.stable and found.solver.supported.all() and found.solver.graph.alive.all())
+
+
+@pytest.mark.parametrize('thick', [ENGLISH, BLOCKS])
+@pytest.mark.parametrize('out', [0.0, 0.05])
+@pytest.mark.parametrize('footprint', [FREE, SQUARE])
+def test_piers_are_sound(footprint, thick, out):
+    """Let a pier stand out in front, behind, and on both sides: no overlap, nothing loose."""
+    wall = pier(footprint, thick, out)
+    assert count_loose(wall) == 0 and deepest_overlap(wall) < OVERLAP
+
+
+def test_a_pier_adds_what_stands_out():
+    """Compare volumes, without joints, with and without a pier: all of it is filled."""
+    thick = 'pier { bond: running  unit: 0.44 0.33 0.075'
+    text = PIER.replace('0.065  joint', '0.075  joint')
+    wall = WallGrammar.parse(text.format(footprint=FREE, thick=thick, out=0.1, height=1.8,
+                                         top=1.35, room=1.0, joint=0, extra='')).build()
+    assert wall.mass.sum() / 1900.0 == pytest.approx(
+        3.0 * 1.8 * 0.1025 + 0.44 * 1.35 * (0.33 - 0.1025), rel=1e-9)
+
+
+def test_every_other_course_of_the_wall_runs_on_through_its_pier():
+    """Find bricks that cross the sides of the pier in all even courses, headers in all odd."""
+    wall = pier()
+    x, y, z = wall.poses[:, :3].T
+    turn = np.abs(2.0 * np.arctan2(wall.poses[:, 5], wall.poses[:, 6])) % np.pi
+    half = 0.5 * np.where(np.abs(turn - 0.5 * np.pi) < 0.1, wall.size[:, 1], wall.size[:, 0])
+    course = np.round((z - 0.0425) / 0.075).astype(int)
+    low = course < 18
+    crossing = low & (((x - half < 0.99) & (x + half > 1.01))
+                      | ((x - half < 1.43) & (x + half > 1.45)))
+    assert set(course[crossing].tolist()) == set(range(0, 18, 2))
+    across = low & (np.abs(turn - 0.5 * np.pi) < 0.1) & (np.abs(y + 0.005) < 1e-3)
+    assert set(course[across].tolist()) == set(range(1, 18, 2))
+
+
+def test_piers_stiffen_a_wall():
+    """Push walls of 1.4 by 1.8 m: the tension in their joints is lower with a pier."""
+    highest = []
+    for top in (1.35, 0.0):
+        wall = pier('(0, 0) (1.4, 0)', top=max(top, 0.075), room=0.48)
+        force = np.zeros((len(wall), 3))
+        force[:, 1] = 0.5 * wall.mass
+        solver = StressSolver(BondGraph(wall))
+        solver.set_loads(force)
+        solver.iterate(20_000)
+        highest.append(solver.utilisation()[0].max())
+    assert highest[0] < 0.7 * highest[1]
+
+
+def closed_form(side, shell, pitch, gauge):
+    """Give the volume of a square spire without joints [m³]: hollow up to where it is solid."""
+    reach = 0.5 * side
+    height = reach * np.tan(np.radians(pitch))
+    tops = np.arange(gauge, height - 0.5 * gauge, gauge)
+    solid = next(top for top in tops if reach * (1.0 - top / height) - shell < 0.4 * shell) - gauge
+    wide, narrow = reach - shell, reach * (1.0 - solid / height) - shell
+    hollow = 4.0 * solid * (wide ** 2 + wide * narrow + narrow ** 2) / 3.0
+    return 4.0 * reach ** 2 * height / 3.0 - hollow
+
+
+@pytest.mark.parametrize(('side', 'pitch'), [(4.0, 75.0), (3.0, 65.0)])
+def test_the_volume_of_a_spire_is_that_of_its_shell(side, pitch):
+    """Add up the stones of a spire without joints."""
+    plan = f'(0, 0) ({side}, 0) ({side}, {side}) (0, {side})'
+    spire = WallGrammar.parse(SPIRE.format(footprint=plan, pitch=pitch, height=0.3,
+                                           joint=0)).build()
+    stone = np.array(spire.kinds)[spire.kind] == 'spire'
+    volume = (spire.mass / spire.density)[stone].sum()
+    assert volume == pytest.approx(closed_form(side, 0.3, pitch, 0.3), rel=1e-9)
+    assert spire.hexahedra.points(spire.poses)[..., 2].max() == pytest.approx(
+        0.6 + 0.5 * side * np.tan(np.radians(pitch)))
+
+
+def inside(points, corners):
+    """Count for each point the hexahedra, (N, 8, 3), that it lies inside of."""
+    _, normals, middles = faces(corners)
+    count = np.zeros(len(points), int)
+    for normal, middle in zip(normals, middles):
+        count += ((points @ normal.T - (normal * middle).sum(axis=1)) < -1e-9).all(axis=1)
+    return count
+
+
+@pytest.mark.parametrize('footprint', [
+    SQUARE, OCTAGON, '(0, 0) (3, 0) (4.2, 2.1) (1.5, 4) (-1, 2)'])
+def test_spires_are_sound(footprint):
+    """Drop points into spires on squares and polygons: none lies in two stones; all are bonded."""
+    spire = WallGrammar.parse(SPIRE.format(footprint=footprint, pitch=70, height=0.29,
+                                           joint=0.01)).build()
+    corners = spire.hexahedra.corners.reshape(-1, 8, 3)
+    assert are_convex(corners).all() and count_loose(spire) == 0
+    points = spire.hexahedra.points(spire.poses)
+    samples = np.random.default_rng(0).uniform(points.min(axis=(0, 1)), points.max(axis=(0, 1)),
+                                               (20_000, 3))
+    found = inside(samples, points)
+    assert found.max() == 1 and found.sum() > 500
+    assert holds(spire)
+
+
+@pytest.mark.parametrize('pitch', [15, 40])
+def test_a_hip_over_a_square_is_a_pyramid(pitch):
+    """Close it against rain, with all parts bonded and none in another."""
+    text = SPIRE.replace('spire', 'hip').format(footprint='(0, 0) (5, 0) (5, 5) (0, 5)',
+                                                pitch=pitch, height=0.065, joint=0.01)
+    roof = WallGrammar.parse(text).build()
+    assert count_loose(roof) == 0 and deepest_overlap(roof) < OVERLAP
+    assert open_share(roof, (5.0, 5.0)) < 0.002 * (1.0 / 0.40 + 1.0 / 0.32)
+
+
+@pytest.mark.parametrize(('footprint', 'roof'), [
+    ('(-2, 1) (0, 1) (0, 3) (-2, 3)', 'spire(75)'), ('(5, 0) (7, 0) (7, 4) (5, 4)', 'hip(50)'),
+    ('(-1, 1.5) (0, 1.5) (0, 2.5) (-1, 2.5)', 'none')])
+def test_wings_are_bonded_to_the_building(footprint, roof):
+    """Build towers and a chimney against gables: verges end beside them, walls are bonded."""
+    church = WallGrammar.parse(WINGS.format(footprint=footprint, height=6, roof=roof)).build()
+    poses = church.poses.copy()
+    poses[church.hexahedra.part, 0] += 100.0 * np.arange(1, len(church.hexahedra.part) + 1)
+    boxes = type(church)(**{**vars(church), 'poses': poses})
+    assert count_loose(church) == 0 and deepest_overlap(boxes) < OVERLAP
+    x = church.poses[:, 0]
+    side = 5.0 if footprint.startswith('(5') else 0.0
+    joined = np.abs(church.bond_frame[:, 0] - side) < 1e-6
+    first, second = church.bonds[joined].T
+    assert joined.sum() > 20 and ((x[first] - side) * (x[second] - side) < 0.0).all()
+
+
+@pytest.mark.parametrize(('text', 'message'), [
+    (PIER.format(footprint=FREE, thick=ENGLISH, out=0.2, height=1.8, top=1.35, room=1, joint=0.01,
+                 extra=''), 'extrude it by 0 to 0.1125 m'),
+    (PIER.format(footprint=FREE, thick=ENGLISH, out=0.01, height=1.8, top=1.35, room=1,
+                 joint=0.01, extra=''), 'leave it flush, or let it stand out by at least 0.025 m'),
+    (PIER.format(footprint=SQUARE, thick=ENGLISH, out=0, height=1.8, top=1.35, room=0.15,
+                 joint=0.01, extra=''), 'leave at least 0.215 m of wall'),
+    (PIER.format(footprint=SQUARE, thick=ENGLISH, out=0.1125, height=1.8, top=1.75, room=1,
+                 joint=0.01, extra='roof: hip(40)'), 'end the piers below 1.56 m'),
+    (PIER.format(footprint=SQUARE, thick=ENGLISH, out=0, height=1.8, top=1.35, room=1,
+                 joint=0.01, extra='floors: timber'), 'stands out inside'),
+    (SPIRE.format(footprint=SQUARE, pitch=40, height=0.3, joint=0), 'must be from 50 to 85'),
+    (SPIRE.format(footprint='(0, 0) (4, 0) (4, 4) (2, 1) (0, 4)', pitch=70, height=0.3, joint=0),
+     'a spire needs a convex plan'),
+    (WINGS.format(footprint='(-1, 1) (1, 1) (1, 3) (-1, 3)', height=6, roof='none'),
+     'the plans of "tower" and "hall" overlap'),
+    (WINGS.format(footprint='(1, -2) (3, -2) (3, 0) (1, 0)', height=6, roof='none'),
+     '"tower" stands there; build it against a gable'),
+    (WINGS.format(footprint='(1, -2) (3, -2) (3, 0) (1, 0)', height=6, roof='none').replace(
+        '(0, 4)\n  facades: wall\n', '(0, 4)\n'), 'the building needs "facades:"'),
+    (WINGS.format(footprint='(-2, 1) (0, 1) (0, 3) (-2, 3)', height=6, roof='none').replace(
+        'tower\n', 'tower(size = 3)\n'), 'expected'),
+])
+def test_what_no_mason_builds_is_refused(text, message):
+    """Name file, line and what is allowed."""
+    with pytest.raises(GrammarError) as caught:
+        WallGrammar.parse(text, 'bad.wall').build()
+    assert message in caught.value.message and caught.value.line, str(caught.value)
