@@ -27,7 +27,8 @@ a simulation shows to everybody (poses, velocities, air):
   v = u / 2: ¼·c·(u + v₀)·u² per second, with the faster of the air at the beginning and the end of
   a step, and c = ½·ρ·C·A of bluff bodies;
 * impulses J on a part of mass m that moves at v: |J|·v + J²/2m, for no tree makes a part lighter;
-* ground: a tree that was drawn into it is pushed out when it comes off, at a speed by its depth;
+* ground: a tree that was drawn into it is pushed out when it comes off, at a speed by its depth,
+  and lifted by it, as engines undo overlaps apart from velocities;
 * projectiles: ½·m·v² when they are launched, and m·g times the height that they should have lost
   in a step and have not: what the engine stops short of what it will hit goes on to fall faster.
 """
@@ -154,7 +155,7 @@ class EnergyLedger:
         return 0.5 * AIR_DENSITY * np.where(source.shape == Shape.CAPSULE, wood, faces)
 
     def _pushed_out(self) -> np.ndarray:
-        """Give the kinetic energy of trees that the ground pushes out [J], (K,)."""
+        """Give the energy of trees that the ground pushes out [J], (K,)."""
         source = self._simulation.blueprint
         size = source.solid_size(np.arange(len(source)))
         radius, half = 0.5 * size[:, 0], 0.5 * np.maximum(size[:, 2] - size[:, 0], 0.0)
@@ -163,7 +164,8 @@ class EnergyLedger:
         depth[source.shape != Shape.CAPSULE] = 0.0
         deepest = np.zeros(len(self._given))
         np.maximum.at(deepest, self._owner, depth)
-        return 0.5 * self._sum(source.mass) * np.minimum(_RECOVERY * deepest, _PUSH_OUT) ** 2
+        speed = np.minimum(_RECOVERY * deepest, _PUSH_OUT)
+        return self._sum(source.mass) * (0.5 * speed ** 2 + self._gravity * deepest)
 
     def _joints(self) -> None:
         """Work out what every joint of a tree carries at rest."""

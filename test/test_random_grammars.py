@@ -95,6 +95,18 @@ _LIVELY = {
               'StretchForce(10) BreakForce(0.001)', tilt=22.6, length=0.04, width=0.0176,
               steps=1, more='[ /(352) &(100) A(l * 0.911, w * 0.367) ] A(l * 0.786, w * 0.731)'),
         Event(0.916, 17.45, 16, 0.0896, 0.0, 0.57, 37.4, 0.417), 19.4),
+    'a ball of 45 kg on a stump of 33 g that bends by a third of a degree': (
+        grown(wood='Density(59.1377) Modulus(462370) DampingRatio(0.328463) SwingLimit(0.339729) '
+              'WidthRate(0.5)', tilt=16.2518, length=0.0847598, width=0.0950605, steps=1,
+              more='A(l * 0.611316, w * 0.905413)'),
+        Event(0.6079260782018665, 0.2105963822160417, 0, 0.004687669254023606,
+              212.40458860926066, 0.7385829110183432, 1.7540185965330117, 0.3199307494671051),
+        1.4626952233209867),
+    'a disc of 400 kg that comes off the ground': (
+        grown(wood='Density(10491.5) Modulus(464454) DampingRatio(0.977) SwingLimit(0.134) '
+              'TwistForce(2.307e7) StretchForce(0.1956) BreakForce(7.226)', tilt=53.5,
+              length=0.016, width=1.772, steps=1, more=''),
+        Event(0.0, 0.0, 0, 0.0, 0.0, 0.67, 29.9, 0.73), 23.2),
 }
 
 

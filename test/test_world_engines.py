@@ -63,6 +63,19 @@ def test_balls_part_with_their_restitution(engine, restitution):
         assert first + 2.0 * second == pytest.approx(5.0, rel=1e-5)
 
 
+def test_the_first_contact_turns_by_the_inertia_that_was_given(engine):
+    """Slide a ball with the inertia of a wide disc: friction turns it as that from the start."""
+    mass, radius, moment, speed = 400.0, 0.01, 80.0, 1.0
+    with World(engine=engine) as world:
+        ball = world.add_body(Shape.CAPSULE, np.full(3, 2 * radius), mass, at(0, 0, radius),
+                              [speed, 0, 0, 0, 0, 0], np.full(3, moment))
+        for _ in range(3):
+            world.step(DT)
+            velocity = world.velocities([ball])[0]
+            assert abs(velocity[4]) <= 1.01 * mass * (speed - velocity[0]) * radius / moment + 1e-9
+        assert velocity[0] < 0.99 * speed and velocity[4] > 0.0
+
+
 def test_the_ground_takes_the_root_of_the_restitution(engine):
     """Throw a ball at the ground, whose own restitution is one."""
     with World(engine=engine) as world:

@@ -15,13 +15,22 @@
 
 """Contact: trees run into walls, debris, the ground and each other, and push what they meet."""
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.physics.touch import Partners, resolve
 from procphys_ros.physics.trees import ContactResponse
 from procphys_ros.physics.world import BodyState
-from procphys_ros.simulation import branch_loads, contact_exclusions, contact_pairs, trees
+from procphys_ros.simulation import (
+    branch_loads,
+    contact_exclusions,
+    contact_pairs,
+    contact_work,
+    trees,
+)
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -36,6 +45,7 @@ _SURE = 0.01     # [m/s] slower points may show any mass
 _LOOKS = 4       # ahead at most, while limits of bends take hold or let go
 _AGREES = 0.01   # share of the fastest point, by which what was foreseen may differ
 _ROUNDS = 3      # of solving, while what is hit gives way
+_SHARES = (0.5, 0.5, 0.5, 0.0)  # of impulses that are left, in turn, while they do too much work
 
 
 def step(model: Model, state: State, dt: float) -> None:
@@ -107,36 +117,102 @@ def _solve(model: Model, state: State, pairs: Pairs,
 
     :returns: contacts, changes of the velocities of bodies (B, 6), and their ids.
     """
-    forest, both = state.forest, np.flatnonzero(pairs.other >= 0)
+    both = np.flatnonzero(pairs.other >= 0)
     rows = np.concatenate([pairs.row, pairs.other[both]])
     points = np.concatenate([pairs.point, pairs.point[both]])
-    order = np.argsort(forest.roots(rows), kind='stable')
+    order = np.argsort(state.forest.roots(rows), kind='stable')
     place = np.empty(len(rows), np.intp)
     place[order] = np.arange(len(rows))
-    rows, points = rows[order], points[order]
-    air = None if state.trees.still else state.trees.air
-    look = forest.predict_response(rows, points, dt, air)
     end, other = place[:len(pairs.row)], np.full(len(pairs.row), -1, np.intp)
     other[both] = place[len(pairs.row):]
     partners, bodies = _partners(model, state, pairs, end, other, dt)
-    free, impulse = partners.motion.copy(), np.zeros((len(end), 3))
-    least = _least_speed(pairs, look, partners, state.world.bodies.velocities[bodies], dt)
+    air = None if state.trees.still else state.trees.air
+    problem = _Problem(pairs, partners, partners.motion.copy(), np.zeros((len(end), 3)),
+                       np.full(len(end), _FRICTION), _tree_mass(state, pairs),
+                       partial(_look_ahead, state, rows[order], points[order], dt, air, both,
+                               order))
+    least, out = _least_speed(pairs, problem.look, partners,
+                              state.world.bodies.velocities[bodies], dt)
     for _ in range(_LOOKS):
-        mass = _most_mass(state, pairs, look, partners)
-        resolve(pairs.normal, least, mass, np.full(len(end), _FRICTION), partners, look.velocity,
-                look.first, look.place, look.count, look.response, impulse)
-        if not look.held.any():
+        problem.resolve(least)
+        if not problem.look.held.any() or problem.agrees():
             break
-        foreseen = look.velocity
-        signed = np.concatenate([impulse, -impulse[both]])[order]
-        look = forest.predict_response(rows, points, dt, air, signed)
-        if np.abs(look.velocity - foreseen).max() < _AGREES * np.abs(foreseen).max():
-            break
-    return (TreeContacts(pairs.row, pairs.other, pairs.body, pairs.part, pairs.point, impulse),
-            partners.motion - free, bodies)
+    problem.limit_work(least, out, model.gravity * dt)
+    return (TreeContacts(pairs.row, pairs.other, pairs.body, pairs.part, pairs.point,
+                         problem.impulse),
+            partners.motion - problem.free, bodies)
 
 
-def _most_mass(state: State, pairs: Pairs, look: ContactResponse,
+def _look_ahead(state: State, rows: np.ndarray, points: np.ndarray, dt: float,
+                air: np.ndarray | None, both: np.ndarray, order: np.ndarray,
+                impulse: np.ndarray) -> ContactResponse:
+    """Foresee the step with impulses of the contacts, (C, 3); one of two trees acts on both."""
+    signed = np.concatenate([impulse, -impulse[both]])[order] if impulse.any() else None
+    return state.forest.predict_response(rows, points, dt, air, signed)
+
+
+class _Problem:
+    """
+    Contacts of one step, and their impulses as they are found.
+
+    :param free: velocities of the bodies without contact, (B, 6).
+    :param impulse: on the trees [N·s], (C, 3).
+    :param friction: coefficients, (C,).
+    :param mass: of the heavier tree of each contact [kg], (C,).
+    :param look_ahead: foresees the motion of the trees with impulses.
+    :ivar look: what it has foreseen; its velocities are those with the impulses.
+    """
+
+    def __init__(self, pairs: Pairs, partners: Partners, free: np.ndarray, impulse: np.ndarray,
+                 friction: np.ndarray, mass: np.ndarray,
+                 look_ahead: Callable[[np.ndarray], ContactResponse]):
+        self._pairs, self._partners, self.free = pairs, partners, free
+        self.impulse, self._friction, self._mass = impulse, friction, mass
+        self._look_ahead = look_ahead
+        self.look = look_ahead(impulse)
+
+    def resolve(self, least: np.ndarray) -> None:
+        """Change the impulses so that contacts have at least their normal velocities, (C,)."""
+        mass = _most_mass(self._mass, self._pairs, self.look, self._partners)
+        resolve(self._pairs.normal, least, mass, self._friction, self._partners,
+                self.look.velocity, self.look.first, self.look.place, self.look.count,
+                self.look.response, self.impulse)
+
+    def agrees(self) -> bool:
+        """Foresee the motion with the impulses anew; say whether it is as they were solved for."""
+        foreseen = self.look.velocity
+        self.look = self._look_ahead(self.impulse)
+        return bool(np.abs(self.look.velocity - foreseen).max()
+                    < _AGREES * np.abs(foreseen).max())
+
+    def limit_work(self, least: np.ndarray, out: np.ndarray, gain: float) -> None:
+        """
+        Take friction, then impulses, from contacts that would give energy from nothing.
+
+        :param out: speed at which overlaps are undone [m/s], (C,).
+        :param gain: speed that weight gives in the step [m/s].
+        """
+        wrong = self._gives(out, gain)
+        if wrong.any():
+            self._friction[wrong] = 0.0
+            self.resolve(least)
+            self.look = self._look_ahead(self.impulse)
+        for share in _SHARES:
+            wrong = self._gives(out, gain)
+            if not wrong.any():
+                break
+            self.impulse[wrong] *= share
+            hit = np.unique(self._partners.body[wrong & (self._partners.body >= 0)])
+            motion, free = self._partners.motion, self.free
+            motion[hit] = free[hit] + share * (motion[hit] - free[hit])
+            self.look = self._look_ahead(self.impulse)
+
+    def _gives(self, out: np.ndarray, gain: float) -> np.ndarray:
+        return contact_work.too_much(self._partners, self.look, self.free, self.impulse,
+                                     self._pairs.normal, out, self._mass, gain)
+
+
+def _most_mass(tree_mass: np.ndarray, pairs: Pairs, look: ContactResponse,
                partners: Partners) -> np.ndarray:
     """
     Give the mass that a contact may show at most [kg], (C,).
@@ -145,7 +221,7 @@ def _most_mass(state: State, pairs: Pairs, look: ContactResponse,
     E than it has. Linearised in the middle of a step, a pole that tumbles onto its tip may show
     any mass.
     """
-    limit = _SHOWN * _tree_mass(state, pairs)
+    limit = _SHOWN * tree_mass
     for end, side in ((partners.end, 1.0), (partners.other, -1.0)):
         rows = np.flatnonzero(end >= 0)
         speed = side * (look.velocity[end[rows]] * pairs.normal[rows]).sum(axis=1)
@@ -184,7 +260,7 @@ def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: 
 
 
 def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: np.ndarray,
-                 dt: float) -> np.ndarray:
+                 dt: float) -> tuple[np.ndarray, np.ndarray]:
     """
     Give the normal velocity that each contact must have at the end of the step [m/s], (C,).
 
@@ -194,6 +270,7 @@ def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: n
     stopped, v₁ = 0, it would throw a body off, or get energy from the ground.
 
     :param old: velocities of the bodies at the beginning of the step, (B, 6).
+    :returns: this velocity, and its part that undoes an overlap, not below 0.
     """
     end, other = partners.end, np.maximum(partners.other, 0)
     meeting = (partners.other >= 0)[:, None]
@@ -207,4 +284,5 @@ def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: n
     before[hit] -= body[:, :3] + np.cross(body[:, 3:], partners.arm[hit])
     opening = (before * pairs.normal).sum(axis=1)
     swings_back = (look.old_share[end] > 0.0) & (opening > 0.0)
-    return np.where(swings_back, np.minimum(least, 2.0 * out - opening), least)
+    return (np.where(swings_back, np.minimum(least, 2.0 * out - opening), least),
+            np.where(room > 0.0, 0.0, out))

@@ -43,6 +43,7 @@ _DENT = 0.015        # [m] parts touched within this depth take one blow togethe
 _FLUSH = 1e-5        # [m] depth within which touches say together which way a wall faces
 _ALIKE = 0.7         # least cosine between the normals of such touches
 _MOST_HITS = 150     # in one step
+_SHARES = (0.7,) * 7 + (0.0,)  # of a blow that are left, in turn, while it would give energy
 _MOST_FLYING = 200   # projectiles since the last reset
 _BALL_DRAG = 0.47 * 0.25 * np.pi  # Cd·A over diameter squared of a sphere (Hoerner 1965, 3-8)
 
@@ -177,7 +178,12 @@ def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, wa
 
 def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
               dt: float) -> None:
-    """Throw the projectile back from where the branch will be at the end of the step."""
+    """
+    Throw the projectile back from where the branch will be at the end of the step.
+
+    A bend at its limit that is let go answers in another way than it was before: where that would
+    give energy (see `contact_work`), the blow is weaker.
+    """
     forest, row = state.forest, hits.index[:1]
     point, normal = hits.point[0], hits.normal[0]
     air = None if state.trees.still else state.trees.air
@@ -186,6 +192,12 @@ def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
     then = normal @ (look.velocity[0] - velocity[:3])
     yielding = 1.0 / missile.mass + normal @ look.response[0] @ normal
     impulse = -max(then + RESTITUTION * closing, 0.0) / yielding * normal  # on the tree
+    for share in _SHARES:
+        after = forest.predict_response(row, point[None], dt, air, impulse[None])
+        mean = after.velocity[0] + after.old_share[0] * (after.before[0] - after.velocity[0])
+        if impulse @ (mean - velocity[:3] + 0.5 * impulse / missile.mass) <= 0.0:
+            break
+        impulse *= share
     forest.apply_impulse(int(row[0]), point, impulse)
     velocity[:3] -= impulse / missile.mass
     _record(state, missile, point, forest.parts[row], False, impulse, impulse, 0.0)

@@ -36,7 +36,7 @@ from procphys_ros.hexahedron import inset
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
-from procphys_ros.physics.world.pieces import Pieces
+from procphys_ros.physics.world.pieces import Pieces, solid_inertia
 from procphys_ros.physics.world.stderr_filter import drop_stderr_lines
 from procphys_ros.physics.world.urdf import write_hulls, write_urdf
 
@@ -65,6 +65,7 @@ _SLEEPING = pybullet.URDF_ENABLE_SLEEPING  # without it even resting bodies cost
 _SIZES = itemgetter(1, 2, 8, 9, 10, 12)  # of a contact: bodies, distance, forces along ...
 _WAYS = itemgetter(6, 7, 11, 13)  # ... normal and two tangents; point, normal and tangents
 _MEMORY_FOLDER = '/dev/shm'  # a folder in memory, where there is one
+_AS_SOLID = 2.0  # times the inertia of a solid: a plain body with more is made as a compound
 _ROUND = 6  # decimals of sizes and quaternions up to which plain bodies are added together
 
 
@@ -127,7 +128,7 @@ class BulletEngine:
             body = int(same[0])
             if table.state[body] == BodyState.GROUND:
                 self._enter(same, [self._create_ground()])
-            elif table.least[body] > 0.0:
+            elif table.least[body] > 0.0 and _turns_as_its_shape(table, body):
                 self._enter(same, self._create_plain(table, same))
             else:
                 self._enter(same, [self._create_compound(table, body)])
@@ -172,8 +173,8 @@ class BulletEngine:
 
         PyBullet takes the numbers of bodies made at once for consecutive, and they are not where
         it gives numbers of removed bodies again. Bullet keeps the inverse inertia along world axes
-        with which a body was created until the end of the next step, whatever mass it is given in
-        between.
+        with which a body was created, that of its shape, until the end of the next step, whatever
+        mass it is given in between: see `_turns_as_its_shape`.
         """
         piece = table.pieces(int(ids[0]))
         shape, turn = self._shape(piece), table.poses[ids[0], 3:]
@@ -369,9 +370,25 @@ class BulletEngine:
         return np.column_stack([ids, way[:, :6], size[:, 2], force, size[:, 3]])
 
 
+def _turns_as_its_shape(table: BodyTable, body: int) -> bool:
+    """
+    Tell whether the inertia of a plain body is about that of its shape.
+
+    That of a disc of wood is not, whose shape is the sphere inside of it. The first contact would
+    turn it as that sphere, thousands of times too fast, and its own inertia would then make energy
+    of that spin.
+    """
+    piece = table.first_piece[body]
+    if table.piece_shape[piece] == Shape.BOX:
+        return True
+    solid = solid_inertia(Shape.CAPSULE, table.piece_size[piece], float(table.mass[body]))
+    return bool((table.inertia[body] < _AS_SOLID * solid).all())
+
+
 def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:
     """Group plain bodies alike in shape, size, mass and attitude; others are alone, and first."""
     plain = (table.least[ids] > 0.0) & (table.hexahedron_count[ids] == 0)
+    plain[plain] = [_turns_as_its_shape(table, body) for body in ids[plain].tolist()]
     alone, ids = [np.array([body]) for body in ids[~plain].tolist()], ids[plain]
     if not len(ids):
         return alone

@@ -1,0 +1,95 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Contact work: what contacts of trees give, at most what it takes to undo overlaps.
+
+An impulse J does the work J·(v₀ + v₁)/2, v being the velocity at which what touches moves apart.
+Contacts are solved for v₁ alone. A stiff twig that swings to and fro within a step may have a v₀
+along J: friction that stops it at the end of the step then gives it energy. So may a bend that is
+let go by an impulse, whose tree answers in another way than it was solved for.
+"""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from procphys_ros.physics.touch import Partners
+from procphys_ros.physics.trees import ContactResponse
+
+_ROUNDING = 1e-5  # [J/kg] that a step may give
+_SOLVED = 0.02    # share of all that is exchanged to which contacts are solved
+
+
+def moved(partners: Partners, look: ContactResponse, free: np.ndarray) -> np.ndarray:
+    """
+    Give the mean velocity over the step at which each contact moves apart [m/s], (C, 3).
+
+    :param look: with the impulses.
+    :param free: velocities of the bodies without them, (B, 6).
+    """
+    share = look.old_share[:, None]
+    mean = share * look.before + (1.0 - share) * look.velocity
+    slip = mean[partners.end]
+    both = partners.other >= 0
+    slip[both] -= mean[partners.other[both]]
+    hit = np.flatnonzero(partners.body >= 0)
+    body = 0.5 * (free + partners.motion)[partners.body[hit]]
+    slip[hit] -= body[:, :3] + np.cross(body[:, 3:], partners.arm[hit])
+    return slip
+
+
+def islands(partners: Partners, look: ContactResponse) -> np.ndarray:
+    """Label the contacts by what trees and bodies that yield connect, (C,)."""
+    tree, trees = look.tree[partners.end], int(look.tree.max()) + 1
+    both = np.flatnonzero(partners.other >= 0)
+    loose = np.flatnonzero((partners.body >= 0)
+                           & (partners.inverse_mass[partners.body] > 0.0)
+                           ) if len(partners.inverse_mass) else np.zeros(0, np.intp)
+    first = np.concatenate([tree[both], tree[loose]])
+    second = np.concatenate([look.tree[partners.other[both]], trees + partners.body[loose]])
+    size = trees + len(partners.inverse_mass)
+    joined = coo_array((np.ones(len(first)), (first, second)), shape=(size, size))
+    return connected_components(joined, directed=False)[1][tree]
+
+
+def too_much(partners: Partners, look: ContactResponse, free: np.ndarray, impulse: np.ndarray,
+             normal: np.ndarray, out: np.ndarray, mass: np.ndarray, gain: float) -> np.ndarray:
+    """
+    Find the contacts of islands that get energy from nothing.
+
+    :param impulse: on the trees [N·s], (C, 3).
+    :param normal: (C, 3).
+    :param out: speed at which overlaps are undone [m/s], (C,).
+    :param mass: of the trees at each contact [kg], (C,).
+    :param gain: speed that weight gives in the step [m/s].
+    :returns: (C,) bool.
+    """
+    work = (impulse * moved(partners, look, free)).sum(axis=1)
+    if not (work > _ROUNDING * mass).any():
+        return np.zeros(len(work), bool)
+    island = islands(partners, look)
+    total = np.bincount(island, work)
+    lifted = np.bincount(island, np.maximum((impulse * normal).sum(axis=1), 0.0) * out)
+    heaviest, fastest = np.zeros(len(total)), np.zeros(len(total))
+    np.maximum.at(heaviest, island, mass)
+    np.maximum.at(fastest, island, out)
+    loose, row = np.unique(partners.body, return_index=True)
+    loose, row = loose[loose >= 0], row[loose >= 0]
+    inverse = partners.inverse_mass[loose]
+    yields = inverse > 0.0
+    np.add.at(heaviest, island[row[yields]], 1.0 / inverse[yields])
+    allowed = np.minimum(lifted, heaviest * fastest * (0.5 * fastest + gain))
+    slack = _ROUNDING * heaviest + _SOLVED * np.bincount(island, np.abs(work))
+    return (total > allowed + slack)[island]
