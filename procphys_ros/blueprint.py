@@ -84,6 +84,7 @@ class Hinges(_Table):
     :ivar root_moment: moment that turns a root plate out of the ground [N·m], (H,); inf = never.
     :ivar preload: share of the weight carried that the joint's shape at rest allows for, (H,); 1 =
         the part rests where it was put, 0 = it was put there unloaded and sags.
+    :ivar cling: force that pulls the part off what it grows on [N], (H,); 0 = it does not climb.
     """
 
     swing_limit: np.ndarray = _column()
@@ -99,6 +100,11 @@ class Hinges(_Table):
     strength: np.ndarray = _column()
     root_moment: np.ndarray = _column()
     preload: np.ndarray = _column()
+    cling: np.ndarray = _column()
+
+    def __post_init__(self) -> None:
+        if len(self.cling) < len(self.swing_limit):
+            object.__setattr__(self, 'cling', np.zeros(len(self.swing_limit)))
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,7 @@ class Branches:
     :ivar root_moment: that turns the root plate out of the ground [N·m], (S,); inf = never.
     :ivar preload: share of the weight that the shape allows for, 0 to 1, (S,).
     :ivar texture: index into the texture names, (S,) int16.
+    :ivar cling: strength of the hold on what the plant grows on, per length [N/m], (S,); 0 = none.
     """
 
     parent: np.ndarray
@@ -95,6 +96,7 @@ class Branches:
     root_moment: np.ndarray
     preload: np.ndarray
     texture: np.ndarray
+    cling: np.ndarray
 
     def __len__(self) -> int:
         return len(self.parent)
@@ -228,7 +230,8 @@ def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
         twist_damping=np.nan * same, stretch_stiffness=np.nan * same,
         stretch_damping=np.nan * same, break_force=break_force * same,
         break_torque=break_torque * same, root_stiffness=np.nan * same,
-        root_moment=np.inf * same, preload=same, texture=np.zeros(len(tip), np.int16)),
+        root_moment=np.inf * same, preload=same, texture=np.zeros(len(tip), np.int16),
+        cling=0.0 * same),
         material=material)
 
 
@@ -246,7 +249,7 @@ def _hinges(branches: Branches) -> Hinges:
         stretch_damping=branches.stretch_damping, break_force=branches.break_force,
         break_torque=branches.break_torque, strength=branches.strength,
         root_moment=np.where(branches.parent < 0, branches.root_moment, np.inf),
-        preload=branches.preload)
+        preload=branches.preload, cling=branches.cling * branches.length)
 
 
 def _shortest_turn(direction: np.ndarray) -> np.ndarray:
@@ -284,6 +287,8 @@ def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
         value = getattr(branches, name)
         _demand(~(value < 0.0) & ~np.isinf(value), 'segment', name.replace('_', ' '), value,
                 'finite and not below zero')
+    _demand(np.isfinite(branches.cling) & (branches.cling >= 0.0), 'segment', 'cling',
+            branches.cling, 'finite and not below zero')
     known = np.isnan(branches.swing_damping) & np.isnan(branches.damping_ratio)
     _demand(~known, 'segment', 'damping ratio', branches.damping_ratio,
             'given where swing damping is not')

@@ -46,7 +46,8 @@ def _branches(count: int = 3, **changes: np.ndarray) -> skeleton.Branches:
         'twist_damping': np.nan * ones, 'stretch_stiffness': np.nan * ones,
         'stretch_damping': np.nan * ones, 'break_force': np.inf * ones,
         'break_torque': np.inf * ones, 'root_stiffness': np.nan * ones,
-        'root_moment': np.inf * ones, 'preload': ones, 'texture': np.zeros(count, np.int16)}
+        'root_moment': np.inf * ones, 'preload': ones, 'texture': np.zeros(count, np.int16),
+        'cling': 0.0 * ones}
     return skeleton.Branches(**{**columns, **changes})
 
 
@@ -165,6 +166,7 @@ def test_several_roots_stand_side_by_side():
     ('damping_ratio', np.nan, 'damping ratio'), ('strength', 0.0, 'strength'),
     ('tip_width', -1.0, 'tip width'), ('parent', 1, 'segment 1: parent is 1'),
     ('attitude', np.nan, 'attitude'), ('preload', 1.5, 'preload'),
+    ('cling', -1.0, 'cling'),
     ('root_stiffness', 0.0, 'root stiffness'), ('root_moment', 0.0, 'root moment'),
 ])
 def test_impossible_segments_are_refused(column: str, value: float, words: str):

@@ -67,7 +67,8 @@ class Content:
     def of(cls, simulation: Simulation) -> 'Content':
         """Read a simulation as it is now; break events must not have been taken from its log."""
         broken = np.zeros(len(simulation.blueprint.bonds), bool)
-        broken[simulation.events['bond']] = True
+        bonds = simulation.events['bond']
+        broken[bonds[bonds >= 0]] = True
         return cls(simulation.blueprint, list(simulation.objects), simulation.poses.copy(),
                    simulation.leaf_poses(), broken, simulation.scene.settings.gravity,
                    simulation.time, simulation.scene.settings.terrain)

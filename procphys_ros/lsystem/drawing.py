@@ -89,8 +89,8 @@ def _branches(segments: np.ndarray) -> Branches:
         stretch_stiffness=value('StretchForce'), stretch_damping=value('StretchDamper'),
         break_force=value('BreakForce'), break_torque=value('BreakTorque'),
         root_stiffness=value('RootStiffness'), root_moment=value('RootMoment'),
-        preload=value('Preload'),
-        texture=value('Texture').astype(np.int16))
+        preload=value('Preload'), texture=value('Texture').astype(np.int16),
+        cling=value('Cling'))
 
 
 def leaf_textures(modules: Modules, leaves: np.ndarray, names: int) -> np.ndarray:

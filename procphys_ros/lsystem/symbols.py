@@ -117,6 +117,7 @@ ATTRIBUTES = (
     Attribute('RootStiffness', np.nan, _STIFFNESS),  # absent: clamped in the ground
     Attribute('RootMoment', np.inf, Range(1e-9, 1e15, 'N·m')),
     Attribute('Preload', 1.0, Range(0.0, 1.0)),    # 0: drawn as it would be without weight
+    Attribute('Cling', 0.0, Range(0.0, 1e9, 'N/m')),  # hold on what it grows on; 0: none
     Attribute('BoneRatio', 0.9, Range(0.8, 0.95)),  # bone length over segment length
     Attribute('Texture', 0.0, TEXTURE_NUMBER),
     Attribute('Vogel', VOGEL_EXPONENT, Range(-2.0, 0.0)),  # foliage drag ~ u^(2 + V)

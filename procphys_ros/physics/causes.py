@@ -30,3 +30,4 @@ class Cause(IntEnum):
     BLAST = 7        # torn out by an explosion
     DEMOLITION = 8   # cut by a timed charge
     UPROOTING = 9    # root plate turned out of the ground
+    PULLED_OFF = 10  # climbing plant pulled off what it grew on, or that gave way

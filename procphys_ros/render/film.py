@@ -55,8 +55,9 @@ class Shot:
 
 def moment_of(simulation: Simulation) -> Moment:
     """Take what there is to draw from a simulation."""
+    bonds = np.unique(simulation.log.rows['bond'])
     return Moment(simulation.blueprint, simulation.poses, simulation.leaf_poses(),
-                  simulation.exists, np.unique(simulation.log.rows['bond']), simulation.dust)
+                  simulation.exists, bonds[bonds >= 0], simulation.dust)
 
 
 def check_camera(scene: Scene, camera: CameraSettings) -> None:

@@ -30,7 +30,7 @@ from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.parts import columns_of, Owner, owners
-from procphys_ros.simulation.state import State
+from procphys_ros.simulation.state import ClimberState, State
 
 
 def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[float], yaw: float,
@@ -56,7 +56,7 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     added = SceneObject(name, len(state.parts), len(placed))
     enlarged = compile_model(
         model.settings, model.shard, chain([state.blueprint, placed]), [*state.objects, added],
-        model.time_step, model.seed, model.wind)
+        model.time_step, model.seed, model.wind, model.loaded)
     grow(enlarged, state, _settled(placed, model.gravity))
     state.objects.append(added)
     state.names.extend([added], placed)
@@ -104,7 +104,7 @@ def with_added(scene: Model, added: Mapping[str, Blueprint]) -> Model:
         first = objects[-1].first + objects[-1].count if objects else 0
         objects.append(SceneObject(name, first, len(placed)))
     return compile_model(scene.settings, scene.shard, chain([scene.blueprint, *added.values()]),
-                         objects, scene.time_step, scene.seed, scene.wind)
+                         objects, scene.time_step, scene.seed, scene.wind, scene.loaded)
 
 
 def free_name(state: State, stem: str) -> str:
@@ -178,6 +178,9 @@ def _grow_columns(model: Model, state: State) -> None:
     trees.air, trees.faded_air = _padded(trees.air, rows), _padded(trees.faded_air, rows)
     before = len(trees.start_poses)
     trees.start_poses = np.concatenate([trees.start_poses, state.forest.poses[before:]])
+    more = ClimberState.of(len(model.trees.climbers.row) - len(state.climbers.holds))
+    state.climbers = ClimberState(np.concatenate([state.climbers.holds, more.holds]),
+                                  np.concatenate([state.climbers.given, more.given]))
     queue = model.leaves
     leaves.attached = np.concatenate([
         leaves.attached, np.ones(len(model.blueprint.leaves) - len(leaves.attached), bool)])

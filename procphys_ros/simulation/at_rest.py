@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation import climbers, fragments, masonry
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
@@ -35,6 +35,8 @@ def at_rest(model: Model) -> tuple[State, list[str]]:
     for part in np.flatnonzero(state.parts.owner == Owner.BODY):
         fragments.make_body(model, state, np.array([part]), state.parts.poses[[part]],
                             np.zeros((1, 6)))
+    climbers.load_walls(model, state)
+    state.loads.apply(state.solver, 0.0, 0.0)
     lines = masonry.settle(model, state)
     state.dust.seen = state.log.total
     return state, lines

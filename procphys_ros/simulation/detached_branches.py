@@ -68,6 +68,8 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     """
     Turn branches that are small, lie still or came down a while ago into rigid fragments.
 
+    What climbers hold on to stays flexible.
+
     Writes the clocks in `state.trees`, and releases.
     """
     forest, trees = state.forest, state.trees
@@ -79,6 +81,8 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     trees.down = {r: trees.down.get(r, 0.0) + (dt if _is_low(model, state, r) else 0.0)
                   for r in roots}
     for root in roots:
+        if forest.is_anchored(forest.subtree(root)).any():
+            continue
         if (len(forest.subtree(root)) < SMALLEST or trees.age[root] > _LONGEST - 1e-9
                 or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9):
             release_branch(model, state, root)
@@ -97,7 +101,9 @@ def release_branch(model: Model, state: State, row: int) -> None:
 def _stays_flexible(model: Model, state: State, row: int) -> bool:
     """Cut a branch loose as a tree with a free root, if it is worth it; say whether it was."""
     forest = state.forest
-    if len(forest.free_roots) >= MOST or len(forest.subtree(row)) < SMALLEST:
+    rows = forest.subtree(row)
+    if not forest.is_anchored(rows).any() and (len(forest.free_roots) >= MOST
+                                               or len(rows) < SMALLEST):
         return False
     contact_exclusions.add_branch(model, state, row)
     forest.release(row)

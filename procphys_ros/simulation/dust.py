@@ -103,6 +103,7 @@ def _from_fractures(model: Model, state: State, cloud: DustCloud) -> None:
     if new <= 0:
         return
     events = state.log.recent(new)
+    events = events[events['bond'] >= 0]
     events = events[model.mortar[events['bond']]]
     bond = events['bond']
     energy = fracture_energy(_MODES[events['cause']], source.bond_area[bond])

@@ -20,7 +20,7 @@ import numpy as np
 EVENT = np.dtype([
     ('time', 'f8'),           # simulation time [s]
     ('position', 'f8', 3),    # contact point, world frame [m]
-    ('bond', 'i4'),           # row in Blueprint.bonds
+    ('bond', 'i4'),           # row in Blueprint.bonds, -1 for a hold of a climbing plant
     ('part_a', 'i4'),         # first part of the bond, -1 for the ground
     ('part_b', 'i4'),         # second part
     ('cause', 'u1'),          # `physics.causes.Cause`

@@ -26,8 +26,10 @@ from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.physics.masonry import Failures
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlap, overlaps, piece_bounds
+from procphys_ros.physics.trees import Anchors
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.placement import FOOTING
+from procphys_ros.simulation.holds import REACH
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
@@ -57,6 +59,20 @@ def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
     pairs = [pair for pair in _pairs(blueprint, objects, present) if added in pair]
     return (_sunk(blueprint, objects[added:], terrain)
             + _overlapping(blueprint, objects, present, pairs))
+
+
+def check_climbers(blueprint: Blueprint, objects: Sequence[SceneObject],
+                   anchors: Anchors) -> list[str]:
+    """List the climbing plants that find nothing to hold on to."""
+    child = blueprint.bonds[blueprint.bond_law == Law.HINGE, 1]
+    clings = np.zeros(len(blueprint), bool)
+    clings[child] = blueprint.hinges.cling > 0.0
+    holds = np.zeros(len(blueprint), bool)
+    holds[anchors.part] = True
+    return [f'{thing.name} clings to nothing: no wall or tree is within {REACH:g} m of the middle '
+            'of any of its segments' for thing in objects
+            if clings[(own := slice(thing.first, thing.first + thing.count))].any()
+            and not holds[own].any()]
 
 
 def log(lines: Sequence[str]) -> tuple[str, ...]:

@@ -26,12 +26,14 @@ from procphys_ros.physics.air import SHEDDING_SPEED
 from procphys_ros.physics.foliage import speed_of, strengths
 from procphys_ros.physics.masonry import BondGraph, FreeBodies
 from procphys_ros.physics.terrain import Terrain
-from procphys_ros.physics.trees import Forest
+from procphys_ros.physics.trees import Anchors, Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import Pieces
 from procphys_ros.scene import SceneObject, Settings
 from procphys_ros.scene.shards import Shard
+from procphys_ros.simulation import holds
 from procphys_ros.simulation.contact_pairs import survey, survey_crowns
+from procphys_ros.simulation.holds import Climbers
 from procphys_ros.simulation.obstacles import Bricks
 from procphys_ros.simulation.shelter import find_shelter
 
@@ -55,6 +57,7 @@ class TreeModel:
     :ivar beside: whether the tree of each row may reach a wall, (S,) bool.
     :ivar slack: overlap of each row with ground and walls that it was authored with [m], (S,).
     :ivar crowns: the same with other trees, where standing trees touch; else None.
+    :ivar climbers: what climbing plants hold on to.
     """
 
     forest: Forest
@@ -66,6 +69,7 @@ class TreeModel:
     beside: np.ndarray
     slack: np.ndarray
     crowns: np.ndarray | None
+    climbers: Climbers
 
 
 @dataclass(frozen=True)
@@ -146,6 +150,7 @@ class Model:
     :ivar mortar: which bonds are mortar, (M,) bool.
     :ivar wooden: parts with a hinge, (K,).
     :ivar intruders: collision shapes of the bodies that are moved from outside, by name.
+    :ivar loaded: number of parts of the scene as it was loaded; others joined later.
     """
 
     settings: Settings
@@ -163,6 +168,7 @@ class Model:
     mortar: np.ndarray
     wooden: np.ndarray
     intruders: dict[str, Pieces]
+    loaded: int
 
     @property
     def gravity(self) -> float:
@@ -177,7 +183,7 @@ class Model:
 
 def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
                   objects: Sequence[SceneObject], time_step: float, seed: int,
-                  wind: Wind | None = None) -> Model:
+                  wind: Wind | None = None, loaded: int | None = None) -> Model:
     """
     Work out everything about a scene that never changes.
 
@@ -188,9 +194,12 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     :param time_step: [s].
     :param seed: of everything random.
     :param wind: that is there already; None = made from the settings.
+    :param loaded: number of parts that did not join later; None = all.
     """
     masonry = _masonry(blueprint)
-    trees = _trees(blueprint, settings, masonry.bricks)
+    loaded = len(blueprint) if loaded is None else loaded
+    trees = _trees(blueprint, settings, masonry.bricks,
+                   holds.find(blueprint, objects, masonry.bricks, loaded))
     loose_bonds = FreeBodies(blueprint)
     mortar = blueprint.bond_law == Law.MORTAR
     wind = copy(wind) if wind else Wind(
@@ -200,7 +209,7 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     return Model(settings, time_step, seed, shard, blueprint, tuple(objects),
                  wind, trees, masonry, _glass(blueprint, loose_bonds),
                  _leaves(blueprint, settings, trees, seed), loose_bonds, mortar,
-                 np.unique(pairs[pairs >= 0]), settings.intruder_pieces())
+                 np.unique(pairs[pairs >= 0]), settings.intruder_pieces(), loaded)
 
 
 def _masonry(blueprint: Blueprint) -> MasonryModel:
@@ -211,8 +220,9 @@ def _masonry(blueprint: Blueprint) -> MasonryModel:
                         Bricks(blueprint, np.flatnonzero(members)))
 
 
-def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks) -> TreeModel:
-    forest = Forest(blueprint, (0.0, 0.0, -settings.gravity))
+def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks,
+           anchors: Anchors) -> TreeModel:
+    forest = Forest(blueprint, (0.0, 0.0, -settings.gravity), climbers=anchors)
     row = np.full(len(blueprint), -1, np.intp)
     row[forest.parts] = np.arange(len(forest))
     hinge_row = np.cumsum(blueprint.bond_law == Law.HINGE) - 1
@@ -224,7 +234,7 @@ def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks) -> TreeMode
     joint_arm = 0.5 * blueprint.visual_size[forest.parts, 2]
     crowns = survey_crowns(forest, sizes) if settings.trees.contact else None
     return TreeModel(forest, row, _span(forest.parts), sizes, joint_arm, capacity, beside, slack,
-                     crowns)
+                     crowns, holds.place(forest, anchors, row))
 
 
 def _span(parts: np.ndarray) -> slice | np.ndarray:

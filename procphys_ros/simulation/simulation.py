@@ -87,7 +87,8 @@ class Simulation:
         self._scene_model = self.model  # without what is added while it runs
         self.state, cracked = at_rest(self.model)
         self.warnings = load_checks.log([*load_checks.check_places(
-            scene.blueprint, scene.objects, scene.settings.terrain), *cracked])
+            scene.blueprint, scene.objects, scene.settings.terrain), *load_checks.check_climbers(
+                scene.blueprint, scene.objects, self.model.trees.climbers.anchors), *cracked])
 
     @property
     def time_step(self) -> float:
@@ -296,7 +297,9 @@ class Simulation:
         name = name or self.free_name('object')
         self.model = additions.add(self.model, self.state, blueprint, position, yaw, name)
         self._flutter = None
-        self.warnings += load_checks.log(load_checks.check_added(self.state, self.model.terrain))
+        self.warnings += load_checks.log(
+            load_checks.check_added(self.state, self.model.terrain) + load_checks.check_climbers(
+                self.blueprint, self.objects[-1:], self.model.trees.climbers.anchors))
         return self.state.objects[-1]
 
     def remove(self, name: str) -> None:

@@ -138,7 +138,7 @@ def _enlarged(scene: Model, added: bytes) -> Model:
         return scene
     blueprint, objects = _Reader(io.BytesIO(added), scene).load()
     return compile_model(scene.settings, scene.shard, blueprint, objects, scene.time_step,
-                         scene.seed, scene.wind)
+                         scene.seed, scene.wind, scene.loaded)
 
 
 def clone(model: Model, state: State) -> State:

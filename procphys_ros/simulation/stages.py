@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from procphys_ros.simulation import (
     blasts,
+    climbers,
     commands,
     contact,
     cues,
@@ -76,6 +77,7 @@ STAGES = (
     Stage('contact', contact.step),
     Stage('contact', trees.wake_touched),
     Stage('trees', trees.step),
+    Stage('trees', climbers.step),
     Stage('branches', detached_branches.step),
     Stage('stress', apply_loads),
     Stage('stress', masonry.update_stresses),

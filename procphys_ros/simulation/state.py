@@ -239,6 +239,26 @@ class DustState:
 
 
 @dataclass
+class ClimberState:
+    """
+    What climbing plants hold on to.
+
+    :ivar holds: anchors that have not let go, (K,) bool.
+    :ivar given: forces on what holds them, as walls were last told [N], (K, 3).
+    :ivar fresh: whether walls must be told whatever has changed.
+    """
+
+    holds: np.ndarray
+    given: np.ndarray
+    fresh: bool = True
+
+    @classmethod
+    def of(cls, count: int) -> 'ClimberState':
+        """Let so many anchors hold."""
+        return cls(np.ones(count, bool), np.zeros((count, 3)))
+
+
+@dataclass
 class SkylineState:
     """The skyline of what stands, and since when it is out of date."""
 
@@ -289,6 +309,7 @@ class State:
     glass: GlassState
     leaves: LeafState
     dust: DustState
+    climbers: ClimberState
     tree_bounds: TreeBounds = field(default_factory=TreeBounds)
     steps: int = 0
     time: float = 0.0
@@ -338,7 +359,8 @@ class State:
                 np.ones(len(model.blueprint.leaves), bool), model.blueprint.leaf_area.copy(),
                 leaves.first.copy(), leaves.queue_speed[leaves.first], np.zeros(len(forest))),
             dust=DustState(DustCloud(dust.capacity, (_DUST_SEED << 64) + model.seed,
-                                     model.gravity, model.terrain) if dust.enabled else None))
+                                     model.gravity, model.terrain) if dust.enabled else None),
+            climbers=ClimberState.of(len(trees.climbers.row)))
         state.blueprints.append(model.blueprint)
         state.intruders = {name: IntruderState() for name in model.intruders}
         if forest.has_sagged:

@@ -95,6 +95,10 @@ class LodScheduler:
         rows = rows[forest.active[rows]]
         return np.unique(np.searchsorted(self._roots, forest.roots(rows)))
 
+    def stand_still(self, forest: Forest, rows: np.ndarray) -> np.ndarray:
+        """Say whether the trees of active rows are not stepped at present, (K,) bool."""
+        return self.held[np.searchsorted(self._roots, forest.roots(rows))]
+
     def wake(self, trees: np.ndarray) -> None:
         """Simulate trees that were hit, seen or not, until they are quiet again."""
         self.roused[trees] = ROUSED

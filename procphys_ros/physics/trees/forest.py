@@ -22,6 +22,7 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees import (
+    anchors,
     breaks,
     contact_response,
     integrator,
@@ -31,6 +32,7 @@ from procphys_ros.physics.trees import (
     state,
     subset,
 )
+from procphys_ros.physics.trees.anchors import Anchors
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
@@ -74,13 +76,14 @@ class Forest:
     """
 
     def __init__(self, blueprint: Blueprint, gravity: Sequence[float] = (0.0, 0.0, -9.81),
-                 air_density: float = AIR_DENSITY) -> None:
+                 air_density: float = AIR_DENSITY, climbers: Anchors | None = None) -> None:
         """
         Lay out the trees and balance them.
 
         :param blueprint: may hold parts that are no trees; they are left out.
         :param gravity: [m/s²], (3,).
         :param air_density: [kg/m³]; 0 for a vacuum.
+        :param climbers: what climbing plants hold on to; None = nothing.
         :raises SceneError: when the hinges do not form trees.
         """
         rows = arrange(blueprint, air_density)
@@ -97,7 +100,9 @@ class Forest:
         self._capacity = np.column_stack([hinges.break_force, hinges.break_torque,
                                           hinges.strength, hinges.root_moment])[rows.hinge]
         self._rest_bend = np.zeros_like(self._state.bend)
+        self._anchors = np.zeros_like(self._state.anchor)
         self.reset()
+        anchored = self._load_anchors(climbers or Anchors.none())
         ratio = hinges.damping_ratio[rows.hinge]
         set_damping(rows, modes.damping_rate(rows, ratio, self._state.frame))
         passes.balance(self._plan, self._model, self._state, self._scratch, self._gravity,
@@ -107,6 +112,9 @@ class Forest:
         self._model.extra[:, [EXTRA_PRELOAD, EXTRA_STRIDE + EXTRA_PRELOAD]] *= share
         if (share < 1.0).any():
             self._sag()
+        self._anchors = anchored
+        self._anchors[:, anchors.TARGET:anchors.FORCE] = self.poses[:, :3]
+        self._state.anchor[:] = self._anchors
         self._rest_height = self.poses[:, :3] @ self._gravity
 
     def __len__(self) -> int:
@@ -143,6 +151,7 @@ class Forest:
         for column in self._state:
             column[:] = 0.0
         self._state.bend[:] = self._rest_bend
+        self._state.anchor[:] = self._anchors
         self._model.joint[:] = self._joints
         self._model.body[:, LEAF_FLOW] = self._foliage
         self.parents = self._rooted.copy()
@@ -250,6 +259,7 @@ class Forest:
         self._disturb(self.parents[row])
         self.active[rows] = False
         self._state.wrenches[rows] = 0.0
+        self._state.anchor[rows, anchors.STIFFNESS] = 0.0
         self._stale = True
         return taken
 
@@ -293,6 +303,38 @@ class Forest:
         self.velocities[row, :3] += np.asarray(linear, float) / body[MASS]
         self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]
         self._disturb(row)
+
+    def anchor_forces(self, rows: np.ndarray) -> np.ndarray:
+        """Give the forces of anchors on segments, but for their dampers [N], (K, 3)."""
+        anchor = self._state.anchor[rows]
+        off = self.poses[rows, :3] - anchor[:, anchors.TARGET:anchors.FORCE]
+        return anchor[:, anchors.FORCE:] - anchor[:, anchors.STIFFNESS, None] * off
+
+    def rest_forces(self, rows: np.ndarray) -> np.ndarray:
+        """Give the forces of anchors on segments when everything is at rest [N], (K, 3)."""
+        return self._anchors[rows, anchors.FORCE:]
+
+    def is_anchored(self, rows: np.ndarray) -> np.ndarray:
+        """Say which segments are held by an anchor, (K,) bool."""
+        return self._state.anchor[rows, anchors.STIFFNESS] > 0.0
+
+    def move_anchors(self, rows: np.ndarray, targets: np.ndarray) -> None:
+        """Move the points that anchors draw segments to [m], (K, 3)."""
+        self._state.anchor[rows, anchors.TARGET:anchors.FORCE] = targets
+
+    def cut_anchors(self, rows: np.ndarray, hosts: np.ndarray) -> None:
+        """
+        Let segments go, and relieve what held them.
+
+        :param rows: of the segments, (K,).
+        :param hosts: rows of the trees that held them, -1 for walls, (K,).
+        """
+        wooden = hosts >= 0
+        np.add.at(self._state.anchor[:, anchors.FORCE:], hosts[wooden],
+                  self._anchors[rows[wooden], anchors.FORCE:])
+        self._state.anchor[rows] = 0.0
+        for row in rows.tolist():
+            self._disturb(row)
 
     def push(self, rows: np.ndarray, points: np.ndarray, impulses: np.ndarray) -> None:
         """
@@ -372,6 +414,10 @@ class Forest:
                    + body[:, ACROSS] * (v[:, 3:] ** 2).sum(axis=1)
                    + (body[:, ALONG] - body[:, ACROSS]) * spin ** 2)
         height = self.poses[moving, :3] @ self._gravity - self._rest_height[moving]
+        anchor = self._state.anchor[moving]
+        off = self.poses[moving, :3] - anchor[:, anchors.TARGET:anchors.FORCE]
+        anchored = (0.5 * anchor[:, anchors.STIFFNESS] * (off ** 2).sum(axis=1)
+                    - (anchor[:, anchors.FORCE:] * off).sum(axis=1))
         elastic = swing[:, STIFFNESS] * (bend[:, :2] ** 2).sum(axis=1)
         preload = (swing[:, [PRELOAD_X, PRELOAD_Y]] * bend[:, :2]).sum(axis=1)
         for j, c in ((2, 0), (3, EXTRA_STRIDE)):
@@ -380,8 +426,20 @@ class Forest:
             elastic += np.where(sprung, extra[:, c + EXTRA_STIFFNESS], 0.0) * q ** 2
             preload += extra[:, c + EXTRA_PRELOAD] * q
         held = self._model.joint[moving] != state.Joint.FREE
-        return float((0.5 * kinetic - body[:, MASS] * height).sum()
+        return float((0.5 * kinetic - body[:, MASS] * height + anchored).sum()
                      + (0.5 * elastic - preload)[held].sum())
+
+    def _load_anchors(self, climbers: Anchors) -> np.ndarray:
+        """Let anchors carry what they do at rest; give them with their springs, (S, 8)."""
+        row = np.full(max(self.parts.max(initial=0), climbers.host.max(initial=0)) + 1, -1)
+        row[self.parts] = np.arange(len(self.parts))
+        rows, mass = row[climbers.part], self._model.body[:, MASS]
+        load = anchors.carried(self._rooted, rows, mass[:, None] * self._gravity)
+        made = anchors.make(rows, row[climbers.host], climbers.strength, load, mass,
+                            float(np.linalg.norm(self._gravity)))
+        self._anchors[:, anchors.FORCE:] = made[:, anchors.FORCE:]
+        self._state.anchor[:] = self._anchors
+        return made
 
     def _sag(self) -> None:
         """Bend what was drawn unloaded to where springs and weight are in balance."""

@@ -24,15 +24,15 @@ and nothing can blow up. Three things are added (docs/decisions/0008):
 
 * Carried velocities leave what the joints allow by a little more with every turn of a branch;
   every `_PERIOD` steps they are projected back.
-* Weight does its work along straight lines, but segments move on arcs. The difference is known
-  after the step and taken out of the velocities of the tree.
+* Weight and anchors do their work along straight lines, but segments move on arcs. The difference
+  is known after the step and taken out of the velocities of the tree.
 * What stops a bend at its limit is inelastic: such a step is fully implicit.
 """
 
 import math
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.trees import joints, passes, pose
+from procphys_ros.physics.trees import anchors, joints, passes, pose
 from procphys_ros.physics.trees.layout import ACROSS, ALONG, MASS, REACH
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import Joint
@@ -160,15 +160,16 @@ def move(rows, above, model, state, scratch, gravity, dt, theta):
     """Move joints and poses to the end of the step and carry the velocities along."""
     struck = state.struck[rows[0], 0] != 0.0
     kicked = struck and theta == _MIDPOINT
-    gain, kinetic, scale = 0.0, 0.0, 1.0
+    gain, kinetic, scale, held = 0.0, 0.0, 1.0, False
     on, off = 1.0 / theta, 1.0 / theta - 1.0
     for k in range(len(rows)):
         lost, energy = move_segment(k, rows, above, model, state, scratch, gravity, dt,
                                     theta * dt, on, off, kicked)
         gain += lost
         kinetic += energy
+        held = held or state.anchor[rows[k], anchors.STIFFNESS] > 0.0
     state.age[rows[0], 0] = state.age[rows[0], 0] + 1.0 if kinetic > 0.0 else 0.0
-    if model.joint[rows[0]] != _FREE and gain != 0.0:
+    if (held or model.joint[rows[0]] != _FREE) and gain != 0.0:
         if gain < kinetic:
             scale = math.sqrt(1.0 - gain / kinetic)
         else:
@@ -242,9 +243,10 @@ def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, of
     energy = 0.5 * (body[i, MASS] * (vx * vx + vy * vy + vz * vz)
                     + body[i, ACROSS] * (wx * wx + wy * wy + wz * wz)
                     + (body[i, ALONG] - body[i, ACROSS]) * spin * spin)
-    lost += body[i, MASS] * (gravity[0] * (px + dt * mean[0] - poses[i, 0])
-                             + gravity[1] * (py + dt * mean[1] - poses[i, 1])
-                             + gravity[2] * (pz + dt * mean[2] - poses[i, 2]))
+    px, py, pz = px + dt * mean[0], py + dt * mean[1], pz + dt * mean[2]
+    lost += body[i, MASS] * (gravity[0] * (px - poses[i, 0]) + gravity[1] * (py - poses[i, 1])
+                             + gravity[2] * (pz - poses[i, 2]))
+    lost += anchors.energy_between(i, state.anchor, px, py, pz, poses)
     return lost, energy
 
 

@@ -28,7 +28,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.air import CALM, STORM
-from procphys_ros.physics.trees import joints
+from procphys_ros.physics.trees import anchors, joints
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
@@ -142,12 +142,14 @@ def load(i, k, body, state, frame, a, turned, wind, gravity, h):
     mass, reach = body[i, MASS], body[i, REACH] + state.bend[i, 3]
     air = cross + foliage
     along = cross * (wind[i, 0] * x + wind[i, 1] * y + wind[i, 2] * z)
-    fx = mass * v[i, 0] * per + acts * (mass * gravity[0] + air * wind[i, 0] - along * x)
-    fy = mass * v[i, 1] * per + acts * (mass * gravity[1] + air * wind[i, 1] - along * y)
-    fz = mass * v[i, 2] * per + acts * (mass * gravity[2] + air * wind[i, 2] - along * z)
+    pull = anchors.pull(i, state.anchor, state.poses)
+    fx = mass * v[i, 0] * per + acts * (mass * gravity[0] + air * wind[i, 0] - along * x + pull[0])
+    fy = mass * v[i, 1] * per + acts * (mass * gravity[1] + air * wind[i, 1] - along * y + pull[1])
+    fz = mass * v[i, 2] * per + acts * (mass * gravity[2] + air * wind[i, 2] - along * z + pull[2])
     across = body[i, ACROSS] * per
     spin = (body[i, ALONG] * per - across) * (wx * x + wy * y + wz * z)
-    j, b, m = symmetric(x, y, z, reach, mass + h * air, h * cross,
+    held = air + state.anchor[i, anchors.DAMPING] + h * state.anchor[i, anchors.STIFFNESS]
+    j, b, m = symmetric(x, y, z, reach, mass + h * held, h * cross,
                         body[i, ACROSS] + h * turning, body[i, ALONG])
     p = (across * wx + spin * x + reach * (y * fz - z * fy),
          across * wy + spin * y + reach * (z * fx - x * fz),

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.trees import layout
+from procphys_ros.physics.trees import anchors, layout
 from procphys_ros.physics.trees.spatial import FACTOR_WIDTH, WIDTH
 
 # Columns of `State.frame`: joint point [m], first and second bending axis, segment axis.
@@ -62,6 +62,7 @@ class State(NamedTuple):
     #                         the next step [N·s], [N·m·s], (S, 6)
     struck: np.ndarray      # at root rows: not 0 when anything in the tree is pushed, (S, 1)
     age: np.ndarray         # at root rows: steps taken in motion, (S, 1)
+    anchor: np.ndarray      # columns named in `anchors`, (S, 8)
 
 
 class Scratch(NamedTuple):
@@ -98,7 +99,8 @@ def make_model(rows: layout.Rows) -> Model:
 
 def make_state(count: int) -> State:
     """Give a state of rest whose poses are still to be placed."""
-    return State(*(np.zeros((count, width)) for width in (4, 2, 12, 12, 7, 6, 6, 6, 6, 1, 1)))
+    return State(*(np.zeros((count, width)) for width in (4, 2, 12, 12, 7, 6, 6, 6, 6, 1, 1,
+                                                         anchors.WIDTH)))
 
 
 def make_scratch(plan: Plan) -> Scratch:

@@ -1,0 +1,122 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Anchors: springs that tie segments of climbing plants to what they grow on.
+
+At rest an anchor carries its segment and what hangs on it up to the next anchors, so that joints
+bend as little as they do on a real wall. It is a spring and damper between the centre of mass of
+the segment and a point of what holds it, taken implicitly like the springs of joints.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.trees.spatial import INLINE
+
+# Columns of `State.anchor`: spring [N/m], damper [N·s/m], the point that it draws the centre of
+# mass to [m], and its force there [N]; without a spring, a constant force.
+STIFFNESS, DAMPING, TARGET, FORCE, WIDTH = 0, 1, 2, 5, 8
+
+# Rootlets hold by hairs that stretch by millimetres before they tear off the wall (estimate).
+_GIVE = 0.005   # [m] way from rest at which an anchor lets go
+_RATIO = 0.3    # damping ratio of a segment on its anchor: leaves and rootlets rub (estimate)
+_SHARE = 0.25   # of what a step can turn around, for anchors whose host moves: see `make`
+_STEP = 1 / 60  # [s] the time step that this holds for
+
+
+class Anchors(NamedTuple):
+    """
+    Segments of climbing plants, and the parts that they hold on to.
+
+    :ivar part: the segment, (K,).
+    :ivar host: what it grows on, (K,).
+    :ivar strength: pull at which it lets go [N], (K,).
+    """
+
+    part: np.ndarray
+    host: np.ndarray
+    strength: np.ndarray
+
+    @classmethod
+    def none(cls) -> 'Anchors':
+        """Give a table without rows."""
+        return cls(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
+
+
+def carried(parents: np.ndarray, rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """
+    Give the weights that anchors carry at rest [N], (K, 3).
+
+    :param parents: row of each row's parent, -1 for roots; parents stand first, (S,).
+    :param rows: that are anchored, (K,).
+    :param weight: of each row [N], (S, 3).
+    """
+    total, held = weight.copy(), np.zeros(len(parents), bool)
+    held[rows] = True
+    for i in range(len(parents) - 1, -1, -1):
+        if parents[i] >= 0 and not held[i]:
+            total[parents[i]] += total[i]
+    return total[rows]
+
+
+def make(rows: np.ndarray, hosts: np.ndarray, strength: np.ndarray, load: np.ndarray,
+         mass: np.ndarray, gravity: float) -> np.ndarray:
+    """
+    Give what `State.anchor` is for all rows, but for the places of targets, (S, 8).
+
+    A host that is a tree takes the force of the last step, which is stable while the spring moves
+    its segment by less than the step does.
+
+    :param rows: that are anchored, (K,).
+    :param hosts: row of the forest that holds each, -1 for a wall, (K,).
+    :param strength: of each [N], (K,).
+    :param load: weight that each carries at rest [N], (K, 3).
+    :param mass: of all rows [kg], (S,).
+    :param gravity: [m/s²], or 0.
+    """
+    out = np.zeros((len(mass), WIDTH))
+    out[rows, FORCE:] = -load
+    wooden = np.flatnonzero(hosts >= 0)
+    np.add.at(out[:, FORCE:], hosts[wooden], load[wooden])
+    stiffness = strength / _GIVE
+    shared = np.bincount(hosts[wooden], minlength=len(mass))[hosts[wooden]]
+    stiffness[wooden] = np.minimum(
+        stiffness[wooden], _SHARE * mass[hosts[wooden]] / (shared * _STEP ** 2))
+    held = np.linalg.norm(load, axis=1) / gravity if gravity > 0.0 else mass[rows]
+    out[rows, STIFFNESS] = stiffness
+    out[rows, DAMPING] = 2.0 * _RATIO * np.sqrt(stiffness * held)
+    return out
+
+
+@kernel(**INLINE)
+def pull(i, anchor, poses):
+    """Give the force of the anchor of row i where its centre of mass is [N]."""
+    k = anchor[i, 0]
+    return (anchor[i, 5] - k * (poses[i, 0] - anchor[i, 2]),
+            anchor[i, 6] - k * (poses[i, 1] - anchor[i, 3]),
+            anchor[i, 7] - k * (poses[i, 2] - anchor[i, 4]))
+
+
+@kernel(**INLINE)
+def energy_between(i, anchor, x, y, z, poses):
+    """Give the energy that the anchor of row i has at its pose beyond that at (x, y, z) [J]."""
+    dx, dy, dz = poses[i, 0] - x, poses[i, 1] - y, poses[i, 2] - z
+    k = 0.5 * anchor[i, 0]
+    return (dx * (k * (poses[i, 0] + x - 2.0 * anchor[i, 2]) - anchor[i, 5])
+            + dy * (k * (poses[i, 1] + y - 2.0 * anchor[i, 3]) - anchor[i, 6])
+            + dz * (k * (poses[i, 2] + z - 2.0 * anchor[i, 4]) - anchor[i, 7]))

@@ -1,0 +1,104 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Climbers: plants that hold on to the wall or tree that they grow on, until they are pulled off.
+
+What they hold on to is found when a scene is compiled (`holds`). Walls feel the pull as a load,
+trees as impulses.
+"""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.physics.causes import Cause
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State
+
+NO_BOND = -1      # stands in events for an anchor, which is no row of `Blueprint.bonds`
+_CHANGE = 0.25    # of the largest load: smaller changes are not worth new stresses
+_LEAST = 50.0     # [N] likewise
+_LAYER = 'climbers'
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """
+    Let go what is pulled off or has lost what it grew on; load what holds the others.
+
+    Writes anchors and impulses of the forest, `state.climbers`, break events and loads on walls.
+    """
+    own = state.climbers
+    if not own.holds.any():
+        return
+    _let_go(model, state)
+    _follow_trees(model, state, dt)
+    load_walls(model, state)
+
+
+def load_walls(model: Model, state: State) -> None:
+    """Put what climbing plants pull with on walls, if it has changed much."""
+    climbers, own = model.trees.climbers, state.climbers
+    chosen = np.flatnonzero(own.holds & (climbers.host_row < 0))
+    force = np.zeros((len(own.holds), 3))
+    force[chosen] = -state.forest.anchor_forces(climbers.row[chosen])
+    change = np.abs(force - own.given).max(initial=0.0)
+    if change <= max(_CHANGE * np.abs(own.given).max(initial=0.0), _LEAST) and not own.fresh:
+        return
+    own.given, own.fresh = force, False
+    host = climbers.anchors.host[chosen]
+    arm = climbers.place[chosen] - model.blueprint.poses[host, :3]
+    state.loads.set_layer(_LAYER, host, np.hstack([force[chosen],
+                                                   np.cross(arm, force[chosen])]))
+
+
+def _let_go(model: Model, state: State) -> None:
+    climbers, own, parts = model.trees.climbers, state.climbers, state.parts
+    held = np.flatnonzero(own.holds)
+    row, host = climbers.row[held], climbers.anchors.host[held]
+    load = (np.linalg.norm(state.forest.anchor_forces(row), axis=1)
+            / climbers.anchors.strength[held])
+    wooden = climbers.host_row[held] >= 0
+    there = np.where(wooden, parts.owner[host] == Owner.TREE, parts.owner[host] == Owner.STANDING)
+    grows = parts.owner[climbers.anchors.part[held]] == Owner.TREE
+    loose = ~there | ~grows | (load > 1.0)
+    if not loose.any():
+        return
+    lost = held[loose]
+    own.holds[lost], own.fresh = False, True
+    state.forest.cut_anchors(climbers.row[lost], climbers.host_row[lost])
+    told = loose & grows
+    pairs = np.column_stack([climbers.anchors.host, climbers.anchors.part])[held[told]]
+    state.log.record(state.time, state.forest.poses[row[told], :3],
+                     np.full(len(pairs), NO_BOND), pairs, Cause.PULLED_OFF,
+                     np.maximum(load[told], 1.0))
+
+
+def _follow_trees(model: Model, state: State, dt: float) -> None:
+    """Move anchors along with the trees that hold them, and let these feel the pull."""
+    climbers, own, forest = model.trees.climbers, state.climbers, state.forest
+    chosen = np.flatnonzero(own.holds & (climbers.host_row >= 0))
+    if not len(chosen):
+        return
+    row, host = climbers.row[chosen], climbers.host_row[chosen]
+    pose, velocity = forest.poses[host], forest.velocities[host]
+    arm = rotation.rotate(pose[:, 3:], climbers.place[chosen])
+    speed = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
+    pull = forest.rest_forces(row) - forest.anchor_forces(row)
+    felt = np.ones(len(chosen), bool)
+    if state.trees.lod is not None:  # a tree that stands still takes nothing up
+        felt = ~state.trees.lod.stand_still(forest, host)
+    forest.push(host[felt], pose[felt, :3] + arm[felt], dt * pull[felt])
+    forest.move_anchors(row, pose[:, :3] + arm + 0.5 * dt * speed)
