@@ -15,14 +15,18 @@
 """Tests of torn wood: what is drawn where trees have come apart."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 from grown_trees import beam
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros import messages, rotation
 from procphys_ros.blueprint import Blueprint, GROUND
-from procphys_ros.render.torn_wood import placed, root_plate, SOIL, splinters, TORN, WoodJoints
+from procphys_ros.recording.marker_state import find_markers
+from procphys_ros.torn_wood import placed, root_plate, SOIL, splinters, TORN, WoodJoints
+from procphys_ros.view.source import Content, Frame
+from procphys_ros.view.torn_ends import TornEnds
 
 _WIDTH = 0.1  # [m] of the beam
 
@@ -90,3 +94,60 @@ def test_an_end_keeps_its_shape():
     assert np.array_equal(splinters(0.2, 7), splinters(0.2, 7))
     assert not np.array_equal(splinters(0.2, 7), splinters(0.2, 8))
     assert np.array_equal(root_plate(0.2, 7)[0], root_plate(0.2, 7)[0])
+
+
+class _Owner:
+    name, first, count = 'tree', 0, 5
+
+
+def _markers(data: bytes | None) -> dict[str, int]:
+    """Give the action of every marker of an end, by its namespace."""
+    rows = find_markers(data) if data else np.zeros((0, 6), int)
+    found = {data[row[2]:row[3]].decode(): int(row[5]) for row in rows}
+    return {name: action for name, action in found.items() if name in (TORN, SOIL)}
+
+
+def test_rviz_gets_the_ends_of_what_breaks():
+    """Add a marker when a stem breaks, write it anew while the piece moves, and delete it."""
+    tree = beam(5)
+    scene = messages.SceneMarkers(tree, [_Owner()], 'world')
+    assert not _markers(scene.whole(tree.poses, (1, 0)))
+    told = [_markers(scene.changes(_moved(tree, slice(2, 5)), (1, 0))) for _ in range(12)]
+    assert [bool(found) for found in told].count(True) == 1 and {TORN: 0} in told
+    fallen = _moved(tree, slice(2, 5))
+    fallen[2:, 2] -= 1.0
+    assert _markers(scene.changes(fallen, (1, 0))) == {TORN: 0}
+    told = [_markers(scene.changes(tree.poses, (1, 0))) for _ in range(12)]
+    assert [found for found in told if found][-1] == {TORN: 2}
+
+
+class _Page:
+    """Takes meshes as a page does."""
+
+    def __init__(self):
+        self.meshes = {}
+
+    def add_mesh_simple(self, name, vertices, faces, **style):
+        handle = SimpleNamespace(name=name, vertices=vertices, visible=True, position=None,
+                                 wxyz=None, remove=lambda: self.meshes.pop(name))
+        self.meshes[name] = handle
+        return handle
+
+
+def test_the_page_gets_the_ends_of_what_breaks():
+    """Draw two ends where a stem broke, move them along with the pieces, and take them off."""
+    tree, page = beam(5), _Page()
+    content = Content.of(tree, str, 0)
+    ends = TornEnds(page, 0.5)
+    ends.update(Frame(content, tree.poses, np.zeros((0, 7))))
+    assert not page.meshes
+    for i in range(12):
+        poses = _moved(tree, slice(2, 5))
+        poses[2:, 2] += 0.1 * i
+        ends.update(Frame(content, poses, np.zeros((0, 7))))
+    below, above = page.meshes.values()
+    np.testing.assert_allclose(below.position, 0.5 * poses[2, :3])
+    np.testing.assert_allclose(above.position, 0.5 * poses[1, :3])
+    for _ in range(12):
+        ends.update(Frame(content, tree.poses, np.zeros((0, 7))))
+    assert not page.meshes

@@ -17,7 +17,8 @@
 MarkerArray of a scene: the whole set when somebody starts to look, then only what changed.
 
 One marker per part (`ns` = object, `id` = part index), one per texture of an object's leaves and
-ornaments (`ns` = `<object>/leaves`, `id` = texture index), a few for dust (`ns` = `dust`).
+ornaments (`ns` = `<object>/leaves`, `id` = texture index), a few for dust (`ns` = `dust`), two for
+the ends of broken branches (`ns` = `torn_wood` and `soil`).
 """
 
 from collections.abc import Sequence
@@ -32,6 +33,7 @@ from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE, Puffs
 from procphys_ros.messages.foliage import foliage, PlacedObject, too_many
 from procphys_ros.messages.marker_rows import Action, command, Kind, ListMarker, marker_array
 from procphys_ros.messages.part_markers import PartMarkers
+from procphys_ros.messages.torn_markers import TornMarkers
 from procphys_ros.palette import look
 from procphys_ros.rotation import compose
 
@@ -118,6 +120,7 @@ class SceneMarkers:
                                look(blueprint.textures[entry.texture]).rgba))
             for o, entry in foliage(blueprint, objects, style.most_triangles)]
         self._dust = DustMarkers(frame_id, f'{style.shard}/{NAMESPACE}'.lstrip('/'))
+        self._torn = TornMarkers(blueprint, frame_id, f'{style.shard}/'.lstrip('/'))
         self._clear = b'' if style.shard else command(Action.DELETEALL, '', 0, frame_id)
 
     def __len__(self) -> int:
@@ -134,6 +137,7 @@ class SceneMarkers:
         self._sent.grow(len(blueprint))
         self._home = blueprint.poses
         self._parts.add(blueprint, objects[self._objects:])
+        self._torn.grow(blueprint)
         self._objects = len(objects)
 
     def whole(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
@@ -151,6 +155,7 @@ class SceneMarkers:
         self._sent.poses[np.isfinite(poses[:, 0])] = np.nan
         self._sent_leaves.poses[:] = np.nan
         self._dust.forget()
+        self._torn.forget()
         chunks, count = self._changed(poses, at, leaf_poses, puffs)
         return marker_array([self._clear, *chunks], count + bool(self._clear))
 
@@ -172,7 +177,8 @@ class SceneMarkers:
         gone = np.full_like(self._sent.poses, np.nan)
         none = np.zeros(len(gone), bool)
         chunks, count = self._parts.write(gone, at, self._sent.update(gone), none)
-        others = [*self._dust.deletions, *(marker.deletion for _, marker in self._leaves)]
+        others = [*self._dust.deletions, *self._torn.deletions,
+                  *(marker.deletion for _, marker in self._leaves)]
         return marker_array([*chunks, *others], count + len(others))
 
     def _changed(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None,
@@ -192,6 +198,9 @@ class SceneMarkers:
             if marks[entry.carriers].any():
                 chunks.append(marker.write(entry.placed(shown), at))
                 count += 1
+        ends, number = self._torn.write(poses, at)
+        chunks += ends
+        count += number
         if puffs is not None:
             clouds, number = self._dust.write(puffs, at)
             chunks += clouds

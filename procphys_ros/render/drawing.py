@@ -28,8 +28,8 @@ from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import joints, light, texture
 from procphys_ros.render.batches import Batch, Copies
 from procphys_ros.render.program import Programs
-from procphys_ros.render.torn_wood import WoodJoints
 from procphys_ros.render.unit_meshes import Kind
+from procphys_ros.torn_wood import WoodJoints
 
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
 _GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])

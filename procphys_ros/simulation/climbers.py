@@ -24,6 +24,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.trees import anchors, Forest
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
@@ -53,7 +54,7 @@ def load_walls(model: Model, state: State) -> None:
     climbers, own = model.trees.climbers, state.climbers
     chosen = np.flatnonzero(own.holds & (climbers.host_row < 0))
     force = np.zeros((len(own.holds), 3))
-    force[chosen] = -state.forest.anchor_forces(climbers.row[chosen])
+    force[chosen] = -_pulls(state.forest, climbers.row[chosen])
     change = np.abs(force - own.given).max(initial=0.0)
     if change <= max(_CHANGE * np.abs(own.given).max(initial=0.0), _LEAST) and not own.fresh:
         return
@@ -68,7 +69,7 @@ def _let_go(model: Model, state: State) -> None:
     climbers, own, parts = model.trees.climbers, state.climbers, state.parts
     held = np.flatnonzero(own.holds)
     row, host = climbers.row[held], climbers.anchors.host[held]
-    load = (np.linalg.norm(state.forest.anchor_forces(row), axis=1)
+    load = (np.linalg.norm(_pulls(state.forest, row), axis=1)
             / climbers.anchors.strength[held])
     wooden = climbers.host_row[held] >= 0
     there = np.where(wooden, parts.owner[host] == Owner.TREE, parts.owner[host] == Owner.STANDING)
@@ -96,9 +97,14 @@ def _follow_trees(model: Model, state: State, dt: float) -> None:
     pose, velocity = forest.poses[host], forest.velocities[host]
     arm = rotation.rotate(pose[:, 3:], climbers.place[chosen])
     speed = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
-    pull = forest.rest_forces(row) - forest.anchor_forces(row)
+    pull = forest.rest_anchors[row, anchors.FORCE:] - _pulls(forest, row)
     felt = np.ones(len(chosen), bool)
     if state.trees.lod is not None:  # a tree that stands still takes nothing up
         felt = ~state.trees.lod.stand_still(forest, host)
     forest.push(host[felt], pose[felt, :3] + arm[felt], dt * pull[felt])
-    forest.move_anchors(row, pose[:, :3] + arm + 0.5 * dt * speed)
+    forest.anchors[row, anchors.TARGET:anchors.FORCE] = pose[:, :3] + arm + 0.5 * dt * speed
+
+
+def _pulls(forest: Forest, rows: np.ndarray) -> np.ndarray:
+    """Give the forces of anchors on segments [N], (K, 3)."""
+    return anchors.forces(forest.anchors[rows], forest.poses[rows, :3])

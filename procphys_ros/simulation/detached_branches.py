@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.physics.trees import CAUSES
+from procphys_ros.physics.trees import anchors, CAUSES, Forest
 from procphys_ros.simulation import contact_exclusions, fragments
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -81,7 +81,7 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     trees.down = {r: trees.down.get(r, 0.0) + (dt if _is_low(model, state, r) else 0.0)
                   for r in roots}
     for root in roots:
-        if forest.is_anchored(forest.subtree(root)).any():
+        if _clings(forest, forest.subtree(root)):
             continue
         if (len(forest.subtree(root)) < SMALLEST or trees.age[root] > _LONGEST - 1e-9
                 or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9):
@@ -102,12 +102,15 @@ def _stays_flexible(model: Model, state: State, row: int) -> bool:
     """Cut a branch loose as a tree with a free root, if it is worth it; say whether it was."""
     forest = state.forest
     rows = forest.subtree(row)
-    if not forest.is_anchored(rows).any() and (len(forest.free_roots) >= MOST
-                                               or len(rows) < SMALLEST):
+    if not _clings(forest, rows) and (len(forest.free_roots) >= MOST or len(rows) < SMALLEST):
         return False
     contact_exclusions.add_branch(model, state, row)
     forest.release(row)
     return True
+
+
+def _clings(forest: Forest, rows: np.ndarray) -> bool:
+    return bool(forest.anchors[rows, anchors.STIFFNESS].any())
 
 
 def _share_path(ends: np.ndarray, row: int, other: int) -> bool:

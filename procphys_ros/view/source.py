@@ -25,6 +25,7 @@ from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves, Shape
 from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
+from procphys_ros.torn_wood import WoodJoints
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Content:
     :ivar hexahedra: corners of boxes that are no rectangular ones.
     :ivar terrain: the surface of the ground.
     :ivar paving: what covers it.
+    :ivar wood: joints of trees, whose broken ends are drawn; None = not known.
     """
 
     scene: int
@@ -60,6 +62,7 @@ class Content:
     hexahedra: Hexahedra = field(default_factory=Hexahedra)
     terrain: Terrain = FLAT
     paving: Sequence[Paving] = ()
+    wood: WoodJoints | None = None
 
     def __len__(self) -> int:
         return len(self.shape)
@@ -84,7 +87,7 @@ class Content:
                    blueprint.mass, ball, blueprint.texture,
                    lambda part: blueprint.materials[blueprint.material[part]],
                    blueprint.textures, blueprint.leaves, blueprint.hexahedra, terrain,
-                   paving)
+                   paving, WoodJoints(blueprint))
 
 
 @dataclass(frozen=True)

@@ -74,33 +74,67 @@ def carried(parents: np.ndarray, rows: np.ndarray, weight: np.ndarray) -> np.nda
     return total[rows]
 
 
-def make(rows: np.ndarray, hosts: np.ndarray, strength: np.ndarray, load: np.ndarray,
-         mass: np.ndarray, gravity: float) -> np.ndarray:
+def make(climbers: Anchors, parts: np.ndarray, parents: np.ndarray, mass: np.ndarray,
+         gravity: np.ndarray) -> np.ndarray:
     """
     Give what `State.anchor` is for all rows, but for the places of targets, (S, 8).
 
     A host that is a tree takes the force of the last step, which is stable while the spring moves
     its segment by less than the step does.
 
-    :param rows: that are anchored, (K,).
-    :param hosts: row of the forest that holds each, -1 for a wall, (K,).
-    :param strength: of each [N], (K,).
-    :param load: weight that each carries at rest [N], (K, 3).
+    :param climbers: what is anchored, and to what.
+    :param parts: part of each row, (S,).
+    :param parents: row of each row's parent, (S,).
     :param mass: of all rows [kg], (S,).
-    :param gravity: [m/s²], or 0.
+    :param gravity: [m/s²], (3,).
     """
+    row = np.full(max(parts.max(initial=0), climbers.host.max(initial=0)) + 1, -1)
+    row[parts] = np.arange(len(parts))
+    rows, hosts = row[climbers.part], row[climbers.host]
+    load = carried(parents, rows, mass[:, None] * gravity)
     out = np.zeros((len(mass), WIDTH))
     out[rows, FORCE:] = -load
     wooden = np.flatnonzero(hosts >= 0)
     np.add.at(out[:, FORCE:], hosts[wooden], load[wooden])
-    stiffness = strength / _GIVE
+    stiffness = climbers.strength / _GIVE
     shared = np.bincount(hosts[wooden], minlength=len(mass))[hosts[wooden]]
     stiffness[wooden] = np.minimum(
         stiffness[wooden], _SHARE * mass[hosts[wooden]] / (shared * _STEP ** 2))
-    held = np.linalg.norm(load, axis=1) / gravity if gravity > 0.0 else mass[rows]
+    fall = float(np.linalg.norm(gravity))
+    held = np.linalg.norm(load, axis=1) / fall if fall > 0.0 else mass[rows]
     out[rows, STIFFNESS] = stiffness
     out[rows, DAMPING] = 2.0 * _RATIO * np.sqrt(stiffness * held)
     return out
+
+
+def forces(table: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """
+    Give the forces of anchors on segments, but for their dampers [N], (K, 3).
+
+    :param table: rows of `State.anchor`, (K, 8).
+    :param places: centres of mass of the segments [m], (K, 3).
+    """
+    return table[:, FORCE:] - table[:, STIFFNESS, None] * (places - table[:, TARGET:FORCE])
+
+
+def energy(table: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Give the energy of anchors beyond that at their targets [J], (K,); else as `forces`."""
+    off = places - table[:, TARGET:FORCE]
+    return (0.5 * table[:, STIFFNESS] * (off ** 2).sum(axis=1)
+            - (table[:, FORCE:] * off).sum(axis=1))
+
+
+def cut(table: np.ndarray, rest: np.ndarray, rows: np.ndarray, hosts: np.ndarray) -> None:
+    """
+    Let segments go, and relieve what held them.
+
+    :param table: `State.anchor`, changed in place, (S, 8); `rest` the same at rest.
+    :param rows: of the segments, (K,).
+    :param hosts: rows of the trees that held them, -1 for walls, (K,).
+    """
+    wooden = hosts >= 0
+    np.add.at(table[:, FORCE:], hosts[wooden], rest[rows[wooden], FORCE:])
+    table[rows] = 0.0
 
 
 @kernel(**INLINE)

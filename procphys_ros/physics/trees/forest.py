@@ -304,23 +304,14 @@ class Forest:
         self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]
         self._disturb(row)
 
-    def anchor_forces(self, rows: np.ndarray) -> np.ndarray:
-        """Give the forces of anchors on segments, but for their dampers [N], (K, 3)."""
-        anchor = self._state.anchor[rows]
-        off = self.poses[rows, :3] - anchor[:, anchors.TARGET:anchors.FORCE]
-        return anchor[:, anchors.FORCE:] - anchor[:, anchors.STIFFNESS, None] * off
+    @property
+    def anchors(self) -> np.ndarray:
+        """Anchors of all rows, columns named in `anchors`; `rest_anchors` are those at rest."""
+        return self._state.anchor
 
-    def rest_forces(self, rows: np.ndarray) -> np.ndarray:
-        """Give the forces of anchors on segments when everything is at rest [N], (K, 3)."""
-        return self._anchors[rows, anchors.FORCE:]
-
-    def is_anchored(self, rows: np.ndarray) -> np.ndarray:
-        """Say which segments are held by an anchor, (K,) bool."""
-        return self._state.anchor[rows, anchors.STIFFNESS] > 0.0
-
-    def move_anchors(self, rows: np.ndarray, targets: np.ndarray) -> None:
-        """Move the points that anchors draw segments to [m], (K, 3)."""
-        self._state.anchor[rows, anchors.TARGET:anchors.FORCE] = targets
+    @property
+    def rest_anchors(self) -> np.ndarray:
+        return self._anchors
 
     def cut_anchors(self, rows: np.ndarray, hosts: np.ndarray) -> None:
         """
@@ -329,12 +320,8 @@ class Forest:
         :param rows: of the segments, (K,).
         :param hosts: rows of the trees that held them, -1 for walls, (K,).
         """
-        wooden = hosts >= 0
-        np.add.at(self._state.anchor[:, anchors.FORCE:], hosts[wooden],
-                  self._anchors[rows[wooden], anchors.FORCE:])
-        self._state.anchor[rows] = 0.0
-        for row in rows.tolist():
-            self._disturb(row)
+        anchors.cut(self._state.anchor, self._anchors, rows, hosts)
+        self._disturbed[rows] = True
 
     def push(self, rows: np.ndarray, points: np.ndarray, impulses: np.ndarray) -> None:
         """
@@ -414,10 +401,7 @@ class Forest:
                    + body[:, ACROSS] * (v[:, 3:] ** 2).sum(axis=1)
                    + (body[:, ALONG] - body[:, ACROSS]) * spin ** 2)
         height = self.poses[moving, :3] @ self._gravity - self._rest_height[moving]
-        anchor = self._state.anchor[moving]
-        off = self.poses[moving, :3] - anchor[:, anchors.TARGET:anchors.FORCE]
-        anchored = (0.5 * anchor[:, anchors.STIFFNESS] * (off ** 2).sum(axis=1)
-                    - (anchor[:, anchors.FORCE:] * off).sum(axis=1))
+        anchored = anchors.energy(self._state.anchor[moving], self.poses[moving, :3])
         elastic = swing[:, STIFFNESS] * (bend[:, :2] ** 2).sum(axis=1)
         preload = (swing[:, [PRELOAD_X, PRELOAD_Y]] * bend[:, :2]).sum(axis=1)
         for j, c in ((2, 0), (3, EXTRA_STRIDE)):
@@ -431,12 +415,8 @@ class Forest:
 
     def _load_anchors(self, climbers: Anchors) -> np.ndarray:
         """Let anchors carry what they do at rest; give them with their springs, (S, 8)."""
-        row = np.full(max(self.parts.max(initial=0), climbers.host.max(initial=0)) + 1, -1)
-        row[self.parts] = np.arange(len(self.parts))
-        rows, mass = row[climbers.part], self._model.body[:, MASS]
-        load = anchors.carried(self._rooted, rows, mass[:, None] * self._gravity)
-        made = anchors.make(rows, row[climbers.host], climbers.strength, load, mass,
-                            float(np.linalg.norm(self._gravity)))
+        mass = self._model.body[:, MASS]
+        made = anchors.make(climbers, self.parts, self._rooted, mass, self._gravity)
         self._anchors[:, anchors.FORCE:] = made[:, anchors.FORCE:]
         self._state.anchor[:] = self._anchors
         return made

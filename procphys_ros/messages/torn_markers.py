@@ -1,0 +1,84 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Markers of torn wood: the ends of broken branches, root plates and pits, a marker per look."""
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.messages.cdr import Stamp
+from procphys_ros.messages.marker_rows import Kind, ListMarker
+from procphys_ros.palette import look
+from procphys_ros.torn_wood import placed, SOIL, TORN, WoodJoints
+
+_MOST = 100   # broken joints drawn at once, the first ones
+_PERIOD = 10  # messages between looks for new ones: breaks are few, and all joints are looked at
+
+
+class TornMarkers:
+    """
+    Writes the markers of torn wood and remembers what it wrote.
+
+    :param blueprint: all parts and bonds.
+    :param frame_id: frame of the poses.
+    :param prefix: before the `ns` of the markers, `torn_wood` and `soil`.
+    """
+
+    def __init__(self, blueprint: Blueprint, frame_id: str, prefix: str = ''):
+        self._joints = WoodJoints(blueprint)
+        self._lists = {name: ListMarker(Kind.TRIANGLE_LIST, prefix + name, 0, frame_id,
+                                        look(name).rgba) for name in (TORN, SOIL)}
+        self._ends: dict[int, list[tuple[str, int, np.ndarray]]] = {}
+        self._sent: dict[str, bytes] = {}
+        self._turn = 0
+
+    def grow(self, blueprint: Blueprint) -> None:
+        """Look after the joints of parts that have joined as well."""
+        self._joints = WoodJoints(blueprint)
+
+    def forget(self) -> None:
+        """Write everything anew next time."""
+        self._sent = {}
+        self._turn = 0
+
+    @property
+    def deletions(self) -> list[bytes]:
+        """Give the deletion of every marker."""
+        return [marker.deletion for marker in self._lists.values()]
+
+    def write(self, poses: np.ndarray, at: Stamp) -> tuple[list[bytes], int]:
+        """
+        Write the markers that changed.
+
+        :param poses: of all parts, (N, 7); not finite for parts that are no more.
+        :param at: stamp of the markers.
+        :returns: the markers, and how many they are.
+        """
+        if self._turn % _PERIOD == 0:
+            apart = self._joints.apart(poses)[:_MOST].tolist()
+            self._ends = {bond: self._ends.get(bond) or list(self._joints.ends(bond))
+                          for bond in apart}
+        self._turn += 1
+        chunks = []
+        for name, marker in self._lists.items():
+            pieces = [placed(poses[part], corners) if part != GROUND else corners
+                      for ends in self._ends.values() for own, part, corners in ends
+                      if own == name and (part == GROUND or np.isfinite(poses[part]).all())]
+            points = np.concatenate(pieces).reshape(-1, 3) if pieces else np.zeros((0, 3))
+            seen = points.round(3).tobytes()
+            if seen == self._sent.get(name, b''):
+                continue
+            self._sent[name] = seen
+            chunks.append(marker.write(points, at) if len(points) else marker.deletion)
+        return chunks, len(chunks)
