@@ -99,8 +99,8 @@ def make_model(rows: layout.Rows) -> Model:
 
 def make_state(count: int) -> State:
     """Give a state of rest whose poses are still to be placed."""
-    return State(*(np.zeros((count, width)) for width in (4, 2, 12, 12, 7, 6, 6, 6, 6, 1, 1,
-                                                         anchors.WIDTH)))
+    widths = 4, 2, 12, 12, 7, 6, 6, 6, 6, 1, 1, anchors.WIDTH
+    return State(*(np.zeros((count, width)) for width in widths))
 
 
 def make_scratch(plan: Plan) -> Scratch:
