@@ -16,9 +16,10 @@
 Time buildings: standing, and torn down with secondary fracture.
 
 Demolition takes all walls of the ground floor away up to half its height, at once; all that stood
-on them falls: every wall and floor of the building comes down. The baseline is the way of Baxter
-et al. (2010) in PyBullet, a joint per mortar bond, side by side at sizes it can bear, where it
-only stands. Run with `python bench/buildings.py [seconds [first size [last size]]]`.
+on them falls: every wall and floor of the building comes down, with each engine that is installed.
+The baseline is the way of Baxter et al. (2010) in PyBullet, a joint per mortar bond, side by side
+at sizes it can bear, where it only stands. Run with
+`python bench/buildings.py [seconds [first size [last size]]]`.
 """
 
 from pathlib import Path
@@ -28,6 +29,7 @@ import time
 import numpy as np
 from world import jointed
 
+from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, fragments, Simulation
 from procphys_ros.wallgrammar import WallGrammar
@@ -40,14 +42,14 @@ HEAVY = 200.0  # [kg] slabs, which stay
 BASELINES = ((20, 25), (20, 50), (40, 50))  # columns and courses of walls with a joint per bond
 
 
-def office(size):
+def office(size, engine):
     """Give a simulation of an office, and its number of bricks."""
     blueprint = WallGrammar.load(OFFICE).build(seed=0, **size)
     scene = Scene()
     scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'office')
     masonry = [blueprint.kinds.index(kind) for kind in ('brick', 'partition')
                if kind in blueprint.kinds]
-    return Simulation(scene), int(np.isin(blueprint.kind, masonry).sum())
+    return Simulation(scene, engine=engine), int(np.isin(blueprint.kind, masonry).sum())
 
 
 def blow(simulation):
@@ -70,9 +72,9 @@ def timed(simulation, steps):
     return times, stages
 
 
-def demolition(size, seconds):
+def demolition(size, seconds, engine):
     """Print how fast a demolition runs, overall and in its worst second, and where time goes."""
-    simulation, bricks = office(size)
+    simulation, bricks = office(size, engine)
     dt = simulation.time_step
     standing, _ = timed(simulation, 30)
     start = time.perf_counter()
@@ -85,11 +87,11 @@ def demolition(size, seconds):
     sums = np.convolve(times, np.ones(window), 'valid')
     worst = int(sums.argmax())
     awake, bodies = simulation.awake_bodies, len(simulation.state.bodies.members)
-    print(f'{bricks} bricks standing: {1e3 * np.median(standing):.2f} ms per step, real-time '
-          f'factor {dt / np.median(standing):.1f}')
-    print(f'{bricks} bricks demolished: real-time factor {seconds / times.sum():.2f} over '
-          f'{seconds:g} s, {1.0 / sums[worst]:.2f} in the worst second (from '
-          f'{worst * dt:.1f} s), longest step {1e3 * times.max():.0f} ms; '
+    print(f'{bricks} bricks, {engine}, standing: {1e3 * np.median(standing):.2f} ms per step, '
+          f'real-time factor {dt / np.median(standing):.1f}')
+    print(f'{bricks} bricks, {engine}, demolished: real-time factor '
+          f'{seconds / times.sum():.2f} over {seconds:g} s, {1.0 / sums[worst]:.2f} in the '
+          f'worst second (from {worst * dt:.1f} s), longest step {1e3 * times.max():.0f} ms; '
           f'{simulation.bonds_broken} bonds broken, {bodies} bodies, {awake} awake')
     for name, rows in (('overall', stages), ('worst second', stages[worst:worst + window])):
         total = {k: sum(r[k] for r in rows) for k in rows[0]}
@@ -116,10 +118,11 @@ def compare(ours):
 
 def warm_up():
     """Let everything be compiled and loaded once."""
-    simulation, _ = office(SIZES[0])
-    blow(simulation)
-    simulation.step(60)
-    simulation.close()
+    for engine in installed_engines():
+        simulation, _ = office(SIZES[0], engine)
+        blow(simulation)
+        simulation.step(60)
+        simulation.close()
 
 
 def main():
@@ -128,7 +131,11 @@ def main():
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 8.0
     first = int(sys.argv[2]) if len(sys.argv) > 2 else 0
     last = int(sys.argv[3]) if len(sys.argv) > 3 else len(SIZES) - 1
-    compare([demolition(size, seconds) for size in SIZES[first:last + 1]])
+    found = {engine: [] for engine in installed_engines()}
+    for size in SIZES[first:last + 1]:
+        for engine, rows in found.items():
+            rows.append(demolition(size, seconds, engine))
+    compare(next(iter(found.values())))
 
 
 if __name__ == '__main__':

@@ -14,7 +14,7 @@
 
 
 """
-Time a ball through two walls of a whole building.
+Time a ball through two walls of a whole building, with each engine that is installed.
 
 The baseline is the way of Baxter et al. (2010) in PyBullet, a joint per mortar bond, at a size
 that it can stand. Run with `python bench/striking.py [seconds]`.
@@ -27,6 +27,7 @@ import time
 import numpy as np
 from world import jointed
 
+from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
@@ -41,19 +42,19 @@ WORST = 30  # steps of half a second
 BASELINE = (20, 50)  # columns and courses of the wall that a joint per bond has to hold
 
 
-def office(size):
+def office(size, engine):
     """Give a simulation of an office, and how many bricks it has."""
     blueprint = WallGrammar.load(OFFICE).build(seed=0, **size)
     bricks = sum(int((blueprint.kind == i).sum()) for i, kind in enumerate(blueprint.kinds)
                  if kind in ('brick', 'partition'))
     scene = Scene(Settings())
     scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'office')
-    return Simulation(scene), bricks
+    return Simulation(scene, engine=engine), bricks
 
 
-def strike(size, seconds):
+def strike(size, seconds, engine):
     """Throw a ball along y; give what came of it."""
-    simulation, bricks = office(size)
+    simulation, bricks = office(size, engine)
     ground = simulation.blueprint.poses
     middle = 0.25 * float(ground[:, 0].max()) + 0.1
     still = timed(simulation, 30)[0]
@@ -63,9 +64,10 @@ def strike(size, seconds):
     worst = max(steps[i:i + WORST].sum() for i in range(0, len(steps) - WORST + 1, 5))
     torn = np.unique(np.concatenate([i.parts for i in simulation.impacts if i.torn]
                                     or [np.zeros(0, int)]))
-    print(f'{bricks} bricks: real-time factor {seconds / steps.sum():.2f} over {seconds:g} s, '
-          f'{0.5 / worst:.2f} in the worst half second; {1e3 * np.median(still):.2f} ms per step '
-          f'standing, {1e3 * np.median(steps):.1f} while struck, slowest {1e3 * steps.max():.0f}')
+    print(f'{bricks} bricks, {engine}: real-time factor {seconds / steps.sum():.2f} '
+          f'over {seconds:g} s, {0.5 / worst:.2f} in the worst half second; '
+          f'{1e3 * np.median(still):.2f} ms per step standing, '
+          f'{1e3 * np.median(steps):.1f} while struck, slowest {1e3 * steps.max():.0f}')
     print(f'  the ball came to y = {simulation.poses[ball, 1]:.1f} m, tore out {len(torn)} parts, '
           f'{simulation.bonds_broken} bonds broke, {simulation.awake_bodies} bodies still move')
     print('  ' + ', '.join(f'{name} {1e3 * spent / len(steps):.2f}' for name, spent in
@@ -88,9 +90,12 @@ def timed(simulation, count):
 def main():
     """Print all figures."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
-    strike(SIZES[0], seconds)  # compile
+    engines = installed_engines()
+    for engine in engines:
+        strike(SIZES[0], seconds, engine)  # compile
     for size in SIZES:
-        ours, bricks = strike(size, seconds)
+        for engine in reversed(engines):  # the reference last, which is compared below
+            ours, bricks = strike(size, seconds, engine)
     theirs, sag = jointed(*BASELINE, 50)
     count = BASELINE[0] * BASELINE[1]
     print(f'a joint per bond needs {theirs:.1f} ms per step for {count} bricks that only stand '
