@@ -31,6 +31,7 @@ from procphys_ros.render import (
     backend,
     camera,
     draw,
+    drawing,
     joints,
     light,
     mesh,
@@ -39,6 +40,7 @@ from procphys_ros.render import (
 )
 from procphys_ros.render.backend import open_context
 from procphys_ros.render.command import main
+from procphys_ros.render.unit_meshes import Kind, unit_mesh
 from procphys_ros.scene.sources import load_grammar
 
 _ROOT = Path(__file__).resolve().parents[1]
@@ -202,6 +204,35 @@ def test_picture_has_its_size_and_shows_the_bush(bush, tmp_path):
     assert _leafy(path).sum() > 200
     assert ((red > green + 5) & (green > blue + 5) & (red < 140)).sum() > 50  # bark
     assert (blue > red + 40).sum() > 5000  # sky
+
+
+@pytest.mark.parametrize('pattern', sorted(texture.CLUSTERS))
+def test_a_spray_has_the_leaves_of_its_image(pattern):
+    """Spread as many leaves, as long, around the twig of a cluster, all within its reach."""
+    count, length = texture.CLUSTERS[pattern][0], texture.CLUSTERS[pattern][3]
+    vertices, *_, faces = unit_mesh(Kind.SPRAY, pattern)
+    leaves = vertices[:, :3].reshape(count, -1, 3)
+    assert faces.max() == len(vertices) - 1
+    reach = np.linalg.norm(leaves[:, -1] - leaves[:, 0], axis=1)
+    assert reach.mean() == pytest.approx(length, rel=0.1)
+    assert np.hypot(*vertices[:, :2].T).max() < 1.1 and np.abs(vertices[:, 2] - 0.5).max() < 0.9
+
+
+def test_leaves_are_single_where_they_are_near(bush, tmp_path, monkeypatch):
+    """Draw other leaves near than far, which cover about as much of the picture."""
+    covered, same = [], []
+    for camera_at in ((1.2, 1.2, 1.6, 0.0, 0.0, 1.5), (30.0, 30.0, 1.6, 0.0, 0.0, 1.5)):
+        pictures = []
+        for least in (drawing.SINGLE, np.inf):
+            monkeypatch.setattr(drawing, 'SINGLE', least)
+            path = tmp_path / 'leaves.png'
+            draw(bush, bush.poses, path, size=_SIZE, camera=camera_at)
+            pictures.append(_pixels(path))
+            covered.append(int(_leafy(path).sum()))
+            monkeypatch.undo()
+        same.append(np.array_equal(*pictures))
+    assert same == [False, True]
+    assert 0.5 < covered[0] / covered[1] < 2.0
 
 
 def test_parts_that_do_not_exist_are_not_drawn(bush, tmp_path):

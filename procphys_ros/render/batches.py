@@ -27,7 +27,8 @@ from procphys_ros.render.unit_meshes import Kind, unit_mesh
 
 _FIXED = '3f 3f 2f 1f'  # of each copy: what stays as it is
 _FIXED_NAMES = ('in_size', 'in_tone', 'in_share', 'in_offset')
-_MORE = {Kind.LEAF: ('3f', ('in_outward',)), Kind.TRIANGLE: ('3f 3f 3f', ('in_a', 'in_b', 'in_c')),
+_MORE = {Kind.LEAF: ('3f', ('in_outward',)), Kind.SPRAY: ('3f', ('in_outward',)),
+         Kind.TRIANGLE: ('3f 3f 3f', ('in_a', 'in_b', 'in_c')),
          Kind.HEXAHEDRON: ('3f ' * 7 + '3f', tuple(f'in_c{corner}' for corner in range(8)))}
 _AWAY = -1e5  # [m] height at which pieces lie that are no more
 _SWELL = 0.012  # [m] by which bricks grow in the sun's view, to cover the joints between them
@@ -76,12 +77,17 @@ class Batch:
         self._poses = np.zeros((0, 7), 'f4')
         self._surface = programs.get('instance.vert', 'surface.frag', kind.value)
         self._shadow = programs.get('instance.vert', 'shadow.frag', 'SHADOW', kind.value)
-        self._image = _image(context, look.pattern)
+        self._image = None if kind is Kind.SPRAY else _image(context, look.pattern)
         self._buffers: list[Any] = []
         self._arrays: dict[Any, Any] = {}
 
     def __len__(self) -> int:
         return len(self._poses)
+
+    @property
+    def lengths(self) -> np.ndarray:
+        """Give the first extents of all pieces [m], (K,)."""
+        return self._fixed[:, 0]
 
     @property
     def is_glass(self) -> bool:
@@ -111,6 +117,21 @@ class Batch:
             self._poses[rows] = poses
             self._buffers[0].write(self._poses)
 
+    def show(self, other: 'Batch', rows: np.ndarray, poses: np.ndarray) -> None:
+        """
+        Hold the pieces of another batch in the place of its own.
+
+        :param rows: of the other batch, (K,).
+        :param poses: world, (K, 7).
+        """
+        fixed = other._fixed[rows]
+        if not np.array_equal(fixed, self._fixed):
+            self._fixed, self._poses = fixed, np.zeros((len(rows), 7), 'f4')
+            if len(rows):
+                self._build()
+        if len(rows):
+            self.move(poses)
+
     def paint(self, tone: np.ndarray, rows: np.ndarray) -> None:
         """Give pieces another colour, (K, 3)."""
         self._fixed[rows, 3:6] = tone
@@ -130,7 +151,7 @@ class Batch:
             return
         if self._image is not None:
             self._image.use(0)
-        solid = self._kind not in (Kind.LEAF, Kind.TRIANGLE) and not self.is_glass
+        solid = self._kind not in (Kind.LEAF, Kind.SPRAY, Kind.TRIANGLE) and not self.is_glass
         (self._context.enable if solid else self._context.disable)(self._context.CULL_FACE)
         set_uniforms(target, {**uniforms, 'image': 0, 'plain': self._image is None})
         self._arrays[target].render(instances=len(self))
@@ -138,7 +159,7 @@ class Batch:
     def _build(self) -> None:
         for old in (*self._arrays.values(), *self._buffers):
             old.release()
-        vertices, layout, names, faces = unit_mesh(self._kind)
+        vertices, layout, names, faces = unit_mesh(self._kind, self.look.pattern)
         more = _MORE.get(self._kind, ('', ()))
         moving, fixed, mesh, index = self._buffers = [
             self._context.buffer(np.ascontiguousarray(data))

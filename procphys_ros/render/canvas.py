@@ -108,6 +108,7 @@ class Canvas:
         :param bounds: of what throws shadows.
         :returns: rows from top to bottom, (H, W, 3) uint8.
         """
+        drawing.single_out(view, self._size[1])
         context, batches = self.context, list(drawing.batches)
         to_shadow = _seen_from(self._daylight.towards, bounds)
         near = max(0.05, 0.3 * (float(np.linalg.norm(view.eye - bounds.middle)) - bounds.radius))

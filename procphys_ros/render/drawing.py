@@ -27,11 +27,14 @@ from procphys_ros.palette import Look, look
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import joints, light, texture
 from procphys_ros.render.batches import Batch, Copies
+from procphys_ros.render.camera import View
 from procphys_ros.render.program import Programs
 from procphys_ros.render.unit_meshes import Kind
 from procphys_ros.torn_wood import WoodJoints
 
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
+SINGLE = 22.0  # [px] from which length on leaves are drawn one by one
+_MOST_BLADES = 80_000  # of these in a picture of each kind, the nearest: half a second on a core
 _GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _CRACK_TONE = 0.12  # of a joint that has cracked, over that of a whole one
 
@@ -82,6 +85,7 @@ class Drawing:
         self._batches: dict[tuple, Batch] = {}
         self._rows: dict[tuple, np.ndarray] = {}  # part, leaf or triangle behind each piece
         self._parts = self._leaves = self._triangles = self._bonds = 0  # drawn so far
+        self._petioles: dict[tuple, np.ndarray] = {}  # of the leaves of each batch
         self._seats: list[tuple[tuple, joints.Seats]] = []
         self._shades = _shades(first)
         self._last = np.full((0, 7), np.nan)
@@ -102,6 +106,7 @@ class Drawing:
         petioles = np.where(np.isfinite(poses[moment.blueprint.leaves.part, :1]), petioles, np.nan)
         for key, rows in self._rows.items():
             if key[0] == 'leaf':
+                self._petioles[key] = petioles[rows]
                 self._batches[key].move(petioles[rows])
             elif key[0] == 'triangle':
                 self._batches[key].move(poses[moment.blueprint.ornaments.part[rows]])
@@ -110,6 +115,33 @@ class Drawing:
         self._move_torn(moment.blueprint, poses)
         self._move_joints(poses)
         self._mark_cracks(moment.cracked)
+
+    def single_out(self, view: View, height: int) -> None:
+        """
+        Draw the leaves near the camera one by one, all others as clusters.
+
+        :param view: of the camera.
+        :param height: of the picture [px].
+        """
+        scale = height / (2.0 * np.tan(np.radians(view.angle) / 2.0))  # [px] at 1 m of 1 m
+        for key, poses in self._petioles.items():
+            clusters, pattern = self._batches[key], look(key[1]).pattern
+            if pattern not in texture.CLUSTERS:
+                continue
+            count, length = texture.CLUSTERS[pattern][0], texture.CLUSTERS[pattern][3]
+            size = clusters.lengths
+            away = np.linalg.norm(_leaf_middles(poses, size) - view.eye, axis=1)
+            near = np.flatnonzero(scale * length * size > SINGLE * away)
+            near = np.sort(near[np.argsort(away[near], kind='stable')[:_MOST_BLADES // count]])
+            own = 'spray', key[1]
+            if not len(near) and own not in self._batches:
+                continue
+            if own not in self._batches:
+                self._batches[own] = Batch(self._context, self._programs, Kind.SPRAY, look(key[1]))
+            self._batches[own].show(clusters, near, poses[near])
+            hidden = poses.copy()
+            hidden[near] = np.nan
+            clusters.move(hidden)
 
     def _append(self, blueprint: Blueprint, poses: np.ndarray, petioles: np.ndarray) -> None:
         """Make pieces of the parts, leaves, triangles and bonds that are new."""

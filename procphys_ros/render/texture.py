@@ -23,7 +23,7 @@ _PIXELS = 256
 _SURFACES = ('furrows', 'plates', 'rings', 'lenticels', 'grain')
 # Leaf clusters: blades, spread of their roots along and across the twig, blade length and width,
 # angle to the twig [degrees]; lengths over the image side.
-_CLUSTERS = {
+CLUSTERS = {
     'broad': (64, (0.05, 0.80), 0.22, 0.19, 0.105, (20, 95)),
     'small': (60, (0.05, 0.85), 0.25, 0.13, 0.075, (15, 100)),
     'needles': (230, (0.00, 0.66), 0.02, 0.48, 0.014, (8, 78)),
@@ -44,8 +44,8 @@ def image(pattern: str) -> np.ndarray | None:
     rng = np.random.default_rng(7)
     if pattern in _SURFACES:
         light, alpha = _surface(pattern, rng), np.ones((_PIXELS, _PIXELS))
-    elif pattern in _CLUSTERS:
-        light, alpha = _cluster(_CLUSTERS[pattern], rng)
+    elif pattern in CLUSTERS:
+        light, alpha = _cluster(CLUSTERS[pattern], rng)
     elif pattern == 'streamer':
         light, alpha = _streamer(rng)
     elif pattern in ('frond', 'frond_tip'):

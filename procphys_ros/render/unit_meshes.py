@@ -21,11 +21,19 @@ from functools import cache
 import numpy as np
 
 from procphys_ros.hexahedron import FACES
-from procphys_ros.render import mesh
+from procphys_ros.render import mesh, texture
 
 _SIDES = 10  # columns of faces around a branch
 _RINGS = np.array([[0, -1.0, 0.0], [0, -0.7071, 0.7071], [0, 0.0, 1.0],
                    [1, 0.0, 1.0], [1, 0.7071, 0.7071], [1, 1.0, 0.0]])  # as in `mesh.branches`
+# Corners of a leaf: place along it, side of its midrib, half width there, brightness. Its outline
+# is that of the images, sin(pi t^0.8).
+_BLADE = np.array([[0.0, 0, 0.0, 0.9], [0.35, -1, 0.98, 0.78], [0.35, 0, 0.0, 1.0],
+                   [0.35, 1, 0.98, 0.78], [0.7, -1, 0.70, 0.78], [0.7, 0, 0.0, 1.0],
+                   [0.7, 1, 0.70, 0.78], [1.0, 0, 0.0, 0.85]])
+_BLADE_FACES = np.array([[0, 2, 1], [0, 3, 2], [1, 2, 5], [1, 5, 4], [2, 3, 6], [2, 6, 5],
+                         [4, 5, 7], [5, 6, 7]])
+_FOLD, _DROOP = 0.3, 0.2  # rise of the edges over the half width, fall of the tip over the length
 _BALL = (32, 16)  # columns and rows of a ball
 
 
@@ -37,22 +45,25 @@ class Kind(Enum):
     JOINT = 'KIND_JOINT'  # a box without the two faces across z, which nobody sees
     BRANCH = 'KIND_BRANCH'
     BALL = 'KIND_BALL'
-    LEAF = 'KIND_LEAF'
+    LEAF = 'KIND_LEAF'    # a cluster of leaves: two crossed images
+    SPRAY = 'KIND_SPRAY'  # the same, each leaf by itself
     TRIANGLE = 'KIND_TRIANGLE'
 
 
 @cache
-def unit_mesh(kind: Kind) -> tuple[np.ndarray, str, tuple[str, ...], np.ndarray]:
+def unit_mesh(kind: Kind, pattern: str = '') -> '_Mesh':
     """
     Give the mesh of a kind.
 
+    :param kind: of piece.
+    :param pattern: of sprays, one of `texture.CLUSTERS`.
     :returns: vertices (V, C) float32, their layout and the names of its fields as ModernGL takes
         them, and triangles (F, 3) uint32.
     """
     makers = {Kind.BOX: _box, Kind.HEXAHEDRON: _hexahedron, Kind.JOINT: _joint,
               Kind.BRANCH: _branch, Kind.BALL: _ball, Kind.LEAF: _leaf,
               Kind.TRIANGLE: _triangle}
-    vertices, layout, names, faces = makers[kind]()
+    vertices, layout, names, faces = _spray(pattern) if kind is Kind.SPRAY else makers[kind]()
     return vertices.astype('f4'), layout, names, faces.astype('u4')
 
 
@@ -95,6 +106,35 @@ def _ball() -> _Mesh:
 def _leaf() -> _Mesh:
     quads = mesh.crossed_quads(_NOWHERE, np.ones(1), 1.0)
     return np.hstack([quads.points, quads.uv]), '3f 2f', ('in_corner', 'in_uv'), quads.triangles
+
+
+def _spray(pattern: str) -> _Mesh:
+    """
+    Spread the leaves of a cluster's image around its twig, each folded along its midrib.
+
+    In the place of image coordinates vertices have a brightness.
+    """
+    count, (low, high), spread, length, width, (inner, outer) = texture.CLUSTERS[pattern]
+    rng = np.random.default_rng(7)
+    root = low + (high - low) * rng.random(count)
+    bend = np.radians(outer + (inner - outer) * (root - low) / (high - low)
+                      + 12.0 * rng.standard_normal(count))
+    turn = 2.0 * np.pi * rng.random(count)
+    away = np.stack([np.cos(turn), np.sin(turn), np.zeros(count)], axis=-1)
+    along = np.sin(bend)[:, None] * away + np.cos(bend)[:, None] * [0.0, 0.0, 1.0]
+    across = np.stack([-np.sin(turn), np.cos(turn), np.zeros(count)], axis=-1)
+    start = (spread * (1.1 - root) * rng.random(count))[:, None] * away
+    start[:, 2] = root
+    size = length * rng.uniform(0.8, 1.2, (count, 1, 1))
+    t, side, wide, bright = (_BLADE[:, i, None] for i in range(4))
+    half = 0.5 * width * rng.uniform(0.8, 1.2, (count, 1, 1)) * wide
+    points = (start[:, None] + t * size * along[:, None] + side * half * across[:, None]
+              + _FOLD * half * np.cross(along, across)[:, None])
+    points[..., 2:] -= _DROOP * size * t * t * np.sin(bend)[:, None, None]
+    light = (bright * rng.uniform(0.62, 1.0, (count, 1, 1))).reshape(-1, 1)
+    faces = _BLADE_FACES + len(_BLADE) * np.arange(count)[:, None, None]
+    return (np.hstack([points.reshape(-1, 3), light, light]), '3f 2f', ('in_corner', 'in_uv'),
+            faces.reshape(-1, 3))
 
 
 def _triangle() -> _Mesh:

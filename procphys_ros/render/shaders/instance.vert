@@ -1,5 +1,9 @@
 // One copy of a unit mesh: a box, a hexahedron, a ball, a branch, a leaf or a free triangle.
-// KIND_... chooses which; SHADOW asks for the depth from the sun only.
+// KIND_... chooses which; SHADOW asks for the depth from the sun only. The leaves of a spray have
+// no image; in the place of its coordinates stands their brightness.
+#if defined(KIND_SPRAY)
+#define KIND_LEAF
+#endif
 uniform mat4 projection;
 uniform float swell;          // [m] that boxes grow by, so that their joints let no sun through
 
@@ -115,6 +119,9 @@ void main() {
     float lit = share.x * (0.5 + 0.5 * sunlit(world, sun, vec2(gl_VertexID, gl_InstanceID)));
     leaf_light = 1.35 * sunny * lit * sunshine + (0.65 + 0.35 * normal.z) * share.y * skylight
                  + 0.6 * BOUNCE;
+#if defined(KIND_SPRAY)
+    leaf_light *= in_uv.x;
+#endif
 #endif
     gl_Position = projection * vec4(world, 1.0);
 }

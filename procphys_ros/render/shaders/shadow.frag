@@ -1,4 +1,7 @@
 // Depth from the sun; leaves are cut out.
+#if defined(KIND_SPRAY)
+#define KIND_LEAF
+#endif
 #if defined(KIND_LEAF)
 sample in vec2 uv;
 #else

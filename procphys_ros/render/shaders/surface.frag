@@ -1,4 +1,7 @@
 // Lit surfaces: what is opaque, leaves that are cut out, and glass.
+#if defined(KIND_SPRAY)
+#define KIND_LEAF
+#endif
 in vec3 world;
 in vec3 normal;
 in vec3 tone;
