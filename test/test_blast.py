@@ -22,12 +22,23 @@ import pytest
 from procphys_ros import rotation
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.air import CYLINDER_DRAG
-from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, Sight
-from procphys_ros.physics.loads.blast import face_impulse
+from procphys_ros.physics.loads import (
+    air_blast,
+    blast_boxes,
+    blast_capsules,
+    outer_faces,
+    Sight,
+)
+from procphys_ros.physics.loads.blast import incidence
 
 HIGH = 50.0   # [m] so far from the ground that a charge counts as free
 CHARGE = 8.0  # [kg] cube root 2
 BRICK = (0.215, 0.1025, 0.065)
+
+
+def face_impulse(z, cosine):
+    """Give the impulse on an endless face of what is free on all sides, in free air."""
+    return incidence(air_blast.reflected_impulse(z), air_blast.impulse(z), cosine)
 
 
 def _boxes(*positions, size=(1.0, 1.0, 1.0), yaw=0.0):
@@ -139,7 +150,74 @@ def test_plate_face_on_takes_the_reflected_impulse():
     assert_allclose(found.linear, [[wanted, 0.0, 0.0]], rtol=1e-9, atol=1e-9)
     assert_allclose(found.angular, 0.0, atol=1e-9)
     assert_allclose(found.arrival, 2.0 * air_blast.arrival(10.1 / 2.0), rtol=1e-9)
-    assert_allclose(found.duration, 2.0 * air_blast.duration(10.1 / 2.0), rtol=1e-9)
+    assert_allclose(found.peak, air_blast.reflected(z) * 0.09, rtol=1e-9)
+    assert_allclose(found.duration, 2.0 * found.linear[:, 0] / found.peak, rtol=1e-9)
+
+
+def test_pressure_clears_over_the_edges_of_a_front():
+    """Leave the reflected impulse to endless walls, and side-on and drag impulse to small ones."""
+    z = np.array([39.0])
+    assert air_blast.cleared_impulse(z, np.inf) == air_blast.reflected_impulse(z)
+    fronts = [0.01, 0.1, 0.5, 2.0, 8.0, 1000.0]
+    cleared = [float(air_blast.cleared_impulse(z, np.full((2, 1), s))[0]) for s in fronts]
+    assert (np.diff(cleared) >= 0.0).all()
+    assert cleared[0] == pytest.approx(float(air_blast.impulse(z)[0]), rel=0.02)  # a weak wave
+    assert cleared[-1] == pytest.approx(float(air_blast.reflected_impulse(z)[0]), rel=1e-9)
+
+
+def test_clearing_takes_the_time_of_the_ufc():
+    """Compare with the areas under the lines of UFC 3-340-02, 2-15.3, drawn by hand at Z = 5."""
+    z, less, greater = 5.0, 0.1, 0.3
+    side_on, squarely = (float(f(z)) for f in (air_blast.overpressure, air_blast.reflected))
+    mach = 1.0 + 6.0 * side_on / (7.0 * 101325.0)
+    sound = 340.3 * np.sqrt((0.8 * mach + 1.6) * (3.2 * mach - 0.8) / (5.76 * mach))
+    time = 4.0 * less / ((1.0 + less / greater) * sound)
+    end = 2.0 * float(air_blast.impulse(z)) / side_on
+    steady = side_on + 2.5 * side_on ** 2 / (7.0 * 101325.0 + side_on)
+    t = np.linspace(0.0, end, 100_001)
+    line = np.where(t < time, squarely + (steady * (1 - time / end) - squarely) * t / time,
+                    steady * (1.0 - t / end))
+    found = air_blast.cleared_impulse(np.array([z]), np.array([[less], [greater]]))[0]
+    assert found == pytest.approx(np.trapezoid(line, t), rel=1e-4)
+    assert found < air_blast.reflected_impulse(z)
+
+
+def test_small_plates_take_less_than_large_walls_per_area():
+    """Pass the extent of the front on to the law of clearing; leave the peak as it is."""
+    poses, sizes = _boxes((10.1, 0.0, HIGH), size=(0.2, 0.3, 0.3))
+    whole, small = (blast_boxes((0.0, 0.0, HIGH), CHARGE, poses, sizes, fronts=fronts)
+                    for fronts in (None, np.array([[0.15, 0.3]])))
+    wanted = 2.0 * air_blast.cleared_impulse(np.array([5.0]), np.array([[0.075], [0.15]]))
+    assert_allclose(small.linear[0, 0], wanted[0] * 0.09, rtol=1e-9)
+    assert small.linear[0, 0] < whole.linear[0, 0] and small.peak == whole.peak
+
+
+def test_roofs_and_rear_walls_take_the_side_on_impulse():
+    """Load a closed box of plates from 30 m: its front reflected, all else outside side-on."""
+    poses, sizes = [], []
+    middle = np.array([0.0, 0.0, HIGH])
+    for axis in range(3):
+        for side in (-2.0, 2.0):
+            poses.append([*(middle + side * np.eye(3)[axis]), 0.0, 0.0, 0.0, 1.0])
+            sizes.append(np.where(np.arange(3) == axis, 0.2, 4.2))
+    poses, sizes = np.array(poses), np.array(sizes)
+    skin = outer_faces(poses, sizes)
+    np.testing.assert_array_equal(skin.sum(axis=1), [1, 1, 1, 1, 0, 1])  # it lies on the ground
+    assert all(skin[i, i] for i in (0, 1, 2, 3, 5))
+    point = np.array([-30.0, 0.0, HIGH])
+    found = blast_boxes(point, 100.0, poses, sizes, skin=skin).linear
+    scale = 100.0 ** (1 / 3)
+    for row, axis, curve, distance in (
+            (0, 0, air_blast.reflected_impulse, 28.0), (1, 0, air_blast.impulse, 32.0),
+            (2, 1, air_blast.impulse, 30.0), (5, 2, air_blast.impulse, 30.0)):
+        wanted = scale * curve(distance / scale) * 4.2 ** 2
+        inward = found[row, axis] * (1.0 if row in (0, 2) else -1.0)
+        assert inward == pytest.approx(wanted, rel=0.15)
+
+
+def test_a_free_wall_has_no_skin():
+    """Find no face of it with a room behind."""
+    assert not outer_faces(*_wall(20, 20, base=0.04)).any()
 
 
 def test_incidence_follows_conwep():

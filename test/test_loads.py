@@ -15,12 +15,18 @@
 
 """Wind pressure on buildings and drag on debris against closed forms."""
 
+from masonry_walls import wall
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
 from procphys_ros import rotation
-from procphys_ros.physics.loads import drag_coefficients, exposed_faces, wall_forces
+from procphys_ros.physics.loads import (
+    drag_coefficients,
+    exposed_faces,
+    wall_forces,
+    with_joints,
+)
 
 DENSITY = 1.225  # [kg/m³]
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
@@ -72,6 +78,21 @@ def test_room_takes_what_a_free_wall_takes_and_its_sides_are_sucked_out():
     assert force[0, 0] == pytest.approx(0.85 * 0.8 * q * 4.4 * 3.0)
     assert force[3, 1] == pytest.approx(0.5 * q * 4.0 * 3.0)
     assert force[2, 1] == pytest.approx(-force[3, 1])
+
+
+def test_joints_belong_to_the_face_of_a_wall():
+    """Compare the wind on bonded bricks with that on a slab of the same outline."""
+    plan = wall(12, 16)
+    poses, sizes = with_joints(plan)
+    low, high = poses[:, :3] - sizes / 2, poses[:, :3] + sizes / 2
+    outline = np.prod((high.max(axis=0) - low.min(axis=0))[[0, 2]])
+    assert (sizes[:, 0] * sizes[:, 2]).sum() == pytest.approx(outline, rel=1e-9)
+    assert_allclose(sizes[:, 1], plan.size[:, 1])
+    exposed = np.tile([False, False, True, True, False, False], (len(plan), 1))
+    wind = np.tile([0.0, 20.0, 0.0], (len(plan), 1))
+    force, moment = wall_forces(poses, sizes, exposed, wind, plan.poses[:, :3])
+    assert force[:, 1].sum() == pytest.approx(0.85 * 1.3 * 0.5 * DENSITY * 400.0 * outline)
+    assert np.abs(moment).max() < 0.01 * force[:, 1].max()  # less than 5 mm off the middle
 
 
 def test_pressure_follows_the_angle():

@@ -18,13 +18,16 @@
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.physics.air import SHEDDING_SPEED
 from procphys_ros.physics.foliage import speed_of, strengths
+from procphys_ros.physics.loads import outer_faces, with_joints
 from procphys_ros.physics.masonry import BondGraph, FreeBodies
+from procphys_ros.physics.masonry.components import groups, label
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.trees import Anchors, Forest
 from procphys_ros.physics.wind import Wind
@@ -80,13 +83,26 @@ class MasonryModel:
     :ivar members: parts with mortar bonds, (N,) bool.
     :ivar graph: their bonds, whole; a state breaks a copy.
     :ivar closed_sizes: of all parts, joints included [m], (N, 3).
+    :ivar face_poses, face_sizes: boxes that share the joints between them, see `with_joints`.
     :ivar bricks: the parts, sorted into cells.
     """
 
     members: np.ndarray
     graph: BondGraph
     closed_sizes: np.ndarray
+    face_poses: np.ndarray
+    face_sizes: np.ndarray
     bricks: Bricks
+
+    @cached_property
+    def skin(self) -> np.ndarray:
+        """Outer faces of buildings with a room behind them, found when first asked, (N, 6)."""
+        found = np.zeros((len(self.members), 6), bool)
+        graph = self.graph
+        labels, _ = label(graph.count, graph.first, graph.second, np.ones(len(graph), bool))
+        for rows in groups(labels, self.members):
+            found[rows] = outer_faces(self.face_poses[rows], self.face_sizes[rows])
+        return found
 
 
 @dataclass(frozen=True)
@@ -217,7 +233,7 @@ def _masonry(blueprint: Blueprint) -> MasonryModel:
     pairs = blueprint.bonds[blueprint.bond_law == Law.MORTAR]
     members[pairs[pairs != GROUND]] = True
     return MasonryModel(members, BondGraph(blueprint), blueprint.size + _JOINT,
-                        Bricks(blueprint, np.flatnonzero(members)))
+                        *with_joints(blueprint), Bricks(blueprint, np.flatnonzero(members)))
 
 
 def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks,

@@ -80,11 +80,12 @@ def _survey(model: Model, state: State, standing: np.ndarray) -> None:
 
 
 def _press(model: Model, state: State, standing: np.ndarray) -> None:
-    source, own = model.blueprint, state.wall_wind
+    walls, own = model.masonry, state.wall_wind
     chosen = own.exposed.any(axis=1) & standing[own.parts]
     parts = own.parts[chosen]
-    force, moment = wall_forces(source.poses[parts], source.size[parts], own.exposed[chosen],
-                                own.applied[own.structure[chosen]])
+    force, moment = wall_forces(walls.face_poses[parts], walls.face_sizes[parts],
+                                own.exposed[chosen], own.applied[own.structure[chosen]],
+                                model.blueprint.poses[parts, :3])
     state.loads.set_layer(_LAYER, parts, np.hstack([force, moment]))
 
 

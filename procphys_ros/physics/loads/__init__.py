@@ -15,9 +15,13 @@
 
 """Loads on parts: air blast, wind pressure and drag on boxes, swept projectiles."""
 
+from procphys_ros.physics.loads import air_blast, faces
 from procphys_ros.physics.loads.blast import blast_boxes, blast_capsules, Impulses
 from procphys_ros.physics.loads.drag import drag_coefficients, exposed_faces, wall_forces
+from procphys_ros.physics.loads.gas_pressure import gas_impulse, peak_pressure
+from procphys_ros.physics.loads.room import find_room, Room
 from procphys_ros.physics.loads.sight import Sight
+from procphys_ros.physics.loads.skin import outer_faces
 from procphys_ros.physics.loads.sweep import (
     Hits,
     sweep_box_boxes,
@@ -25,7 +29,10 @@ from procphys_ros.physics.loads.sweep import (
     sweep_boxes,
     sweep_capsules,
 )
+from procphys_ros.physics.loads.wall_faces import with_joints
 
-__all__ = ['Hits', 'Impulses', 'Sight', 'blast_boxes', 'blast_capsules', 'drag_coefficients',
-           'exposed_faces', 'sweep_box_boxes', 'sweep_box_capsules', 'sweep_boxes',
-           'sweep_capsules', 'wall_forces']
+__all__ = ['Hits', 'Impulses', 'Room', 'Sight', 'air_blast', 'blast_boxes', 'blast_capsules',
+           'drag_coefficients', 'exposed_faces', 'faces', 'find_room',
+           'gas_impulse', 'outer_faces', 'peak_pressure',
+           'sweep_box_boxes', 'sweep_box_capsules', 'sweep_boxes', 'sweep_capsules',
+           'wall_forces', 'with_joints']

@@ -26,7 +26,7 @@ import numpy as np
 from procphys_ros.physics.loads import kingery_bulmash as fits
 
 AMBIENT = 101_325.0      # [Pa]
-_SOUND = 340.3           # [m/s] at 15 °C
+SOUND = 340.3           # [m/s] at 15 °C
 _FREE_AIR = 1.0          # [m/kg^(1/3)] scaled height from which a burst counts as free
 _FAR_PRESSURE = -1.4066  # exponents of Z beyond the range of the fits: those of Swisdak 1994 for
 _FAR_IMPULSE = -1.062    # the last part of it
@@ -73,6 +73,41 @@ def reflected_impulse(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
         fits.REFLECTED_IMPULSE_AIR, fits.REFLECTED_IMPULSE_GROUND, z, ground, fits.IMPULSE_UNIT)
 
 
+def cleared_impulse(z: np.ndarray, front: np.ndarray | float,
+                    ground: float = 0.0) -> np.ndarray:
+    """
+    Compute the impulse on a wall square to the wave, of which some clears over its edges.
+
+    UFC 3-340-02, 2-15.3: the reflected pressure falls in a straight line to the sum of side-on and
+    dynamic pressure, which takes 4·S / ((1 + S/G)·c); these fall on in a straight line. S is the
+    less of the height and half the width of the wall, G the greater. The reflected impulse of a
+    wall without end is the most. The sound speed c in the reflected wave follows from the
+    Rankine-Hugoniot relations, where the UFC reads it off a curve; the drag coefficient is 1.
+
+    :param z: scaled distance [m/kg^(1/3)], (K,).
+    :param front: S and G [m/kg^(1/3)], (2, K); inf = a wall without end.
+    :param ground: share of a burst on the ground.
+    :returns: [Pa·s/kg^(1/3)], (K,).
+    """
+    most = reflected_impulse(z, ground)
+    less, greater = np.broadcast_to(np.asarray(front, float), (2, *np.shape(z)))
+    if np.isinf(less).all():
+        return most
+    side_on = overpressure(z, ground)
+    time = 4.0 * less / ((1.0 + less / greater) * _reflected_sound(side_on))
+    end = 2.0 * impulse(z, ground) / side_on
+    time = np.minimum(time, end)
+    then = (side_on + dynamic_pressure(side_on)) * (1.0 - time / end)
+    return np.minimum(0.5 * (reflected(z, ground) * time + then * end), most)
+
+
+def _reflected_sound(pressure: np.ndarray) -> np.ndarray:
+    """Give the speed of sound behind a reflected shock of that side-on overpressure [m/s]."""
+    square = 1.0 + 6.0 * pressure / (7.0 * AMBIENT)  # of the Mach number
+    heat = (0.8 * square + 1.6) * (3.2 * square - 0.8) / (5.76 * square)
+    return SOUND * np.sqrt(heat)
+
+
 def duration(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
     """Compute the duration of the positive phase [s/kg^(1/3)]."""
     return _curve(fits.DURATION_AIR, fits.DURATION_GROUND, z, ground, fits.TIME_UNIT)
@@ -80,7 +115,7 @@ def duration(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
 
 def arrival(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
     """Compute when the front arrives [s/kg^(1/3)]."""
-    beyond = np.maximum(np.asarray(z, float) - fits.MOST, 0.0) / _SOUND
+    beyond = np.maximum(np.asarray(z, float) - fits.MOST, 0.0) / SOUND
     return beyond + _curve(fits.ARRIVAL_AIR, fits.ARRIVAL_GROUND, z, ground, fits.TIME_UNIT)
 
 
@@ -91,7 +126,7 @@ def dynamic_pressure(pressure: np.ndarray) -> np.ndarray:
 
 def shock_speed(pressure: np.ndarray) -> np.ndarray:
     """Compute the speed [m/s] of a shock of that overpressure (Rankine-Hugoniot)."""
-    return _SOUND * np.sqrt(1.0 + 6.0 * pressure / (7.0 * AMBIENT))
+    return SOUND * np.sqrt(1.0 + 6.0 * pressure / (7.0 * AMBIENT))
 
 
 def ground_share(charge: float, height: float) -> float:

@@ -38,13 +38,19 @@ class Impulses:
     :ivar linear: (N, 3) [N·s], world.
     :ivar angular: about the centre, (N, 3) [N·m·s], world.
     :ivar arrival: when the front comes to the centre [s] after the explosion, (N,).
-    :ivar duration: of the positive phase there [s], (N,).
+    :ivar peak: largest force in the direction of the impulse [N], (N,).
     """
 
     linear: np.ndarray
     angular: np.ndarray
     arrival: np.ndarray
-    duration: np.ndarray
+    peak: np.ndarray
+
+    @property
+    def duration(self) -> np.ndarray:
+        """Give how long a triangular pulse of that peak and impulse lasts [s], (N,)."""
+        size = np.linalg.norm(self.linear, axis=1)
+        return 2.0 * size / np.maximum(self.peak, 1e-9)
 
     def points(self, centres: np.ndarray) -> np.ndarray:
         """Return where the linear impulses would have to act, (N, 3), world."""
@@ -55,13 +61,17 @@ class Impulses:
 
 def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,
                 blocking: np.ndarray | None = None, sight: Sight | None = None,
-                ground: float = 0.0) -> Impulses:
+                ground: float = 0.0, fronts: np.ndarray | None = None,
+                centres: np.ndarray | None = None,
+                skin: np.ndarray | None = None) -> Impulses:
     """
-    Compute the impulses on boxes; faces that cannot see the charge get none.
+    Compute the impulses on boxes.
 
     The impulse on a face seen under the angle of incidence i is that of ConWep (TM 5-855-1):
-    reflected · cos² i + side-on · (1 - cos i)²; near grazing the second term fades, since it
-    soon acts on the far side too. Diffraction behind bodies is left out.
+    reflected · cos² i + side-on · (1 - cos i)². The reflected pressure clears from the edges of
+    what a box belongs to, see `air_blast.cleared_impulse`. Faces that cannot see the charge get
+    none, but for the skins of buildings, which get the side-on impulse at their distance as roof,
+    side and rear walls do in UFC 3-340-02, 2-15.4; nearer ones do not spare them.
 
     :param point: of the charge, (3,) [m], world.
     :param charge: mass of TNT [kg].
@@ -70,24 +80,40 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     :param blocking: which boxes shield others, (N,) bool; None = all.
     :param sight: the boxes as already listed for rays; None = list them now.
     :param ground: height of the ground below the charge [m].
+    :param fronts: height or half the width of what each box belongs to, the less and the greater
+        of them [m], (N, 2); None = so large that nothing clears.
+    :param centres: about which moments are taken, (N, 3) [m]; None = those of the boxes.
+    :param skin: faces with a room behind them, (N, 6) bool, see `skin.outer_faces`; None = none.
     :raises CommandError: when point or charge are out of range.
     """
     place, scale, burst = _check(point, charge, ground)
     poses = np.asarray(poses, float)
     sizes = np.asarray(sizes, float)
-    patches = faces.cut(poses, sizes, faces.facing(poses, sizes, place))
+    outer = np.zeros((len(poses), 6), bool) if skin is None else skin
+    patches = faces.cut(poses, sizes, faces.facing(poses, sizes, place) | outer)
+    one_sided = outer[patches.owner, patches.face]
     if sight is None:
         sight = Sight(poses, sizes, blocking=blocking)
-    free = sight.clear(patches.centre + _OFF_FACE * patches.normal, place, patches.owner)
-    patches = patches.take(free)
     towards = place - patches.centre
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
-    z = distance / scale
-    per_area = scale * face_impulse(z, cosine, burst)
+    seen = cosine > 0.0
+    seen[seen] = sight.clear((patches.centre + _OFF_FACE * patches.normal)[seen], place,
+                             patches.owner[seen])
+    felt = seen | one_sided
+    patches, z, cosine = patches.take(felt), distance[felt] / scale, np.where(
+        seen, cosine, 0.0)[felt]
+    front = np.inf if fronts is None else fronts[patches.owner].T / scale
+    waves = (air_blast.cleared_impulse(z, front, burst), air_blast.impulse(z, burst)), (
+        air_blast.reflected(z, burst), air_blast.overpressure(z, burst))
+    impulse, pressure = (incidence(*wave, cosine, one_sided[felt]) for wave in waves)
+    middles = poses[:, :3] if centres is None else centres
     linear, angular = faces.gather(
-        patches, -(per_area * patches.area)[:, None] * patches.normal, poses)
-    return Impulses(linear, angular, *_times(place, scale, burst, poses))
+        patches, -(scale * impulse * patches.area)[:, None] * patches.normal, middles)
+    force, _ = faces.gather(patches, -(pressure * patches.area)[:, None] * patches.normal,
+                            middles)
+    return Impulses(linear, angular, _arrival(place, scale, burst, poses),
+                    np.linalg.norm(force, axis=1))
 
 
 def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,
@@ -125,27 +151,30 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
     if sight is not None:
         size *= sight.clear(poses[:, :3], place, np.full(len(poses), -1))
     return Impulses(size[:, None] * away, np.zeros((len(poses), 3)),
-                    *_times(place, scale, burst, poses))
+                    _arrival(place, scale, burst, poses),
+                    0.5 * air_blast.reflected(z, burst) * shadow)
 
 
-def face_impulse(z: np.ndarray, cosine: np.ndarray, ground: float = 0.0) -> np.ndarray:
+def incidence(squarely: np.ndarray, side_on: np.ndarray, cosine: np.ndarray,
+              one_sided: np.ndarray | bool = False) -> np.ndarray:
     """
-    Return the impulse of the positive phase on a face [Pa·s/kg^(1/3)].
+    Give the impulse or pressure on faces under an angle of incidence.
 
-    :param z: scaled distance [m/kg^(1/3)].
-    :param cosine: of the angle between the face's normal and the direction of the charge.
-    :param ground: see `air_blast`.
+    :param squarely: on a face square to the wave, (K,).
+    :param side_on: on one along the wave, (K,).
+    :param cosine: of the angle between the face's normal and the direction of the charge, (K,).
+    :param one_sided: faces with a room behind them, (K,) bool; a wave that grazes others soon
+        presses on their far sides as well.
     """
     graze = 1.0 - cosine
-    return (air_blast.reflected_impulse(z, ground) * cosine ** 2
-            + air_blast.impulse(z, ground) * graze * np.minimum(graze, cosine))
+    return squarely * cosine ** 2 + side_on * graze * np.where(
+        one_sided, graze, np.minimum(graze, cosine))
 
 
-def _times(point: np.ndarray, scale: float, ground: float,
-           poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give when the front arrives at bodies and how long it lasts there [s], (N,) each."""
+def _arrival(point: np.ndarray, scale: float, ground: float, poses: np.ndarray) -> np.ndarray:
+    """Give when the front arrives at bodies [s], (N,)."""
     z = np.linalg.norm(poses[:, :3] - point, axis=1) / scale
-    return scale * air_blast.arrival(z, ground), scale * air_blast.duration(z, ground)
+    return scale * air_blast.arrival(z, ground)
 
 
 def _axes(poses: np.ndarray) -> np.ndarray:

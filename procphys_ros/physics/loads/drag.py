@@ -54,8 +54,8 @@ def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
     return exposed
 
 
-def wall_forces(poses: np.ndarray, sizes: np.ndarray, exposed: np.ndarray,
-                wind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def wall_forces(poses: np.ndarray, sizes: np.ndarray, exposed: np.ndarray, wind: np.ndarray,
+                centres: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """
     Compute the wind pressure on buildings.
 
@@ -65,10 +65,10 @@ def wall_forces(poses: np.ndarray, sizes: np.ndarray, exposed: np.ndarray,
     their peaks together (7.2.2 (3), height over depth up to 1): 1.1 on a building as a whole.
 
     :param poses: (N, 7) [m], xyzw, world.
-    :param sizes: full extents, (N, 3) [m]; with the joints where mortar closes the wall, which is
-        a fifth more load on bricks.
+    :param sizes: full extents, (N, 3) [m]; see `wall_faces.with_joints`.
     :param exposed: from `exposed_faces`, (N, 6) bool.
     :param wind: air velocity at the boxes, (N, 3) [m/s], world.
+    :param centres: about which moments are taken, (N, 3) [m]; None = those of the boxes.
     :returns: forces and moments about the centres, (N, 3) [N] and (N, 3) [N·m], world.
     """
     patches = faces.cut(poses, sizes, exposed, patch=np.inf)
@@ -78,7 +78,8 @@ def wall_forces(poses: np.ndarray, sizes: np.ndarray, exposed: np.ndarray,
     pressure = 0.5 * AIR_DENSITY * (
         _ELSEWHERE * square + (_WINDWARD - _ELSEWHERE) * np.minimum(along, 0.0) ** 2)
     pressure *= 1.0 - _APART * along ** 2 / np.maximum(square, 1e-12)
-    return faces.gather(patches, -(pressure * patches.area)[:, None] * patches.normal, poses)
+    return faces.gather(patches, -(pressure * patches.area)[:, None] * patches.normal,
+                        np.asarray(poses, float)[:, :3] if centres is None else centres)
 
 
 def drag_coefficients(quaternions: np.ndarray, sizes: np.ndarray,

@@ -102,17 +102,17 @@ def _cut(poses, axes, sizes, counts, wanted):
     return owner, faces, centre, normal, area
 
 
-def gather(patches: Patches, loads: np.ndarray, poses: np.ndarray) -> tuple:
+def gather(patches: Patches, loads: np.ndarray, centres: np.ndarray) -> tuple:
     """
     Sum loads on patches per box.
 
     :param patches: K of them.
     :param loads: (K, 3), world.
-    :param poses: (N, 7) of the boxes.
+    :param centres: of mass of the boxes, (N, 3).
     :returns: sum (N, 3) and its moment about the centre (N, 3), world.
     """
-    count = len(poses)
-    moments = np.cross(patches.centre - np.asarray(poses)[patches.owner, :3], loads)
+    count = len(centres)
+    moments = np.cross(patches.centre - centres[patches.owner], loads)
     return tuple(
         np.column_stack([np.bincount(patches.owner, column, count) for column in values.T])
         for values in (loads, moments))

@@ -1,0 +1,70 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Pressure of the gas that a charge leaves behind in a room, until it has escaped."""
+
+import numpy as np
+
+from procphys_ros.physics.loads.air_blast import AMBIENT, SOUND
+
+_PEAK = 2.25e6       # [Pa] at 1 kg/m³: H. J. Weibull 1968, Ann. N.Y. Acad. Sci. 152, 357: the
+_EXPONENT = 0.72     # pressure 22.5·(W/V)^0.72 bar, measured up to 5 kg/m³
+_DENSEST = 5.0       # [kg/m³]
+_OUTFLOW = 2.13      # ln P falls by 2.13·A·a/V in a second: G. F. Kinney and R. G. S. Sewell 1974,
+#                      Venting of explosions, NWC TM 2448 (Baker et al. 1983, 3.3)
+_ADIABATIC = 1.4     # exponent of air
+_LONGEST = 1.0       # [s] after which gas has cooled, however tight the room
+_STEPS = 400
+
+
+def peak_pressure(charge: float, volume: float) -> float:
+    """
+    Give the overpressure of the gas once it has spread in a closed room [Pa].
+
+    :param charge: of TNT [kg].
+    :param volume: of the room [m³].
+    """
+    return _PEAK * min(charge / volume, _DENSEST) ** _EXPONENT
+
+
+def gas_impulse(peak: float, volume: float, vents: float, walls: float,
+                mass: float) -> tuple[float, float]:
+    """
+    Give the impulse of the gas on walls that give way, and how long a triangular pulse lasts.
+
+    The gas escapes through the openings (Kinney & Sewell 1974), and cools as it pushes the walls
+    outwards; that they leave gaps between them is left out.
+
+    :param peak: overpressure at first [Pa].
+    :param volume: of the room [m³].
+    :param vents: area of its openings [m²].
+    :param walls: area of what encloses it [m²].
+    :param mass: of that [kg].
+    :returns: impulse [Pa·s] and duration [s] with the same peak.
+    """
+    push = peak * walls ** 2 / max(mass, 1.0)  # [m³/s²] with which the room grows
+    outflow = _OUTFLOW * SOUND * vents  # [m³/s]
+    step = min(0.02 * np.sqrt(volume / push), 0.02 * volume / max(outflow, 1e-9),
+               _LONGEST / _STEPS)
+    logarithm, space, rate, impulse = np.log(1.0 + peak / AMBIENT), volume, 0.0, 0.0
+    for _ in range(int(_LONGEST / step)):
+        over = AMBIENT * np.expm1(logarithm)
+        if over <= 0.0:
+            break
+        impulse += over * step
+        rate += over * walls ** 2 / max(mass, 1.0) * step
+        logarithm -= step * (outflow + _ADIABATIC * rate) / space
+        space += rate * step
+    return impulse, 2.0 * impulse / peak

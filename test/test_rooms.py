@@ -1,0 +1,105 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Confined charges: rooms, the gas in them, and what it does to walls."""
+
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.physics.loads import find_room, gas_impulse, peak_pressure, Sight
+
+AMBIENT = 101_325.0
+WINDOW = (1.0, 1.5)  # [m] wide and high
+
+
+def room(yaw=0.0, window=True, roof=True):
+    """Set up a room of 5 x 4 x 3 m inside, walls of 0.2 m, with a window in its front."""
+    plates = [((-2.6, 0.0, 1.5), (0.2, 4.4, 3.0)), ((2.6, 0.0, 1.5), (0.2, 4.4, 3.0)),
+              ((0.0, 2.1, 1.5), (5.0, 0.2, 3.0))]
+    if roof:
+        plates.append(((0.0, 0.0, 3.1), (5.4, 4.4, 0.2)))
+    if window:
+        wide, high = WINDOW
+        side = 0.5 * (5.0 - wide)
+        plates += [((0.5 * (wide + side) * s, -2.1, 1.5), (side, 0.2, 3.0)) for s in (-1.0, 1.0)]
+        plates += [((0.0, -2.1, 0.375), (wide, 0.2, 0.75)),
+                   ((0.0, -2.1, 2.625), (wide, 0.2, 0.75))]
+    else:
+        plates.append(((0.0, -2.1, 1.5), (5.0, 0.2, 3.0)))
+    poses = np.array([[*centre, 0.0, 0.0, 0.0, 1.0] for centre, _ in plates])
+    turn = np.array([3.0, 1.0, 0.0, *rotation.from_yaw(yaw)])
+    return rotation.compose(turn, poses), np.array([size for _, size in plates]), turn
+
+
+@pytest.mark.parametrize('yaw', [0.0, 0.6])
+def test_a_room_is_measured(yaw):
+    """Find volume within 6 %, window within 15 %, walls within 10 %, whichever way it faces."""
+    poses, sizes, turn = room(yaw)
+    point = rotation.compose(turn, np.array([[0.3, -0.4, 1.1, 0, 0, 0, 1.0]]))[0, :3]
+    found = find_room(point, poses, sizes, Sight(poses, sizes))
+    assert found.is_confined()
+    assert found.volume == pytest.approx(60.0, rel=0.06)
+    assert found.vents == pytest.approx(WINDOW[0] * WINDOW[1], rel=0.15)
+    assert found.walls == pytest.approx(2 * 3.0 * 9.0 + 20.0 - 1.5, rel=0.1)
+    outside = rotation.compose(turn, np.array([[0.0, -4.0, 1.0, 0, 0, 0, 1.0]]))[0, :3]
+    assert find_room(outside, poses, sizes, Sight(poses, sizes)) is None
+
+
+def test_walls_without_a_roof_hold_no_gas():
+    """Let it out at once through an opening as large as the floor."""
+    poses, sizes, turn = room(window=False, roof=False)
+    found = find_room(turn[:3] + [0.0, 0.0, 1.0], poses, sizes, Sight(poses, sizes))
+    assert found is None or not found.is_confined()
+
+
+def test_faces_into_a_room_are_found():
+    """Tell the inner from the outer faces of its walls."""
+    poses, sizes, turn = room()
+    found = find_room(turn[:3] + [0.0, 0.0, 1.0], poses, sizes, Sight(poses, sizes))
+    x = np.array([[-2.5, 0.5, 1.0], [-2.7, 0.5, 1.0], [0.0, 0.0, 3.0], [0.0, 0.0, 3.2]]) + turn[:3]
+    out = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 0, -1.0], [0, 0, 1.0]])
+    np.testing.assert_array_equal(found.faces(x, out), [True, False, True, False])
+
+
+@pytest.mark.parametrize(('density', 'megapascal'), [(0.016, 0.124), (0.16, 0.69), (1.6, 3.4)])
+def test_gas_pressure_is_that_of_the_ufc(density, megapascal):
+    """Compare with figure 2-152 of UFC 3-340-02, 18, 100 and 500 psi as read off it: 15 %."""
+    assert peak_pressure(density * 50.0, 50.0) == pytest.approx(megapascal * 1e6, rel=0.15)
+
+
+def test_gas_escapes_through_openings():
+    """Compare with the integral of Kinney and Sewell's law, between walls that stay."""
+    peak, volume, vents = 4e5, 60.0, 1.5
+    rate = 2.13 * 340.3 * vents / volume
+    first = AMBIENT + peak
+    wanted = (peak - AMBIENT * np.log(first / AMBIENT)) / rate
+    found, duration = gas_impulse(peak, volume, vents, 70.0, 1e12)
+    assert found == pytest.approx(wanted, rel=0.03)
+    assert duration == pytest.approx(2.0 * found / peak)
+    assert gas_impulse(peak, volume, 4.0 * vents, 70.0, 1e12)[0] == pytest.approx(
+        0.25 * wanted, rel=0.03)
+
+
+@pytest.mark.parametrize('mass', [1e3, 1e4, 1e5])
+def test_walls_get_the_work_of_the_gas(mass):
+    """Compare the energy of walls that fly off with that of an adiabatic expansion: 10 %."""
+    peak, volume, walls = 4e5, 60.0, 70.0
+    impulse, _ = gas_impulse(peak, volume, 0.0, walls, mass)
+    speed = impulse * walls / mass
+    first = AMBIENT + peak
+    end = volume * (first / AMBIENT) ** (1 / 1.4)
+    work = (first * volume - AMBIENT * end) / 0.4 - AMBIENT * (end - volume)
+    assert 0.5 * mass * speed ** 2 == pytest.approx(work, rel=0.1)
