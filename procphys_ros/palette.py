@@ -79,6 +79,10 @@ LOOKS: dict[str, Look] = {
     'tile_red': Look((0.56, 0.31, 0.23, 1.0), 'grain', 0.10),
     'steel': Look((0.55, 0.57, 0.60, 1.0), 'plain', 0.02),
     'projectile': Look((0.20, 0.20, 0.22, 1.0), 'plain', 0.0),
+    'asphalt': Look((0.27, 0.27, 0.28, 1.0), 'grain', 0.0),
+    'cobbles': Look((0.44, 0.42, 0.40, 1.0), 'grain', 0.0),
+    'gravel': Look((0.60, 0.56, 0.48, 1.0), 'grain', 0.0),
+    'paving': Look((0.66, 0.64, 0.60, 1.0), 'grain', 0.0),
     'ground': Look((0.50, 0.56, 0.40, 1.0), 'plain', 0.0),
 }
 

@@ -33,3 +33,12 @@ class Paving:
     texture: str
     points: np.ndarray
     faces: np.ndarray
+
+    def vertex_normals(self) -> np.ndarray:
+        """Give upward unit normals at the points, for smooth shading, (P, 3)."""
+        a, b, c = self.points[self.faces].transpose(1, 0, 2)
+        across = np.cross(b - a, c - a)  # as long as twice the area
+        normals = np.zeros_like(self.points)
+        for corner in self.faces.T:
+            np.add.at(normals, corner, across)
+        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)

@@ -116,7 +116,7 @@ def test_houses_of_a_street_stand_on_the_hill(folder):
 
 def test_the_shipped_plan_says_what_it_is():
     """Read the high street: six houses, three to a side, and birches."""
-    rows = read_plan(shared_folder() / 'grammars' / 'high_street.plan')
+    rows = read_plan(shared_folder() / 'grammars' / 'high_street.plan').rows
     assert sum(row.count for row in rows if row.is_plots) == 6
     assert {row.left for row in rows} == {True, False}
 

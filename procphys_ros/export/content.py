@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.simulation import Simulation
@@ -42,6 +43,7 @@ class Content:
     :ivar gravity: downward acceleration [m/s²].
     :ivar time: simulated time since the scene stood at rest [s].
     :ivar terrain: the surface of the ground.
+    :ivar paving: what covers it.
     """
 
     blueprint: Blueprint
@@ -52,6 +54,7 @@ class Content:
     gravity: float
     time: float = 0.0
     terrain: Terrain = FLAT
+    paving: Sequence[Paving] = ()
 
     @classmethod
     def at_rest(cls, scene: Scene) -> 'Content':
@@ -61,7 +64,7 @@ class Content:
         return cls(blueprint, scene.objects, blueprint.poses,
                    rotation.compose(blueprint.poses[leaves.part], leaves.pose),
                    np.zeros(len(blueprint.bonds), bool), scene.settings.gravity,
-                   terrain=scene.settings.terrain)
+                   terrain=scene.settings.terrain, paving=scene.paving)
 
     @classmethod
     def of(cls, simulation: Simulation) -> 'Content':
@@ -71,7 +74,8 @@ class Content:
         broken[bonds[bonds >= 0]] = True
         return cls(simulation.blueprint, list(simulation.objects), simulation.poses.copy(),
                    simulation.leaf_poses(), broken, simulation.scene.settings.gravity,
-                   simulation.time, simulation.scene.settings.terrain)
+                   simulation.time, simulation.scene.settings.terrain,
+                   simulation.scene.paving)
 
     @classmethod
     def at(cls, scene: Scene, time: float, report: Report) -> 'Content':

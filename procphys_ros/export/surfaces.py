@@ -22,6 +22,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.export.content import Content
 from procphys_ros.palette import look
+from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.render import joints, mesh
 from procphys_ros.render.mesh import Mesh
@@ -69,6 +70,8 @@ def surfaces(content: Content) -> Iterator[Surface]:
     if not content.terrain.is_flat:
         hills = ground(content.terrain)
         yield Surface('ground', 'ground', hills, np.ones(len(hills.points)))
+    for one in content.paving:
+        yield Surface('paving', one.texture, paved(one), np.ones(len(one.points)))
 
 
 def _solids(content: Content, owner: str, parts: np.ndarray) -> Iterator[Surface]:
@@ -113,6 +116,12 @@ def ground(terrain: Terrain) -> Mesh:
     points, triangles = terrain.mesh()
     return Mesh(points, triangles, terrain.vertex_normals(), points[:, :2].copy(),
                 np.zeros(len(points), int))
+
+
+def paved(paving: Paving) -> Mesh:
+    """Build the mesh of a paving; its texture repeats every metre."""
+    return Mesh(paving.points, paving.faces, paving.vertex_normals(), paving.points[:, :2].copy(),
+                np.zeros(len(paving.points), int))
 
 
 def local_part(content: Content, part: int) -> Mesh:

@@ -14,6 +14,7 @@
 
 """USD: a scene with UsdPhysics, for Isaac Sim, Newton, Omniverse, Blender and others."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from procphys_ros.blueprint import GROUND, Law
 from procphys_ros.export.articulation import articulate, Articulation, LOOSE
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.surfaces import ground as ground_mesh
-from procphys_ros.export.surfaces import local_part
+from procphys_ros.export.surfaces import local_part, paved
 from procphys_ros.export.usd_joints import (
     add_base,
     add_hinge,
@@ -42,6 +43,7 @@ from procphys_ros.export.usd_shapes import (
     Prototypes,
     weigh,
 )
+from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import Terrain
 
 ROOT = '/World'
@@ -62,7 +64,7 @@ def write_usd(content: Content, path: Path, report: Report) -> None:
         layer.prim(ROOT, 'Xform')
         materials = Materials(layer, f'{ROOT}/materials', path)
         _physics(layer, content.gravity)
-        add_ground(layer, materials, content.terrain)
+        add_ground(layer, materials, content.terrain, content.paving)
         paths = _part_paths(content)
         for owner in content.objects:
             layer.prim(f'{ROOT}/{identifier(owner.name)}', 'Xform')
@@ -85,8 +87,11 @@ def _physics(layer: Layer, gravity: float) -> None:
     put(scene, 'float', 'physics:gravityMagnitude', gravity)
 
 
-def add_ground(layer: Layer, materials: Materials, terrain: Terrain) -> None:
-    """Write the ground, a plane or a mesh that bodies collide with."""
+def add_ground(layer: Layer, materials: Materials, terrain: Terrain,
+               paving: Sequence[Paving]) -> None:
+    """Write the ground, a plane or a mesh that bodies collide with, and what is only seen."""
+    for number, one in enumerate(paving):
+        add_mesh(layer, f'{ROOT}/paving_{number}', paved(one), materials.path(one.texture))
     if not terrain.is_flat:
         add_mesh(layer, f'{ROOT}/ground', ground_mesh(terrain), materials.path('ground'))
         hills = layer.prim(f'{ROOT}/ground', 'Mesh', [

@@ -136,7 +136,7 @@ def write_animation(scene: Scene, path: Path, start: float, end: float, fps: flo
     with Sdf.ChangeBlock():
         layer.prim(ROOT, 'Xform')
         materials = Materials(layer, f'{ROOT}/materials', path)
-        add_ground(layer, materials, scene.settings.terrain)
+        add_ground(layer, materials, scene.settings.terrain, scene.paving)
         groups: list[_Group] = []
         known, due = 0, start
         while due <= end + _SOON:

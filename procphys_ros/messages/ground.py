@@ -47,6 +47,14 @@ def thinned(terrain: Terrain, most: int = MOST_HEIGHTS) -> Terrain:
     return Terrain(terrain.heights[np.ix_(rows, columns)], terrain.low, step * terrain.edge)
 
 
+def _on(shown: Terrain, terrain: Terrain, points: np.ndarray) -> np.ndarray:
+    """Lift points over a terrain as much over the one that is shown instead of it."""
+    if shown is terrain:
+        return points
+    lift = points[:, 2] - terrain.height(points)
+    return np.column_stack([points[:, :2], shown.height(points) + lift])
+
+
 def describe_ground(terrain: Terrain, paving: Sequence[Paving]) -> dict[str, Any]:
     """
     Describe the ground for JSON.
@@ -55,15 +63,16 @@ def describe_ground(terrain: Terrain, paving: Sequence[Paving]) -> dict[str, Any
         `simulated_edge` [m]; none of flat ground. `paving`: `texture`, `points` [m], `faces`.
     """
     described: dict[str, Any] = {}
+    shown = thinned(terrain)
     if not terrain.is_flat:
-        shown = thinned(terrain)
         described['terrain'] = {
             'low': shown.low.tolist(), 'edge': shown.edge, 'simulated_edge': terrain.edge,
             'shape': list(shown.heights.shape),
             'heights': shown.heights.ravel().round(_DIGITS).tolist()}
     if paving:
         described['paving'] = [{'texture': one.texture, 'faces': one.faces.tolist(),
-                                'points': one.points.round(_DIGITS).tolist()} for one in paving]
+                                'points': _on(shown, terrain, one.points).round(
+                                    _DIGITS).tolist()} for one in paving]
     return described
 
 
@@ -89,11 +98,13 @@ def ground_markers(terrain: Terrain, paving: Sequence[Paving], at: Stamp,
     :param frame_id: frame of everything.
     """
     chunks = [command(Action.DELETEALL, '', 0, frame_id)]
+    shown = thinned(terrain)
     if not terrain.is_flat:
-        points, faces = thinned(terrain).mesh()
+        points, faces = shown.mesh()
         chunks.append(ListMarker(Kind.TRIANGLE_LIST, _TERRAIN, 0, frame_id, rgba('ground'))
                       .write(points[faces.ravel()], at))
     for number, one in enumerate(paving):
         chunks.append(ListMarker(Kind.TRIANGLE_LIST, _PAVING, number, frame_id,
-                                 rgba(one.texture)).write(one.points[one.faces.ravel()], at))
+                                 rgba(one.texture))
+                      .write(_on(shown, terrain, one.points)[one.faces.ravel()], at))
     return marker_array(chunks, len(chunks))

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.palette import rgba
+from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render import texture
@@ -66,12 +67,13 @@ class Canvas:
     :param sun: where it stands.
     :param sky: how clear it is.
     :param terrain: the surface of the ground.
+    :param paving: what covers it.
     :ivar context: of OpenGL.
     :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
     """
 
     def __init__(self, size: tuple[int, int], sun: SunSettings, sky: SkySettings,
-                 terrain: Terrain = FLAT):
+                 terrain: Terrain = FLAT, paving: Sequence[Paving] = ()):
         self.context = context = open_context()
         self._size = size
         self._daylight = Daylight.of(sun, sky)
@@ -96,6 +98,7 @@ class Canvas:
         self._passes = {name: _screen_pass(context, programs, name)
                         for name in ('sky.frag', 'occlusion.frag', 'compose.frag')}
         self._ground = _ground(context, programs, terrain)
+        self._paving = [(one.texture, *_paving(context, programs, one)) for one in paving]
         self._dust = _DustPass(context, programs)
 
     def draw(self, drawing: Drawing, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
@@ -164,6 +167,11 @@ class Canvas:
         target, array = self._ground
         set_uniforms(target, {**common, 'grass': rgba('ground')[:3]})
         array.render()
+        self.context.polygon_offset = -1.0, -8.0  # far away it is within the depths' precision
+        for texture_name, target, array in self._paving:
+            set_uniforms(target, {**common, 'paving': rgba(texture_name)[:3]})
+            array.render()
+        self.context.polygon_offset = 0.0, 0.0
 
     def _draw_sky(self, common: dict[str, Any], projection: np.ndarray) -> None:
         target, array = self._passes['sky.frag']
@@ -247,8 +255,19 @@ def _ground(context: Any, programs: Programs, terrain: Terrain) -> tuple[Any, An
     points, faces = _plain() if terrain.is_flat else terrain.mesh(_RINGS[-1])
     normals = (np.tile([0.0, 0.0, 1.0], (len(points), 1)) if terrain.is_flat
                else terrain.vertex_normals(_RINGS[-1]))
+    return target, _lying(context, target, points, normals, faces)
+
+
+def _paving(context: Any, programs: Programs, paving: Paving) -> tuple[Any, Any]:
+    """Lay what covers the ground."""
+    target = programs.get('ground.vert', 'paving.frag')
+    return target, _lying(context, target, paving.points, paving.vertex_normals(), paving.faces)
+
+
+def _lying(context: Any, target: Any, points: np.ndarray, normals: np.ndarray,
+           faces: np.ndarray) -> Any:
     vertices = np.column_stack([points, normals])
-    return target, context.vertex_array(
+    return context.vertex_array(
         target, [(context.buffer(vertices.astype('f4').tobytes()), '3f 3f', 'in_corner',
                   'in_normal')],
         context.buffer(faces.astype('u4').tobytes()), index_element_size=4)

@@ -94,7 +94,7 @@ def _picture(scene: Scene, camera: CameraSettings, options: argparse.Namespace) 
         moment = Moment(scene.blueprint, scene.blueprint.poses)
         motion = CameraMotion(camera, scene_points(moment), options.size)
         renderer = Renderer(moment, options.size, scene.settings.sun, scene.settings.sky,
-                            scene.settings.terrain)
+                            scene.settings.terrain, scene.paving)
         writer.add(renderer.draw(moment, motion.view(0.0)))
         renderer.close()
     else:

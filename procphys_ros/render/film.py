@@ -97,7 +97,7 @@ def shoot(scene: Scene, shot: Shot, writer: Writer,
             settings = scene.settings
             motion = CameraMotion(shot.camera, scene_points(moment), shot.size, place)
             renderer = Renderer(moment, shot.size, settings.sun, settings.sky,
-                                settings.terrain)
+                                settings.terrain, scene.paving)
         writer.add(renderer.draw(moment, motion.view(time - shot.start, place)))
         tell(number + 1)
     if renderer is not None:

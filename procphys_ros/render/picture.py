@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render import camera as cameras
@@ -46,13 +47,14 @@ class Renderer:
     :param sun: where it stands.
     :param sky: how clear it is.
     :param terrain: the surface of the ground.
+    :param paving: what covers it.
     :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
     """
 
     def __init__(self, first: Moment, size: tuple[int, int] = (1280, 720),
                  sun: SunSettings | None = None, sky: SkySettings | None = None,
-                 terrain: Terrain = FLAT):
-        self._canvas = Canvas(size, sun or SunSettings(), sky or SkySettings(), terrain)
+                 terrain: Terrain = FLAT, paving: Sequence[Paving] = ()):
+        self._canvas = Canvas(size, sun or SunSettings(), sky or SkySettings(), terrain, paving)
         self._drawing = Drawing(self._canvas.context, first)
         self._bounds: Bounds | None = None
 

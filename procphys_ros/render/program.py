@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import Any
 
 _FOLDER = Path(__file__).with_name('shaders')
-_LIT = ('instance.vert', 'surface.frag', 'ground.frag', 'sky.frag', 'dust.frag')  # know the sky
+_LIT = ('instance.vert', 'surface.frag', 'ground.frag', 'paving.frag', 'sky.frag',
+        'dust.frag')  # know the sky
 
 
 class Programs:

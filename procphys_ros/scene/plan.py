@@ -25,9 +25,10 @@ import numpy as np
 import yaml
 
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.palette import is_known, LOOKS
 
 MOST = 2000  # houses, or trees, of one row
-_STREET = ('from', 'to', 'width')
+_STREET = ('from', 'to', 'width', 'surface', 'pavement', 'pavement_surface')
 _PLOTS = ('street', 'side', 'count', 'grammars', 'defines', 'gap', 'setback', 'start')
 _TREES = ('street', 'side', 'grammars', 'defines', 'spacing', 'offset', 'start', 'end')
 _SIDES = ('left', 'right')
@@ -41,11 +42,17 @@ class Street:
     :ivar start: of its middle [m], (2,).
     :ivar end: likewise.
     :ivar width: from kerb to kerb [m].
+    :ivar surface: texture of the road; '' = none.
+    :ivar pavement: width of those on both sides [m]; 0 = none.
+    :ivar pavement_surface: their texture.
     """
 
     start: np.ndarray
     end: np.ndarray
     width: float
+    surface: str = ''
+    pavement: float = 0.0
+    pavement_surface: str = 'paving'
 
     @property
     def length(self) -> float:
@@ -56,6 +63,17 @@ class Street:
     def heading(self) -> float:
         """Direction from its start to its end [rad]."""
         return math.atan2(*(self.end - self.start)[::-1])
+
+    def strip(self, right: float, left: float) -> np.ndarray:
+        """
+        Give the corners of a strip along all of the street, counterclockwise [m], (4, 2).
+
+        :param right: its lesser distance from the middle of the street, positive to the left [m].
+        :param left: its larger one.
+        """
+        side = np.array([-math.sin(self.heading), math.cos(self.heading)])
+        return np.array([self.start + right * side, self.end + right * side,
+                         self.end + left * side, self.start + left * side])
 
     def place(self, along: float, beyond: float, left: bool) -> np.ndarray:
         """Give the place so far along the street and beyond its kerb [m], (2,)."""
@@ -108,7 +126,20 @@ class Row:
             yield order.pop(), values
 
 
-def read_plan(path: Path) -> list[Row]:
+@dataclass(frozen=True)
+class Plan:
+    """
+    What a file says.
+
+    :ivar streets: in its order.
+    :ivar rows: of houses, then of trees.
+    """
+
+    streets: Sequence[Street]
+    rows: Sequence[Row]
+
+
+def read_plan(path: Path) -> Plan:
     """
     Read a plan.
 
@@ -128,7 +159,7 @@ def read_plan(path: Path) -> list[Row]:
     rows += [_trees(_Keys(node, str(path), _TREES), streets) for node in top.items('trees')]
     if not rows:
         raise SceneError(f'{path}: a plan needs rows under "plots" or "trees"')
-    return rows
+    return Plan(list(streets.values()), rows)
 
 
 class _Keys:
@@ -178,8 +209,15 @@ class _Keys:
     def choice(self, key: str, known: Sequence[str]) -> str:
         value = self.value(key)
         if value not in known:
-            raise self.error(key, f'is {value!r}{nearest_names(str(value), known)}, it must be '
-                             f'one of {", ".join(known)}')
+            raise self.error(key, f'is {value!r}, it must be one of {", ".join(known)}'
+                             f'{nearest_names(str(value), known)}')
+        return str(value)
+
+    def texture(self, key: str, default: str) -> str:
+        value = self.value(key, default)
+        if value != default and not (isinstance(value, str) and is_known(value)):
+            raise self.error(key, f'is {value!r}, it must be a texture, such as asphalt, cobbles, '
+                             f'gravel, paving or concrete{nearest_names(str(value), LOOKS)}')
         return str(value)
 
     def names(self, key: str) -> tuple[str, ...]:
@@ -225,7 +263,9 @@ def _are_numbers(value: Any, counts: Sequence[int]) -> bool:
 
 
 def _street(keys: _Keys) -> Street:
-    street = Street(keys.point('from'), keys.point('to'), keys.number('width', 0.0, 200.0, 8.0))
+    street = Street(keys.point('from'), keys.point('to'), keys.number('width', 0.0, 200.0, 8.0),
+                    keys.texture('surface', ''), keys.number('pavement', 0.0, 50.0, 0.0),
+                    keys.texture('pavement_surface', 'paving'))
     if not 1.0 <= street.length <= 1e5:
         raise keys.error('to', f'makes the street {street.length:g} m long, it must be 1 to '
                          '100000 m')

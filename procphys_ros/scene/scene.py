@@ -28,6 +28,7 @@ from procphys_ros.paving import Paving
 from procphys_ros.progress import stage
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
+from procphys_ros.scene.paving import pave
 from procphys_ros.scene.placement import stand_on
 from procphys_ros.scene.plan import read_plan
 from procphys_ros.scene.settings import read_settings, Settings
@@ -179,12 +180,15 @@ class Scene:
             return grammars[name].build(seed=seed, **defines)
 
         seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
-        rows = read_plan(path)
-        count = sum(row.count for row in rows)
+        plan = read_plan(path)
+        count = sum(row.count for row in plan.rows)
         mine = set(self.shard.members(self._instances, count))
         self._instances += count
         turn = rotation.to_matrix(rotation.from_yaw(spec.yaw))[:2, :2]
-        for i, lot in enumerate(lay_out(rows, seed, build)):
+        if self.shard.index == 0:
+            self.paving += pave(plan.streets, self.settings.terrain, np.asarray(spec.origin)[:2],
+                                turn, str(path))
+        for i, lot in enumerate(lay_out(plan.rows, seed, build)):
             with stage('growing objects', f'{spec.name}_{lot.name}, {i + 1} of {count}'):
                 if i in mine:
                     place = np.asarray(spec.origin) + [*(turn @ lot.position), 0.0]
