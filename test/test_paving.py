@@ -92,7 +92,7 @@ def test_surfaces_lie_on_the_terrain(folder):
 
 
 @pytest.mark.parametrize('old, new, message', [
-    ('surface: asphalt', 'surface: asfalt', 'cross.plan:3: surface is \'asfalt\', it must be a'),
+    ('surface: asphalt', 'surface: asfalt', "cross.plan:3: surface is 'asfalt', it must be a"),
     ('surface: asphalt', 'surface: asfalt', 'did you mean asphalt'),
     ('surface: asphalt', 'surface: 3', 'such as asphalt, cobbles'),
     ('pavement: 1.5', 'pavement: -1', 'pavement is -1, it must be a number from 0 to 50'),
