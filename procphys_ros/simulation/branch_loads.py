@@ -70,6 +70,8 @@ def update(model: Model, state: State, dt: float) -> None:
     far beyond that in one step is a blow.
     """
     own = state.branch_loads
+    if not (len(state.contacts) or len(own.parts)):
+        return
     chosen, total = _per_part(state.contacts.part, state.contacts.impulse)
     if not len(chosen) and not len(own.parts):
         return

@@ -73,6 +73,8 @@ def step(model: Model, state: State, dt: float) -> None:
     split, and the parts collide on their own from the next step on. Momentum is kept: both sides
     get equal and opposite shares back. Writes bodies and their bonds; releases knocked out bricks.
     """
+    if not (len(state.world.awake) or state.rubble.waiting or glass.is_waiting(state)):
+        return
     jump = _jump(model, state, dt)
     struck = _struck(state, jump)
     if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):

@@ -175,6 +175,8 @@ class Wind:
         """
         points = np.ascontiguousarray(points, float)
         out = np.empty_like(points) if out is None else out
+        if not len(points):
+            return out
         if self.enabled:
             s = self.settings
             if not self._terrain.is_flat:  # what blows at a height blows at it over any ground
