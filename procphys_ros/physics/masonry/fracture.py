@@ -89,7 +89,8 @@ class Fracture:
         :param most: largest number of rounds; None = any.
         :returns: one entry per round in which something cracked or broke.
         """
-        solver, graph, rounds = self.solver, self.solver.graph, []
+        solver, graph = self.solver, self.solver.graph
+        rounds: list[Failures] = []
         while iterations > 0 and not self.stable and (most is None or len(rounds) < most):
             before = solver.spent
             solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
