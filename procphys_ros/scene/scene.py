@@ -26,6 +26,7 @@ from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.errors import SceneError
 from procphys_ros.paving import Paving
 from procphys_ros.progress import stage
+from procphys_ros.scene.capacity import available_memory, check_capacity
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.paving import pave
@@ -73,6 +74,8 @@ class Scene:
         self.shard = Shard()
         self._instances = 0
         self._chained: Blueprint | None = None
+        self._names: set[str] = set()
+        self._memory = available_memory()
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> 'Scene':
@@ -109,6 +112,11 @@ class Scene:
         return scene
 
     @property
+    def _parts(self) -> int:
+        """Count the parts so far."""
+        return self.objects[-1].first + self.objects[-1].count if self.objects else 0
+
+    @property
     def blueprint(self) -> Blueprint:
         """All parts and bonds of the scene in the world frame."""
         if self._chained is None:
@@ -127,16 +135,17 @@ class Scene:
         :raises SceneError: when the name is taken, or the place not finite or off the terrain.
         """
         name = name or f'object_{len(self.objects)}'
-        if any(o.name == name for o in self.objects):
+        if name in self._names:
             raise SceneError(f'there are two objects called "{name}"')
         if not np.all(np.isfinite([*position, yaw])):
             raise SceneError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
-        first = self.objects[-1].first + self.objects[-1].count if self.objects else 0
+        first = self._parts
         standing = stand_on(self.settings.terrain, blueprint.placed(position, yaw), name)
         placed = SceneObject(name, first, len(standing))
         self._blueprints.append(standing)
         self._chained = None
         self.objects.append(placed)
+        self._names.add(name)
         return placed
 
     def _add_object(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
@@ -158,6 +167,7 @@ class Scene:
         for i in sorted({i % variants for i in mine}):
             with stage('growing objects', f'{names[i]}, {i + 1} of {variants}'):
                 built[i] = grammar.build(seed=seed + i, **spec.numbers)
+        check_capacity(self._parts + sum(len(built[i % variants]) for i in mine), self._memory)
         turn = np.array([[np.cos(spec.yaw), np.sin(spec.yaw)],
                          [-np.sin(spec.yaw), np.cos(spec.yaw)]])
         for i in mine:

@@ -64,10 +64,11 @@ def poses(model: Model, state: State, flutter: Flutter | None) -> np.ndarray:
     if flutter is not None and len(local):
         exists = np.isfinite(frames).all(axis=1)
         air = np.zeros((len(frames), 3))
-        air[exists] = state.wind.velocity(frames[exists, :3], state.time)
+        air[exists] = state.wind.velocity(frames[exists, :3], state.time,
+                                          threads=model.threads)
         air -= state.parts.velocities[leaves.carriers, :3]
-        local = flutter.poses(leaves.carrier, frames, air, state.time)
-    out = carried(leaves.carrier, frames, local)
+        local = flutter.poses(leaves.carrier, frames, air, state.time, model.threads)
+    out = carried(leaves.carrier, frames, local, model.threads)
     out[state.leaves.fallen.leaf] = state.leaves.fallen.poses
     return out
 

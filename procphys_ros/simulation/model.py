@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.compilation.threads import most_threads
 from procphys_ros.physics.air import SHEDDING_SPEED
 from procphys_ros.physics.foliage import speed_of, strengths
 from procphys_ros.physics.loads import outer_faces, with_joints
@@ -185,6 +186,11 @@ class Model:
     wooden: np.ndarray
     intruders: dict[str, Pieces]
     loaded: int
+
+    @property
+    def threads(self) -> int:
+        """Threads that kernels run on."""
+        return most_threads(self.settings.threads)
 
     @property
     def gravity(self) -> float:

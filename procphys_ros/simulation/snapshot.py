@@ -22,7 +22,7 @@ arrays and the classes of this package that a state is made of, and calls nothin
 file from elsewhere can do no harm.
 """
 
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 import hashlib
 import io
 import json
@@ -147,9 +147,9 @@ def clone(model: Model, state: State) -> State:
 
 
 def digest(model: Model) -> str:
-    """Hash everything that a scene is compiled from; the same for the same scene and settings."""
+    """Hash everything that a scene is compiled from, and that makes a difference to its course."""
     total = hashlib.sha256()
-    for part in (model.settings, model.seed, model.time_step, model.shard):
+    for part in (replace(model.settings, threads=0), model.seed, model.time_step, model.shard):
         total.update(repr(part).encode())
     for column in _arrays(model.blueprint).values():
         total.update(str(column.dtype).encode() + np.ascontiguousarray(column).tobytes())

@@ -38,11 +38,11 @@ def sample_wind(model: Model, state: State, dt: float) -> None:
         trees.still = False
         trees.lod.update_trees(forest)
         trees.chosen = np.zeros(len(trees.lod.held), bool)
-        _choose(state)
+        _choose(model, state)
         return
     trees.still = not state.wind.enabled
     if not trees.still:
-        state.wind.velocity(forest.poses[:, :3], state.time, out=trees.air)
+        state.wind.velocity(forest.poses[:, :3], state.time, trees.air, model.threads)
 
 
 def movers(state: State) -> np.ndarray:
@@ -63,7 +63,7 @@ def wake_touched(model: Model, state: State, dt: float) -> None:
     lod.wake(lod.of_rows(forest, rows))
     leans = lod.of_rows(forest, contacts.row)
     forest.hold(leans[lod.held[leans] & (lod.roused[leans] == 0)])
-    _choose(state)
+    _choose(model, state)
 
 
 def step(model: Model, state: State, dt: float) -> None:
@@ -75,13 +75,13 @@ def step(model: Model, state: State, dt: float) -> None:
     """
     trees, forest = state.trees, state.forest
     if trees.lod is None:
-        forest.step(dt, None if trees.still else trees.air)
+        forest.step(dt, None if trees.still else trees.air, model.threads)
         return
     chosen = np.flatnonzero(trees.chosen)
     steps = trees.lod.stride(state.observer, chosen)
     ahead = forest.rows_of(chosen[steps > 1])
     trees.start_poses[ahead] = forest.poses[ahead]
-    forest.step_some(chosen, steps, dt, trees.air)
+    forest.step_some(chosen, steps, dt, trees.air, model.threads)
     trees.lod.elapse(forest, chosen, trees.air, dt)
 
 
@@ -102,7 +102,7 @@ def write_poses(model: Model, state: State, dt: float) -> None:
         _scatter(forest.parts, forest.active, forest.velocities, parts.velocities)
 
 
-def _choose(state: State) -> None:
+def _choose(model: Model, state: State) -> None:
     """Add to the chosen trees those that were not chosen before in this step."""
     trees, forest = state.trees, state.forest
     assert trees.lod is not None
@@ -115,7 +115,7 @@ def _choose(state: State) -> None:
     if not len(fresh):
         return
     rows = forest.rows_of(fresh)
-    air = state.wind.velocity(forest.poses[rows, :3], state.time)
+    air = state.wind.velocity(forest.poses[rows, :3], state.time, threads=model.threads)
     since = trees.lod.since[fresh]
     if (since < _BLEND).any():
         count = np.diff(forest.plan.start)[fresh]

@@ -28,6 +28,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Leaves
 from procphys_ros.compilation import kernel
+from procphys_ros.compilation import threads as pool
 
 # Frequency of a blade of one size. With petioles in proportion to blades of one thickness,
 # stiffness goes with size³ and inertia with size⁴, so the frequency with size^-1/2; leaves of a
@@ -69,7 +70,7 @@ class Flutter:
         self._onset = _ONSET * self.frequency * size
 
     def poses(self, carrier: np.ndarray, frames: np.ndarray, air: np.ndarray,
-              time: float) -> np.ndarray:
+              time: float, threads: int = 1) -> np.ndarray:
         """
         Give the pose of every leaf in the frame of its part; without wind, the pose at rest.
 
@@ -79,29 +80,39 @@ class Flutter:
         :param frames: poses of the parts that carry leaves, world, (C, 7).
         :param air: velocity of the air relative to these parts [m/s], world, (C, 3).
         :param time: [s].
+        :param threads: to work on.
         :returns: petiole poses, z along the leaf, (L, 7).
         """
         out = np.empty_like(self._rest)
-        _flutter(carrier, frames, air, time, self._rest, self._rate, self._phase, self._onset,
-                 out)
+
+        def work(_: int, first: int, last: int) -> None:
+            some = slice(first, last)
+            _flutter(carrier[some], frames, air, time, self._rest[some], self._rate[some],
+                     self._phase[some], self._onset[some], out[some])
+        pool.run(work, pool.even_ranges(len(out), threads))
         return out
 
 
-def carried(carrier: np.ndarray, frames: np.ndarray, local: np.ndarray) -> np.ndarray:
+def carried(carrier: np.ndarray, frames: np.ndarray, local: np.ndarray,
+            threads: int = 1) -> np.ndarray:
     """
     Put poses that parts carry into the world.
 
     :param carrier: row of `frames` that each rides on, (L,) int.
     :param frames: poses of the parts, world, (C, 7).
     :param local: poses in the frames of their parts, (L, 7).
+    :param threads: to work on.
     :returns: poses, world, (L, 7).
     """
     out = np.empty_like(local)
-    _carry(carrier, frames, local, out)
+
+    def work(_: int, first: int, last: int) -> None:
+        _carry(carrier[first:last], frames, local[first:last], out[first:last])
+    pool.run(work, pool.even_ranges(len(out), threads))
     return out
 
 
-@kernel
+@kernel(nogil=True)
 def _carry(carrier, frames, local, out):
     for i in range(len(local)):
         c = carrier[i]
@@ -114,7 +125,7 @@ def _carry(carrier, frames, local, out):
             out[i, 3 + j] = turn[j]
 
 
-@kernel
+@kernel(nogil=True)
 def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):
     for i in range(len(rest)):
         c = carrier[i]

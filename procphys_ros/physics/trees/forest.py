@@ -25,8 +25,8 @@ from procphys_ros.physics.trees import (
     anchors,
     breaks,
     contact_response,
-    integrator,
     modes,
+    parallel,
     passes,
     pose,
     state,
@@ -105,7 +105,7 @@ class Forest:
         anchored = self._load_anchors(climbers or Anchors.none())
         ratio = hinges.damping_ratio[rows.hinge]
         set_damping(rows, modes.damping_rate(rows, ratio, self._state.frame))
-        passes.balance(self._plan, self._model, self._state, self._scratch, self._gravity,
+        passes.balance(self._plan, self._model, self._state, self._scratches[0], self._gravity,
                        _TIME_STEP)
         share = hinges.preload[rows.hinge][:, None]
         self._model.swing[:, [PRELOAD_X, PRELOAD_Y]] *= share
@@ -163,21 +163,22 @@ class Forest:
         self._replan()
         pose.place_all(self._plan, self._model, self._state)
 
-    def step(self, dt: float, wind: np.ndarray | None = None) -> None:
+    def step(self, dt: float, wind: np.ndarray | None = None, threads: int = 1) -> None:
         """
         Advance all active rows.
 
         :param dt: time step [s].
         :param wind: air velocity at the centres of mass [m/s], (S, 3), world; None = still air.
+        :param threads: to step trees on; results are the same to the bit for any number.
         :raises ValueError: when the wind has another shape.
         """
         self._stepped = None
         self._breathe(dt, wind)
-        integrator.step(self._plan, self._model, self._state, self._scratch, self._wind,
-                        self._gravity, self._time_step)
+        parallel.step(self._plan, self._model, self._state, self._scratches, self._wind,
+                      self._gravity, self._time_step, threads)
 
     def step_some(self, trees: np.ndarray, steps: np.ndarray, dt: float,
-                  wind: np.ndarray | None = None) -> None:
+                  wind: np.ndarray | None = None, threads: int = 1) -> None:
         """
         Advance some trees, which costs in proportion to them; the others do not move.
 
@@ -185,11 +186,12 @@ class Forest:
         :param steps: how many time steps each goes in one, (K,).
         :param dt: time step [s].
         :param wind: as for `step`; read at the rows of these trees only.
+        :param threads: as for `step`.
         """
         self._stepped = self.rows_of(trees)
         self._breathe(dt, wind)
-        subset.step(self._plan, trees, steps * self._time_step, self._model, self._state,
-                    self._scratch, self._wind, self._gravity)
+        parallel.step_some(self._plan, trees, steps * self._time_step, self._model, self._state,
+                           self._scratches, self._wind, self._gravity, threads)
 
     def rows_of(self, trees: np.ndarray) -> np.ndarray:
         """List the rows of some trees of `plan`, tree by tree."""
@@ -385,7 +387,7 @@ class Forest:
             self.push(rows, points, impulses)
         found = contact_response.predict_response(
             self._plan, self._entry[rows], np.ascontiguousarray(points), self._model, self._state,
-            self._scratch, wind, self._gravity, float(dt))
+            self._scratches[0], wind, self._gravity, float(dt))
         for column, values in zip(kept, given):
             column[:] = values
         return found
@@ -425,8 +427,8 @@ class Forest:
         """Bend what was drawn unloaded to where springs and weight are in balance."""
         share, before = 1.0, np.inf
         for _ in range(_SAGS):
-            left = passes.sag(self._plan, self._model, self._state, self._scratch, self._gravity,
-                              _TIME_STEP, share)
+            left = passes.sag(self._plan, self._model, self._state, self._scratches[0],
+                              self._gravity, _TIME_STEP, share)
             if left > before:  # weight outdoes the springs: go in shorter steps
                 share = max(0.5 * share, _SHORTEST)
             before = left
@@ -451,7 +453,7 @@ class Forest:
 
     def _replan(self) -> None:
         self._plan = state.make_plan(self.parents, self.active)
-        self._scratch = state.make_scratch(self._plan)
+        self._scratches = [state.make_scratch(self._plan)]
         count = len(self._plan.row)
         self._entry = np.full(len(self.parts), -1, np.int64)
         self._entry[self._plan.row] = np.arange(count)

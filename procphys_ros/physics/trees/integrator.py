@@ -44,7 +44,7 @@ _PERIOD = 16  # [steps] between projections; trees take turns
 _MIDPOINT, _IMPLICIT = 0.5, 1.0  # how far into the step loads are taken
 
 
-@kernel(**KERNEL)
+@kernel(**KERNEL, nogil=True)
 def step(plan, model, state, scratch, wind, gravity, dt):
     """
     Advance every tree by one time step.

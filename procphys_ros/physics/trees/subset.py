@@ -26,7 +26,7 @@ from procphys_ros.physics.trees.state import AXIS
 _AXIS = int(AXIS)
 
 
-@kernel(**KERNEL)
+@kernel(**KERNEL, nogil=True)
 def step(plan, trees, spans, model, state, scratch, wind, gravity):
     """
     Advance some trees, each by a time of its own; see `integrator.step`.

@@ -157,7 +157,7 @@ def gust_strength(gust: np.ndarray, x: float, y: float, z: float, time: float) -
     return 0.5 - 0.5 * np.cos(np.pi * min(t / rise, (duration - t) / rise, 1.0))
 
 
-@kernel(error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True, nogil=True)
 def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
               profile: tuple) -> None:
     """
@@ -174,7 +174,7 @@ def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
         out[i, 0], out[i, 1], out[i, 2] = u * along[0], u * along[1], u * along[2]
 
 
-@kernel(error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True, nogil=True)
 def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tuple,
                sigma: float, boxes: tuple, profile: tuple) -> None:
     """
@@ -208,7 +208,7 @@ def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tupl
                 out[first + i, k] += u * axes[0][k] + v * axes[1][k] + w * axes[2][k]
 
 
-@kernel(error_model='numpy', fastmath=True)
+@kernel(error_model='numpy', fastmath=True, nogil=True)
 def add_gusts(points: np.ndarray, out: np.ndarray, gusts: np.ndarray, time: float,
               profile: tuple) -> None:
     """

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.compilation import threads as pool
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import kernel, spectra
@@ -163,14 +164,15 @@ class Wind:
             self._gusts[:, 9] + (self._gusts[:, 8] + _GUST_REACH) / self._gusts[:, 6])
         self._gusts = np.vstack([self._gusts[~gone], row])
 
-    def velocity(self, points: np.ndarray, time: float,
-                 out: np.ndarray | None = None) -> np.ndarray:
+    def velocity(self, points: np.ndarray, time: float, out: np.ndarray | None = None,
+                 threads: int = 1) -> np.ndarray:
         """
         Return the air velocity at points.
 
         :param points: (N, 3) [m], world.
         :param time: [s].
         :param out: (N, 3) array to write to.
+        :param threads: to work on; the result is the same to the bit for any number.
         :returns: (N, 3) [m/s], world.
         """
         points = np.ascontiguousarray(points, float)
@@ -181,7 +183,7 @@ class Wind:
             s = self.settings
             if not self._terrain.is_flat:  # what blows at a height blows at it over any ground
                 points = points - self._terrain.height(points)[:, None] * [0.0, 0.0, 1.0]
-            self._fill(points, time, out, s.turbulence_intensity, self._gusts)
+            self._fill(points, time, out, s.turbulence_intensity, self._gusts, threads)
             if s.shelter:
                 self.shelter.apply(points, out, np.asarray(self._history.velocity(time)),
                                    self._profile(), s.roughness_length)
@@ -213,22 +215,26 @@ class Wind:
         return kernel.profile_terms(s.profile, s.reference_height, s.roughness_length, s.exponent)
 
     def _fill(self, points: np.ndarray, time: float, out: np.ndarray, intensity: float,
-              gusts: np.ndarray) -> np.ndarray:
+              gusts: np.ndarray, threads: int = 1) -> np.ndarray:
         mean = np.asarray(self._history.velocity(time))
         speed = float(np.linalg.norm(mean))
         way = self._history.travelled(time)
         profile = self._profile()
         axes = _wind_axes(mean, speed)
-        kernel.fill_mean(points, out, axes[0], speed, profile)
         sigma = intensity * speed
-        if sigma > 0.0:
-            # Within a period, so that cells have small numbers however far the air has come.
-            eddies = self._eddies()
-            travelled = np.mod(way * _SLANT, eddies.periods)
-            kernel.add_eddies(points, out, axes, tuple(map(tuple, travelled.tolist())), sigma,
-                              eddies.boxes, profile)
-        if len(gusts):
-            kernel.add_gusts(points, out, gusts, float(time), profile)
+        eddies = self._eddies() if sigma > 0.0 else None
+        # Within a period, so that cells have small numbers however far the air has come.
+        travelled = () if eddies is None else tuple(
+            map(tuple, np.mod(way * _SLANT, eddies.periods).tolist()))
+
+        def fill(_: int, first: int, last: int) -> None:
+            some, air = points[first:last], out[first:last]
+            kernel.fill_mean(some, air, axes[0], speed, profile)
+            if eddies is not None:
+                kernel.add_eddies(some, air, axes, travelled, sigma, eddies.boxes, profile)
+            if len(gusts):
+                kernel.add_gusts(some, air, gusts, float(time), profile)
+        pool.run(fill, pool.even_ranges(len(points), threads))
         return out
 
 

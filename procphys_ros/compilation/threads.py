@@ -1,0 +1,97 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Threads that run kernels over ranges of rows, each its own."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import cache
+import os
+
+from numba import config
+import numpy as np
+
+_WORTH = 1000  # rows per thread at least: with less, handing work over costs more than it saves
+BLOCK = 128  # rows: ranges begin at multiples, so that vectorised loops treat each row alike
+
+Work = Callable[[int, int, int], object]
+"""Takes the place of a range among all ranges, its first row, and one past its last row."""
+
+
+def most_threads(wanted: int) -> int:
+    """
+    Resolve a number of threads.
+
+    :param wanted: 0 = one per core, or `NUMBA_NUM_THREADS` where that is set.
+    """
+    return wanted or config.NUMBA_NUM_THREADS
+
+
+def even_ranges(rows: int, threads: int) -> np.ndarray:
+    """
+    Divide rows into ranges of about the same size.
+
+    :param threads: ranges at most; fewer when there are few rows.
+    :returns: first row of each range, and one past the last, (ranges + 1,).
+    """
+    count = max(1, min(threads, rows // _WORTH))
+    bounds = np.arange(count + 1) * rows // count // BLOCK * BLOCK
+    bounds[-1] = rows
+    return bounds
+
+
+def group_ranges(starts: np.ndarray, threads: int) -> np.ndarray:
+    """
+    Divide groups of rows, such as trees, into ranges of about as many rows.
+
+    :param starts: first row of each group, and one past the last, (groups + 1,).
+    :param threads: ranges at most.
+    :returns: first group of each range, and one past the last, (ranges + 1,).
+    """
+    rows, groups = int(starts[-1] - starts[0]), len(starts) - 1
+    count = max(1, min(threads, rows // _WORTH, groups))
+    at = starts[0] + np.arange(1, count) * rows // count
+    return np.concatenate([[0], np.searchsorted(starts[:-1], at), [groups]])
+
+
+def run(work: Work, bounds: np.ndarray) -> None:
+    """
+    Do work on all ranges at once, and return when all is done.
+
+    Ranges run at the same time as far as `work` lets go of the interpreter, as kernels with the
+    option `nogil` do.
+
+    :param work: writes nothing that another range reads or writes.
+    :param bounds: of the ranges, from `even_ranges` or `group_ranges`.
+    """
+    ranges = [(k, int(a), int(b)) for k, (a, b) in enumerate(zip(bounds[:-1], bounds[1:]))]
+    if len(ranges) == 1:
+        work(*ranges[0])
+        return
+    pool = _pool(len(ranges) - 1)
+    others = [pool.submit(work, *one) for one in ranges[1:]]
+    try:
+        work(*ranges[0])
+    finally:
+        wait(others)
+    for future in others:
+        future.result()
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix='kernels')
+
+
+os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive a fork

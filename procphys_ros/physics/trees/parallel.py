@@ -1,0 +1,53 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parallel: steps of trees on several threads, ranges of trees with a workspace each."""
+
+import numpy as np
+
+from procphys_ros.compilation import threads as pool
+from procphys_ros.physics.trees import integrator, state, subset
+
+
+def step(plan: state.Plan, model: state.Model, columns: state.State,
+         workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray, dt: float,
+         threads: int) -> None:
+    """
+    Advance every tree; as `integrator.step`, to the bit.
+
+    :param workspaces: one at least; more are added as threads need them.
+    :param threads: at most.
+    """
+    def advance(place: int, first: int, last: int) -> None:
+        integrator.step(plan._replace(start=plan.start[first:last + 1]), model, columns,
+                        workspaces[place], wind, gravity, dt)
+    _run(advance, pool.group_ranges(plan.start, threads), plan, workspaces)
+
+
+def step_some(plan: state.Plan, trees: np.ndarray, spans: np.ndarray, model: state.Model,
+              columns: state.State, workspaces: list[state.Scratch], wind: np.ndarray,
+              gravity: np.ndarray, threads: int) -> None:
+    """Advance some trees; as `subset.step`, to the bit; see `step`."""
+    def advance(place: int, first: int, last: int) -> None:
+        subset.step(plan, trees[first:last], spans[first:last], model, columns,
+                    workspaces[place], wind, gravity)
+    starts = np.append(0, np.cumsum(np.diff(plan.start)[trees]))
+    _run(advance, pool.group_ranges(starts, threads), plan, workspaces)
+
+
+def _run(advance: pool.Work, ranges: np.ndarray, plan: state.Plan,
+         workspaces: list[state.Scratch]) -> None:
+    while len(workspaces) < len(ranges) - 1:
+        workspaces.append(state.make_scratch(plan))
+    pool.run(advance, ranges)

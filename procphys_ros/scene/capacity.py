@@ -1,0 +1,50 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Capacity: how many parts fit into the memory of this machine."""
+
+from pathlib import Path
+
+from procphys_ros.errors import SceneError
+
+# [bytes] of memory at its peak, from `bench/scale.py`: trees take 4.1 kB per segment, walls 7.7 kB
+# per brick; messages and markers of a node come on top.
+_PER_PART = 10_000
+_MEMORY = Path('/proc/meminfo')
+
+
+def available_memory() -> int | None:
+    """Read how much memory new processes can have [bytes]; None where that is not known."""
+    try:
+        lines = _MEMORY.read_text('ascii').splitlines()
+    except OSError:
+        return None
+    found = [line.split()[1] for line in lines if line.startswith('MemAvailable:')]
+    return 1024 * int(found[0]) if found else None
+
+
+def check_capacity(parts: int, memory: int | None) -> None:
+    """
+    Refuse scenes that memory cannot hold, before it is spent.
+
+    :param parts: of the scene.
+    :param memory: that it may take [bytes]; None = unknown.
+    :raises SceneError: naming both numbers.
+    """
+    if memory is None or parts * _PER_PART <= memory:
+        return
+    raise SceneError(
+        f'the scene has {parts:,} parts or more, but the {memory / 2 ** 30:.1f} GiB of memory '
+        f'that are free hold {memory // _PER_PART:,}; take fewer objects, or share them among '
+        'several machines with shard.count')

@@ -1,0 +1,43 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Scenes that memory cannot hold are refused with the number that it can."""
+
+import pytest
+
+from procphys_ros.errors import SceneError
+from procphys_ros.scene import capacity, Scene
+
+STAND = {'scene': {'objects': ['palm']},
+         'palm': {'grammar': 'palm.lsys', 'count': 40, 'variants': 1}}
+
+
+def test_a_stand_beyond_memory_is_refused_with_the_number_that_fits(monkeypatch):
+    """Name how many parts there are, and how many fit."""
+    monkeypatch.setattr(capacity, '_PER_PART', 1000)
+    capacity.check_capacity(3000, 3_000_000)
+    with pytest.raises(SceneError, match='3,000 parts or more.*hold 2,999;.*shard.count'):
+        capacity.check_capacity(3000, 2_999_999)
+
+
+def test_scenes_ask_for_free_memory_before_they_place_trees(monkeypatch, tmp_path):
+    """Pretend that little is free, or that nobody knows."""
+    table = tmp_path / 'meminfo'
+    monkeypatch.setattr(capacity, '_MEMORY', table)
+    assert capacity.available_memory() is None
+    Scene.from_parameters(STAND)
+    table.write_text('MemTotal:  99 kB\nMemAvailable:     500 kB\n', 'ascii')
+    assert capacity.available_memory() == 512000
+    with pytest.raises(SceneError, match='the 0.0 GiB of memory that are free hold 51;'):
+        Scene.from_parameters(STAND)

@@ -1,0 +1,108 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Kernels on several threads: the same results to the bit, for trees, wind, leaves and scenes."""
+
+import numpy as np
+import pytest
+
+from procphys_ros.compilation import threads
+from procphys_ros.physics.wind import Wind, WindSettings
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
+
+COUNTS = (1, 2, 5)
+
+
+@pytest.fixture(autouse=True)
+def small_ranges(monkeypatch):
+    """Let few rows be enough for several ranges."""
+    monkeypatch.setattr(threads, '_WORTH', 16)
+
+
+def stand(count: int, **more) -> Simulation:
+    """Make seven shrubs and a birch whose leaves flutter in a gusty wind that breaks twigs."""
+    return Simulation(Scene.from_parameters({
+        'scene': {'objects': ['shrub', 'birch']}, 'threads': count,
+        'shrub': {'grammar': 'shrub.lsys', 'count': 7, 'spacing': 3.0},
+        'birch': {'grammar': 'birch.lsys', 'origin': [9.0, 9.0, 0.0]},
+        'wind': {'velocity': [38.0, 0.0, 0.0], 'turbulence_intensity': 0.3}, **more}))
+
+
+def course(simulation: Simulation) -> list[np.ndarray]:
+    """Run it with a gust and a push, and give all that can be seen of it."""
+    simulation.gust()
+    simulation.step(30)
+    simulation.apply_impulse('birch/5', (0.0, 400.0, 0.0))
+    simulation.step(30)
+    return [simulation.poses, simulation.velocities, simulation.leaf_poses(),
+            np.array([simulation.bonds_broken])]
+
+
+@pytest.mark.parametrize('more', [{}, {'culling': {'sleeping': True}}], ids=['all', 'culled'])
+def test_scenes_run_alike_on_any_number_of_threads(more):
+    """Compare poses, velocities, leaves and breaks to the bit."""
+    alone, *others = (course(stand(count, **more)) for count in COUNTS)
+    assert np.ptp(alone[0][:, 0]) > 1.0
+    for other in others:
+        for one, same in zip(alone, other):
+            np.testing.assert_array_equal(one, same)
+
+
+@pytest.mark.parametrize('number', [0, 1, 127, 128, 1000, 1307])
+def test_wind_is_the_same_on_any_number_of_threads(number):
+    """Compare mean, eddies and gusts at points whose number is no multiple of a block."""
+    wind = Wind(WindSettings(velocity=(12.0, 3.0, 0.0), turbulence_intensity=0.2), seed=1)
+    points = np.random.default_rng(1).uniform(0.0, 30.0, (number, 3))
+    alone, *others = (wind.velocity(points, 2.0, threads=count) for count in COUNTS)
+    for other in others:
+        np.testing.assert_array_equal(alone, other)
+
+
+def test_ranges_cover_everything_once():
+    """Lay ranges of rows and of trees end to end, with about as many rows in each."""
+    for rows in (0, 15, 40, 5000):
+        for count in COUNTS:
+            bounds = threads.even_ranges(rows, count)
+            assert bounds[0] == 0 and bounds[-1] == rows and (np.diff(bounds) >= 0).all()
+            assert len(bounds) <= count + 1 and not (bounds[:-1] % threads.BLOCK).any()
+    starts = np.append(0, np.cumsum(np.random.default_rng(2).integers(1, 60, 200)))
+    for count in COUNTS:
+        bounds = threads.group_ranges(starts, count)
+        shares = np.diff(starts[bounds])
+        assert bounds[0] == 0 and bounds[-1] == 200 and len(shares) == count
+        assert np.ptp(shares) <= 120
+
+
+def test_ranges_run_once_each_and_their_errors_arrive():
+    """Write rows from several threads, and raise in one of them."""
+    out = np.zeros(100)
+
+    def count(place, first, last):
+        out[first:last] += 1.0
+        if place == 2:
+            raise ValueError('range 2')
+    with pytest.raises(ValueError, match='range 2'):
+        threads.run(count, np.array([0, 10, 50, 100]))
+    assert (out == 1.0).all()
+
+
+def test_snapshots_go_on_with_another_number_of_threads():
+    """Save with one thread, restore into a simulation with five, and compare to the bit."""
+    first, second = stand(1), stand(5)
+    first.step(10)
+    second.restore(first.save())
+    for simulation in (first, second):
+        simulation.step(20)
+    np.testing.assert_array_equal(first.poses, second.poses)
