@@ -14,6 +14,7 @@
 
 """Recordings, read back by mcap-ros2-support and rosbags; no ROS is needed."""
 
+import io
 import json
 from pathlib import Path
 import resource
@@ -23,13 +24,16 @@ import sys
 from types import SimpleNamespace
 
 from exported import scene_of, small_wall
+from mcap.exceptions import EndOfFile
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 import numpy as np
 import pytest
 
 from procphys_ros.errors import RecordingError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.messages import pose_array
-from procphys_ros.recording import library
+from procphys_ros.recording import library, writer
 from procphys_ros.recording.definitions import definition, KINDS
 from procphys_ros.recording.marker_state import MarkerState
 from procphys_ros.recording.recorder import Recorder
@@ -215,6 +219,24 @@ def test_full_disk_ends_the_recording(tmp_path, monkeypatch):
     writer.close()
     with pytest.raises(RecordingError, match='is full'):
         Writer(tmp_path / 'other.mcap')
+
+
+def test_a_killed_recording_has_lost_seconds_only(tmp_path, monkeypatch):
+    """Have on the disk what is some seconds old, though the chunk is not full."""
+    now = [0.0]
+    monkeypatch.setattr(writer, 'monotonic', lambda: now[0])
+    open_writer = Writer(tmp_path / 'run.mcap')
+    for number in range(12):
+        now[0] += 1.0
+        open_writer.write('/sim/scene_description', 'std_msgs/msg/String', bytes(16), number)
+    reader = StreamReader(io.BytesIO((tmp_path / 'run.mcap').read_bytes()))
+    found = []
+    with pytest.raises(EndOfFile):
+        for record in reader.records:
+            if isinstance(record, Message):
+                found.append(record.log_time)
+    assert found == list(range(len(found))) and len(found) >= 6
+    open_writer.close()
 
 
 def test_write_error_is_one_message(tmp_path):

@@ -67,7 +67,8 @@ class Recording:
             self._reader = self._mcap.make_reader(self._file)
             summary = self._reader.get_summary()
         except self._mcap.McapError as error:
-            raise RecordingError(f'"{path}" is no complete recording ({error}); '
+            reason = str(error) or type(error).__name__
+            raise RecordingError(f'"{path}" is no complete recording ({reason}); '
                                  '"mcap recover" may help') from error
         if summary is None or summary.statistics is None:
             raise RecordingError(f'"{path}" has no index; "mcap recover" makes one')

@@ -16,6 +16,7 @@
 
 from pathlib import Path
 import shutil
+from time import monotonic
 from typing import Self
 
 from procphys_ros.errors import RecordingError
@@ -25,6 +26,7 @@ from procphys_ros.recording.library import load_mcap
 # Holds several frames of a large scene: what stands still in it costs nothing.
 _CHUNK = 4 * 1024 * 1024   # [bytes] before compression
 RESERVE = 32 * 1024 * 1024  # [bytes] of free disk at which a recording ends, with its index whole
+_LONGEST = 5.0  # [s] that a chunk may take: what a killed process loses
 _CHECK_EVERY = _CHUNK       # [bytes] written between two looks at the disk
 
 
@@ -45,7 +47,7 @@ class Writer:
             self._file = self.path.open('wb')
         except OSError as error:
             raise RecordingError(f'"{path}" cannot be written: {error.strerror}') from error
-        self._open, self._unchecked = True, 0
+        self._open, self._unchecked, self._saved = True, 0, monotonic()
         self._writer = mcap.Writer(self._file, chunk_size=_CHUNK,
                                    compression=mcap.CompressionType.ZSTD)
         self._writer.start(profile='ros2', library='procphys_ros')
@@ -82,6 +84,7 @@ class Writer:
             self._writer.add_message(self._channel(topic, kind), at, data,
                                      at if published is None else published,
                                      self._sequence[topic])
+            self._save()
         except RecordingError:
             self.close()
             raise
@@ -104,6 +107,12 @@ class Writer:
             self._file.close()
         except OSError as error:
             self._abandon(error)
+
+    def _save(self) -> None:
+        """Put a chunk onto the disk once in a while, however slowly it fills."""
+        if monotonic() - self._saved > _LONGEST:
+            self._saved = monotonic()
+            self._writer.flush()
 
     def _channel(self, topic: str, kind: str) -> int:
         if kind not in self._schemas:
