@@ -100,3 +100,35 @@ def test_what_joins_a_running_scene_is_checked_against_what_is_there():
     simulation.add(wall(4, 4), (0, 0.05, 0), name='again')
     assert simulation.warnings[-1].startswith('one and again overlap')
     assert len(simulation.warnings) == 4
+
+
+def test_what_joins_a_running_scene_and_cracks_under_its_weight_says_so():
+    """Spawn the shed beside a wall: the same line as at load, but for the place."""
+    plan = WallGrammar.parse(_SPAN).build()
+    at_load, = loaded(('shed', plan, (5, 0, 0)))
+    scene = Scene()
+    scene.add(wall(4, 4), (0, 0, 0), 0.0, 'one')
+    simulation = Simulation(scene)
+    simulation.add(wall(4, 4), (0, 3, 0), name='sound')
+    assert simulation.warnings == ()
+    simulation.add(plan, (5, 0, 0), name='shed')
+    assert simulation.warnings == (at_load,)
+
+
+def test_dry_joints_that_only_open_are_no_failure():
+    """Say nothing of a dry wall that stands, though its upright joints bear nothing."""
+    dry = WallGrammar.parse(_SPAN.replace('~1: gap', '~1: plain').replace(
+        'tension: 0.02e6  cohesion: 0.02e6', 'tension: 0  cohesion: 0')).build()
+    assert loaded(('dry', dry, (0, 0, 0))) == ()
+
+
+def test_what_is_put_above_the_ground_is_told_and_falls():
+    """Put a shed half a metre up in a scene file: the ground is at z = 0, and does not hold it."""
+    scene = Scene.from_parameters({'scene': {'objects': ['shed']}, 'shed': {
+        'grammar_text': _SPAN, 'origin': [0.0, 0.0, 0.5]}})
+    simulation = Simulation(scene)
+    line = simulation.warnings[0]
+    assert line.startswith('shed stands 0.51 m above the ground, so nothing holds it')
+    start = simulation.poses[:, 2].max()
+    simulation.step(60)
+    assert simulation.poses[:, 2].max() < start - 0.3

@@ -23,6 +23,7 @@ from test_wallgrammar_roofs import open_share
 from procphys_ros.errors import GrammarError
 from procphys_ros.hexahedron import are_convex, faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import WallGrammar
 
 PIER = """
@@ -236,3 +237,31 @@ def test_what_no_mason_builds_is_refused(text, message):
     with pytest.raises(GrammarError) as caught:
         WallGrammar.parse(text, 'bad.wall').build()
     assert message in caught.value.message and caught.value.line, str(caught.value)
+
+
+def test_rubble_is_irregular_and_fills_its_wall():
+    """Draw other stones for other seeds; no gaps within but for rough faces; dry, it stands."""
+    grammar = WallGrammar.load(shared_folder() / 'grammars' / 'dry_stone.wall')
+    first, other = grammar.build(seed=1, length=4.0), grammar.build(seed=2, length=4.0)
+    assert count_loose(first) == 0 and deepest_overlap(first) < OVERLAP
+    lengths = first.size[:, 0]
+    assert np.ptp(lengths) > 0.2 and len(np.unique(lengths.round(4))) > 0.5 * len(first)
+    assert len(first) != len(other) or not np.allclose(first.size, other.size)
+    volume = (first.mass / first.density).sum()
+    solid = 4.0 * (0.30 * 0.64 + 0.45 * 0.54 + 0.45 * 0.44 + 0.15 * 0.52)
+    assert 0.92 * solid < volume < solid
+    found = Fracture(StressSolver(BondGraph(first)))
+    found.advance(20_000)
+    assert found.stable and found.solver.supported.all()
+    assert found.solver.graph.alive.all()
+
+
+def test_stones_of_rubble_break_the_joints_below():
+    """Keep upright joints off those of the course below, more than chance would."""
+    layout = WallGrammar.parse(SPIRE.format(
+        footprint=SQUARE, pitch=70, height=0.15, joint=0).replace('running', 'rubble'))
+    courses = layout.layouts['stone'].courses(np.random.default_rng(3), 20_000_000, 20)
+    places = [np.cumsum(course.widths) for course in courses]
+    apart = np.concatenate([np.abs(a[:, None] - b).min(axis=1)
+                            for a, b in zip(places, places[1:])])
+    assert np.mean(apart < 50_000) < 0.05  # by chance a sixth: 0.1 m of each 0.6 m

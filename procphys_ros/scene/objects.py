@@ -42,6 +42,7 @@ class ObjectSpec:
     :ivar layout: how instances are placed, one of `LAYOUTS`.
     :ivar spacing: distance between instances [m].
     :ivar origin: where the layout is centred [m], (3,).
+    :ivar on: object that every instance stands on and is bonded to; empty = the ground.
     :ivar yaw: heading of every instance about the vertical [rad].
     :ivar seed: seed of the first instance; -1 = from the seed of the scene.
     :ivar variants: number of different individuals among the instances; 0 = all differ.
@@ -60,6 +61,8 @@ class ObjectSpec:
     spacing: float = declared(8.0, 'distance between instances', 'm', 1e-3, 1e5)
     origin: tuple[float, ...] = declared(
         (0.0, 0.0, 0.0), 'where the layout is centred; z counts from the ground', 'm', -1e6, 1e6)
+    on: str = declared(
+        '', 'object, listed before it, that it stands on and is bonded to; z counts from its top')
     yaw: float = declared(0.0, 'heading of every instance about the vertical', 'rad', -1e3, 1e3)
     seed: int = declared(-1, 'seed of the first instance; -1 = from the seed of the scene', '',
                          -1, 2**62)

@@ -40,6 +40,22 @@ _DENSITY, _TENSION, _COHESION, _FRICTION, _COMPRESSION = 2400.0, 3.5e6, 0.9e6, 0
 _NORMAL_STIFFNESS, _SHEAR_STIFFNESS = 33e9, 14e9  # [Pa/m]
 
 
+def unbonded(blueprint: Blueprint, height: float) -> Blueprint:
+    """
+    Take the bonds to the ground away from what is built, and put above the ground.
+
+    :param blueprint: the object, its origin on the ground.
+    :param height: where its origin goes above the ground [m].
+    """
+    held = (blueprint.bonds[:, 0] == GROUND) & (blueprint.bond_law == Law.MORTAR)
+    if height <= _LEVEL or not held.any():
+        return blueprint
+    return replace(blueprint, bonds=blueprint.bonds[~held], bond_law=blueprint.bond_law[~held],
+                   bond_frame=blueprint.bond_frame[~held],
+                   bond_extent=blueprint.bond_extent[~held], bond_area=blueprint.bond_area[~held],
+                   mortar=blueprint.mortar.take(~held[blueprint.bond_law == Law.MORTAR]))
+
+
 def stand_on(terrain: Terrain, placed: Blueprint, name: str) -> Blueprint:
     """
     Put an object on the ground: its heights so far count from there.

@@ -23,14 +23,15 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain
-from procphys_ros.errors import SceneError
+from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.paving import Paving
 from procphys_ros.progress import stage
+from procphys_ros.scene.bearing import bear
 from procphys_ros.scene.capacity import available_memory, check_capacity
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.paving import pave
-from procphys_ros.scene.placement import stand_on
+from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.scene.plan import read_plan
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import read_shard, Shard
@@ -70,6 +71,7 @@ class Scene:
         self.settings = settings or Settings()
         self.objects: list[SceneObject] = []
         self._blueprints: list[Blueprint] = []
+        self._carriers: list[np.ndarray] = []  # by object and bond: what bears it, -1 = none
         self.paving: list[Paving] = []
         self.shard = Shard()
         self._instances = 0
@@ -120,11 +122,17 @@ class Scene:
     def blueprint(self) -> Blueprint:
         """All parts and bonds of the scene in the world frame."""
         if self._chained is None:
-            self._chained = chain(self._blueprints)
+            chained = chain(self._blueprints)
+            carriers = np.concatenate([np.zeros(0, np.intp), *self._carriers])
+            if (carriers >= 0).any():
+                bonds = chained.bonds.copy()
+                bonds[carriers >= 0, 0] = carriers[carriers >= 0]
+                chained = replace(chained, bonds=bonds)
+            self._chained = chained
         return self._chained
 
     def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
-            yaw: float = 0.0, name: str = '') -> SceneObject:
+            yaw: float = 0.0, name: str = '', on: str = '') -> SceneObject:
         """
         Place a blueprint.
 
@@ -132,7 +140,9 @@ class Scene:
         :param position: where its origin goes [m], (3,), world frame; z counts from the ground.
         :param yaw: turn about the vertical [rad].
         :param name: unique name, `object_<n>` when left out.
-        :raises SceneError: when the name is taken, or the place not finite or off the terrain.
+        :param on: object that it stands on and is bonded to, z counts from its top; '' = ground.
+        :raises SceneError: when the name is taken, the place not finite or off the terrain, or
+            when nothing of the object `on` is under it.
         """
         name = name or f'object_{len(self.objects)}'
         if name in self._names:
@@ -140,17 +150,36 @@ class Scene:
         if not np.all(np.isfinite([*position, yaw])):
             raise SceneError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
         first = self._parts
-        standing = stand_on(self.settings.terrain, blueprint.placed(position, yaw), name)
+        placed_at = blueprint.placed(position, yaw)
+        if on:
+            standing, carriers = self._bear(placed_at, name, on)
+        else:
+            standing = stand_on(self.settings.terrain, placed_at, name)
+            carriers = np.full(len(standing.bonds), -1)
         placed = SceneObject(name, first, len(standing))
         self._blueprints.append(standing)
+        self._carriers.append(carriers)
         self._chained = None
         self.objects.append(placed)
         self._names.add(name)
         return placed
 
+    def _bear(self, placed: Blueprint, name: str, on: str) -> tuple[Blueprint, np.ndarray]:
+        """Stand something on an object; give for each bond the part of the scene that bears it."""
+        names = [known.name for known in self.objects]
+        if on not in names:
+            raise SceneError(f'{name}.on: there is no object "{on}" before it'
+                             f'{nearest_names(on, names)} (objects: {", ".join(names) or "none"})')
+        base = self.objects[names.index(on)]
+        standing, carriers = bear(self._blueprints[names.index(on)], placed, name, on)
+        return standing, np.where(carriers < 0, -1, base.first + carriers)
+
     def _add_object(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
         """Build and place all instances of one object; number makes its default seed its own."""
         key = f'{spec.name}.grammar'
+        if spec.on and self.shard.count > 1:
+            raise SceneError(f'{spec.name}.on: objects that stand on others cannot be shared '
+                             f'among nodes; leave shard.count at 1')
         if spec.grammar.endswith(PLAN):
             self._add_plan(spec, number, beside)
             return
@@ -166,18 +195,21 @@ class Scene:
         built = {}
         for i in sorted({i % variants for i in mine}):
             with stage('growing objects', f'{names[i]}, {i + 1} of {variants}'):
-                built[i] = grammar.build(seed=seed + i, **spec.numbers)
+                plan = grammar.build(seed=seed + i, **spec.numbers)
+                built[i] = plan if spec.on else unbonded(plan, spec.origin[2])
         check_capacity(self._parts + sum(len(built[i % variants]) for i in mine), self._memory)
         turn = np.array([[np.cos(spec.yaw), np.sin(spec.yaw)],
                          [-np.sin(spec.yaw), np.cos(spec.yaw)]])
         for i in mine:
             x, y = points[i] @ turn
             position = np.asarray(spec.origin) + np.array([x, y, 0.0])
-            self.add(built[i % variants], position, spec.yaw + headings[i], names[i])
+            self.add(built[i % variants], position, spec.yaw + headings[i], names[i], spec.on)
 
     def _add_plan(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
         """Build and place the houses and trees of a plan, `<name>_house_0` and so on."""
         key = f'{spec.name}.grammar'
+        if spec.on:
+            raise SceneError(f'{spec.name}.on: the houses and trees of a plan stand on the ground')
         if spec.defines or spec.count:
             raise SceneError(f'{spec.name}: {key} is a plan, which has counts and defines of its '
                              f'own; leave {spec.name}.count and {spec.name}.defines out')

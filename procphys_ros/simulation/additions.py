@@ -26,7 +26,7 @@ from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.placement import stand_on
-from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation import fragments, load_checks, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.parts import columns_of, Owner, owners
@@ -34,7 +34,7 @@ from procphys_ros.simulation.state import ClimberState, State
 
 
 def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[float], yaw: float,
-        name: str) -> Model:
+        name: str) -> tuple[Model, list[str]]:
     """
     Place an object into a running scene, at rest and with its stresses settled.
 
@@ -42,7 +42,8 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     :param position: where its origin goes [m], (3,), world; z counts from the ground.
     :param yaw: turn about the vertical [rad].
     :param name: that no object has or had.
-    :returns: the model of the enlarged scene; the state has grown to it.
+    :returns: the model of the enlarged scene, to which the state has grown, and what to tell the
+        user of an object that cracks or falls under its own weight.
     :raises CommandError: when the name is taken, or the place is not finite.
     """
     if any(known.name == name for known in state.objects):
@@ -57,11 +58,12 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     enlarged = compile_model(
         model.settings, model.shard, chain([state.blueprint, placed]), [*state.objects, added],
         model.time_step, model.seed, model.wind, model.loaded)
-    grow(enlarged, state, _settled(placed, model.gravity))
+    settled, lines = _settled(placed, model.gravity, name)
+    grow(enlarged, state, settled)
     state.objects.append(added)
     state.names.extend([added], placed)
     state.added[name] = placed
-    return enlarged
+    return enlarged, lines
 
 
 def remove(model: Model, state: State, name: str) -> None:
@@ -143,12 +145,15 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
                             np.zeros((1, 6)))
 
 
-def _settled(blueprint: Blueprint, gravity: float) -> StressSolver:
+def _settled(blueprint: Blueprint, gravity: float, name: str) -> tuple[StressSolver, list[str]]:
     """Find the stresses of an object by itself, as they are when its mortar has set."""
     solver = StressSolver(BondGraph(blueprint), (0.0, 0.0, -gravity))
-    if len(solver.graph):
-        Fracture(solver).advance(masonry.SETTLING)
-    return solver
+    if not len(solver.graph):
+        return solver, []
+    rounds = Fracture(solver).advance(masonry.SETTLING)
+    loose = np.flatnonzero(~solver.supported)
+    return solver, load_checks.describe_failures(
+        blueprint, [SceneObject(name, 0, len(blueprint))], rounds, solver.graph.rows, loose)
 
 
 def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,

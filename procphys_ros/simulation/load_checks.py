@@ -34,6 +34,7 @@ from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
 _LOG = logging.getLogger(__name__)
+_HANGING = 0.02  # [m] above the ground from which on an object is told not to stand on it
 _SUNK = 0.01     # [m] below the ground from which on an object is called sunk
 _OVERLAP = 0.01  # [m] depth from which on objects overlap: twice what roofs have by their tiles
 _TWIGS = 0.2     # [m] the same for trees and walls: thinner twigs give way
@@ -47,7 +48,7 @@ def check_places(blueprint: Blueprint, objects: Sequence[SceneObject],
         return []
     present = np.ones(len(blueprint), bool)
     pairs = _pairs(blueprint, objects, present)
-    return (_sunk(blueprint, objects, terrain)
+    return (_sunk(blueprint, objects, terrain) + _hanging(blueprint, objects, terrain)
             + _overlapping(blueprint, objects, present, pairs))
 
 
@@ -58,6 +59,7 @@ def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
     added = len(objects) - 1
     pairs = [pair for pair in _pairs(blueprint, objects, present) if added in pair]
     return (_sunk(blueprint, objects[added:], terrain)
+            + _hanging(blueprint, objects[added:], terrain)
             + _overlapping(blueprint, objects, present, pairs))
 
 
@@ -96,6 +98,8 @@ def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
         return []
     bond = rows[np.concatenate([r.bond for r in rounds])]
     broken = np.concatenate([r.broken for r in rounds])
+    told = broken | ~_dry(blueprint)[bond]
+    bond, broken = bond[told], broken[told]
     part = blueprint.bonds[bond].max(axis=1)
     lines = []
     for thing in objects:
@@ -109,6 +113,32 @@ def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
             f'{len(np.unique(bond[inside & ~broken]))} joints crack, '
             f'{len(np.unique(bond[inside & broken]))} break, the first at ({x:.2f}, {y:.2f}, '
             f'{z:.2f}) m; {falls} of {thing.count} parts fall')
+    return lines
+
+
+def _dry(blueprint: Blueprint) -> np.ndarray:
+    """Tell joints without strength, whose cracks are no failure, (M,) bool."""
+    found = np.zeros(len(blueprint.bonds), bool)
+    mortar = blueprint.mortar
+    found[blueprint.bond_law == Law.MORTAR] = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
+    return found
+
+
+def _hanging(blueprint: Blueprint, objects: Sequence[SceneObject],
+             terrain: Terrain) -> list[str]:
+    """Name what is built, and neither reaches the ground nor stands on another object."""
+    up = np.abs(rotation.to_matrix(blueprint.poses[:, 3:])[:, 2])
+    height = blueprint.poses[:, 2] - 0.5 * (up * blueprint.size).sum(axis=1)
+    height = height - terrain.height(blueprint.poses)
+    lowest, highest = blueprint.bonds.min(axis=1), blueprint.bonds.max(axis=1)
+    lines = []
+    for thing in objects:
+        own = (highest >= thing.first) & (highest < thing.first + thing.count)
+        least = height[thing.first:thing.first + thing.count].min(initial=np.inf)
+        if own.any() and (lowest[own] >= thing.first).all() and least > _HANGING:
+            lines.append(f'{thing.name} stands {least:.2f} m above the ground, so nothing holds '
+                         f'it, and it falls; put its origin at z = 0, or name what it stands on '
+                         f'as {thing.name}.on')
     return lines
 
 

@@ -219,8 +219,12 @@ def _advance(model: Model, state: State, iterations: int,
     pieces = groups(state.solver.labels, loose) if loose.any() else []
     if not rounds:
         return pieces, rounds
+    mortar = state.solver.graph.mortar
+    # Dry joints are never whole: they are told when they are gone.
+    dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
+    told = [np.where(dry[r.bond], r.broken, ~r.had_cracked) for r in rounds]
     bond, cause, load, broken = (
-        np.concatenate([getattr(r, name)[~r.had_cracked] for r in rounds])
+        np.concatenate([getattr(r, name)[own] for r, own in zip(rounds, told)])
         for name in ('bond', 'cause', 'utilisation', 'broken'))
     rows = state.solver.graph.rows[bond]
     if len(rows):

@@ -295,11 +295,12 @@ class Simulation:
         :raises CommandError: when the name is or was taken, or the place is not finite.
         """
         name = name or self.free_name('object')
-        self.model = additions.add(self.model, self.state, blueprint, position, yaw, name)
+        self.model, lines = additions.add(self.model, self.state, blueprint, position, yaw, name)
         self._flutter = None
         self.warnings += load_checks.log(
-            load_checks.check_added(self.state, self.model.terrain) + load_checks.check_climbers(
-                self.blueprint, self.objects[-1:], self.model.trees.climbers.anchors))
+            [*load_checks.check_added(self.state, self.model.terrain), *lines,
+             *load_checks.check_climbers(self.blueprint, self.objects[-1:],
+                                         self.model.trees.climbers.anchors)])
         return self.state.objects[-1]
 
     def remove(self, name: str) -> None:

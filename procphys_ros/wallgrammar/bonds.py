@@ -18,7 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-BONDS = ('running', 'stack', 'english', 'flemish')
+BONDS = ('running', 'stack', 'english', 'flemish', 'rubble')
+_SHORTEST, _LONGEST = 0.6, 1.4  # of a unit: stones of rubble
+_TRIES = 6     # lengths that a waller picks from, so that joints do not stand over each other
 
 
 @dataclass(frozen=True)
@@ -98,13 +100,18 @@ class Layout:
         """Thickness of the outer leaf with its half of the collar joint [µm]."""
         return self.unit[1] + self.joint // 2
 
-    def courses(self) -> list[Course]:
+    def courses(self, generator: np.random.Generator, length: int, count: int) -> list[Course]:
         """
         List the courses of one vertical repeat, from the ground up.
 
         A course starts half a joint outside the wall, so that its first unit is flush with the
         end. English bond: courses of stretchers and of headers in turn, headers a quarter unit
-        off. Flemish bond: both in each course, each header centred over a stretcher.
+        off. Flemish bond: both in each course, each header centred over a stretcher. Rubble: each
+        course is another one.
+
+        :param generator: draws the lengths of rubble.
+        :param length: of the wall [µm].
+        :param count: courses of the wall.
         """
         start = -(self.joint // 2)
         stretcher, header = self.pitch, self.unit[1] + self.joint
@@ -115,10 +122,26 @@ class Layout:
             cells = [stretcher, header]
             return [_course(start, cells, [False, True]),
                     _course(start + sum(cells) // 2, cells, [False, True])]
+        if self.bond == 'rubble':
+            return self._rubble(generator, length, count)
         offset = self.offset % 1.0 if self.bond == 'running' else 0.0
         repeat = next((n for n in range(1, 13) if abs(n * offset - round(n * offset)) < 1e-6), 12)
         return [_course(start + round((k * offset % 1.0) * stretcher), [stretcher], [False])
                 for k in range(repeat)]
+
+    def _rubble(self, generator: np.random.Generator, length: int, count: int) -> list[Course]:
+        """Draw the lengths of stones; perpends stand far from those in the course below."""
+        below, found = np.array([0.0]), []
+        for _ in range(count):
+            place, widths = 0.0, []
+            while place < length + self.pitch:
+                tried = generator.uniform(_SHORTEST, _LONGEST, _TRIES) * self.pitch
+                apart = np.abs(place + tried[:, None] - below).min(axis=1)
+                widths.append(round(float(tried[np.argmax(apart)])))
+                place += widths[-1]
+            below = np.cumsum(widths)
+            found.append(_course(-(self.joint // 2), widths, [False] * len(widths)))
+        return found
 
 
 def _course(phase: int, widths: list[int], header: list[bool]) -> Course:

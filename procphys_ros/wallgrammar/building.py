@@ -110,7 +110,8 @@ class WallGrammar:
 
 def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:
     """Build walls, partitions, floors and roofs, and bond them."""
-    site = Site(grammar.materials, grammar.most_parts, grammar.spec.building.place)
+    site = Site(grammar.materials, grammar.most_parts, grammar.spec.building.place,
+                found[0].deriver.generator)
     upright = found[-1].plan.yaws
     site.frames += [np.array([0.0, 0.0, 0.0, *rotation.from_yaw(yaw)]) for yaw in upright]
     for body in found:

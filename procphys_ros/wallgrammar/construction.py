@@ -32,6 +32,7 @@ class Site:
     :ivar materials: by name, in the order that boxes count them.
     :ivar most_parts: bound on the number of parts.
     :ivar place: of the building in its text, for errors.
+    :ivar generator: draws what is irregular.
     :ivar kinds: names of the kinds met so far.
     :ivar frames: pose of each frame in the building [m], 7 each; upright frames come first.
     :ivar patches: bonds between parts of different frames.
@@ -42,6 +43,7 @@ class Site:
     materials: dict[str, Material]
     most_parts: int
     place: Place
+    generator: np.random.Generator
     kinds: list[str] = field(default_factory=list)
     frames: list[np.ndarray] = field(default_factory=list)
     patches: list[Patches] = field(default_factory=list)

@@ -22,6 +22,7 @@ from procphys_ros.wallgrammar.polygons import moments
 
 _LOSS = 0.06     # of a piece: what may be lost so that it has four corners
 _CLOSE = 0.10    # of what a brick keeps: what may be lost so that it is cut only once
+_GAP = 0.001     # [m²] of gaps that large stones may leave: what a brick would
 _NARROW = 0.010  # [m] thinner pieces are left out: mortar fills their place
 _LEAST = 0.04    # [m] width of pieces that a brick is parted into
 _NOTHING = 1e-7  # [m²] smaller overlaps are none
@@ -74,7 +75,7 @@ def _outside(outline: np.ndarray, gap: Gap, free: float) -> list[np.ndarray]:
     if free < _NOTHING:
         return []
     whole = _best(outline, gap.keep_out)
-    if _area(whole) > (1.0 - _CLOSE) * free:
+    if _area(whole) > free - min(_CLOSE * free, _GAP):
         return [whole]
     low, high = outline[:, 0].min(), outline[:, 0].max()
     lines = [low]
@@ -132,7 +133,7 @@ def quads(outline: np.ndarray) -> list[np.ndarray]:
     if len(outline) == 4:
         return [outline]
     lost = [area - _area(np.delete(outline, i, axis=0)) for i in range(len(outline))]
-    if min(lost) < _LOSS * area:
+    if min(lost) < min(_LOSS * area, _GAP):
         return quads(np.delete(outline, int(np.argmin(lost)), axis=0))
     inner = np.sort(outline[:, 0])[1:-1]
     middle = inner[np.argmin(np.abs(inner - 0.5 * (outline[:, 0].min() + outline[:, 0].max())))]

@@ -116,4 +116,4 @@ class GableRoof(Roof):
         facade = replace(wall.facade, start=Corner(), end=Corner())
         kind, joint = unit_of(self.layout, wall.unit)
         self.site.add(facade.place(lay(runs, self.layout, self.site.kind(kind), joint,
-                                       self.site.next_member)))
+                                       self.site.next_member, self.site.generator)))

@@ -24,6 +24,8 @@ from procphys_ros.wallgrammar.boxes import Boxes, from_cells, split_along, stack
 from procphys_ros.wallgrammar.contacts import spread
 
 _SLIVER = 0.2     # of a unit's pitch: a shorter end piece is merged with the unit beside it
+_THROUGH, _FLAT = 0.4, 0.2  # share of rubble that reaches through the wall, and of thin stones
+_ROUGH = 0.05     # of the thickness: how far faces of rubble lie behind the line
 LEAST = 15_000   # [µm] a run that leaves less than this between its joints stays empty
 
 
@@ -81,7 +83,7 @@ class Leaf(NamedTuple):
 
 
 def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int,
-        leaf: Leaf | None = None) -> Boxes:
+        generator: np.random.Generator, leaf: Leaf | None = None) -> Boxes:
     """
     Tile runs; x along the wall, y from the outer face inwards, z up.
 
@@ -90,16 +92,21 @@ def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int,
     :param kind: index of the kind name of the units.
     :param joint: `Joint` of the units.
     :param first_member: number that members may be counted from, when units have pieces.
+    :param generator: draws the stones of rubble.
     :param leaf: what is laid; None = the whole thickness of the layout.
     """
     room = runs.right - runs.left - runs.left_joint - runs.right_joint
     runs = runs.take(room >= LEAST)
-    courses = layout.courses()
-    cells = [_cut(runs.take(runs.course % len(courses) == k), course, layout)
-             for k, course in enumerate(courses)]
-    columns = _join_courses([np.concatenate(column) for column in zip(*cells)])
+    courses = layout.courses(generator, int(runs.right.max(initial=0)),
+                             int(runs.course.max(initial=0)) + 1)
+    cut = [_cut(runs.take(runs.course % len(courses) == k), course, layout)
+           for k, course in enumerate(courses)]
+    columns = _join_courses([np.concatenate(column) for column in zip(*cut)])
     low = columns[6] - columns[5] - layout.joint < min(LEAST, layout.unit[2])
-    boxes = _units([column[~low] for column in columns], layout, kind, joint, leaf)
+    cells = [column[~low] for column in columns]
+    boxes = (_rubble(cells, layout, kind, joint, generator)
+             if layout.bond == 'rubble' and leaf is None
+             else _units(cells, layout, kind, joint, leaf))
     order = np.lexsort((boxes.low[:, 1], boxes.low[:, 0], boxes.low[:, 2]))
     boxes = boxes.take(order)
     if layout.pieces > 1:
@@ -187,3 +194,36 @@ def _units(columns: list[np.ndarray], layout: Layout, kind: int, joint: int,
         units(~header, Leaf(0, layout.leaf, 0, half), 0),
         units(~header, Leaf(layout.leaf, layout.thickness, layout.joint - half, 0), 0),
         units(header, Leaf(0, layout.thickness), 1)])
+
+
+def _rubble(columns: list[np.ndarray], layout: Layout, kind: int, joint: int,
+            generator: np.random.Generator) -> Boxes:
+    """Fill cells with stones: one through the wall, two thin ones, or one for either face."""
+    left, right, left_joint, right_joint, _, bottom, top, depth = columns
+    count = len(left)
+    sort = generator.random(count)
+    rough = np.rint(generator.uniform(0.0, _ROUGH, (2, count)) * layout.thickness).astype(int)
+    level = bottom + np.rint(generator.uniform(0.4, 0.6, count) * (top - bottom)).astype(int)
+    middle = depth + np.rint(generator.uniform(0.4, 0.6, count) * layout.thickness).astype(int)
+    near, far = depth, depth + layout.thickness
+    zero, bed, half = np.zeros(count, int), np.full(count, layout.joint), layout.joint // 2
+
+    def stones(rows: np.ndarray, faces: tuple[np.ndarray, np.ndarray],
+               levels: tuple[np.ndarray, np.ndarray],
+               joints: tuple[np.ndarray, np.ndarray]) -> Boxes:
+        low = np.column_stack([left, faces[0], levels[0]])[rows]
+        high = np.column_stack([right, faces[1], levels[1]])[rows]
+        before = np.column_stack([left_joint, joints[0], bed])[rows]
+        after = np.column_stack([right_joint, joints[1], zero])[rows]
+        return from_cells(low, high, before, after, kind=kind, joint=joint,
+                          material=layout.material)
+
+    thin = (sort < _FLAT) & (top - bottom > 4 * layout.joint + 4 * LEAST)
+    through = ~thin & (sort < _FLAT + _THROUGH)
+    leaves = ~thin & ~through
+    return stack([
+        stones(through, (near, far), (bottom, top), (rough[0], rough[1])),
+        stones(thin, (near, far), (bottom, level), (rough[0], rough[1])),
+        stones(thin, (near, far), (level, top), (rough[1], rough[0])),
+        stones(leaves, (near, middle), (bottom, top), (rough[0], zero + half)),
+        stones(leaves, (middle, far), (bottom, top), (zero + layout.joint - half, rough[1]))])

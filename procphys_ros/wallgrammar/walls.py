@@ -215,7 +215,8 @@ class Elevation:
         site.expect((runs.right - runs.left).sum() / layout.pitch * layout.pieces)
         kind, joint = unit_of(layout, self.unit)
         bricks = arching.cut_bricks(site, self.facade, lay(
-            runs, layout, site.kind(kind), joint, site.next_member, leaf), self._arches)
+            runs, layout, site.kind(kind), joint, site.next_member, site.generator, leaf),
+            self._arches)
         rows = site.add(self.facade.place(bricks))
         self.rows += range(rows.start, rows.stop)
 
