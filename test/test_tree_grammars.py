@@ -47,6 +47,10 @@ _RANGES = {
 _CROWN_DRAG = {
     'oak': (2.6575, 0.846, 20.0), 'birch': (1.9627, 0.881, 20.0), 'beech': (2.4141, 0.904, 20.0),
     'pine': (3.07, 0.75, 25.0)}
+# Mean bending strength of the wood [Pa], as the grammars have it; trees differ by 16 %.
+_STRENGTH = {
+    'oak': 59e6, 'pine': 0.85 * 46e6, 'willow': 33e6, 'palm': 45.1e6, 'birch': 63e6,
+    'shrub': 63e6, 'spruce': 34e6, 'hedge': 65e6, 'beech': 65e6}
 _SEEDS = (0, 1, 2)
 _GRAVITY = 9.81  # [m/s2]
 _STEP = 1.0 / 60.0  # [s]
@@ -158,10 +162,12 @@ def test_every_segment_weighs_and_hangs_on_the_ground(name, seed):
 @_TREES
 @pytest.mark.parametrize('seed', _SEEDS)
 def test_wood_carries_its_own_weight(name, seed):
-    """Keep the stress under own weight below two fifths of the tree's own strength."""
+    """Keep the stress under own weight below a third of what wood of the species bears."""
     tree = _build(name, seed)
     assert np.isfinite(tree.hinges.strength).all()
-    assert (_own_weight_stress(tree) < 0.4 * tree.hinges.strength).all()
+    stress = _own_weight_stress(tree)
+    assert (stress < _STRENGTH[name] / 3.0).all()
+    assert (stress < 0.4 * tree.hinges.strength).all()  # a weak tree of the species
 
 
 @_TREES
@@ -266,28 +272,30 @@ def test_stands_are_whole_after_a_gale(layout, way):
 
 def test_half_of_the_trees_are_lost_in_a_hurricane():
     """
-    Let a wind rise until five of nine have lost wood or hold: at 42 m/s, give or take a third.
+    Let a wind rise until five of nine of each species have lost wood or hold: at about 42 m/s.
 
-    Trees of all sizes broke at about that (Virot et al. 2016). They do not break all at once.
-    Shrubs and hedges, near the ground, may hold.
+    Trees of all sizes broke at about that (Virot et al. 2016). Spruces are the weakest, for their
+    wood is. They do not break all at once, and most of them near the median. Shrubs and hedges,
+    near the ground, may hold.
     """
     stands = _stands('scatter', turbulence_intensity=0.0, profile='uniform')
-    tall = sorted(set(_RANGES) - {'hedge', 'shrub'})
-    first, half = dict.fromkeys(tall, np.inf), dict.fromkeys(tall, np.inf)
-    for speed in np.arange(20.0, 56.0, 0.1):
+    lost: dict[str, list[float]] = {name: [] for name in sorted(set(_RANGES) - {'hedge', 'shrub'})}
+    for speed in np.arange(18.0, 56.0, 0.1):
         stands.set_wind((speed, 0.0, 0.0))
         stands.step(4)
         broken = _trees_broken(stands)
-        for name in tall:
-            if broken.get(name, 0) > 0:
-                first[name] = min(first[name], speed)
-            if broken.get(name, 0) > 4:
-                half[name] = min(half[name], speed)
-        if all(np.isfinite(half[name]) for name in tall):
+        for name, speeds in lost.items():
+            speeds += [speed] * (broken[name] - len(speeds))
+        if all(len(speeds) > 4 for speeds in lost.values()):
             break
-    assert np.median(list(half.values())) == pytest.approx(42.0, abs=4.0)
-    assert all(28.0 < half[name] < 56.0 and first[name] > 20.5 for name in tall)
-    assert all(1.0 < half[name] - first[name] < 20.0 for name in tall)
+    assert np.median([speeds[4] for speeds in lost.values()]) == pytest.approx(42.0, abs=3.0)
+    for speeds in lost.values():
+        assert speeds[0] > 25.0 and 30.0 < speeds[4] < 48.0
+        assert 1.0 < speeds[4] - speeds[0] < 20.0
+    stems = np.sort(np.concatenate(list(lost.values())))
+    assert stems[9 * len(lost) // 2] == pytest.approx(42.0, abs=3.0)
+    weak, usual, strong = np.histogram(stems, [20.0, 28.0, 36.0, 44.0])[0]
+    assert weak < usual < strong
 
 
 @_TREES
