@@ -21,7 +21,7 @@ bend as little as they do on a real wall. It is a spring and damper between the 
 the segment and a point of what holds it, taken implicitly like the springs of joints.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -124,6 +124,24 @@ def energy(table: np.ndarray, places: np.ndarray) -> np.ndarray:
             - (table[:, FORCE:] * off).sum(axis=1))
 
 
+def place(state: Any, table: np.ndarray, parents: np.ndarray) -> None:
+    """
+    Anchor trees, and mark those that are; others do not look for anchors.
+
+    :param state: `State` of the forest.
+    :param table: what `State.anchor` shall be, (S, 8).
+    :param parents: row of each row's parent, -1 for roots; parents stand first, (S,).
+    """
+    state.anchor[:] = table
+    state.struck[:, 1] = 0.0
+    anchored = (table[:, STIFFNESS] > 0.0) | table[:, FORCE:].any(axis=1)
+    if anchored.any():
+        root = np.arange(len(parents))
+        for i in np.flatnonzero(parents >= 0):
+            root[i] = root[parents[i]]
+        state.struck[:, 1] = np.isin(root, root[anchored])
+
+
 def cut(table: np.ndarray, rest: np.ndarray, rows: np.ndarray, hosts: np.ndarray) -> None:
     """
     Let segments go, and relieve what held them.
@@ -138,12 +156,12 @@ def cut(table: np.ndarray, rest: np.ndarray, rows: np.ndarray, hosts: np.ndarray
 
 
 @kernel(**INLINE)
-def pull(i, anchor, poses):
-    """Give the force of the anchor of row i where its centre of mass is [N]."""
+def pull(i, anchor, poses, h):
+    """Give the force of the anchor of row i where its centre of mass is [N], and c + h·k."""
     k = anchor[i, 0]
     return (anchor[i, 5] - k * (poses[i, 0] - anchor[i, 2]),
             anchor[i, 6] - k * (poses[i, 1] - anchor[i, 3]),
-            anchor[i, 7] - k * (poses[i, 2] - anchor[i, 4]))
+            anchor[i, 7] - k * (poses[i, 2] - anchor[i, 4])), anchor[i, 1] + h * k
 
 
 @kernel(**INLINE)

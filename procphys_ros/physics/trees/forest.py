@@ -114,7 +114,7 @@ class Forest:
             self._sag()
         self._anchors = anchored
         self._anchors[:, anchors.TARGET:anchors.FORCE] = self.poses[:, :3]
-        self._state.anchor[:] = self._anchors
+        anchors.place(self._state, self._anchors, self._rooted)
         self._rest_height = self.poses[:, :3] @ self._gravity
 
     def __len__(self) -> int:
@@ -151,7 +151,7 @@ class Forest:
         for column in self._state:
             column[:] = 0.0
         self._state.bend[:] = self._rest_bend
-        self._state.anchor[:] = self._anchors
+        anchors.place(self._state, self._anchors, self._rooted)
         self._model.joint[:] = self._joints
         self._model.body[:, LEAF_FLOW] = self._foliage
         self.parents = self._rooted.copy()
@@ -340,7 +340,7 @@ class Forest:
             self._replan()
         turn = np.cross(points - self.poses[rows, :3], impulses)
         np.add.at(self._state.push, rows, np.hstack([impulses, turn]))
-        self._state.struck[self.roots(rows)] = 1.0
+        self._state.struck[self.roots(rows), 0] = 1.0
 
     def roots(self, rows: np.ndarray) -> np.ndarray:
         """Give the root rows of the trees that active rows belong to, (K,)."""
@@ -420,7 +420,7 @@ class Forest:
         mass = self._model.body[:, MASS]
         made = anchors.make(climbers, self.parts, self._rooted, mass, self._gravity)
         self._anchors[:, anchors.FORCE:] = made[:, anchors.FORCE:]
-        self._state.anchor[:] = self._anchors
+        anchors.place(self._state, self._anchors, self._rooted)
         return made
 
     def _sag(self) -> None:

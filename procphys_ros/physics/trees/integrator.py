@@ -160,16 +160,18 @@ def move(rows, above, model, state, scratch, gravity, dt, theta):
     """Move joints and poses to the end of the step and carry the velocities along."""
     struck = state.struck[rows[0], 0] != 0.0
     kicked = struck and theta == _MIDPOINT
-    gain, kinetic, scale, held = 0.0, 0.0, 1.0, False
+    gain, kinetic, scale = 0.0, 0.0, 1.0
+    held, holds = state.struck[rows[0], 1] != 0.0, model.joint[rows[0]] != _FREE
     on, off = 1.0 / theta, 1.0 / theta - 1.0
     for k in range(len(rows)):
         lost, energy = move_segment(k, rows, above, model, state, scratch, gravity, dt,
-                                    theta * dt, on, off, kicked)
+                                    theta * dt, on, off, kicked, held)
         gain += lost
         kinetic += energy
-        held = held or state.anchor[rows[k], anchors.STIFFNESS] > 0.0
+        if held and state.anchor[rows[k], anchors.STIFFNESS] > 0.0:
+            holds = True
     state.age[rows[0], 0] = state.age[rows[0], 0] + 1.0 if kinetic > 0.0 else 0.0
-    if (held or model.joint[rows[0]] != _FREE) and gain != 0.0:
+    if holds and gain != 0.0:
         if gain < kinetic:
             scale = math.sqrt(1.0 - gain / kinetic)
         else:
@@ -199,7 +201,8 @@ def undo(rows, above, model, state, scratch):
 
 
 @kernel(**INLINE)
-def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, off, kicked):
+def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, off, kicked,
+                 held):
     """
     Move one segment.
 
@@ -246,7 +249,8 @@ def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, of
     px, py, pz = px + dt * mean[0], py + dt * mean[1], pz + dt * mean[2]
     lost += body[i, MASS] * (gravity[0] * (px - poses[i, 0]) + gravity[1] * (py - poses[i, 1])
                              + gravity[2] * (pz - poses[i, 2]))
-    lost += anchors.energy_between(i, state.anchor, px, py, pz, poses)
+    if held:
+        lost += anchors.energy_between(i, state.anchor, px, py, pz, poses)
     return lost, energy
 
 

@@ -79,10 +79,10 @@ def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate
     :param pressed: whether impulses that wait are loads, as forces over h.
     :returns: whether anything was done to the velocities since the last step.
     """
-    a, changed = scratch.inertia, False
+    a, changed, held = scratch.inertia, False, state.struck[rows[0], 1] != 0.0
     for k in range(len(rows)):
         changed |= was_changed(rows[k], state)
-        load(rows[k], k, model.body, state, frame, a, scratch.spin, wind, gravity, h)
+        load(rows[k], k, model.body, state, frame, a, scratch.spin, wind, gravity, h, held)
     if pressed:
         press(rows, model, state, scratch, frame, h)
     for k in range(len(rows) - 1, -1, -1):
@@ -131,7 +131,7 @@ def turn_along(x, y, z, a, b, c, wx, wy, wz):
 
 
 @kernel(**INLINE)
-def load(i, k, body, state, frame, a, turned, wind, gravity, h):
+def load(i, k, body, state, frame, a, turned, wind, gravity, h, held):
     """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
     v, end = state.carried, state.frame
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
@@ -142,14 +142,15 @@ def load(i, k, body, state, frame, a, turned, wind, gravity, h):
     mass, reach = body[i, MASS], body[i, REACH] + state.bend[i, 3]
     air = cross + foliage
     along = cross * (wind[i, 0] * x + wind[i, 1] * y + wind[i, 2] * z)
-    pull = anchors.pull(i, state.anchor, state.poses)
+    pull, grip = (0.0, 0.0, 0.0), 0.0
+    if held:
+        pull, grip = anchors.pull(i, state.anchor, state.poses, h)
     fx = mass * v[i, 0] * per + acts * (mass * gravity[0] + air * wind[i, 0] - along * x + pull[0])
     fy = mass * v[i, 1] * per + acts * (mass * gravity[1] + air * wind[i, 1] - along * y + pull[1])
     fz = mass * v[i, 2] * per + acts * (mass * gravity[2] + air * wind[i, 2] - along * z + pull[2])
     across = body[i, ACROSS] * per
     spin = (body[i, ALONG] * per - across) * (wx * x + wy * y + wz * z)
-    held = air + state.anchor[i, anchors.DAMPING] + h * state.anchor[i, anchors.STIFFNESS]
-    j, b, m = symmetric(x, y, z, reach, mass + h * held, h * cross,
+    j, b, m = symmetric(x, y, z, reach, mass + h * (air + grip), h * cross,
                         body[i, ACROSS] + h * turning, body[i, ALONG])
     p = (across * wx + spin * x + reach * (y * fz - z * fy),
          across * wy + spin * y + reach * (z * fx - x * fz),

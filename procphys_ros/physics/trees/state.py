@@ -60,7 +60,8 @@ class State(NamedTuple):
     wrenches: np.ndarray    # force and moment from the parent at the joint [N], [N·m], (S, 6)
     push: np.ndarray        # impulse and angular impulse at the centre of mass, to be taken up in
     #                         the next step [N·s], [N·m·s], (S, 6)
-    struck: np.ndarray      # at root rows: not 0 when anything in the tree is pushed, (S, 1)
+    struck: np.ndarray      # at root rows: not 0 when anything in the tree is pushed; and, at all
+    #                         rows, when anything in the tree was ever anchored, (S, 2)
     age: np.ndarray         # at root rows: steps taken in motion, (S, 1)
     anchor: np.ndarray      # columns named in `anchors`, (S, 8)
 
@@ -99,7 +100,7 @@ def make_model(rows: layout.Rows) -> Model:
 
 def make_state(count: int) -> State:
     """Give a state of rest whose poses are still to be placed."""
-    widths = 4, 2, 12, 12, 7, 6, 6, 6, 6, 1, 1, anchors.WIDTH
+    widths = 4, 2, 12, 12, 7, 6, 6, 6, 6, 2, 1, anchors.WIDTH
     return State(*(np.zeros((count, width)) for width in widths))
 
 
