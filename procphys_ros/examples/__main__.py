@@ -17,7 +17,7 @@
 
 import sys
 
-from procphys_ros.examples.command import main
+from procphys_ros.program import run
 
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(run('examples'))

@@ -51,7 +51,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(script(said.shell, program), end='')
         return _DONE
     if said.verb == 'warm':
-        from procphys_ros.warm import main as warm
+        from procphys_ros.compilation.warming import main as warm
         return warm([])
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: sys.exit(_DONE if said.verb == 'watch' else 130))

@@ -1,0 +1,134 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Compile all kernels, so that no simulation has to wait for them.
+
+`python -m procphys_ros.warm` compiles what the cache of the user lacks, on all cores.
+"""
+
+import argparse
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from multiprocessing import active_children, get_context
+import os
+import signal
+import sys
+from time import monotonic
+from typing import TextIO
+
+from procphys_ros.compilation.overloads import (
+    is_complete,
+    mark_complete,
+    Overload,
+    shipped,
+    StaleOverload,
+)
+from procphys_ros.program import INTERRUPTED
+
+_BAR = 30  # characters
+_LOW_PRIORITY = 10  # 'nice': of a core that a simulation wants too it gets a tenth, not nothing
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """
+    Run the command.
+
+    :param arguments: words after the command's name; None = the process's own.
+    :returns: exit code: 0 all are there, 1 some could not be compiled, 130 interrupted.
+    """
+    parser = argparse.ArgumentParser(
+        prog='warm', description='Compile all kernels, so that no simulation waits for them.')
+    parser.add_argument('--jobs', type=int, default=0, metavar='N',
+                        help='processes that compile at once; 0 = one per core')
+    parser.add_argument('--background', action='store_true',
+                        help='work with low priority, first on what a node that is '
+                             'starting needs last')
+    options = parser.parse_args(arguments)
+    if is_complete():
+        print('all kernels are compiled')
+        return 0
+    if options.background:
+        os.nice(_LOW_PRIORITY)
+    jobs = options.jobs or len(os.sched_getaffinity(0))
+    try:
+        return 0 if warm(jobs, options.background, sys.stdout) else 1
+    except KeyboardInterrupt:
+        print('warm: interrupted', file=sys.stderr)
+        return INTERRUPTED
+
+
+def warm(jobs: int, backwards: bool, out: TextIO) -> bool:
+    """
+    Compile what the cache lacks.
+
+    :param jobs: number of processes; with 1 this one works alone.
+    :param backwards: whether to begin with what a starting node needs last, so that the two meet
+        halfway.
+    :param out: where to show the progress.
+    :returns: whether every overload in the list could be compiled.
+    """
+    standing, rest = shipped()
+    overloads = [*(standing[::-1] if backwards else standing), *rest]
+    began, compiled, faults = monotonic(), 0, []
+    for done, (name, was_missing, fault) in enumerate(_compile(overloads, jobs), 1):
+        compiled += was_missing
+        if fault:
+            faults.append(f'{name} {fault}')
+        _show(done, len(overloads), name, out)
+    for fault in faults:
+        print(f'warm: {fault}; it is compiled when it is first called', file=sys.stderr)
+    mark_complete()
+    print(f'{compiled} of {len(overloads)} kernels compiled in {monotonic() - began:.0f} s, '
+          'the others were there', file=out, flush=True)
+    return not faults
+
+
+def _compile(overloads: Sequence[Overload], jobs: int) -> Iterator[tuple[str, bool, str]]:
+    """Compile overloads in no particular order; give name, whether it was missing, its fault."""
+    if jobs <= 1:
+        yield from map(_compile_one, overloads)
+        return
+    with ProcessPoolExecutor(jobs, get_context('spawn')) as pool:
+        # Workers take over what is blocked: Ctrl-C in a terminal is for this process alone.
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        futures: Iterable = [pool.submit(_compile_one, overload) for overload in overloads]
+        try:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+            for future in as_completed(futures):
+                yield future.result()
+        except KeyboardInterrupt:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in active_children():
+                worker.terminate()
+            raise
+
+
+def _compile_one(overload: Overload) -> tuple[str, bool, str]:
+    try:
+        return str(overload), overload.compile(), ''
+    except StaleOverload as error:
+        return str(overload), False, str(error)
+
+
+def _show(done: int, total: int, name: str, out: TextIO) -> None:
+    """Draw a bar on a terminal, else write a line."""
+    if not out.isatty():
+        print(f'{done}/{total} {name}', file=out, flush=True)
+        return
+    full = _BAR * done // total
+    end = '\r\033[K' if done == total else ''
+    print(f'\r\033[Kcompiling [{"#" * full}{"." * (_BAR - full)}] {done}/{total} {name[:40]}',
+          end=end, file=out, flush=True)

@@ -1,0 +1,82 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""
+Program: runs a command so that Ctrl-C ends it with one line, while its modules load too.
+
+This module imports nothing that takes long. Exit code 130 is the shells' for SIGINT.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
+import os
+import signal
+import sys
+from typing import NoReturn
+
+INTERRUPTED = 130
+COMMANDS = {
+    'batch': 'procphys_ros.batch.command',
+    'command': 'procphys_ros.ros.command',
+    'examples': 'procphys_ros.examples.command',
+    'export': 'procphys_ros.export.command',
+    'record': 'procphys_ros.ros.record',
+    'render': 'procphys_ros.render.command',
+    'replay': 'procphys_ros.ros.replay',
+    'view': 'procphys_ros.ros.view',
+    'warm': 'procphys_ros.compilation.warming',
+}
+
+
+def run(name: str, words: Sequence[str] | None = None) -> int:
+    """
+    Run a command.
+
+    :param name: in `COMMANDS`.
+    :param words: behind its name; None = the process's own.
+    :returns: its exit code, 130 when Ctrl-C has ended it.
+    """
+    heeds = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # nohup ignores it
+    if heeds:
+        # Modules that are half loaded may swallow an exception, and nothing is open yet.
+        signal.signal(signal.SIGINT, lambda *_: _end(name))
+    main = import_module(COMMANDS[name]).main
+    if heeds:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return main(words)
+    except KeyboardInterrupt:
+        print(f'{name}: interrupted', file=sys.stderr)
+        return INTERRUPTED
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the command that the first word names; its exit code, 2 when there is none such."""
+    words = sys.argv[1:] if words is None else list(words)
+    if words and words[0] in COMMANDS:
+        return run(words[0], words[1:])
+    print(f'usage: python -m procphys_ros {{{",".join(COMMANDS)}}} ...; each tells more after '
+          '--help', file=sys.stdout if words in (['-h'], ['--help']) else sys.stderr)
+    return 0 if words in (['-h'], ['--help']) else 2
+
+
+def _end(name: str) -> NoReturn:
+    os.write(2, f'{name}: interrupted\n'.encode())
+    os._exit(INTERRUPTED)
+
+
+batch, command, examples, export, record, render, replay, view, warm = (
+    partial(run, name) for name in COMMANDS)

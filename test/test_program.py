@@ -1,0 +1,89 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Commands end with one line and exit code 130 on Ctrl-C, whenever it comes."""
+
+from pathlib import Path
+import signal
+import subprocess
+import sys
+from types import ModuleType
+
+import pytest
+
+from procphys_ros import program
+from procphys_ros.compilation import warming
+
+ROOT = Path(__file__).resolve().parents[1]
+HALF_LOADED = """
+import os, signal
+try:
+    os.kill(os.getpid(), signal.SIGINT)
+except BaseException:
+    pass
+print('loaded')
+"""
+
+
+def test_ctrl_c_ends_a_command_that_loads(tmp_path):
+    """Interrupt a module that swallows exceptions, as numpy does, while it is imported."""
+    (tmp_path / 'half_loaded.py').write_text(HALF_LOADED, 'utf-8')
+    code = ('from procphys_ros import program; program.COMMANDS["render"] = "half_loaded"; '
+            'raise SystemExit(program.main(["render", "--help"]))')
+    done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, text=True,
+                          capture_output=True, env={'PYTHONPATH': f'{ROOT}:{tmp_path}'})
+    assert (done.returncode, done.stdout, done.stderr) == (130, '', 'render: interrupted\n')
+
+
+@pytest.mark.parametrize('name', program.COMMANDS)
+def test_ctrl_c_ends_a_command_that_runs(name, monkeypatch, capsys):
+    """Interrupt each command before it handles signals itself."""
+    module = ModuleType('running')
+    module.main = lambda words: signal.raise_signal(signal.SIGINT)
+    monkeypatch.setitem(sys.modules, program.COMMANDS[name], module)
+    handler = signal.getsignal(signal.SIGINT)
+    try:
+        assert program.run(name, []) == 130
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert capsys.readouterr().err == f'{name}: interrupted\n'
+
+
+def test_every_command_is_started_so():
+    """Find each in the scripts for ros2 run and in the entry points."""
+    setup = (ROOT / 'setup.py').read_text('utf-8')
+    for name in program.COMMANDS.keys() - {'warm'}:
+        assert f"'{name} = procphys_ros.program:{name}'" in setup
+        assert getattr(program, name).args == (name,)
+        script = (ROOT / 'scripts' / name).read_text('utf-8')
+        assert script.count(f'-P -m procphys_ros {name} "$@"') == 2
+
+
+def test_an_unknown_command_is_told(capsys):
+    """Name the commands there are, on stderr."""
+    assert program.main(['rendr']) == 2
+    assert 'render,replay' in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_the_compiling_of_kernels(monkeypatch, capsys):
+    """Interrupt it between two kernels."""
+    monkeypatch.setattr(warming, 'is_complete', lambda: False)
+    monkeypatch.setattr(warming, 'warm', lambda *_: signal.raise_signal(signal.SIGINT))
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert warming.main([]) == 130
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert capsys.readouterr().err == 'warm: interrupted\n'
