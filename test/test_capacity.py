@@ -39,5 +39,5 @@ def test_scenes_ask_for_free_memory_before_they_place_trees(monkeypatch, tmp_pat
     Scene.from_parameters(STAND)
     table.write_text('MemTotal:  99 kB\nMemAvailable:     500 kB\n', 'ascii')
     assert capacity.available_memory() == 512000
-    with pytest.raises(SceneError, match='the 0.0 GiB of memory that are free hold 51;'):
+    with pytest.raises(SceneError, match='the 0.0 GiB of memory that are free hold 25;'):
         Scene.from_parameters(STAND)

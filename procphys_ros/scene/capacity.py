@@ -18,9 +18,8 @@ from pathlib import Path
 
 from procphys_ros.errors import SceneError
 
-# [bytes] of memory at its peak, from `bench/scale.py`: trees take 4.1 kB per segment, walls 7.7 kB
-# per brick; messages and markers of a node come on top.
-_PER_PART = 10_000
+# [bytes] of memory at its peak, from `bench/scale.py`: 18 kB per brick, 9 to 13 kB per segment.
+_PER_PART = 20_000
 _MEMORY = Path('/proc/meminfo')
 
 
