@@ -146,6 +146,8 @@ def test_an_arch_carries_the_wall_above_it_until_a_pier_goes():
 @pytest.mark.parametrize(('change', 'message'), [
     (('round, 1', 'gothic, 1'), 'unknown shape "gothic" of an arch (shapes: round, '
                                 'segmental(rise), pointed, flat)'),
+    (('round, 1', 'round, 1, glass'), 'arches are built of stones, not of "glass" (materials: '
+                                      'brick, concrete, tile)'),
     (('round, 1', 'segmental, 1'), '"segmental" takes one number, its rise, found 0'),
     (('round, 1', 'round(2), 1'), '"round" takes no number, found 1'),
     (('round, 1', 'segmental(2), 1'), 'must be from 0.03 to 0.75 m, found 2 m'),

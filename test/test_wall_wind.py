@@ -24,7 +24,7 @@ from procphys_ros.physics.loads import exposed_faces, wall_forces
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import masonry, Simulation
 
-SHIPPED = ['barn', 'cottage', 'garden_wall', 'office', 'terrace', 'tower']
+SHIPPED = ['barn', 'church', 'cottage', 'dry_stone', 'garden_wall', 'office', 'terrace', 'tower']
 WAYS = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0), (0.7071, 0.7071)]
 GALE = 25.0  # [m/s] at 10 m; the Enhanced Fujita scale begins at 29 m/s, where roofs lose their
 #              surface, and has roofs torn off from 50 m/s on (McDonald & Mehta 2004)

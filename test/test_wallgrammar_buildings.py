@@ -68,7 +68,8 @@ def check_sound(blueprint):
     np.testing.assert_allclose(norm, 1.0, atol=1e-9)
 
 
-@pytest.mark.parametrize('name', ['barn', 'cottage', 'garden_wall', 'office', 'terrace', 'tower'])
+@pytest.mark.parametrize('name', [
+    'barn', 'cottage', 'dry_stone', 'garden_wall', 'office', 'terrace', 'tower'])
 def test_shipped_buildings_are_sound(shipped, name):
     """Bond every part to the ground, and let none overlap."""
     check_sound(shipped[name])

@@ -35,6 +35,7 @@ _RANGES = {
     'friction': (0.0, 10.0),
     'modulus': (1e3, 2e12),     # [Pa] gel to diamond
 }
+_NO_STONE = ('timber', 'oak', 'glass', 'fixing', 'bearing', 'mortar')  # no arches are built of
 _SMALLEST = 0.01  # [m] smallest extent of a unit
 _LARGEST = 20.0   # [m] largest
 _JOINT = 0.01     # [m] when a layout names none
@@ -130,6 +131,10 @@ def check_panel(panel: Panel, layouts: dict[str, Layout],
     """
     for material in panel.arguments:
         check_material(material, materials, panel.place)
+        if panel.kind == 'arch' and material in _NO_STONE:
+            stones = ', '.join(name for name in materials if name not in _NO_STONE)
+            raise panel.place.error(f'arches are built of stones, not of "{material}" '
+                                    f'(materials: {stones})')
     if panel.kind not in ('boards', 'glazing', 'beam', 'arch', 'none', *layouts):
         raise panel.place.error(
             f'unknown layout "{panel.kind}" of panel "{panel.name}"'
