@@ -126,7 +126,7 @@ def test_shards_carry_on_mass_and_momentum_of_their_pane():
     simulation.state.glass.load[:] = 2.0
     assert glass.shatter_loose(simulation.model, simulation.state)
     fragments.write_poses(simulation.model, simulation.state, simulation.time_step)
-    assert len(simulation.blueprint) == 4 + 16
+    assert len(simulation.blueprint) == 4 + 12
     np.testing.assert_allclose(mass_and_momentum(simulation), before, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(simulation.poses[[0, 1, 3]], where[[0, 1, 3]], atol=1e-9)
     shards = simulation.poses[4:, :3]

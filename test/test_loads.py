@@ -24,7 +24,10 @@ from procphys_ros import rotation
 from procphys_ros.physics.loads import (
     drag_coefficients,
     exposed_faces,
+    outer_faces,
+    Skin,
     wall_forces,
+    wind_pressure,
     with_joints,
 )
 
@@ -78,6 +81,44 @@ def test_room_takes_what_a_free_wall_takes_and_its_sides_are_sucked_out():
     assert force[0, 0] == pytest.approx(0.85 * 0.8 * q * 4.4 * 3.0)
     assert force[3, 1] == pytest.approx(0.5 * q * 4.0 * 3.0)
     assert force[2, 1] == pytest.approx(-force[3, 1])
+
+
+def _house():
+    """Set up a closed box of plates, 8 x 8 m and 4 m high."""
+    poses = np.array([[-4, 0, 2, *UPRIGHT], [4, 0, 2, *UPRIGHT], [0, -4, 2, *UPRIGHT],
+                      [0, 4, 2, *UPRIGHT], [0, 0, 4, *UPRIGHT]], float)
+    sizes = np.array([[0.2, 8.2, 4.0]] * 2 + [[8.2, 0.2, 4.0]] * 2 + [[8.2, 8.2, 0.2]])
+    return poses, sizes
+
+
+@pytest.mark.parametrize(('lost', 'inner'), [(None, -0.226), (0, 0.35), (1, -0.3)])
+def test_air_in_a_house_takes_the_pressure_of_its_openings(lost, inner):
+    """Compare walls of a house with c_pe - c_pi: closed, open to windward, open to the lee."""
+    poses, sizes = _house()
+    faces, gone = outer_faces(poses, sizes), np.zeros(5, bool)
+    np.testing.assert_array_equal(faces.sum(axis=1), 1)
+    if lost is not None:
+        gone[lost] = True
+    wind = np.tile([20.0, 0.0, 0.0], (5, 1))
+    force, _ = wall_forces(poses, sizes, faces, wind, skin=Skin(faces, np.zeros(5, int), gone))
+    q, front, rear = 0.5 * DENSITY * 400.0, 0.7, -0.3  # low, for the middles of its faces count
+    if lost != 0:
+        assert force[0, 0] == pytest.approx(q * 32.8 * (0.85 * front - inner), abs=80.0)
+    if lost != 1:
+        assert force[1, 0] == pytest.approx(-q * 32.8 * (0.85 * rear - inner), abs=80.0)
+    assert lost is None or not force[lost].any()
+
+
+@pytest.mark.parametrize(('pitch', 'facing', 'wanted'), [
+    (30.0, 1.0, 0.1), (45.0, 1.0, 0.3), (30.0, -1.0, -0.4), (45.0, -1.0, -0.2),
+    (30.0, 0.0, -0.5), (0.0, 0.0, -0.2), (60.0, 1.0, 0.7)])
+def test_roofs_follow_the_tables(pitch, facing, wanted):
+    """Compare slopes before, behind and along the ridge with EN 1991-1-4, tables 7.2 and 7.4."""
+    tilt, turn = np.radians(pitch), np.arccos(facing)
+    normal = np.array([[-np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)]])
+    place = wind_pressure.Outline(*(np.array([v]) for v in (9.0, 8.0, 12.0, 16.0, 6.0)))
+    found = wind_pressure.external(normal, np.array([[1.0, 0.0]]), place)
+    assert found[0] == pytest.approx(wanted)
 
 
 def test_joints_belong_to_the_face_of_a_wall():

@@ -83,8 +83,9 @@ def test_a_blast_breaks_boards_across_the_grain():
     simulation.explode((1.6, -2.0, 1.2), 4.0)
     simulation.step(30)
     events = broken_grain(simulation, grain)
-    assert len(events) > 30
-    assert np.mean(apart(simulation, events) > 0.1) > 0.7
+    near = events[np.linalg.norm(events['position'] - [1.6, -2.0, 1.2], axis=1) < 2.5]
+    assert len(near) > 30  # further off, what broke flies on side by side
+    assert np.mean(apart(simulation, near) > 0.1) > 0.7
     assert splinters(simulation, events) > 20
 
 

@@ -40,9 +40,9 @@ _PLATE_STRESS = 0.2874  # stress·thickness²/(pressure·edge²), square plate (
 _REACH = 0.1         # [m] wider than what strikes it is the glass that feels a blow in time
 _SPRING = 0.4        # [m/s] standard deviation of the speed that bent glass lends to its shards
 _SPIN = 3.0          # [rad/s] the same of their spin
-_PIECES = 4          # along each side
+_PIECES = 4          # its square is about the number of shards of a pane
 _MANY = 40           # panes at once, above which each breaks into fewer pieces
-FEWEST = 2           # pieces along each side, where there is little room for more bodies
+FEWEST = 2           # the same where there is little room for more bodies
 SHARDS = 64          # awake shards that there should be: the more, the fewer does a pane give
 BODIES = 300         # awake bodies up to which there may be more; beyond, panes wait, cracked
 _MOST = 4            # panes that fall out in one step: each time their piece is made anew
@@ -87,7 +87,7 @@ def crack(model: Model, part: int, point: np.ndarray | None = None, size: float 
     """
     source = model.blueprint
     pieces = _PIECES if count < _MANY else _PIECES // 2
-    parts = _cut_up(model, part, source.poses[part], pieces)
+    parts = _cut_up(model, part, source.poses[part], pieces, point)
     share, mass = np.ones(len(parts)), float(parts.mass.sum())
     thin, edge = float(model.glass.thickness[part]), float(model.glass.edge[part])
     if point is not None:
@@ -193,12 +193,15 @@ def _point_force(model: Model, parts: np.ndarray) -> np.ndarray:
     return _STRENGTH * model.glass.thickness[parts] ** 2 / _POINT_STRESS
 
 
-def _cut_up(model: Model, part: int, pose: np.ndarray, pieces: int) -> Blueprint:
+def _cut_up(model: Model, part: int, pose: np.ndarray, pieces: int,
+            point: np.ndarray | None = None) -> Blueprint:
     source, rng = model.blueprint, np.random.default_rng([model.seed, part])
+    local = None if point is None else rotation.rotate(
+        rotation.conjugate(pose[3:]), point - pose[:3])
     return spawned_parts.shards(
         source.size[part], float(source.density[part]), pose,
         source.textures[source.texture[part]], source.materials[source.material[part]],
-        pieces, pieces, rng)
+        1 if pieces > FEWEST else 0, rng, local)
 
 
 def _append(model: Model, state: State, panes: Sequence[tuple[int, Blueprint]]) -> list[int]:
@@ -209,7 +212,8 @@ def _append(model: Model, state: State, panes: Sequence[tuple[int, Blueprint]]) 
 def _scatter(model: Model, state: State, part: int, first: int, pieces: Blueprint,
              velocities: np.ndarray) -> np.ndarray:
     """Let shards, parts from `first` on, fly with velocities (S, 6); give their bodies."""
-    bodies = state.world.add_bricks(pieces.poses, pieces.size, pieces.mass)
+    bodies = state.world.add_bricks(pieces.poses, pieces.size, pieces.mass,
+                                    hexahedra=pieces.hexahedra, inertia=pieces.inertia)
     state.world.thaw(bodies, velocities + _spring_back(model, part, pieces))
     fragments.adopt(state, np.arange(first, first + len(pieces)), bodies)
     return bodies

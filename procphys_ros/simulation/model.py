@@ -26,7 +26,7 @@ from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.compilation.threads import most_threads
 from procphys_ros.physics.air import SHEDDING_SPEED
 from procphys_ros.physics.foliage import speed_of, strengths
-from procphys_ros.physics.loads import outer_faces, with_joints
+from procphys_ros.physics.loads import exposed_faces, outer_faces, with_joints
 from procphys_ros.physics.masonry import BondGraph, FreeBodies
 from procphys_ros.physics.masonry.components import groups, label
 from procphys_ros.physics.terrain import Terrain
@@ -42,6 +42,7 @@ from procphys_ros.simulation.obstacles import Bricks
 from procphys_ros.simulation.shelter import find_shelter
 
 _JOINT = 0.01        # [m] mortar between parts that makes their faces one wall
+_COVERED = 0.5       # [m] before an outer face, within which another part takes its load
 _THICKEST = 0.025    # [m] thicker glass is no pane
 _STRENGTH_SEED = 102  # keeps random streams apart that share the scene's seed
 
@@ -96,14 +97,18 @@ class MasonryModel:
     bricks: Bricks
 
     @cached_property
-    def skin(self) -> np.ndarray:
-        """Outer faces of buildings with a room behind them, found when first asked, (N, 6)."""
-        found = np.zeros((len(self.members), 6), bool)
+    def building(self) -> np.ndarray:
+        """Give the number of what each part hangs together with when whole, (N,)."""
         graph = self.graph
-        labels, _ = label(graph.count, graph.first, graph.second, np.ones(len(graph), bool))
-        for rows in groups(labels, self.members):
+        return label(graph.count, graph.first, graph.second, np.ones(len(graph), bool))[0]
+
+    @cached_property
+    def skin(self) -> np.ndarray:
+        """Find the outer faces of buildings with a room behind them, when first asked, (N, 6)."""
+        found = np.zeros((len(self.members), 6), bool)
+        for rows in groups(self.building, self.members):
             found[rows] = outer_faces(self.face_poses[rows], self.face_sizes[rows])
-        return found
+        return found & exposed_faces(self.face_poses, self.face_sizes, reach=_COVERED)
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,16 @@
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, box_inertia, Ornaments, Shape
+from procphys_ros.blueprint import Blueprint, Hexahedra, Ornaments, Shape
+from procphys_ros.hexahedron import solids, volumes
 from procphys_ros.physics.world import solid_inertia
 from procphys_ros.scene.strikes import Projectile
 
 _TEXTURE = 'concrete'
 _CORE = 0.55  # of a ball's diameter, edge of what is drawn inside of its round skin
+_INNER = 0.35    # of a pane's edges: cracks start no further from its middle
+_WIDENING = 1.3  # exponent by which rings of cracks lie closer near the middle
+_MIRRORED = np.array([4, 5, 6, 7, 0, 1, 2, 3])  # corners with the low and high z swapped
 _GOLDEN = 0.5 * (1.0 + 5.0 ** 0.5)
 
 
@@ -56,44 +60,68 @@ def projectile_part(projectile: Projectile) -> Blueprint:
 
 
 def shards(size: np.ndarray, density: float, pose: np.ndarray, texture: str, material: str,
-           columns: int, rows: int, rng: np.random.Generator) -> Blueprint:
+           rings: int, rng: np.random.Generator, point: np.ndarray | None = None) -> Blueprint:
     """
-    Cut a pane into small rectangles by uneven lines.
+    Cut a pane into shards between cracks that run out from one point and cracks around it.
 
     :param size: full extents of the pane [m], (3,); its least is its thickness.
     :param density: [kg/m³].
     :param pose: of the pane, (7,), world.
     :param texture, material: names, as of the pane.
-    :param columns, rows: number of pieces along the longer sides.
-    :param rng: places the cuts.
+    :param rings: of eight shards each around the middle four.
+    :param rng: places the cracks.
+    :param point: where they start, in the pane's frame [m], (3,); None = somewhere.
     """
     thin, u, v = np.argsort(size, kind='stable')
-    lows: list[tuple[float, float]] = []
-    highs: list[tuple[float, float]] = []
-    edges = _cuts(columns, rng)
-    for left, right in zip(edges[:-1], edges[1:]):
-        across = _cuts(rows, rng)
-        lows += [(left, a) for a in across[:-1]]
-        highs += [(right, b) for b in across[1:]]
-    low, high = np.array(lows), np.array(highs)
-    sizes, centres = np.full((len(low), 3), size[thin]), np.zeros((len(low), 3))
-    sizes[:, [u, v]] = (high - low) * size[[u, v]]
-    centres[:, [u, v]] = (0.5 * (low + high) - 0.5) * size[[u, v]]
-    mass = density * sizes.prod(axis=1)
-    local = np.column_stack([centres, np.tile([0.0, 0.0, 0.0, 1.0], (len(low), 1))])
-    zero = np.zeros(len(low), np.int16)
+    plane = _star(rings, rng, None if point is None else point[[u, v]] / size[[u, v]])
+    corners = np.zeros((len(plane), 2, 2, 2, 3))  # high side along thin, u and v
+    order = np.array([[0, 3], [1, 2]])  # of a shard's corners: low and high along u, then v
+    flat = plane[:, order] * size[[u, v]]
+    for side in (0, 1):
+        corners[:, side, :, :, u], corners[:, side, :, :, v] = flat[..., 0], flat[..., 1]
+        corners[:, side, :, :, thin] = (side - 0.5) * size[thin]
+    corners = corners.reshape(-1, 8, 3)[:, _corner_order(int(thin), int(u), int(v))]
+    corners = np.where((volumes(corners)[0] < 0.0)[:, None, None], corners[:, _MIRRORED], corners)
+    made = solids(corners)
+    zero, mass = np.zeros(len(made.size), np.int16), density * made.volume
     return Blueprint(
-        shape=np.full(len(low), Shape.BOX, np.uint8), size=sizes, visual_size=sizes,
-        density=np.full(len(low), density), mass=mass, inertia=box_inertia(mass, sizes),
-        poses=rotation.compose(pose, local), kind=zero, material=zero, texture=zero,
-        leaf_area=np.zeros(len(low)), kinds=('shard',), materials=(material,),
-        textures=(texture,))
+        shape=np.full(len(zero), Shape.BOX, np.uint8), size=made.size, visual_size=made.size,
+        density=np.full(len(zero), density), mass=mass, inertia=density * made.inertia,
+        poses=rotation.compose(pose, made.poses), kind=zero, material=zero, texture=zero,
+        leaf_area=np.zeros(len(zero)), kinds=('shard',), materials=(material,),
+        textures=(texture,),
+        hexahedra=Hexahedra(np.arange(len(zero), dtype=np.int32), made.corners))
 
 
-def _cuts(count: int, rng: np.random.Generator) -> np.ndarray:
-    """Give where count uneven pieces of a unit length begin and end, (count + 1,)."""
-    lengths = rng.uniform(0.6, 1.4, count)
-    return np.concatenate([[0.0], np.cumsum(lengths) / lengths.sum()])
+def _star(rings: int, rng: np.random.Generator, point: np.ndarray | None) -> np.ndarray:
+    """
+    Cut the unit square about zero into convex quadrilaterals around a point.
+
+    Cracks run to its corners and to about the nearest place on each edge: no angle reaches 180°.
+
+    :returns: their corners in turn, (4 + 8 · rings, 4, 2).
+    """
+    if point is None:
+        point = rng.uniform(-0.2, 0.2, 2)
+    middle = np.clip(point, -_INNER, _INNER)
+    on = middle[[0, 1, 0, 1]] + rng.uniform(-0.1, 0.1, 4)
+    ends = np.array([[-0.5, -0.5], [on[0], -0.5], [0.5, -0.5], [0.5, on[1]], [0.5, 0.5],
+                     [on[2], 0.5], [-0.5, 0.5], [-0.5, on[3]]])
+    share = np.linspace(0.0, 1.0, rings + 2)[1:] ** _WIDENING
+    share[:-1] *= rng.uniform(0.8, 1.2, rings)
+    inner = middle + share[0] * (ends - middle)
+    found = [[middle, inner[i - 1], inner[i], inner[(i + 1) % 8]] for i in range(0, 8, 2)]
+    for low, high in zip(share[:-1], share[1:]):
+        a, b = (middle + s * (ends - middle) for s in (low, high))
+        found += [[a[i - 1], b[i - 1], b[i], a[i]] for i in range(8)]
+    return np.array(found)
+
+
+def _corner_order(thin: int, u: int, v: int) -> np.ndarray:
+    """Give the rows of corners that count along thin, u, v, in the order along x, y, z."""
+    number = np.arange(8)
+    bits = {axis: (number >> axis) & 1 for axis in range(3)}
+    return 4 * bits[thin] + 2 * bits[u] + bits[v]
 
 
 def _round_skin() -> np.ndarray:

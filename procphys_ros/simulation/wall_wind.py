@@ -19,9 +19,9 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.air import AIR_DENSITY
-from procphys_ros.physics.loads import exposed_faces, wall_forces
+from procphys_ros.physics.loads import exposed_faces, Skin, wall_forces
 from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.state import State
+from procphys_ros.simulation.state import State, WallWindState
 
 _INTERVAL = 0.25     # [s] between looks at the wind
 _BREEZE = 60.0       # [Pa] dynamic pressure, 10 m/s, which walls stand without being asked
@@ -37,8 +37,7 @@ def step(model: Model, state: State, dt: float) -> None:
     Each building feels the air at its top as a whole (EN 1991-1-4, 7.2.2: the reference height of
     walls no higher than wide; it overrates the lower storeys of towers). Eddies smaller than a
     building press on parts of it at different times, which codes leave out as well. The air inside
-    keeps the pressure of the air at rest; in truth it lies between 0.2 and -0.3 of that of the
-    wind (7.2.9).
+    takes the pressure that its openings let in: panes, doors and walls that are gone.
     """
     own = state.wall_wind
     if state.time < own.next_look - 1e-9:
@@ -81,12 +80,26 @@ def _survey(model: Model, state: State, standing: np.ndarray) -> None:
 
 def _press(model: Model, state: State, standing: np.ndarray) -> None:
     walls, own = model.masonry, state.wall_wind
-    chosen = own.exposed.any(axis=1) & standing[own.parts]
-    parts = own.parts[chosen]
-    force, moment = wall_forces(walls.face_poses[parts], walls.face_sizes[parts],
-                                own.exposed[chosen], own.applied[own.structure[chosen]],
-                                model.blueprint.poses[parts, :3])
-    state.loads.set_layer(_LAYER, parts, np.hstack([force, moment]))
+    exposed = np.zeros((len(standing), 6), bool)
+    exposed[own.parts] = own.exposed
+    air = np.zeros((len(standing), 3))
+    air[own.parts] = own.applied[own.structure]
+    gone = walls.skin.any(axis=1) & ~standing
+    air[gone] = _air_at_building(walls.building, own, gone)
+    parts = np.flatnonzero(exposed.any(axis=1) & standing | walls.skin.any(axis=1))
+    force, moment = wall_forces(
+        walls.face_poses[parts], walls.face_sizes[parts], exposed[parts], air[parts],
+        model.blueprint.poses[parts, :3],
+        Skin(walls.skin[parts], walls.building[parts], gone[parts]))
+    left = standing[parts]
+    state.loads.set_layer(_LAYER, parts[left], np.hstack([force, moment])[left])
+
+
+def _air_at_building(building: np.ndarray, own: WallWindState, gone: np.ndarray) -> np.ndarray:
+    """Give the air at parts that are gone as at what is left of their buildings, (G, 3)."""
+    air = np.zeros((int(building.max(initial=0)) + 1, 3))
+    air[building[own.parts]] = own.applied[own.structure]
+    return air[building[gone]]
 
 
 def _pressure(air: np.ndarray) -> np.ndarray:

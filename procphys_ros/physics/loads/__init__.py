@@ -15,9 +15,9 @@
 
 """Loads on parts: air blast, wind pressure and drag on boxes, swept projectiles."""
 
-from procphys_ros.physics.loads import air_blast, faces
+from procphys_ros.physics.loads import air_blast, faces, wind_pressure
 from procphys_ros.physics.loads.blast import blast_boxes, blast_capsules, Impulses
-from procphys_ros.physics.loads.drag import drag_coefficients, exposed_faces, wall_forces
+from procphys_ros.physics.loads.drag import drag_coefficients, exposed_faces, Skin, wall_forces
 from procphys_ros.physics.loads.gas_pressure import gas_impulse, peak_pressure
 from procphys_ros.physics.loads.room import find_room, Room
 from procphys_ros.physics.loads.sight import Sight
@@ -31,8 +31,9 @@ from procphys_ros.physics.loads.sweep import (
 )
 from procphys_ros.physics.loads.wall_faces import with_joints
 
-__all__ = ['Hits', 'Impulses', 'Room', 'Sight', 'air_blast', 'blast_boxes', 'blast_capsules',
+__all__ = ['Hits', 'Impulses', 'Room', 'Sight', 'Skin', 'air_blast', 'blast_boxes',
+           'blast_capsules',
            'drag_coefficients', 'exposed_faces', 'faces', 'find_room',
            'gas_impulse', 'outer_faces', 'peak_pressure',
            'sweep_box_boxes', 'sweep_box_capsules', 'sweep_boxes', 'sweep_capsules',
-           'wall_forces', 'with_joints']
+           'wall_forces', 'wind_pressure', 'with_joints']

@@ -15,11 +15,13 @@
 
 """Wind on boxes: pressure and suction on the faces of buildings, drag on loose debris."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.physics.air import AIR_DENSITY, CUBE_DRAG
-from procphys_ros.physics.loads import faces
+from procphys_ros.physics.loads import faces, wind_pressure
 from procphys_ros.physics.loads.sight import Sight
 from procphys_ros.physics.terrain import FLAT, Terrain
 
@@ -27,6 +29,21 @@ _WINDWARD = 0.8      # EN 1991-1-4, table 7.1, zone D, height over depth 1
 _ELSEWHERE = -0.5    # same table, zones C and E: sides and lee
 _APART = 0.15        # lack of correlation of push ahead and pull behind, 7.2.2 (3)
 _OFF_FACE = 1e-4     # [m] rays start this far off a face
+
+
+@dataclass(frozen=True)
+class Skin:
+    """
+    Faces of boxes with a room behind them.
+
+    :ivar faces: from `skin.outer_faces`, (N, 6) bool.
+    :ivar building: number of what each box belongs to, (N,).
+    :ivar gone: boxes that are not there any more and leave openings, (N,) bool.
+    """
+
+    faces: np.ndarray
+    building: np.ndarray
+    gone: np.ndarray
 
 
 def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
@@ -55,31 +72,55 @@ def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
 
 
 def wall_forces(poses: np.ndarray, sizes: np.ndarray, exposed: np.ndarray, wind: np.ndarray,
-                centres: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+                centres: np.ndarray | None = None,
+                skin: Skin | None = None) -> tuple[np.ndarray, np.ndarray]:
     """
-    Compute the wind pressure on buildings.
+    Compute the wind pressure on buildings and free-standing walls.
 
-    Pressure = 1/2 · density · speed² · c; c is 0.8 square to the wind and -0.5 on faces along it
-    and in the lee (EN 1991-1-4, table 7.1), between them it follows the square of the cosine.
-    What acts along the wind is reduced to 0.85 of it, for push ahead and pull behind are never at
-    their peaks together (7.2.2 (3), height over depth up to 1): 1.1 on a building as a whole.
+    Pressure = 1/2 · density · speed² · c. On the skins of buildings c is that of `wind_pressure`,
+    outside less inside. On walls that stand free, c is 0.8 square to the wind and -0.5 on faces
+    along it and in the lee (EN 1991-1-4, table 7.1), between them it follows the square of the
+    cosine. What acts along the wind is reduced to 0.85 of it, for push ahead and pull behind are
+    never at their peaks together (7.2.2 (3), height over depth up to 1).
 
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m]; see `wall_faces.with_joints`.
     :param exposed: from `exposed_faces`, (N, 6) bool.
     :param wind: air velocity at the boxes, (N, 3) [m/s], world.
     :param centres: about which moments are taken, (N, 3) [m]; None = those of the boxes.
+    :param skin: which faces belong to the skins of buildings; None = none.
     :returns: forces and moments about the centres, (N, 3) [N] and (N, 3) [N·m], world.
     """
-    patches = faces.cut(poses, sizes, exposed, patch=np.inf)
+    wanted = exposed if skin is None else exposed | skin.faces
+    patches = faces.cut(poses, sizes, wanted, patch=np.inf)
     air = np.asarray(wind, float)[patches.owner]
     square = np.einsum('ki,ki->k', air, air)
     along = np.einsum('ki,ki->k', air, patches.normal)
-    pressure = 0.5 * AIR_DENSITY * (
-        _ELSEWHERE * square + (_WINDWARD - _ELSEWHERE) * np.minimum(along, 0.0) ** 2)
-    pressure *= 1.0 - _APART * along ** 2 / np.maximum(square, 1e-12)
+    coefficient = _ELSEWHERE + (_WINDWARD - _ELSEWHERE) * (
+        np.minimum(along, 0.0) ** 2 / np.maximum(square, 1e-12))
+    inner = np.zeros(len(along))
+    if skin is not None:
+        rows = np.flatnonzero(skin.faces[patches.owner, patches.face])
+        coefficient[rows], inner[rows] = _on_skin(skin, patches.take(rows), air[rows])
+    correlated = 1.0 - _APART * along ** 2 / np.maximum(square, 1e-12)
+    pressure = 0.5 * AIR_DENSITY * square * (coefficient * correlated - inner)
+    if skin is not None:
+        pressure[skin.gone[patches.owner]] = 0.0
     return faces.gather(patches, -(pressure * patches.area)[:, None] * patches.normal,
                         np.asarray(poses, float)[:, :3] if centres is None else centres)
+
+
+def _on_skin(skin: Skin, patches: faces.Patches,
+             air: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give c_pe and c_pi on faces of skins, (K,) each."""
+    level = np.linalg.norm(air[:, :2], axis=1, keepdims=True)
+    way = air[:, :2] / np.maximum(level, 1e-9)
+    _, building = np.unique(skin.building[patches.owner], return_inverse=True)
+    outer = wind_pressure.external(patches.normal, way,
+                                   wind_pressure.outline(patches.centre, way, building))
+    gone = patches.area * skin.gone[patches.owner]
+    inner = wind_pressure.internal(patches.area, gone, outer, building)
+    return outer, inner[building]
 
 
 def drag_coefficients(quaternions: np.ndarray, sizes: np.ndarray,
