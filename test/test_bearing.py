@@ -19,6 +19,7 @@ from building_checks import count_loose
 from masonry_walls import wall
 import numpy as np
 import pytest
+import yaml
 
 from procphys_ros.errors import SceneError
 from procphys_ros.lsystem import LSystem
@@ -92,3 +93,12 @@ def test_shares_of_a_scene_hold_what_stands_on_the_ground():
     """Refuse objects on others where the scene is shared among nodes."""
     with pytest.raises(SceneError, match='shard.count'):
         Scene.from_parameters({**parameters(), 'shard': {'index': 1, 'count': 2}})
+
+
+def test_on_is_a_name_in_scene_files(tmp_path):
+    """Read `on: lower` as ROS does, though YAML 1.1 takes `on` for a truth value."""
+    path = tmp_path / 'two.yaml'
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters()}}).replace(
+        "'on':", 'on:'), 'utf-8')
+    assert '      on: lower' in path.read_text('utf-8')
+    assert [thing.name for thing in Scene.from_yaml(path).objects] == ['lower', 'upper']

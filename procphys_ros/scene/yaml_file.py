@@ -14,7 +14,7 @@
 
 """Read the parameters of the node from a ROS parameter file, without ROS."""
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,17 @@ import yaml
 from procphys_ros.errors import SceneError
 
 _NODE_KEYS = ('/**', '/*', 'sim', '/sim')  # sections that apply to a node called sim
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads names of parameters as ROS does: `on` is a name, not a truth value of YAML 1.1."""
+
+    def construct_mapping(self, node: yaml.MappingNode,
+                          deep: bool = False) -> dict[Hashable, Any]:
+        for key, _ in node.value:
+            if key.tag == 'tag:yaml.org,2002:bool':
+                key.tag = 'tag:yaml.org,2002:str'
+        return super().construct_mapping(node, deep)
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
@@ -39,7 +50,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         reason = getattr(error, 'strerror', None) or 'it is not UTF-8 text'
         raise SceneError(f'{path}: cannot be read: {reason}') from error
     try:
-        document = yaml.safe_load(text)
+        document = yaml.load(text, _Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         place = f':{mark.line + 1}:{mark.column + 1}' if mark else ''
