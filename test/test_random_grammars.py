@@ -102,6 +102,15 @@ _LIVELY = {
         Event(0.6079260782018665, 0.2105963822160417, 0, 0.004687669254023606,
               212.40458860926066, 0.7385829110183432, 1.7540185965330117, 0.3199307494671051),
         1.4626952233209867),
+    'twigs that an impulse spins at 1,000 rad/s on the ground': (
+        grown(wood='Density(81.8146) Modulus(142963) DampingRatio(0.707656) '
+              'SwingForce(3.66452e+08) SwingLimit(2.15859) TwistForce(1.23179e+08) '
+              'StretchForce(4785.33) BreakForce(0.068175) WidthRate(1.13718) '
+              'Tropism(0, 0, -1, 0.2) DensityRate(1.16955)', tilt=58.4191,
+              length=0.0414221, width=0.0102106, steps=4,
+              more='~(0.691109) A(l * 0.535398, w * 0.562635)'),
+        Event(0.12996477311065602, 13.571558317835308, 21, 0.511932810329121, 0.0, 0.2325, 20.9,
+              0.0959), 44.60544959911353),
     'a disc of 400 kg that comes off the ground': (
         grown(wood='Density(10491.5) Modulus(464454) DampingRatio(0.977) SwingLimit(0.134) '
               'TwistForce(2.307e7) StretchForce(0.1956) BreakForce(7.226)', tilt=53.5,

@@ -33,7 +33,7 @@ from procphys_ros.physics.world.ground import (
 )
 from procphys_ros.physics.world.merging import TOOTHING
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
-from procphys_ros.physics.world.spin import limit_spin
+from procphys_ros.physics.world.spin import limit_gain, limit_spin
 from procphys_ros.physics.world.waking import about_to_be_hit, sweep_fast
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
@@ -344,12 +344,15 @@ class World:
         self._places = bodies.poses[:, :3].copy()
         kinematic.set_out(self._engine, bodies, self._gravity, time_step)
         awake = self.awake
-        poses, spin = bodies.poses[awake], bodies.velocities[awake, 3:]
+        poses, velocities = bodies.poses[awake], bodies.velocities[awake]
         self._engine.step(time_step)
         kinematic.arrive(self._engine, bodies)
         if len(awake):
             bodies.poses[awake], bodies.velocities[awake] = self._engine.read(awake)
-            self.set_velocities(*limit_spin(bodies, awake, poses, spin, time_step))
+            self.set_velocities(*limit_spin(bodies, awake, poses, velocities[:, 3:], time_step))
+            self.set_velocities(*limit_gain(
+                bodies, awake, poses, velocities, time_step, np.asarray(self._gravity),
+                lambda: self._engine.contacts()[:, :2]))
         self._lifts = self._correct(lift_fallen(
             bodies, awake, self._places[awake], self._gravity, time_step, self._terrain))
         self._point_contacts = self._correct(touch_with_points(
