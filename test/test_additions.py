@@ -183,8 +183,8 @@ def test_what_is_loose_can_be_put_elsewhere():
 def test_a_piece_moves_as_one_when_a_part_of_it_is_moved():
     """Put one brick of a loose pair elsewhere, turned: the other keeps its place beside it."""
     simulation = stand(wall(2, 2))
-    simulation.add(bonded([[0.0, 0.0, 1.0], [0.2, 0.0, 1.0]], (0.2, 0.1, 0.1), ground=False),
-                   name='pair')
+    simulation.add(bonded([[0.0, 0.0, 1.0], [0.2, 0.0, 1.0]], (0.2, 0.1, 0.1), ground=False,
+                          tension=1e7, cohesion=1e7), name='pair')
     simulation.step(120)
     before = rotation.relative(simulation.poses[-2], simulation.poses[-1])
     turned = np.array([9.0, 9.0, 5.0, *rotation.from_yaw(1.0)])
