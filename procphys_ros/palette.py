@@ -65,6 +65,7 @@ LOOKS: dict[str, Look] = {
     'brick': Look((0.55, 0.32, 0.25, 1.0), 'grain', 0.11),
     'sandstone': Look((0.78, 0.69, 0.52, 1.0), 'grain', 0.10),
     'stone': Look((0.60, 0.58, 0.54, 1.0), 'grain', 0.12),
+    'stone_grey': Look((0.55, 0.55, 0.53, 1.0), 'grain', 0.14),
     'concrete': Look((0.68, 0.68, 0.66, 1.0), 'grain', 0.04),
     'brick_brown': Look((0.42, 0.29, 0.22, 1.0), 'grain', 0.12),
     'mortar': Look((0.75, 0.73, 0.68, 1.0), 'grain', 0.03),

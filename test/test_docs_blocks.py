@@ -25,6 +25,7 @@ import yaml
 
 from procphys_ros.command_line import words as command_words
 from procphys_ros.lsystem import LSystem
+from procphys_ros.program import COMMANDS
 from procphys_ros.ros.parameter_table import GLOBAL
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
@@ -35,7 +36,8 @@ PAGES = {str(path.relative_to(ROOT)): path.read_text('utf-8')
          for path in (ROOT / 'README.md', *sorted(ROOT.glob('docs/**/*.md')))}
 EXECUTED = [page for page, text in PAGES.items() if '```python\n' in text
             and page not in ('README.md', 'docs/library.md')]  # test_readme.py runs these
-SCRIPTS = dict(re.findall(r"'(\w+) = ([\w.]+):main'", (ROOT / 'setup.py').read_text('utf-8')))
+SCRIPTS = {**dict(re.findall(r"'(\w+) = ([\w.]+):main'", (ROOT / 'setup.py').read_text('utf-8'))),
+           **COMMANDS}
 TESTS = {path.stem for path in ROOT.glob('test/test_*.py')}.union(*(
     re.findall(r'^def (test_\w+)', path.read_text('utf-8'), re.MULTILINE)
     for path in ROOT.glob('test/test_*.py')))

@@ -200,7 +200,8 @@ def test_unused_parameters_are_told_in_one_line(client):
                 **{'fir.count': 2, 'publish_clokc': True})
     assert node.parameters.unused_overrides() == [
         'parameters of elm, fir are not used, scene.objects does not name them',
-        'there is no parameter publish_clokc; did you mean publish_clock, publish_rate?']
+        'there is no parameter publish_clokc; did you mean publish_clock, publish_tf, '
+        'publish_rate?']
     end(node)
 
 

@@ -42,8 +42,12 @@ def test_ctrl_c_ends_a_command_that_loads(tmp_path):
     (tmp_path / 'half_loaded.py').write_text(HALF_LOADED, 'utf-8')
     code = ('from procphys_ros import program; program.COMMANDS["render"] = "half_loaded"; '
             'raise SystemExit(program.main(["render", "--help"]))')
-    done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, text=True,
-                          capture_output=True, env={'PYTHONPATH': f'{ROOT}:{tmp_path}'})
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # nohup ignores it
+    try:
+        done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, text=True,
+                              capture_output=True, env={'PYTHONPATH': f'{ROOT}:{tmp_path}'})
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert (done.returncode, done.stdout, done.stderr) == (130, '', 'render: interrupted\n')
 
 
@@ -53,7 +57,7 @@ def test_ctrl_c_ends_a_command_that_runs(name, monkeypatch, capsys):
     module = ModuleType('running')
     module.main = lambda words: signal.raise_signal(signal.SIGINT)
     monkeypatch.setitem(sys.modules, program.COMMANDS[name], module)
-    handler = signal.getsignal(signal.SIGINT)
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         assert program.run(name, []) == 130
     finally:

@@ -149,7 +149,7 @@ def test_any_moment_can_be_opened(run, moment):
             seen(types.deserialize_cdr(message.data, message.kind).markers, opened)
     recording.close()
     assert opened == watched and len(opened) >= len(simulation.scene.blueprint)
-    assert state[0].topic == '/sim/scene_description'
+    assert [message.topic for message in state[:2]] == ['/sim/ground', '/sim/scene_description']
     poses = [m for m in state if m.topic == '/sim/poses'][-1]
     assert poses.at == max(round(t * 1e9) for t, _ in frames if t < moment + 1e-4)
 

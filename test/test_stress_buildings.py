@@ -28,11 +28,13 @@ WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))
 
 @pytest.mark.parametrize('path', WALLS, ids=lambda path: path.stem)
 def test_building_stands_within_its_strength(path):
-    """Carry all parts to the ground, load every bond below its limit, break none."""
+    """Carry all parts to the ground, load every bond below its limit; only dry joints open."""
     plan = WallGrammar.load(path).build(seed=0)
     solver = StressSolver(BondGraph(plan))
     fracture = Fracture(solver)
-    assert fracture.advance(5000) == []
+    dry = (plan.mortar.tension == 0.0) & (plan.mortar.cohesion == 0.0)
+    for opened in fracture.advance(5000):
+        assert dry[solver.graph.rows[opened.bond]].all() and not opened.broken.any()
     assert fracture.stable
     assert solver.supported.all()
     assert 0.0 < solver.utilisation()[0].max() < 1.0
