@@ -33,16 +33,10 @@ WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick w
 #                    a blow much shorter than T stresses a wall as the steady force rate·impulse
 
 NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
-_CRACKS = 20.0   # [1/s] rounds of failures: what small buildings had with 8 iterations per step.
-#                  With 60 a timber-floored house comes down whole, see decision 24
-_ANSWER = 0.1    # [s] in which loads without failures are judged: as long as such that change
-#                  act together, see `StandingLoads`
-_EARLY = 1e-6    # of a round, and [s]: times are sums of time steps
-_ITERATIONS = 8  # of the stress solver per round while loads wait for that, ...
+_ITERATIONS = 8  # of the stress solver per time step while something changed, ...
 _CURVED = 32     # ... as joints open and close, which takes several times as many, ...
 _FEWEST = 3      # ... fewer on large buildings, lest they fall behind real time: ...
 _WORK = 45_000   # ... parts times iterations that take about a third of a step of 1/60 s
-_LONGEST = 500   # iterations per round at most when a judgement is due; most take 20 to 120
 _PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
 #                  periods of walls and floors long
 SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
@@ -174,19 +168,14 @@ def settle(model: Model, state: State) -> list[str]:
 
 def update_stresses(model: Model, state: State, dt: float) -> None:
     """
-    Work on the stresses; nothing when nothing changed.
+    Spend one step's share of work on the stresses; nothing when nothing changed.
 
-    Cracks have a speed of their own, whatever the size of the building: after a support has gone,
-    or a bond has failed, the next round of failures is found in its time. Other loads get a share
-    of work in each step, and all that is missing when their judgement is due. Writes bonds and
-    stresses of what stands, and releases what lost the ground.
+    Writes bonds and stresses of what stands, and releases what lost the ground.
     """
     state.unjudged += dt
-    due = (state.cracking or state.solver.equilibrium.sudden
-           or state.unjudged > _ANSWER - _EARLY)
-    most = _rounds(state.time + dt) - _rounds(state.time)
-    pieces, rounds = _advance(model, state, most * (_LONGEST if due else _share(state)), most)
-    state.cracking = bool(rounds) or (state.cracking and not most)
+    most = _WORK // max(state.solver.working, 1)
+    limit = _CURVED if state.solver.curved else _ITERATIONS
+    pieces, rounds = _advance(model, state, min(max(most, _FEWEST), limit))
     broke = any(failures.broken.any() for failures in rounds)
     if broke:  # a building that crumbles on must not feel released forces for ever
         state.solver.forget_sudden(-math.expm1(-state.unjudged / _PEAK))
@@ -197,23 +186,12 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
         state.loads.end_blows()
 
 
-def _share(state: State) -> int:
-    """Give the iterations in the time of a round for loads whose judgement is not due yet."""
-    most = _WORK // max(state.solver.working, 1)
-    return min(max(most, _FEWEST), _CURVED if state.solver.curved else _ITERATIONS)
-
-
-def _rounds(time: float) -> int:
-    """Count the rounds of failures that there may be until some time [s]."""
-    return math.floor(_CRACKS * time + _EARLY)
-
-
-def _advance(model: Model, state: State, iterations: int,
-             most: int | None = None) -> tuple[list[np.ndarray], list[Failures]]:
+def _advance(model: Model, state: State,
+             iterations: int) -> tuple[list[np.ndarray], list[Failures]]:
     """Work on the stresses; give the pieces that lost the ground, and what failed."""
     if is_stable(state):
         return [], []
-    rounds = state.fracture.advance(iterations, most)
+    rounds = state.fracture.advance(iterations)
     standing = state.standing[:model.masonry.graph.count]
     loose = standing & ~state.solver.supported
     pieces = groups(state.solver.labels, loose) if loose.any() else []

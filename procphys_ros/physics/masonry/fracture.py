@@ -81,17 +81,15 @@ class Fracture:
         """Whether the present loads are carried and the last judgement broke nothing."""
         return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
-    def advance(self, iterations: int, most: int | None = None) -> list[Failures]:
+    def advance(self, iterations: int) -> list[Failures]:
         """
         Spend some iterations; fail what is overloaded each time that equilibrium is reached.
 
         :param iterations: largest number, over all rounds.
-        :param most: largest number of rounds; None = any.
         :returns: one entry per round in which something cracked or broke.
         """
-        solver, graph = self.solver, self.solver.graph
-        rounds: list[Failures] = []
-        while iterations > 0 and not self.stable and (most is None or len(rounds) < most):
+        solver, graph, rounds = self.solver, self.solver.graph, []
+        while iterations > 0 and not self.stable:
             before = solver.spent
             solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
             iterations -= max(solver.spent - before, 1)
