@@ -47,7 +47,8 @@ def test_building_stands_within_its_strength(path):
     pull = np.einsum('kij,kj->ki', graph.axes[feet], solver.wrenches()[feet, :3])
     sign = np.where(graph.first[feet] == graph.count, -1.0, 1.0)
     held = (sign[:, None] * pull).sum(axis=0)
-    assert held[2] == pytest.approx(plan.mass.sum() * 9.81, rel=2e-3)
+    accuracy = 4e-3 if dry.any() else 2e-3  # joints that open are iterated on
+    assert held[2] == pytest.approx(plan.mass.sum() * 9.81, rel=accuracy)
 
 
 def test_tolerance_leaves_utilisations_right_to_one_percent():
