@@ -139,15 +139,20 @@ def test_charges_bring_the_block_down_on_its_own_plan(name):
 
 
 def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
-    """Bring down all three spans, as thrust from one side overturns the other pier."""
+    """
+    Bring down the spans on the pier; the other pier bears the third.
+
+    Per metre of span, with a weight w: the arch of 3.2 m with 0.8 m rise pushes with 1.6 w at a
+    height of 1.4 m, 2.2 w; what stands on the pier of 0.9 m holds with 3.1 w.
+    """
     simulation, _ = run('bridge', 6.0)
     stones = rows(simulation, 'bridge')
     before, now = simulation.blueprint.poses[stones, :3], simulation.poses[stones, :3]
     fallen = before[:, 2] - now[:, 2]
     crowns = 2.4 + 1.6 + 4.1 * np.arange(3)  # [m] abutment, half a span; then spans and piers
-    for crown in crowns:
+    for crown, falls in zip(crowns, (True, True, False)):
         over = (np.abs(before[:, 0] - crown) < 0.3) & (before[:, 2] > 2.0)
-        assert np.median(fallen[over]) > 0.5  # a stone or two may stay with an abutment
+        assert (np.median(fallen[over]) > 0.5) == falls  # a stone or two may stay
     length = before[:, 0].max()
     ends = (before[:, 0] < 1.5) | (before[:, 0] > length - 1.5)
     np.testing.assert_allclose(now[ends], before[ends], atol=1e-6)
