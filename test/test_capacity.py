@@ -17,6 +17,8 @@
 import pytest
 
 from procphys_ros.errors import SceneError
+from procphys_ros.lsystem import LSystem
+from procphys_ros.resources import shared_folder
 from procphys_ros.scene import capacity, Scene
 
 STAND = {'scene': {'objects': ['palm']},
@@ -41,3 +43,18 @@ def test_scenes_ask_for_free_memory_before_they_place_trees(monkeypatch, tmp_pat
     assert capacity.available_memory() == 512000
     with pytest.raises(SceneError, match='the 0.0 GiB of memory that are free hold 25;'):
         Scene.from_parameters(STAND)
+
+
+def test_plans_and_what_a_program_adds_count_too(monkeypatch, tmp_path):
+    """Fill the memory with the houses of a plan, and with one tree after the other."""
+    table = tmp_path / 'meminfo'
+    monkeypatch.setattr(capacity, '_MEMORY', table)
+    table.write_text('MemAvailable:     5000 kB\n', 'ascii')
+    with pytest.raises(SceneError, match='hold 256;'):
+        Scene.from_yaml(shared_folder() / 'config' / 'high_street.yaml')
+    palm = LSystem.load(shared_folder() / 'grammars' / 'palm.lsys').build(seed=1)
+    scene = Scene()
+    for _ in range(256 // len(palm)):
+        scene.add(palm)
+    with pytest.raises(SceneError, match='hold 256;'):
+        scene.add(palm)

@@ -141,8 +141,8 @@ class Scene:
         :param yaw: turn about the vertical [rad].
         :param name: unique name, `object_<n>` when left out.
         :param on: object that it stands on and is bonded to, z counts from its top; '' = ground.
-        :raises SceneError: when the name is taken, the place not finite or off the terrain, or
-            when nothing of the object `on` is under it.
+        :raises SceneError: when the name is taken, the place not finite or off the terrain, when
+            nothing of the object `on` is under it, or when memory cannot hold so many parts.
         """
         name = name or f'object_{len(self.objects)}'
         if name in self._names:
@@ -150,6 +150,7 @@ class Scene:
         if not np.all(np.isfinite([*position, yaw])):
             raise SceneError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
         first = self._parts
+        check_capacity(first + len(blueprint), self._memory)
         placed_at = blueprint.placed(position, yaw)
         if on:
             standing, carriers = self._bear(placed_at, name, on)
