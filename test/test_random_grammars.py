@@ -23,6 +23,7 @@ from random_scenes import faults
 
 from procphys_ros.lsystem import LSystem
 from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
 
 _TREES, _WALLS = 196, 4  # of one scene
@@ -125,6 +126,32 @@ def test_what_once_made_energy_makes_none(name):
     grammar, event, wind = _LIVELY[name]
     found = list(faults([Sample('lsys', grammar, 1, event)], wind))
     assert not found, '\n'.join(found)
+
+
+def test_twigs_that_break_under_a_ball_give_back_what_they_took():
+    """Shoot at twigs that have come off: the ball flies on, they do not keep its push as well."""
+    scene = Scene()
+    scene.add(LSystem.parse(grown(
+        wood='Density(581.605) Modulus(1.39971e+10) DampingRatio(0.406632) TwistForce(5094.39) '
+             'Strength(43586.1) BreakTorque(0.0454347)', tilt=57.8461, length=0.0878575,
+        width=0.052463, steps=2,
+        more='[ /(153.774) &(25.3809) A(l * 0.5215, w * 0.458848) ] [ /(23.5855) &(138.011) '
+             'G(0.3) A(l * 0.712252, w * 1) ] [ /(29.3059) &(89.322) ~(0.0626761) '
+             'A(l * 0.433549, w * 1) ] A(l * 0.674336, w * 0.693337)')).build(seed=94))
+    simulation = Simulation(scene, seed=94)
+    simulation.set_wind((0.0, 9.859, 0.0))
+    ledger = EnergyLedger(simulation, np.zeros(0))
+    mass, speed = 0.54, 21.8
+    part = simulation.launch(Projectile('sphere', 0.188, mass, (0.0, -0.573, 0.236),
+                                        (0.0, speed, 0.0)))
+    ledger.launched(part, mass, speed)
+    kinetic = []
+    for _ in range(10):
+        simulation.step()
+        ledger.note()
+        kinetic.append(ledger.kinetic()[0])
+    assert np.diff(kinetic).max() < 0.01 * kinetic[0]
+    assert simulation.velocities[part, 1] > 0.9 * speed
 
 
 def test_the_ledger_sees_energy_from_nothing():

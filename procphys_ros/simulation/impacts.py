@@ -90,7 +90,7 @@ def step(model: Model, state: State, dt: float) -> None:
     for knock in found:
         share[state.parts.body[knock.part]] = knock.share
     if broken or found:
-        _give_back(model, state, state.world.contacts(), share, dt)
+        _give_back(model, state, state.world.contacts(), share, change, dt)
         debris_loads.knock_out(model, state, found)
         for blow, result in broken:
             _record(model, state, blow, result)
@@ -251,12 +251,16 @@ def _contacts_of(state: State, body: int, rows: np.ndarray,
 
 
 def _give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
-               dt: float) -> None:
+               jump: np.ndarray, dt: float) -> None:
     """
     Undo the part of each impulse that the bonds of a side could not transmit.
 
-    Contacts are where the bodies were at the start of the step, and so are their arms. Bodies
-    that stood on what gives way now did not fall in this step, so gravity gives them no speed.
+    A body all of whose impulses keep the same share keeps that share of its change of velocity.
+    Else the parts are summed: contacts are where the bodies were at the start of the step, and so
+    are their arms. Bodies that stood on what gives way now did not fall in this step, so gravity
+    gives them no speed.
+
+    :param jump: change of velocity by contacts, by id, (B, 6).
     """
     bodies = state.world.bodies
     kept = _kept(state, contacts, share)
@@ -274,6 +278,12 @@ def _give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray
     spin = rotation.rotate(rotation.conjugate(attitude), total[:, 3:]) / bodies.inertia[ids]
     change = np.hstack([total[:, :3] / bodies.mass[ids][:, None],
                         rotation.rotate(attitude, spin)])
+    least, most = np.ones(len(share)), np.zeros(len(share))
+    for side in (contacts.body_a, contacts.body_b):
+        np.minimum.at(least, side, kept)
+        np.maximum.at(most, side, kept)
+    alike = least[ids] == most[ids]
+    change[alike] = (least[ids[alike]] - 1.0)[:, None] * jump[ids[alike]]
     change[:, 2] += (1.0 - share[ids]) * model.gravity * dt
     state.world.set_velocities(ids, _no_faster(state, ids, bodies.velocities[ids] + change))
 

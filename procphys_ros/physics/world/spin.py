@@ -18,6 +18,8 @@
 from collections.abc import Callable
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from procphys_ros import rotation
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
@@ -60,12 +62,14 @@ def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities
                time_step: float, gravity: np.ndarray,
                touching: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """
-    Slow down what turns very fast and has got more energy from its contacts than there was.
+    Slow down what turns very fast, and won energy that none of those it touches has lost.
 
     An engine meets the same contact point all along a step, while the body turns several times: a
-    twig that spins on the ground was thrown off with twenty times its energy.
+    twig that spins on the ground was thrown off with twenty times its energy. What bodies that
+    touch each other win together, the fast ones among them give back; what is moved along a
+    prescribed path may give any energy.
 
-    :param ids: bodies that move, ascending, (K,).
+    :param ids: bodies that move, (K,).
     :param poses: theirs before the step, (K, 7).
     :param velocities: likewise, (K, 6).
     :param time_step: [s].
@@ -76,25 +80,48 @@ def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities
     fastest = np.maximum(np.linalg.norm(bodies.velocities[ids, 3:], axis=1),
                          np.linalg.norm(velocities[:, 3:], axis=1))
     fast = np.flatnonzero(fastest * time_step > _FAST)
-    chosen = ids[fast]
-    before = _energy(bodies, chosen, poses[fast], velocities[fast])
-    now = _energy(bodies, chosen, bodies.poses[chosen], bodies.velocities[chosen])
-    way = bodies.poses[chosen, :3] - poses[fast, :3]
-    most = before + np.maximum(bodies.mass[chosen] * (way @ gravity), 0.0)
-    gained = np.flatnonzero(now > _SLACK * most)
-    if not len(gained):
+    most, now = _energies(bodies, ids[fast], poses[fast], velocities[fast], gravity)
+    fast = fast[now > _SLACK * most]
+    if not len(fast):
         return ids[:0], velocities[:0]
-    owned = np.zeros(len(bodies.state))
-    owned[ids] = _energy(bodies, ids, poses, velocities)
-    owned[bodies.state == BodyState.KINEMATIC] = np.inf  # may give any
-    pairs = np.unique(np.sort(touching().astype(np.intp), axis=1), axis=0)
-    lent = np.zeros(len(bodies.state))
+    island, driven = _islands(bodies, ids, touching())
+    most, now = _energies(bodies, ids, poses, velocities, gravity)
+    won = np.bincount(island, now - most)
+    won[(won <= (_SLACK - 1.0) * np.bincount(island, most)) | driven] = 0.0
+    theirs = np.bincount(island[fast], now[fast] - most[fast], len(won))
+    back = np.minimum(won / np.maximum(theirs, 1e-300), 1.0)[island[fast]]
+    gained = back > 0.0
+    fast = fast[gained]
+    share = np.sqrt(1.0 - back[gained] * (1.0 - most[fast] / now[fast]))
+    return ids[fast], share[:, None] * bodies.velocities[ids[fast]]
+
+
+def _energies(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
+              gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give the energies that bodies may have without contacts, and that they have [J], (K,)."""
+    way = bodies.poses[ids, :3] - poses[:, :3]
+    most = (_energy(bodies, ids, poses, velocities)
+            + np.maximum(bodies.mass[ids] * (way @ gravity), 0.0))
+    return most, _energy(bodies, ids, bodies.poses[ids], bodies.velocities[ids])
+
+
+def _islands(bodies: BodyTable, ids: np.ndarray,
+             touched: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Label bodies by what touches, (K,); say which labels touch what is driven, (L,) bool."""
+    index = np.full(len(bodies.state), -1)
+    index[ids] = np.arange(len(ids))
+    touched = touched.astype(np.intp)
+    touched = touched[(touched >= 0).all(axis=1)]
+    pairs = index[touched]
+    both = pairs[(pairs >= 0).all(axis=1)]
+    count, island = connected_components(
+        coo_array((np.ones(len(both)), both.T), shape=(len(ids), len(ids))), directed=False)
+    drives = bodies.state[touched] == BodyState.KINEMATIC
+    driven = np.zeros(count, bool)
     for one, other in ((0, 1), (1, 0)):
-        np.add.at(lent, pairs[:, one], owned[pairs[:, other]])
-    most += lent[chosen]
-    gained = np.flatnonzero(now > _SLACK * most)
-    share = np.sqrt(most[gained] / now[gained])
-    return chosen[gained], share[:, None] * bodies.velocities[chosen[gained]]
+        moved = pairs[drives[:, one], other]
+        driven[island[moved[moved >= 0]]] = True
+    return island, driven
 
 
 def _energy(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray,
