@@ -33,10 +33,10 @@ WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick w
 #                    a blow much shorter than T stresses a wall as the steady force rate·impulse
 
 NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
-_ITERATIONS = 8  # of the stress solver per time step while something changed, ...
-_CURVED = 32     # ... as joints open and close, which takes several times as many, ...
-_FEWEST = 3      # ... fewer on large buildings, lest they fall behind real time: ...
-_WORK = 45_000   # ... parts times iterations that take about a third of a step of 1/60 s
+_PACE = 480.0    # [1/s] iterations of the stress solver per simulated second while something
+#                  changed, whatever the size: cracks run on as fast in long buildings as in short
+_CURVED = 4.0    # times as many as joints open and close, which takes more of them, ...
+_WORK = 45_000   # ... unless parts times iterations, a third of a step of 1/60 s, are more
 _PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
 #                  periods of walls and floors long
 SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
@@ -173,9 +173,11 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
     Writes bonds and stresses of what stands, and releases what lost the ground.
     """
     state.unjudged += dt
-    most = _WORK // max(state.solver.working, 1)
-    limit = _CURVED if state.solver.curved else _ITERATIONS
-    pieces, rounds = _advance(model, state, min(max(most, _FEWEST), limit))
+    iterations = max(round(_PACE * dt), 1)
+    if state.solver.curved:
+        most = _WORK // max(state.solver.working, 1)
+        iterations = max(min(round(_CURVED * _PACE * dt), most), iterations)
+    pieces, rounds = _advance(model, state, iterations)
     broke = any(failures.broken.any() for failures in rounds)
     if broke:  # a building that crumbles on must not feel released forces for ever
         state.solver.forget_sudden(-math.expm1(-state.unjudged / _PEAK))
