@@ -105,7 +105,7 @@ class Demolition:
     :ivar delays: from the command on [s], (K,).
     :ivar positions: x y z of each charge after the other, world [m], (3 K,); none = along the
         bearing walls of the ground floors, from the middle outwards.
-    :ivar radii: in which a charge turns masonry to dust [m], (K,).
+    :ivar radii: in which a charge breaks masonry and throws it [m], (K,).
     :raises CommandError: when lengths do not match or a value is out of its range.
     """
 
@@ -115,7 +115,7 @@ class Demolition:
     positions: Sequence[float] = declared(
         (), 'x y z of one charge after the other', 'm', -_FARTHEST, _FARTHEST, any_length=True)
     radii: Sequence[float] = declared(
-        (), 'in which each charge turns masonry to dust', 'm', 1e-3, _WIDEST, any_length=True)
+        (), 'in which each charge breaks masonry and throws it', 'm', 1e-3, _WIDEST, any_length=True)
 
     def __post_init__(self) -> None:
         check(self, 'demolition', CommandError)

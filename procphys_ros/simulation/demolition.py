@@ -19,20 +19,17 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
-from procphys_ros.physics.causes import Cause
 from procphys_ros.scene.placement import FOOTING
 from procphys_ros.scene.strikes import Demolition
-from procphys_ros.simulation import fragments
+from procphys_ros.simulation import charges
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_CORE = 0.9        # of a charge's radius: inside masonry turns to dust, outside it is thrown
-_THROW = 6.0       # [m/s] away from the charge
 _BAND = (0.3, 2.0)  # [m] above the foot of a building, where charges are drilled
 _SPACING = 1.1     # [m] between charges of the default plan
-_MARGIN = 0.02     # [m] by which their cores reach beyond the last brick
+_MARGIN = 1.1      # reach of a charge over the way to its last brick, ...
+_BEYOND = 0.02     # [m] ... and more
 _SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at the corners
-_HEAVY = 200.0     # [kg] parts above it, such as slabs, are cut loose, not turned to dust
 
 
 def arm(model: Model, state: State, plan: Demolition) -> int:
@@ -53,10 +50,10 @@ def arm(model: Model, state: State, plan: Demolition) -> int:
 
 
 def step(model: Model, state: State, dt: float) -> None:
-    """Fire the charges whose moment lies within the step; destroys and releases."""
+    """Fire the charges whose moment lies within the step; breaks and releases, see `charges`."""
     while state.charges and state.charges[0][0] < state.time + dt:
         _, place, radius = state.charges.pop(0)
-        _fire(model, state, place, radius)
+        charges.fire(model, state, place, radius)
 
 
 def implosion(model: Model, state: State) -> Demolition:
@@ -76,7 +73,7 @@ def implosion(model: Model, state: State) -> Demolition:
     if not model.terrain.is_flat:
         height = source.poses[:, 2] - _feet(model, low)
     chosen = np.flatnonzero(standing & (source.shape == Shape.BOX) & (height > _BAND[0])
-                            & (height < _BAND[1]) & (source.mass < _HEAVY))
+                            & (height < _BAND[1]) & (source.mass < charges.HEAVY))
     if not len(chosen):
         raise CommandError('no wall stands between 0.3 and 2 m above the ground; give '
                            'demolition.positions')
@@ -91,7 +88,7 @@ def implosion(model: Model, state: State) -> Demolition:
     np.maximum.at(reach, place.ravel(),
                   np.linalg.norm(points - middles[place.ravel()], axis=1))
     return Demolition(delays.tolist(), middles.ravel().tolist(),
-                      ((reach + _MARGIN) / _CORE).tolist())
+                      (_MARGIN * reach + _BEYOND).tolist())
 
 
 def _feet(model: Model, low: np.ndarray) -> np.ndarray:
@@ -101,22 +98,3 @@ def _feet(model: Model, low: np.ndarray) -> np.ndarray:
     height = np.where(footing, np.inf, low)
     feet = [height[thing.first:][:thing.count].min(initial=np.inf) for thing in model.objects]
     return np.repeat(feet, [thing.count for thing in model.objects])
-
-
-def _fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
-    """Break what stands within the radius: dust inside, thrown pieces at the rim."""
-    source, standing = model.blueprint, state.standing[:len(model.blueprint)]
-    away = source.poses[:, :3] - place
-    distance = np.linalg.norm(away, axis=1)
-    hit = standing & (distance < radius) & (source.shape == Shape.BOX)
-    dust = np.flatnonzero(hit & (distance < _CORE * radius) & (source.mass < _HEAVY))
-    thrown = np.flatnonzero(hit & ~np.isin(np.arange(len(source)), dust))
-    if len(thrown):
-        velocities = np.zeros((len(thrown), 6))
-        velocities[:, :3] = (_THROW * away[thrown]
-                             / np.maximum(distance[thrown], 1e-3)[:, None])
-        velocities[source.mass[thrown] >= _HEAVY] = 0.0
-        fragments.release(model, state, [thrown[[i]] for i in range(len(thrown))], velocities,
-                          Cause.DEMOLITION, 1.0)
-    if len(dust):
-        fragments.destroy(model, state, dust, Cause.DEMOLITION, 1.0)

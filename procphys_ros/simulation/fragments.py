@@ -29,6 +29,7 @@ from procphys_ros.simulation.state import State
 
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
 _NEGLIGIBLE = 0.05  # [m/s²] drag not worth the call that sets a velocity, 0.5 % of gravity
+_SUDDEN = 2.0  # dynamic factor of supports that vanish at once, see `StressSolver.cut`
 _IDENTITY = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
 
 
@@ -92,13 +93,27 @@ def vanish(state: State, parts: np.ndarray) -> None:
     state.parts.velocities[parts] = 0.0
 
 
-def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float) -> None:
-    """Break and record all bonds of standing parts, (K,) indices."""
+def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float,
+        piece: np.ndarray | None = None) -> None:
+    """
+    Break and record bonds of standing parts.
+
+    :param parts: (K,) indices.
+    :param cause: why.
+    :param load: load over strength.
+    :param piece: number of the piece that each part is of, whose own bonds stay, (K,); None =
+        each part is a piece.
+    """
     graph = state.solver.graph
-    cracked = graph.cracked.copy()
-    bonds = state.solver.remove_parts(parts)
+    bonds = graph.neighbours(parts)
+    bonds = bonds[graph.alive[bonds]]
+    if piece is not None:
+        owner = np.full(graph.count + 1, -1, np.intp)
+        owner[parts] = piece
+        bonds = bonds[owner[graph.first[bonds]] != owner[graph.second[bonds]]]
+    rows = graph.rows[bonds[~graph.cracked[bonds]]]
+    state.solver.cut(bonds, _SUDDEN)
     state.loose_bonds.graph.cut(graph.rows[bonds])
-    rows = graph.rows[bonds[~cracked[bonds]]]
     state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
                      model.blueprint.bonds[rows], cause, np.full(len(rows), load))
 

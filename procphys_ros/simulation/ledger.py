@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Ledger: the momentum that blows took from what struck and gave to what was struck."""
+"""Ledger: the momentum of blows and charges, where it came from and where it went."""
 
 from collections import deque
 from dataclasses import dataclass, field
@@ -59,6 +59,8 @@ class MomentumLedger:
     :ivar count: number of all blows.
     :ivar lost, carried, grounded: sums over all blows [N·s], (3,); lost = carried + grounded.
     :ivar work: of fracture, sum over all blows [J].
+    :ivar thrown: momentum of all that charges in walls threw, when they went off [N·s], (3,); what
+        stands around the charges got as much the other way.
     """
 
     recent: deque[Impact] = field(default_factory=lambda: deque(maxlen=_KEPT))
@@ -67,6 +69,7 @@ class MomentumLedger:
     carried: np.ndarray = field(default_factory=lambda: np.zeros(3))
     grounded: np.ndarray = field(default_factory=lambda: np.zeros(3))
     work: float = 0.0
+    thrown: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def record(self, impact: Impact) -> None:
         """Enter a blow."""

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Parts that join a scene while it runs: projectiles and shards."""
+"""Parts that join a scene while it runs: projectiles, shards, broken bricks."""
 
 import numpy as np
 
@@ -60,9 +60,10 @@ def projectile_part(projectile: Projectile) -> Blueprint:
 
 
 def shards(size: np.ndarray, density: float, pose: np.ndarray, texture: str, material: str,
-           rings: int, rng: np.random.Generator, point: np.ndarray | None = None) -> Blueprint:
+           rings: int, rng: np.random.Generator, point: np.ndarray | None = None,
+           kind: str = 'shard') -> Blueprint:
     """
-    Cut a pane into shards between cracks that run out from one point and cracks around it.
+    Cut a pane or a brick into pieces between cracks that run out from one point and around it.
 
     :param size: full extents of the pane [m], (3,); its least is its thickness.
     :param density: [kg/m³].
@@ -71,6 +72,7 @@ def shards(size: np.ndarray, density: float, pose: np.ndarray, texture: str, mat
     :param rings: of eight shards each around the middle four.
     :param rng: places the cracks.
     :param point: where they start, in the pane's frame [m], (3,); None = somewhere.
+    :param kind: name of what the pieces are.
     """
     thin, u, v = np.argsort(size, kind='stable')
     plane = _star(rings, rng, None if point is None else point[[u, v]] / size[[u, v]])
@@ -88,7 +90,7 @@ def shards(size: np.ndarray, density: float, pose: np.ndarray, texture: str, mat
         shape=np.full(len(zero), Shape.BOX, np.uint8), size=made.size, visual_size=made.size,
         density=np.full(len(zero), density), mass=mass, inertia=density * made.inertia,
         poses=rotation.compose(pose, made.poses), kind=zero, material=zero, texture=zero,
-        leaf_area=np.zeros(len(zero)), kinds=('shard',), materials=(material,),
+        leaf_area=np.zeros(len(zero)), kinds=(kind,), materials=(material,),
         textures=(texture,),
         hexahedra=Hexahedra(np.arange(len(zero), dtype=np.int32), made.corners))
 

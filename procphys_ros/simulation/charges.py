@@ -1,0 +1,228 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Charges in walls: they break what is around them into lumps, bricks and quarters, and throw these.
+
+A drilled charge is as heavy as the masonry needs that it is to break, so a kilogramme of masonry
+gets the same from all of them: at most v = √(2·_SHARE·_ENERGY·_SPECIFIC/ρ), 8.1 m/s for brick,
+and half of that at the rim. The gas opens a wall towards its free faces, and what it breaks flies
+that way, to both sides. All of this is an estimate, see decision 32.
+"""
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Blueprint, chain, Shape
+from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.loads import exposed_faces
+from procphys_ros.physics.masonry import cells
+from procphys_ros.simulation import fragments, glass, masonry, spawned_parts
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+HEAVY = 200.0       # [kg] parts above it, such as slabs, are cut loose, but not thrown
+_SPECIFIC = 0.5     # [kg/m³] of explosive for masonry that is to come down (estimate)
+_ENERGY = 4.2e6     # [J/kg] of TNT
+_SHARE = 0.03       # of that which moves what it breaks: 3 to 21 % in rock (Sanchidrián, Segarra
+#                     and López 2007, Int. J. Rock Mech. Min. Sci. 44, 130), least in thin walls
+_RIM = 0.5          # of the speed at the charge, which what breaks farthest from it gets
+_ASIDE = 0.35       # speed straight away from the charge over that out of the wall
+_FREE = 0.25        # [m] before a face that is open to the gas
+_NEAR = 0.5         # [m] around what breaks, in which other parts may stand before its faces
+_MIDDLE = 0.03      # [m] from the charge along the way out, up to which either way is as good
+_BODIES = 200       # awake bodies that there should be: the more, the coarser the pieces
+_FEWEST = 3         # pieces of a charge where there is no room
+_SOON = 1.0         # [s] within which other charges share the room
+_QUARTERS = 4       # pieces of a broken brick
+_LONGEST = 0.5      # [m] longer parts do not break into quarters
+_LOAD = 1.0         # over strength, of the bonds that charges break
+
+
+def fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
+    """
+    Break and throw what stands within reach of a charge; nothing of it is lost.
+
+    Writes bonds, parts and bodies, loads of what stands around, and the ledger.
+
+    :param place: of the charge, world [m], (3,).
+    :param radius: in which it breaks masonry [m].
+    """
+    source, standing = model.blueprint, state.standing[:len(model.blueprint)]
+    away = source.poses[:, :3] - place
+    distance = np.linalg.norm(away, axis=1)
+    hit = np.flatnonzero(standing & (distance < radius) & (source.shape == Shape.BOX))
+    pane = model.glass.is_pane[hit]
+    light = hit[~pane & (source.mass[hit] < HEAVY)]
+    light = light[np.argsort(distance[light], kind='stable')]  # the nearest first
+    speed = speed_of(source, light)
+    _burst_panes(model, state, hit[pane], away, speed)
+    hit = hit[~pane]
+    if len(hit):
+        around = state.solver.graph.boundary(hit)
+        thrown = _throw(model, state, light, hit[source.mass[hit] >= HEAVY], place, radius)
+        masonry.apply_impulse_around(state, around, hit, -thrown)
+        state.ledger.thrown = state.ledger.thrown + thrown
+
+
+def speed_of(source: Blueprint, parts: np.ndarray) -> float:
+    """Give the largest speed at which a charge throws parts, (K,) [m/s]; 0 for none."""
+    mass = float(source.mass[parts].sum())
+    volume = float((source.mass[parts] / source.density[parts]).sum())
+    return float(np.sqrt(2.0 * _SHARE * _ENERGY * _SPECIFIC * volume / mass)) if mass else 0.0
+
+
+def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, place: np.ndarray,
+           radius: float) -> np.ndarray:
+    """
+    Break parts out of what stands, and let them fly.
+
+    :param light: that are thrown, the nearest first, (L,); heavy: that are cut loose, (H,).
+    :returns: the momentum of what is thrown [N·s], (3,).
+    """
+    source, free, room = model.blueprint, _free_faces(model, state, light), _room(state)
+    broken = np.zeros(len(light), bool)
+    small = np.flatnonzero(_breakable(source, light))
+    broken[small[:max(room - len(light), 0) // (_QUARTERS - 1)]] = True
+    made = [_quarter(model, part) for part in light[broken].tolist()]
+    whole = np.flatnonzero(~broken)
+    lump, count = _lumps(state, light[whole], room)
+    mass = np.bincount(lump, source.mass[light[whole]], count)
+    middle = np.column_stack([np.bincount(lump, source.mass[light[whole]] * x, count) / mass
+                              for x in source.poses[light[whole], :3].T])
+    faces = np.zeros((count, 3, 3))
+    np.add.at(faces, lump, free[whole])
+    masses = np.concatenate([mass, *(pieces.mass for pieces in made)])
+    away = np.concatenate([middle, *(pieces.poses[:, :3] for pieces in made)]) - place
+    fall = (1.0 - _RIM) * np.minimum(np.linalg.norm(away, axis=1) / radius, 1.0)
+    speed = speed_of(source, light) * (1.0 - fall)
+    weight = speed * np.concatenate([mass, *(pieces.mass for pieces in made)])
+    ways = _ways(away, np.concatenate([faces, np.repeat(free[broken], _QUARTERS, axis=0)]),
+                 weight)
+    velocities = speed[:, None] * ways
+    _release_lumps(model, state, light[whole], lump, velocities[:count], heavy)
+    if made:
+        _replace(model, state, light[broken], chain(made), velocities[count:])
+    return weight @ ways
+
+
+def _release_lumps(model: Model, state: State, parts: np.ndarray, lump: np.ndarray,
+                   velocities: np.ndarray, heavy: np.ndarray) -> None:
+    """Let lumps fly with velocities (C, 3), and what is heavy fall."""
+    count = len(velocities)
+    parts = np.concatenate([parts, heavy])
+    lump = np.concatenate([lump, count + np.arange(len(heavy))])
+    fragments.cut(model, state, parts, Cause.DEMOLITION, _LOAD, lump)
+    order = np.argsort(lump, kind='stable')
+    pieces = np.split(parts[order], np.cumsum(np.bincount(lump))[:-1]) if len(parts) else []
+    moving = np.zeros((len(parts), 6))
+    moving[:, :3] = np.concatenate([velocities, np.zeros((len(heavy), 3))])[lump[order]]
+    fragments.release(model, state, pieces, moving)
+
+
+def _replace(model: Model, state: State, parts: np.ndarray, made: Blueprint,
+             velocities: np.ndarray) -> None:
+    """Let pieces fly with velocities (P, 3) in place of the parts that they are of."""
+    fragments.destroy(model, state, parts, Cause.DEMOLITION, _LOAD)
+    first, = state.append(model, [(made, f'fragments_{parts[0]}')])
+    bodies = state.world.add_bricks(made.poses, made.size, made.mass, hexahedra=made.hexahedra,
+                                    inertia=made.inertia)
+    state.world.thaw(bodies, np.hstack([velocities, np.zeros_like(velocities)]))
+    fragments.adopt(state, np.arange(first, first + len(made)), bodies)
+
+
+def _burst_panes(model: Model, state: State, panes: np.ndarray, away: np.ndarray,
+                 speed: float) -> None:
+    """Let the shards of panes within reach fly away from the charge."""
+    way = away[panes] / np.maximum(np.linalg.norm(away[panes], axis=1, keepdims=True), 1e-9)
+    glass.shatter_standing(model, state, [
+        (glass.crack(model, pane, count=len(panes)), speed * out, _LOAD)
+        for pane, out in zip(panes.tolist(), way)], Cause.DEMOLITION)
+
+
+def _room(state: State) -> int:
+    """Say in about how many pieces a charge may break what it reaches."""
+    soon = sum(moment < state.time + _SOON for moment, _, _ in state.charges)
+    return max((_BODIES - len(state.world.awake)) // (soon + 1), _FEWEST)
+
+
+def _breakable(source: Blueprint, parts: np.ndarray) -> np.ndarray:
+    """Say which parts break into quarters, (K,) bool."""
+    return (source.size[parts].max(axis=1, initial=0.0) < _LONGEST) & ~np.isin(
+        parts, source.hexahedra.part)
+
+
+def _quarter(model: Model, part: int) -> Blueprint:
+    source = model.blueprint
+    return spawned_parts.shards(
+        source.size[part], float(source.density[part]), source.poses[part],
+        source.textures[source.texture[part]], source.materials[source.material[part]], 0,
+        np.random.default_rng([model.seed, part]), kind='fragment')
+
+
+def _lumps(state: State, parts: np.ndarray, wanted: int) -> tuple[np.ndarray, int]:
+    """Divide parts into about so many lumps that hang together: the lump of each, and number."""
+    if wanted >= len(parts):
+        return np.arange(len(parts)), len(parts)
+    graph = state.solver.graph
+    _, a, b = cells.inside(parts, graph.start, graph.incident, graph.alive, graph.first,
+                           graph.second, np.full(graph.count + 1, -1, np.int32))
+    rank = np.random.default_rng(len(parts)).permutation(len(parts))
+    return cells.grow(len(parts), a, b, rank, wanted)
+
+
+def _free_faces(model: Model, state: State, parts: np.ndarray) -> np.ndarray:
+    """Sum up area times n·nᵀ of the faces of parts before which nothing stands, (K, 3, 3) [m²]."""
+    shell, source = model.masonry, model.blueprint
+    middle = source.poses[parts, :3]
+    low, high = middle.min(axis=0, initial=np.inf), middle.max(axis=0, initial=-np.inf)
+    reach = 0.5 * np.linalg.norm(source.size, axis=1, keepdims=True) + _NEAR
+    near = (source.poses[:, :3] > low - reach) & (source.poses[:, :3] < high + reach)
+    near = np.flatnonzero(near.all(axis=1) & state.standing[:len(source)]
+                          & (source.shape == Shape.BOX))
+    poses, sizes = shell.face_poses[near], shell.face_sizes[near]
+    row = np.searchsorted(near, parts)
+    open_to = exposed_faces(poses, sizes, reach=_FREE, terrain=model.terrain)[row]
+    extent = sizes[row]
+    area = extent.prod(axis=1, keepdims=True) / extent * open_to.reshape(-1, 3, 2).sum(axis=2)
+    axes = rotation.to_matrix(poses[row, 3:])
+    return np.einsum('kia,ka,kja->kij', axes, area, axes)
+
+
+def _ways(away: np.ndarray, faces: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """
+    Say which way pieces fly: out of the wall, and a little away from the charge.
+
+    What is in the middle of a wall goes to the side that has got less momentum so far.
+
+    :param away: from the charge to each [m], (P, 3).
+    :param faces: see `_free_faces`, (P, 3, 3).
+    :param weight: momentum of each [N·s], (P,).
+    :returns: unit vectors, (P, 3).
+    """
+    area, normal = np.linalg.eigh(faces)
+    normal = normal[:, :, 2] * (area[:, 2] > 1e-9)[:, None]
+    out = np.einsum('pi,pi->p', away, normal)
+    radial = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+    radial[~radial.any(axis=1)] = [0.0, 0.0, 1.0]
+    both = np.stack([side * normal + _ASIDE * radial for side in (1.0, -1.0)])
+    both /= np.maximum(np.linalg.norm(both, axis=2, keepdims=True), 1e-9)
+    ways = np.where((out >= 0.0)[:, None], both[0], both[1])
+    either = np.abs(out) < _MIDDLE
+    total = weight[~either] @ ways[~either]
+    for row in np.flatnonzero(either).tolist():
+        sums = total + weight[row] * both[:, row]
+        side = int(np.argmin(np.linalg.norm(sums, axis=1)))
+        ways[row], total = both[side, row], sums[side]
+    return ways
