@@ -116,6 +116,8 @@ def test_the_ledger_knows_what_charges_threw(fired):
     """Sum up the momentum of all bodies; what stands got the same the other way."""
     mass, velocity = bodies(fired)
     np.testing.assert_allclose(fired.ledger.thrown, mass @ velocity, rtol=1e-9, atol=1e-9)
+    energy = 0.5 * mass @ (velocity ** 2).sum(axis=1)
+    assert fired.ledger.released == pytest.approx(energy, rel=1e-9)
     total = np.linalg.norm(velocity, axis=1) @ mass
     assert np.linalg.norm(fired.ledger.thrown) < 0.1 * total  # both sides are alike
 

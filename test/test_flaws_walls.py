@@ -75,7 +75,7 @@ class _Fall:
     :ivar gap: largest between parts whose bond is whole, over all of it [m].
     :ivar drift: largest way of any part while it stands [m].
     :ivar fastest: speed of any part of the building at any time [m/s].
-    :ivar energies: of all parts after each step [J].
+    :ivar energies: of all parts after each step, less what charges brought [J].
     :ivar falls: acceleration downwards of bodies that touch nothing [m/s²], (K,).
     :ivar dust: mass of the dust of each step [kg].
     :ivar carried: by the foot of what the block has left standing [N].
@@ -106,7 +106,7 @@ class _Fall:
         free, before = np.zeros(0, int), np.zeros(0)
         for i in range(steps):
             simulation.step()
-            self.energies.append(_energy(simulation))
+            self.energies.append(_energy(simulation) - simulation.ledger.released)
             speed = np.linalg.norm(simulation.velocities[:count, :3], axis=1)
             self.fastest = max(self.fastest, float(speed.max()))
             cloud = simulation.state.dust.cloud

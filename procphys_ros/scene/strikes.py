@@ -115,7 +115,7 @@ class Demolition:
     positions: Sequence[float] = declared(
         (), 'x y z of one charge after the other', 'm', -_FARTHEST, _FARTHEST, any_length=True)
     radii: Sequence[float] = declared(
-        (), 'in which each charge breaks masonry and throws it', 'm', 1e-3, _WIDEST, any_length=True)
+        (), 'in which each charge breaks and throws masonry', 'm', 1e-3, _WIDEST, any_length=True)
 
     def __post_init__(self) -> None:
         check(self, 'demolition', CommandError)

@@ -73,7 +73,6 @@ def fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
         around = state.solver.graph.boundary(hit)
         thrown = _throw(model, state, light, hit[source.mass[hit] >= HEAVY], place, radius)
         masonry.apply_impulse_around(state, around, hit, -thrown)
-        state.ledger.thrown = state.ledger.thrown + thrown
 
 
 def speed_of(source: Blueprint, parts: np.ndarray) -> float:
@@ -103,7 +102,6 @@ def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, pla
                               for x in source.poses[light[whole], :3].T])
     faces = np.zeros((count, 3, 3))
     np.add.at(faces, lump, free[whole])
-    masses = np.concatenate([mass, *(pieces.mass for pieces in made)])
     away = np.concatenate([middle, *(pieces.poses[:, :3] for pieces in made)]) - place
     fall = (1.0 - _RIM) * np.minimum(np.linalg.norm(away, axis=1) / radius, 1.0)
     speed = speed_of(source, light) * (1.0 - fall)
@@ -114,6 +112,7 @@ def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, pla
     _release_lumps(model, state, light[whole], lump, velocities[:count], heavy)
     if made:
         _replace(model, state, light[broken], chain(made), velocities[count:])
+    state.ledger.throw(weight @ ways, 0.5 * float(weight @ speed))
     return weight @ ways
 
 

@@ -61,6 +61,7 @@ class MomentumLedger:
     :ivar work: of fracture, sum over all blows [J].
     :ivar thrown: momentum of all that charges in walls threw, when they went off [N·s], (3,); what
         stands around the charges got as much the other way.
+    :ivar released: energy that this moves with [J], which the charges brought.
     """
 
     recent: deque[Impact] = field(default_factory=lambda: deque(maxlen=_KEPT))
@@ -70,6 +71,7 @@ class MomentumLedger:
     grounded: np.ndarray = field(default_factory=lambda: np.zeros(3))
     work: float = 0.0
     thrown: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    released: float = 0.0
 
     def record(self, impact: Impact) -> None:
         """Enter a blow."""
@@ -79,3 +81,8 @@ class MomentumLedger:
         self.carried = self.carried + impact.carried
         self.grounded = self.grounded + impact.grounded
         self.work += impact.work
+
+    def throw(self, momentum: np.ndarray, energy: float) -> None:
+        """Enter what a charge threw: the sum of its momenta [N·s], (3,), and its energy [J]."""
+        self.thrown = self.thrown + momentum
+        self.released += energy
