@@ -25,7 +25,8 @@ a simulation shows to everybody (poses, velocities, air):
   joint times its largest stretch. Springs themselves start without energy, beside it;
 * wind: drag is c·|u − v₀|·(u − v) with v₀ before and v after a step, so it does most work where
   v = u / 2: ¼·c·(u + v₀)·u² per second, with the faster of the air at the beginning and the end of
-  a step, and c = ½·ρ·C·A of bluff bodies;
+  a step, and c = ½·ρ·C·A of bluff bodies; twice in a step in which something comes off a tree,
+  for that has moved with the tree and moves on by itself;
 * impulses J on a part of mass m that moves at v: |J|·v + J²/2m, for no tree makes a part lighter;
 * ground: a tree that was drawn into it is pushed out when it comes off, at a speed by its depth,
   and lifted by it, as engines undo overlaps apart from velocities;
@@ -89,15 +90,17 @@ class EnergyLedger:
         old[:len(self._air)] = self._air
         fastest = np.maximum(air, old)
         power = 0.25 * self._drag() * (fastest + self._speed) * fastest ** 2
-        self._given += self._sum(power * simulation.time_step)
+        parts = simulation.events['part_b']
+        came_off = np.unique(self._owner[parts[source.shape[parts] == Shape.CAPSULE]])
+        work = self._sum(power * simulation.time_step)
+        work[came_off] *= 2.0
+        self._given += work
         self._air = air
         self._speed = np.linalg.norm(simulation.velocities[:, :3], axis=1)
         here = np.isfinite(simulation.poses[:, 2])  # what is gone stays fallen as far as it was
         fall = self._start[:, 2] - simulation.poses[:, 2]
         self._fallen[here] = (source.mass * self._gravity * fall)[here]
         self._note_joints()
-        parts = simulation.events['part_b']
-        came_off = np.unique(self._owner[parts[source.shape[parts] == Shape.CAPSULE]])
         self._given[came_off] += self._sunk[came_off]
         self._sunk[came_off] = 0.0
         for part, before in self._height.items():
