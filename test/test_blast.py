@@ -58,7 +58,7 @@ def swisdak(z, pieces):
     Evaluate Swisdak's fits to the curves of a burst on the ground: exp of a polynomial of ln Z.
 
     M. M. Swisdak, Simplified Kingery Airblast Calculations, 1994 (ADA526744), table 1: [kPa],
-    [kPa·ms/kg^(1/3)] over [m/kg^(1/3)]; fits of their own, with other coefficients.
+    [kPa·ms/kg^(1/3)], [ms/kg^(1/3)] over [m/kg^(1/3)]; fits of their own, with other coefficients.
     """
     last, coefficients = next(piece for piece in pieces if z <= piece[0])
     return np.exp(np.polynomial.polynomial.polyval(np.log(z), coefficients))
@@ -72,18 +72,25 @@ IMPULSE = ((0.96, (5.522, 1.117, 0.6, -0.292, -0.087)),
            (2.38, (5.465, -0.308, -1.464, 1.362, -0.432)),
            (33.7, (5.2749, -0.4677, -0.2499, 0.0588, -0.00554)), (99.0, (5.9825, -1.062)))
 REFLECTED_IMPULSE = ((40.0, (6.7853, -1.3466, 0.101, -0.01123)),)
+ARRIVAL = ((1.5, (-0.7604, 1.8058, 0.1257, -0.0437, -0.031, -0.00669)),
+           (40.0, (-0.7137, 1.5732, 0.5561, -0.4213, 0.1054, -0.00929)))
+DURATION = ((1.02, (0.5426, 3.2299, -1.5931, -5.9667, -4.0815, -0.9149)),
+            (2.8, (0.544, 2.7082, -9.7354, 14.3425, -9.7791, 2.8535)),
+            (40.0, (-2.4608, 7.1639, -5.6215, 2.2711, -0.44994, 0.03486)))
 
 
 @pytest.mark.parametrize('z', [0.5, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 40.0])
 @pytest.mark.report('nature')
 def test_bursts_on_the_ground_are_those_of_swisdak(z, measured):
-    """Compare pressures and impulses, side-on and reflected, with an independent fit: 3 %."""
+    """Compare pressures, impulses and times with an independent fit: 3 %."""
     for name, ours, theirs, unit in (
+            ('arrival', air_blast.arrival, ARRIVAL, 'ms/kg^⅓'),
+            ('duration', air_blast.duration, DURATION, 'ms/kg^⅓'),
             ('overpressure', air_blast.overpressure, SIDE_ON, 'kPa'),
             ('reflected pressure', air_blast.reflected, REFLECTED, 'kPa'),
             ('impulse', air_blast.impulse, IMPULSE, 'kPa·ms/kg^⅓'),
             ('reflected impulse', air_blast.reflected_impulse, REFLECTED_IMPULSE, 'kPa·ms/kg^⅓')):
-        got = float(ours(z, ground=1.0)) / (1e3 if unit == 'kPa' else 1.0)
+        got = float(ours(z, ground=1.0)) * {'kPa': 1e-3, 'ms/kg^⅓': 1e3}.get(unit, 1.0)
         measured(f'{name} of a burst on the ground (Swisdak 1994)', got, swisdak(z, theirs), unit,
                  rtol=0.03)
 
@@ -130,6 +137,16 @@ def test_curves_go_on_beyond_their_range():
         near, at, far = (float(curve(z)) for z in (39.59, 39.61, 100.0))
         assert at == pytest.approx(near, rel=2e-3)
         assert (far > at) == (curve is air_blast.arrival)
+
+
+@pytest.mark.parametrize('phase', [0.01, 0.5, 2.2, 2.4, 5.0, 300.0])
+def test_pulses_deflect_an_oscillator(phase):
+    """Compare the load factor with the deflection in time, drawn by hand."""
+    t = np.linspace(0.0, phase + 2.0 * np.pi, 100_001)
+    during = 1.0 - np.cos(t) + (np.sin(t) - t) / phase
+    after = (np.sin(t) - np.sin(t - phase)) / phase - np.cos(t)
+    wanted = np.where(t < phase, during, after).max()
+    assert air_blast.dynamic_load_factor(np.array([phase]))[0] == pytest.approx(wanted, rel=1e-6)
 
 
 def test_ground_throws_back():

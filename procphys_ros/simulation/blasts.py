@@ -21,6 +21,7 @@ from scipy.spatial import cKDTree
 from procphys_ros import rotation
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.loads import air_blast
 from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation import blast_loads, glass, masonry
@@ -30,12 +31,14 @@ from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State, Wave
 
 _LEAST = 1e-3        # [m/s] a wave that gives a body less than this has passed it by
-_STOREY = 2.7        # [m] height of the wall whose rate is `masonry.WALL_RATE`
+_STOREY = 2.7        # [m] height of the wall whose rate is `masonry.WALL_RATE`, ...
+_LEAF = 0.1025       # [m] ... and its thickness
 _BRICK = 0.225       # [m] smallest piece of wall that comes out as one
-_GLASS_RATE = 125.0  # [1/s] angular frequency of a window pane, 2π over 50 ms
 _AFTERMATH = 0.3     # [s] after which what falls out of a wall owes nothing to the blast
 _PATCHES = (3.0, 2.4, 1.9, 1.5, 1.2, 0.9, 0.6, 0.3)  # [m] radii of pieces of wall, tried in turn
-_MOST_PATCHES = 60   # in one step
+_MOST_PATCHES = 60   # in one step, ...
+_MOST_FAILED = 150   # ... and places where none comes out, ...
+_APART = 0.6         # [m] ... that are tried so far apart
 _ALIKE = 0.7         # cosine between impulses on what comes out as one piece
 _DEEPEST = 0.35      # [m] before and behind its middle that a piece reaches
 _BENDING = 5.0       # strength in bending over that in shear, times span over thickness
@@ -140,9 +143,10 @@ def _burst_panes(model: Model, state: State, panes: np.ndarray) -> None:
     if not len(panes):
         return
     own = state.blasts
-    size = np.sort(model.blueprint.size[panes], axis=1)
-    rate = np.minimum(2.0 / own.pulse[panes], _GLASS_RATE)
-    pressure = np.linalg.norm(own.momentum[panes], axis=1) * rate / size[:, 1:].prod(axis=1)
+    area = np.sort(model.blueprint.size[panes], axis=1)[:, 1:].prod(axis=1)
+    peak = 2.0 * np.linalg.norm(own.momentum[panes], axis=1) / own.pulse[panes]
+    pressure = peak / area * air_blast.dynamic_load_factor(
+        glass.frequency(model, panes) * own.pulse[panes])
     load = pressure / glass.pressure(model, panes)
     breaks = np.flatnonzero(load > 1.0)
     glass.shatter_standing(model, state, [
@@ -176,24 +180,27 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
         return loose[0]
     places = model.blueprint.poses[shaken, :3]
     tree, left = cKDTree(places), np.ones(len(shaken), bool)
-    energy, momentum = _energy(state, shaken), state.blasts.momentum[shaken]
-    way = momentum / np.linalg.norm(momentum, axis=1, keepdims=True)
-    for _ in range(_MOST_PATCHES):
-        if not left.any():
-            break
-        seed = int(np.argmax(np.where(left, energy, -1.0)))
+    momentum = state.blasts.momentum[shaken]
+    size = np.linalg.norm(momentum, axis=1)
+    speed, way = size / state.parts.mass[shaken], momentum / size[:, None]
+    torn = failed = 0
+    while torn < _MOST_PATCHES and failed < _MOST_FAILED and (speed > 0.0).any():
+        seed = int(np.argmax(speed))
         near = np.array(tree.query_ball_point(places[seed], _PATCHES[0]))
-        near = near[left[near] & (way[near] @ way[seed] > _ALIKE)]
         away = places[near] - places[seed]
-        near = near[np.abs(away @ way[seed]) < _DEEPEST]
-        distance = np.linalg.norm(places[near] - places[seed], axis=1)
+        distance = np.linalg.norm(away, axis=1)
+        speed[near[distance < _APART]] = 0.0  # they may go along with others
+        alike = left[near] & (way[near] @ way[seed] > _ALIKE)
+        alike &= np.abs(away @ way[seed]) < _DEEPEST
+        failed += 1
         for radius in _PATCHES:
-            patch = np.sort(near[distance < radius])
+            patch = np.sort(near[alike & (distance < radius)])
             if _comes_out(model, state, shaken[patch]):
                 _loosen(model, state, shaken[patch])
                 loose.append(shaken[patch])
+                left[patch], speed[patch] = False, 0.0
+                torn, failed = torn + 1, failed - 1
                 break
-        left[patch] = False
     return np.concatenate(loose)
 
 
@@ -203,7 +210,8 @@ def _comes_out(model: Model, state: State, parts: np.ndarray) -> bool:
 
     The steady force of the same effect as a short pulse is the impulse times the angular
     frequency of what it hits, at most twice the mean force of the pulse (Biggs 1964,
-    Introduction to Structural Dynamics, 2.5); that of a plate goes with its span squared.
+    Introduction to Structural Dynamics, 2.5); that of a plate goes with its thickness over its
+    span squared.
 
     What is short for its thickness is sheared off all around; a plate of span a and thickness t
     bends, and arches between what surrounds it. A square one bears 8·f·t² by yield lines and
@@ -216,7 +224,7 @@ def _comes_out(model: Model, state: State, parts: np.ndarray) -> bool:
     resistance = masonry.resist(state, parts, momentum / size)
     span = max(float(np.sort(np.ptp(model.blueprint.poses[parts, :3], axis=0))[1]), _BRICK)
     thickness = _thickness(model, parts, momentum / size)
-    rate = WALL_RATE * (_STOREY / span) ** 2
+    rate = WALL_RATE * thickness / _LEAF * (_STOREY / span) ** 2
     rate = min(rate, 2.0 / float(np.median(state.blasts.pulse[parts])))
     energy = float(_energy(state, parts).sum())
     bends = min(_BENDING * thickness / span, 1.0)

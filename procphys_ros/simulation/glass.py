@@ -75,6 +75,19 @@ def pressure(model: Model, parts: np.ndarray) -> np.ndarray:
     return _STRENGTH / (_PLATE_STRESS * slenderness ** 2)
 
 
+def frequency(model: Model, parts: np.ndarray) -> np.ndarray:
+    """
+    Give the lowest angular frequency of panes, square and simply supported [rad/s], (K,).
+
+    2·π²/a²·√(D/(ρ·h)) with the bending stiffness D (Leissa 1969, Vibration of Plates, 4.1). Pane
+    and contact are springs in series: the squares of their half periods add up to that of a blow.
+    """
+    thick, edge = model.glass.thickness[parts], model.glass.edge[parts]
+    stiffness = _MODULUS * thick ** 3 / (12.0 * (1.0 - _POISSON ** 2))
+    return 2.0 * np.pi ** 2 / edge ** 2 * np.sqrt(
+        stiffness / (model.blueprint.density[parts] * thick))
+
+
 def crack(model: Model, part: int, point: np.ndarray | None = None, size: float = 0.0,
           count: int = 1) -> CrackedPane:
     """
@@ -240,23 +253,10 @@ def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
     change = jump[:, :3] + np.cross(jump[:, 3:], pose[:, :3] - start[:, :3])
     across = rotation.to_matrix(pose[:, 3:])[np.arange(len(rows)), :, model.glass.thin[rows]]
     rate = np.abs(np.einsum('ki,ki->k', across, change))
-    rate /= np.hypot(contact_time(state.world.bodies.mass[body]), np.pi / _frequency(model, parts))
+    rate /= np.hypot(contact_time(state.world.bodies.mass[body]), np.pi / frequency(model, parts))
     bearable = pressure(model, parts) / (model.blueprint.density[parts]
                                          * model.glass.thickness[parts])
     return rate / bearable
-
-
-def _frequency(model: Model, parts: np.ndarray) -> np.ndarray:
-    """
-    Give the lowest angular frequency of panes, square and simply supported [rad/s], (K,).
-
-    2·π²/a²·√(D/(ρ·h)) with the bending stiffness D (Leissa 1969, Vibration of Plates, 4.1). Pane
-    and contact are springs in series: the squares of their half periods add up to that of a blow.
-    """
-    thick, edge = model.glass.thickness[parts], model.glass.edge[parts]
-    stiffness = _MODULUS * thick ** 3 / (12.0 * (1.0 - _POISSON ** 2))
-    return 2.0 * np.pi ** 2 / edge ** 2 * np.sqrt(
-        stiffness / (model.blueprint.density[parts] * thick))
 
 
 def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarray,

@@ -124,6 +124,22 @@ def dynamic_pressure(pressure: np.ndarray) -> np.ndarray:
     return 2.5 * pressure ** 2 / (7.0 * AMBIENT + pressure)
 
 
+def dynamic_load_factor(phase: np.ndarray) -> np.ndarray:
+    """
+    Give the largest deflection under a triangular pulse over the steady one under its peak.
+
+    Of an undamped oscillator (Biggs 1964, Introduction to Structural Dynamics, 2.5): phase/2 for a
+    short pulse, 2 for an endless one.
+
+    :param phase: angular frequency of the oscillator times the duration of the pulse, (K,).
+    """
+    phase = np.maximum(phase, 1e-3)
+    after = np.sqrt(np.maximum(
+        1.0 + 2.0 * (1.0 - np.cos(phase)) / phase ** 2 - 2.0 * np.sin(phase) / phase, 0.0))
+    turn = np.arctan(phase)  # half of the phase at which the deflection is largest
+    return np.where(2.0 * turn < phase, 2.0 * (1.0 - turn / phase), after)
+
+
 def shock_speed(pressure: np.ndarray) -> np.ndarray:
     """Compute the speed [m/s] of a shock of that overpressure (Rankine-Hugoniot)."""
     return SOUND * np.sqrt(1.0 + 6.0 * pressure / (7.0 * AMBIENT))

@@ -19,11 +19,15 @@ import numpy as np
 
 from procphys_ros.physics.loads.air_blast import AMBIENT, SOUND
 
-_PEAK = 2.25e6       # [Pa] at 1 kg/m³: H. J. Weibull 1968, Ann. N.Y. Acad. Sci. 152, 357: the
-_EXPONENT = 0.72     # pressure 22.5·(W/V)^0.72 bar, measured up to 5 kg/m³
+# The two empirical laws are given as they are usually quoted; the originals could not be read, and
+# what is known otherwise bounds them: the heat of burning TNT and the flow of hot gas, see below.
+_PEAK = 2.25e6       # [Pa] at 1 kg/m³: the law of H. J. Weibull 1968, Ann. N.Y. Acad. Sci. 152,
+_EXPONENT = 0.72     # 357, 22.5·(W/V)^0.72 bar up to 5 kg/m³
 _DENSEST = 5.0       # [kg/m³]
-_OUTFLOW = 2.13      # ln P falls by 2.13·A·a/V in a second: G. F. Kinney and R. G. S. Sewell 1974,
-#                      Venting of explosions, NWC TM 2448 (Baker et al. 1983, 3.3)
+_HEAT = 14.5e6       # [J/kg] of TNT burnt to CO2, steam and N2: enthalpies of formation of -393.5,
+#                      -241.8 and, of TNT, -65 kJ/mol; there is air enough up to 0.3 kg/m³
+_OUTFLOW = 2.13      # ln P falls by 2.13·A·a/V in a second: the law of G. F. Kinney and R. G. S.
+#                      Sewell 1974, NWC TM 2448; a choked flow, 0.81·A·c/V, of gas of 2,000 K
 _ADIABATIC = 1.4     # exponent of air
 _LONGEST = 1.0       # [s] after which gas has cooled, however tight the room
 _STEPS = 400
@@ -36,7 +40,8 @@ def peak_pressure(charge: float, volume: float) -> float:
     :param charge: of TNT [kg].
     :param volume: of the room [m³].
     """
-    return _PEAK * min(charge / volume, _DENSEST) ** _EXPONENT
+    density = min(charge / volume, _DENSEST)
+    return min(_PEAK * density ** _EXPONENT, (_ADIABATIC - 1.0) * _HEAT * density)
 
 
 def gas_impulse(peak: float, volume: float, vents: float, walls: float,
