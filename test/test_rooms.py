@@ -79,7 +79,7 @@ def test_gas_has_the_heat_of_the_charge(density):
     """
     Find the pressure between the heat of detonation and that of burning in the air of the room.
 
-    4.2 MJ/kg in gas so hot that its adiabatic exponent is 1.2 only; 14.5 MJ/kg in air, whose is 1.4.
+    4.2 MJ/kg in gas so hot that its adiabatic exponent is 1.2; 14.5 MJ/kg in air, with 1.4.
     """
     peak = peak_pressure(density * 50.0, 50.0)
     assert 0.2 * 4.2e6 * density < peak < 1.0001 * 0.4 * 14.5e6 * density
