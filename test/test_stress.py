@@ -381,3 +381,30 @@ def test_islands_are_solved_each_for_itself():
     np.testing.assert_allclose(together.iterations[count:], second, atol=1)
     np.testing.assert_allclose(together.displacement[:count], alone[0].displacement[:-1],
                                atol=1e-3 * np.abs(alone[0].displacement).max())
+
+
+def test_graphs_that_are_chained_are_those_of_the_chained_blueprint():
+    """Chain the bonds of two walls and go on with their answers: nothing is left to be solved."""
+    plans = [wall(15, 20), wall(10, 8)]
+    plans[1].poses[:, 1] += 20.0
+    plans[1].bond_frame[:, 1] += 20.0
+    loose = blueprint([[0, 40, 1], [5, 40, 1]], np.ones((2, 3)), np.zeros((0, 2), int),
+                      np.zeros((0, 7)), np.zeros((0, 2)))
+    whole, first = chain([plans[0], loose, plans[1]]), len(plans[0]) + 2
+    solvers = [solved(plan) for plan in plans]
+    graph = BondGraph.chained(whole, [(BondGraph(plans[0]), 0), (BondGraph(plans[1]), first)])
+    for name, column in vars(BondGraph(whole)).items():
+        if isinstance(column, np.ndarray):
+            np.testing.assert_array_equal(getattr(graph, name), column, err_msg=name)
+    known = len(solvers[0].graph)
+    together = StressSolver.joined(graph, (0.0, 0.0, -G), [
+        (solvers[0], 0, np.arange(known)), (solvers[1], first, np.arange(known, len(graph)))])
+    assert together.converged and together.residual <= 2.0 * TIGHT
+    push = np.zeros((len(whole), 3))
+    push[-1] = push[0] = [0.0, 50.0, 0.0]
+    together.tolerance = TIGHT
+    together.set_loads(push)
+    together.iterate(2000)
+    np.testing.assert_allclose(
+        together.displacement, solved(whole, force=push).displacement,
+        atol=1e-3 * np.abs(together.displacement).max())

@@ -252,6 +252,24 @@ def test_bricks_that_join_after_others_were_removed_are_where_they_belong(engine
         np.testing.assert_array_equal(world.poses(first[1::2]), row(0.0)[1::2])
 
 
+def test_bricks_hold_what_falls_on_them_in_the_step_that_they_join(engine):
+    """Lay a floor of 900 bricks under falling ones, and build the engine anew: none falls in."""
+    with World(engine=engine) as world:
+        poses = np.array([at(0.25 * i, 0.12 * j, 1.0) for i in range(30) for j in range(30)])
+        loose = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(x, y, 1.0 + 1.05 * BRICK[2]))
+                 for x, y in ((0.0, 0.0), (7.25, 3.48), (3.5, 1.8))]
+        floor = world.add_bricks(poses, np.tile(BRICK, (900, 1)), np.full(900, BRICK_MASS))
+        for begin in (lambda: None, world.rebuild, lambda: world.thaw(loose)):
+            begin()
+            for _ in range(12):
+                world.step(DT)
+            np.testing.assert_allclose(world.poses(loose)[:, 2], 1.0 + BRICK[2], atol=4e-3)
+        world.remove(floor[::2])
+        world.thaw(floor[1::2])
+        world.step(DT)
+        np.testing.assert_allclose(world.velocities(floor[1::2])[:, 2], -9.81 * DT, rtol=0.5)
+
+
 def test_new_bodies_answer_to_contacts_as_old_ones_do(engine):
     """Drop a beam on its end: created above an edge, or elsewhere, moved and stopped first."""
     spins = []

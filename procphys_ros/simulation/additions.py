@@ -24,6 +24,7 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.placement import stand_on
 from procphys_ros.simulation import fragments, load_checks, masonry
@@ -55,10 +56,11 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     except SceneError as error:
         raise CommandError(str(error)) from None
     added = SceneObject(name, len(state.parts), len(placed))
+    whole, graph = chain([state.blueprint, placed]), BondGraph(placed)
     enlarged = compile_model(
-        model.settings, model.shard, chain([state.blueprint, placed]), [*state.objects, added],
-        model.time_step, model.seed, model.wind, model.loaded)
-    settled, lines = _settled(placed, model.gravity, name)
+        model.settings, model.shard, whole, [*state.objects, added], model.time_step, model.seed,
+        model.wind, model.loaded, _chained(model, whole, placed, graph, added.first))
+    settled, lines = _settled(placed, graph, model.gravity, name)
     grow(enlarged, state, settled)
     state.objects.append(added)
     state.names.extend([added], placed)
@@ -145,9 +147,22 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
                             np.zeros((1, 6)))
 
 
-def _settled(blueprint: Blueprint, gravity: float, name: str) -> tuple[StressSolver, list[str]]:
+def _chained(model: Model, whole: Blueprint, placed: Blueprint, graph: BondGraph,
+             first: int) -> tuple[BondGraph, BondGraph]:
+    """
+    Give the bonds of the enlarged scene, those of masonry and all of them as mortar.
+
+    :param graph: bonds of masonry of what is placed, its parts from `first` on.
+    """
+    every = BondGraph(as_mortar(placed)) if len(placed.hinges) else graph
+    return (BondGraph.chained(whole, [(model.masonry.graph, 0), (graph, first)]),
+            BondGraph.chained(as_mortar(whole), [(model.loose_bonds.graph, 0), (every, first)]))
+
+
+def _settled(blueprint: Blueprint, graph: BondGraph, gravity: float,
+             name: str) -> tuple[StressSolver, list[str]]:
     """Find the stresses of an object by itself, as they are when its mortar has set."""
-    solver = StressSolver(BondGraph(blueprint), (0.0, 0.0, -gravity))
+    solver = StressSolver(graph, (0.0, 0.0, -gravity))
     if not len(solver.graph):
         return solver, []
     rounds = Fracture(solver).advance(masonry.SETTLING)

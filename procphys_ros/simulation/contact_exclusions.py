@@ -82,6 +82,8 @@ def add_split(state: State, pieces: list[np.ndarray]) -> None:
     wood = [parts[state.parts.shape[parts] == Shape.CAPSULE] for parts in pieces]
     for i, own in enumerate(wood):
         others = np.concatenate([np.zeros(0, np.intp), *wood[i + 1:]])
+        if not len(own) or not len(others):
+            continue
         found = _overlapping(state, np.repeat(own, len(others)), np.tile(others, len(own)))
         state.excluded = np.concatenate([state.excluded, found])
 

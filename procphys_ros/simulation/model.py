@@ -210,7 +210,8 @@ class Model:
 
 def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
                   objects: Sequence[SceneObject], time_step: float, seed: int,
-                  wind: Wind | None = None, loaded: int | None = None) -> Model:
+                  wind: Wind | None = None, loaded: int | None = None,
+                  graphs: tuple[BondGraph, BondGraph] | None = None) -> Model:
     """
     Work out everything about a scene that never changes.
 
@@ -222,12 +223,14 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     :param seed: of everything random.
     :param wind: that is there already; None = made from the settings.
     :param loaded: number of parts that did not join later; None = all.
+    :param graphs: bonds of masonry and all bonds, whole, where they are known, see `FreeBodies`.
     """
-    masonry = _masonry(blueprint)
+    graph, every = graphs or (None, None)
+    masonry = _masonry(blueprint, BondGraph(blueprint) if graph is None else graph)
     loaded = len(blueprint) if loaded is None else loaded
     trees = _trees(blueprint, settings, masonry.bricks,
                    holds.find(blueprint, objects, masonry.bricks, loaded))
-    loose_bonds = FreeBodies(blueprint)
+    loose_bonds = FreeBodies(blueprint, every)
     mortar = blueprint.bond_law == Law.MORTAR
     wind = copy(wind) if wind else Wind(
         settings.wind, seed, settings.wind_record, settings.terrain)
@@ -239,11 +242,11 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
                  np.unique(pairs[pairs >= 0]), settings.intruder_pieces(), loaded)
 
 
-def _masonry(blueprint: Blueprint) -> MasonryModel:
+def _masonry(blueprint: Blueprint, graph: BondGraph) -> MasonryModel:
     members = np.zeros(len(blueprint), bool)
     pairs = blueprint.bonds[blueprint.bond_law == Law.MORTAR]
     members[pairs[pairs != GROUND]] = True
-    return MasonryModel(members, BondGraph(blueprint), blueprint.size + _JOINT,
+    return MasonryModel(members, graph, blueprint.size + _JOINT,
                         *with_joints(blueprint), Bricks(blueprint, np.flatnonzero(members)))
 
 

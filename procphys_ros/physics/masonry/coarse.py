@@ -20,6 +20,9 @@ Two-level preconditioning by rigid body modes: Nicolaides 1987, SIAM J. Numer. A
 Vaněk, Mandel, Brezina 1996, Computing 56.
 """
 
+from collections.abc import Sequence
+from typing import Self
+
 import numpy as np
 
 from procphys_ros.compilation import kernel
@@ -172,6 +175,27 @@ class CoarseSpace:
         self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
         matrix = CoarseMatrix(graph, self.owner, self.middle)
         self.factor = Factor(matrix.start, matrix.column, matrix.blocks)
+
+    @classmethod
+    def chained(cls, count: int, spaces: Sequence[tuple['CoarseSpace', int]]) -> Self:
+        """
+        Go on with the coarse spaces of graphs whose parts follow each other in one.
+
+        :param count: of the parts there.
+        :param spaces: each with the number of its first part there.
+        """
+        space = cls.__new__(cls)
+        space.owner, space.arm = np.full(count + 1, -1, np.int32), np.zeros((count, 3))
+        space.count = 0
+        for known, first in spaces:
+            rows = slice(first, first + len(known.arm))
+            owner = known.owner[:-1]
+            space.owner[rows] = np.where(owner < 0, -1, owner + space.count)
+            space.arm[rows] = known.arm
+            space.count += known.count
+        space.middle = np.concatenate([known.middle for known, _ in spaces])
+        space.factor = Factor.chained([known.factor for known, _ in spaces])
+        return space
 
     def reached(self, parts: np.ndarray) -> np.ndarray:
         """

@@ -20,6 +20,9 @@ L·D·Lᵀ by block columns. Elimination tree and rows of L after Liu 1990, SIAM
 11(1); the ordering is SuperLU's minimum degree on the graph of the blocks.
 """
 
+from collections.abc import Sequence
+from typing import Self
+
 import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.csgraph import connected_components
@@ -62,6 +65,23 @@ class Factor:
                        np.zeros((count, 6, 6)))
         _factor(*places, blocks, rank, fill, self.panels)
 
+    @classmethod
+    def chained(cls, factors: Sequence['Factor']) -> Self:
+        """Put the factors of matrices that have nothing in common behind each other."""
+        factor = cls.__new__(cls)
+        size = np.cumsum([0] + [len(each.columns) for each in factors])
+        filled = np.cumsum([0] + [len(each.panels[2]) for each in factors])
+        made = np.cumsum([0] + [len(each._start) - 1 for each in factors])
+        order, below, rows, numbers, inverse = zip(*(each.panels for each in factors))
+        starts = _shifted([start[:-1] for start in below], filled)
+        factor.panels = (
+            _shifted(order, size), np.append(starts, filled[-1]),
+            _shifted(rows, size), np.concatenate(numbers), np.concatenate(inverse))
+        factor.columns = _shifted([each.columns for each in factors], size)
+        factor._component = _shifted([each._component for each in factors], made)
+        factor._start = np.append(_shifted([each._start[:-1] for each in factors], size), size[-1])
+        return factor
+
     def reached(self, unknowns: np.ndarray) -> np.ndarray:
         """
         Say which columns each unknown belongs to: its whole component of the matrix.
@@ -71,6 +91,11 @@ class Factor:
         """
         component = self._component[unknowns]
         return np.column_stack([self._start[component], self._start[component + 1]])
+
+
+def _shifted(columns: Sequence[np.ndarray], before: np.ndarray) -> np.ndarray:
+    """Put columns of numbers behind each other, each with what comes before it added."""
+    return np.concatenate([column + start for column, start in zip(columns, before)])
 
 
 def _ordering(pattern: csc_matrix) -> np.ndarray:

@@ -68,6 +68,7 @@ class FreeBodies:
     All bonds of a blueprint, hinges of wood and mortar alike, as far as they fly about.
 
     :param blueprint: parts and bonds at rest.
+    :param graph: its bonds, see `as_mortar`; None = made from it.
 
     :ivar graph: the bonds; row = row of the blueprint.
     :ivar weakest: least force that can break a bond of each part [N], inf without bonds, (N,).
@@ -75,8 +76,8 @@ class FreeBodies:
         [N·m], inf elsewhere, (N,).
     """
 
-    def __init__(self, blueprint: Blueprint):
-        self.graph = BondGraph(as_mortar(blueprint))
+    def __init__(self, blueprint: Blueprint, graph: BondGraph | None = None):
+        self.graph = BondGraph(as_mortar(blueprint)) if graph is None else graph
         self._hinges = blueprint.hinges
         self._hinge_row = np.where(blueprint.bond_law == Law.HINGE,
                                    np.cumsum(blueprint.bond_law == Law.HINGE) - 1, -1)

@@ -15,6 +15,7 @@
 
 """The bond graph: rigid parts joined by springs spread over their contact patches."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,12 +75,7 @@ class BondGraph:
     """
 
     def __init__(self, blueprint: Blueprint):
-        self.rows = np.flatnonzero(blueprint.bond_law == Law.MORTAR)
-        self.count = len(blueprint)
-        self.mass = np.array(blueprint.mass, float)
-        self.centre = np.array(blueprint.poses[:, :3], float)
-        self.reach = np.maximum(0.5 * np.max(blueprint.size, axis=1, initial=0.0), 1e-3)
-        self.mortar = blueprint.mortar
+        self._take_parts(blueprint)
         pair = blueprint.bonds[self.rows].astype(np.int32)
         if np.any(pair[:, 0] == pair[:, 1]):
             raise ValueError('a bond must join two different parts')
@@ -92,13 +88,50 @@ class BondGraph:
         self.extent = np.array(blueprint.bond_extent[self.rows], float)
         self.spring = np.empty((len(self), 6))
         self.links = np.empty((len(self), 18))
+        self.start, self.incident = links.incidence(self.count, self.first, self.second)
+        self._set_whole()
+        self._spread(np.arange(len(self)))
+
+    @classmethod
+    def chained(cls, blueprint: Blueprint,
+                graphs: Sequence[tuple['BondGraph', int]]) -> 'BondGraph':
+        """
+        Give the graph of a blueprint from those of blueprints that it chains.
+
+        :param graphs: whole, with the number of each one's first part; they have all bonds.
+        """
+        graph = cls.__new__(cls)
+        graph._take_parts(blueprint)
+        for name in ('first', 'second'):
+            column = [np.where(getattr(known, name) == known.count, graph.count,
+                               getattr(known, name) + first) for known, first in graphs]
+            setattr(graph, name, np.concatenate(column, dtype=np.int32))
+        for name in ('centroid', 'axes', 'area', 'extent', 'spring', 'links'):
+            setattr(graph, name, np.concatenate([getattr(known, name) for known, _ in graphs]))
+        degree, before, incident = np.zeros(graph.count, np.int64), 0, []
+        for known, first in graphs:
+            degree[first:first + known.count] = np.diff(known.start)
+            incident.append(known.incident + np.int32(before))
+            before += len(known)
+        graph.start = np.concatenate([[0], np.cumsum(degree)])
+        graph.incident = np.concatenate(incident)
+        graph._set_whole()
+        return graph
+
+    def _take_parts(self, blueprint: Blueprint) -> None:
+        self.rows = np.flatnonzero(blueprint.bond_law == Law.MORTAR)
+        self.count = len(blueprint)
+        self.mass = np.array(blueprint.mass, float)
+        self.centre = np.array(blueprint.poses[:, :3], float)
+        self.reach = np.maximum(0.5 * np.max(blueprint.size, axis=1, initial=0.0), 1e-3)
+        self.mortar = blueprint.mortar
+
+    def _set_whole(self) -> None:
         self.alive = np.ones(len(self), bool)
         self.cracked = np.zeros(len(self), bool)
         self.grip = np.ones(len(self))
-        self.start, self.incident = links.incidence(self.count, self.first, self.second)
         self._rest = (self.centroid.copy(), self.area.copy())
         self.whole_extent = self.extent.copy()
-        self._spread(np.arange(len(self)))
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -173,6 +206,11 @@ class BondGraph:
         return np.unique(np.concatenate(
             [self.incident[self.start[p]:self.start[p + 1]] for p in np.atleast_1d(parts)]
             or [np.zeros(0, np.int32)]))
+
+    def parts_of(self, bonds: np.ndarray) -> np.ndarray:
+        """Give the parts that some bonds join, sorted."""
+        touched = np.unique(np.concatenate([self.first[bonds], self.second[bonds]]))
+        return touched[touched < self.count]
 
     def boundary(self, parts: np.ndarray) -> np.ndarray:
         """Give the living bonds that tie a set of parts to anything outside it."""

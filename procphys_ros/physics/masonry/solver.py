@@ -67,7 +67,8 @@ class StressSolver:
     def __init__(self, graph: BondGraph, gravity: Sequence[float] = (0.0, 0.0, -9.81),
                  tolerance: float | None = None):
         graph.restore()
-        self._start(Equilibrium(graph, gravity), tolerance)
+        self._make_room(Equilibrium(graph, gravity), tolerance)
+        self._begin_anew()
 
     @classmethod
     def joined(cls, graph: BondGraph, gravity: Sequence[float],
@@ -84,13 +85,21 @@ class StressSolver:
         for other, first, bonds in solvers:
             equilibrium.adopt(other.equilibrium, first, bonds)
         solver = cls.__new__(cls)
-        solver._start(equilibrium, None)
+        solver._make_room(equilibrium, None)
+        for other, first, _ in solvers:
+            solver._blocks[first:first + other.graph.count] = other._blocks
+        cracked = np.flatnonzero(graph.cracked)
+        solver._begin_at_displacements()
+        solver._bonds_changed(graph.parts_of(cracked))
+        spaces = [(other._coarse, first) for other, first, _ in solvers if other._coarse]
+        solver._coarse = CoarseSpace.chained(graph.count, spaces) if spaces else None
+        solver._coarse_fresh = all(other._coarse_fresh for other, _, _ in solvers)
+        solver._look()
         for other, first, _ in solvers:
             solver.iterations[first:first + other.graph.count] = other.iterations
         return solver
 
-    def _start(self, equilibrium: Equilibrium, tolerance: float | None) -> None:
-        """Make room, and begin from where the displacements are."""
+    def _make_room(self, equilibrium: Equilibrium, tolerance: float | None) -> None:
         self.equilibrium = equilibrium
         graph = equilibrium.graph
         bonded = np.diff(graph.start) > 0
@@ -100,7 +109,6 @@ class StressSolver:
         self._blocks = np.empty((graph.count, 6, 6))
         self._past = Superposition()
         self.state = self.problem = 0
-        self._begin_anew()
 
     def reset(self) -> None:
         """Return to whole bonds, no loads but the weight, and no displacement."""
@@ -110,6 +118,12 @@ class StressSolver:
 
     def _begin_anew(self) -> None:
         """Work out all that follows from bonds and displacements."""
+        self._begin_at_displacements()
+        self._bonds_changed(np.arange(self.graph.count))
+        self._refresh()
+
+    def _begin_at_displacements(self) -> None:
+        """Begin where the displacements are; blocks and coarse space are left to the caller."""
         equilibrium, graph = self.equilibrium, self.graph
         self._step, self._begun = Step.straight(), False
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
@@ -117,10 +131,8 @@ class StressSolver:
         self.iterations = np.zeros(graph.count, np.int64)
         self.spent = self._patience = self._worked = 0
         equilibrium.linearise(np.flatnonzero(graph.cracked))
-        self._bonds_changed(np.arange(graph.count))
         equilibrium.relabel()
         self._past.forget(self.labels, equilibrium.linear())
-        self._refresh()
         self.state += 1
         self.problem += 1
 
@@ -226,8 +238,7 @@ class StressSolver:
 
     def _after_change(self, bonds: np.ndarray) -> None:
         graph = self.graph
-        touched = np.unique(np.concatenate([graph.first[bonds], graph.second[bonds]]))
-        self._bonds_changed(touched[touched < graph.count])
+        self._bonds_changed(graph.parts_of(bonds))
         self._coarse_fresh = False
         self._patience = self._worked = 0
         self._past.forget(self.labels, self.equilibrium.linear())
@@ -335,8 +346,7 @@ class StressSolver:
         """Put the tangents of joints where they are now, see `CrackedJoints.linearise`."""
         graph = self.graph
         self.equilibrium.linearise(rows, renew)
-        touched = np.unique(np.concatenate([graph.first[rows], graph.second[rows]]))
-        self._bonds_changed(touched[touched < graph.count])
+        self._bonds_changed(graph.parts_of(rows))
         if self._coarse_fresh:
             self._coarse_fresh, self._worked = False, 0
         self._look()

@@ -182,9 +182,8 @@ class BodyTable:
         :returns: ids, (K,).
         """
         keys = np.round(np.column_stack([sizes, poses[:, 3:]]), 6)
-        kind = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
         ids = np.empty(len(poses), np.intp)
-        ids[np.argsort(kind, kind='stable')] = self._add_rows(len(poses), state)
+        ids[np.lexsort(keys.T[::-1])] = self._add_rows(len(poses), state)
         first = self._append('piece', np.full(len(ids), Shape.BOX), sizes,
                              np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(ids), 1)))
         self.first_piece[ids], self.piece_count[ids] = first + np.arange(len(ids)), 1

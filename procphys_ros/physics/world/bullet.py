@@ -22,11 +22,11 @@ A body gets a tiny box as its visual shape: without one PyBullet triangulates ev
 for a renderer that is never used, which costs 0.16 ms per capsule, 40 times the rest.
 """
 
-from functools import partial
 from itertools import chain
 from operator import itemgetter
 import os
 import tempfile
+from typing import Any
 import weakref
 
 import numpy as np
@@ -67,6 +67,8 @@ _WAYS = itemgetter(6, 7, 11, 13)  # ... normal and two tangents; point, normal a
 _MEMORY_FOLDER = '/dev/shm'  # a folder in memory, where there is one
 _AS_SOLID = 2.0  # times the inertia of a solid: a plain body with more is made as a compound
 _ROUND = 6  # decimals of sizes and quaternions up to which plain bodies are added together
+_FILTERS = {int(state): filters for state, filters in COLLISION_FILTERS.items()}
+_HELD = {'mass': 0.0, 'activationState': pybullet.ACTIVATION_STATE_SLEEP}
 
 
 class BulletEngine:
@@ -96,9 +98,9 @@ class BulletEngine:
             useSplitImpulse=1, splitImpulsePenetrationThreshold=0.0,
             deterministicOverlappingPairs=1, physicsClientId=self._client)
         self._time_step = 0.0
-        self._has_removed = False
+        self._made, self._free = 0, list[int]()  # numbers of bodies: given out, given back
         self._shapes: dict[tuple, int] = {}
-        self._states: dict[int, BodyState] = {}  # by PyBullet's ids, as collisions know them
+        self._states: dict[int, int] = {}  # by PyBullet's ids, as collisions know them
         self._rules: dict[int, dict[int, bool]] = {}  # whether a pair of them is excluded
         self._handles = np.full(0, -1)  # PyBullet's id of each body
         self._ids = np.full(0, -1)  # and the other way round
@@ -124,19 +126,36 @@ class BulletEngine:
 
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids; plain ones of one shape, size and attitude at once."""
-        for same in _alike(table, ids):
-            body = int(same[0])
-            if table.state[body] == BodyState.GROUND:
-                self._enter(same, [self._create_ground()])
-            elif table.least[body] > 0.0 and _turns_as_its_shape(table, body):
-                self._enter(same, self._create_plain(table, same))
+        plain = table.least[ids] > 0.0
+        plain[plain] = _turn_as_their_shapes(table, ids[plain])
+        alone = ~plain | (table.hexahedron_count[ids] > 0)
+        ground = table.state[ids] == BodyState.GROUND
+        for place in np.flatnonzero(alone).tolist():
+            body = ids[place:place + 1]
+            if ground[place]:
+                self._enter(body, self._create_ground())
+            elif plain[place]:
+                self._enter(body, self._create_plain(table, body))
             else:
-                self._enter(same, [self._create_compound(table, body)])
+                self._enter(body, self._create_compound(table, int(body[0])))
+        for same in _alike(table, ids[~alone]):
+            self._enter(same, self._create_plain(table, same))
         self._set_up(table, ids)
 
-    def _enter(self, ids: np.ndarray, handles: list[int]) -> None:
+    def _enter(self, ids: np.ndarray, last: int) -> None:
+        """
+        Keep the numbers that PyBullet gave to new bodies, of which it tells the last.
+
+        It gives those of removed bodies again, the last one removed first, then new ones.
+        """
+        again = [self._free.pop() for _ in range(min(len(ids), len(self._free)))]
+        made = self._made + len(ids) - len(again)
+        handles = np.array([*again, *range(self._made, made)])
+        self._made = made
+        if handles[-1] != last:
+            raise RuntimeError(f'PyBullet called a body {last} instead of {handles[-1]}')
         self._handles = _filled(self._handles, ids, handles)
-        self._ids = _filled(self._ids, np.array(handles), ids)
+        self._ids = _filled(self._ids, handles, ids)
 
     def _create_ground(self) -> int:
         """
@@ -167,24 +186,19 @@ class BulletEngine:
             0.0, field, self._visual, basePosition=middle, useMaximalCoordinates=1,
             flags=_SLEEPING, physicsClientId=self._client)
 
-    def _create_plain(self, table: BodyTable, ids: np.ndarray) -> list[int]:
+    def _create_plain(self, table: BodyTable, ids: np.ndarray) -> int:
         """
         Create bodies of one shape, mass and attitude, at once: 5 times faster than one by one.
 
-        PyBullet takes the numbers of bodies made at once for consecutive, and they are not where
-        it gives numbers of removed bodies again. Bullet keeps the inverse inertia along world axes
-        with which a body was created, that of its shape, until the end of the next step, whatever
-        mass it is given in between: see `_turns_as_its_shape`.
+        Bullet keeps the inverse inertia along world axes with which a body was created, that of
+        its shape, until the end of the next step, whatever mass it is given in between: see
+        `_turn_as_their_shapes`.
         """
-        piece = table.pieces(int(ids[0]))
-        shape, turn = self._shape(piece), table.poses[ids[0], 3:]
-        places = table.poses[ids, :3].tolist()
-        create = partial(pybullet.createMultiBody, float(table.mass[ids[0]]), shape,
-                         self._visual, baseOrientation=turn.tolist(), useMaximalCoordinates=1,
-                         flags=_SLEEPING, physicsClientId=self._client)
-        if self._has_removed:
-            return [create(basePosition=place) for place in places]
-        return list(create(batchPositions=places))
+        return int(pybullet.createMultiBody(
+            float(table.mass[ids[0]]), self._shape(table.pieces(int(ids[0]))), self._visual,
+            baseOrientation=table.poses[ids[0], 3:].tolist(),
+            batchPositions=table.poses[ids, :3].tolist(), useMaximalCoordinates=1,
+            flags=_SLEEPING, physicsClientId=self._client)[-1])
 
     def _shape(self, piece: Pieces) -> int:
         """Make the shape of a plain body once: PyBullet never frees them."""
@@ -235,51 +249,29 @@ class BulletEngine:
                 os.unlink(mesh)
 
     def _set_up(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Give bodies their inertia, surfaces and velocities."""
-        handles, states = self._handles[ids].tolist(), table.state[ids]
-        for body, handle, state in zip(ids.tolist(), handles, states.tolist()):
-            if state >= BodyState.AWAKE:
-                self._set_mass(handle, table, body)
-                self._set_filter(handle, BodyState(state))
-            self._set_surface(handle, table, body)
-        for handle, state in zip(handles, states.tolist()):
-            if state < BodyState.AWAKE:
-                if state != BodyState.GROUND:
-                    self._hold(handle)
-                self._set_filter(handle, BodyState(state))
-        moving = ids[states >= BodyState.AWAKE]
+        """Give new bodies their inertia, surfaces and velocities; those that move come first."""
+        state = table.state[ids]
+        moves, is_ground = state >= BodyState.AWAKE, state == BodyState.GROUND
+        dynamics = _dynamics(table, ids)
+        for chosen in (moves, is_ground, ~moves & ~is_ground):
+            for place in np.flatnonzero(chosen).tolist():
+                handle = int(self._handles[ids[place]])
+                pybullet.changeDynamics(handle, -1, physicsClientId=self._client,
+                                        **dynamics[place])
+                self._set_filter(handle, int(state[place]))
+        moving = ids[moves]
         self.set_velocities(moving, table.velocities[moving])
         swept = moving[table.swept_radius[moving] > 0.0]
         self.set_swept(swept, table.swept_radius[swept])
-
-    def _set_surface(self, handle: int, table: BodyTable, body: int) -> None:
-        """Set friction and restitution; Bullet multiplies those of a pair, so roots of them."""
-        pybullet.changeDynamics(
-            handle, -1, lateralFriction=float(np.sqrt(table.friction[body])),
-            restitution=float(np.sqrt(table.restitution[body])),
-            rollingFriction=ROLLING_FRICTION,
-            linearDamping=LINEAR_DAMPING if table.damped[body] else 0.0,
-            angularDamping=ANGULAR_DAMPING if table.damped[body] else 0.0,
-            physicsClientId=self._client)
-
-    def _set_mass(self, handle: int, table: BodyTable, body: int) -> None:
-        """Make a body move; Bullet's own sleeping stays off, it misses lost supports."""
-        pybullet.changeDynamics(
-            handle, -1, mass=float(table.mass[body]),
-            localInertiaDiagonal=table.inertia[body].tolist(),
-            activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING,
-            physicsClientId=self._client)
 
     def _hold(self, handle: int) -> None:
         """Freeze a body that was created with mass: Bullet never moves others again."""
         pybullet.resetBaseVelocity(handle, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0),
                                    physicsClientId=self._client)
-        pybullet.changeDynamics(
-            handle, -1, mass=0.0, activationState=pybullet.ACTIVATION_STATE_SLEEP,
-            physicsClientId=self._client)
+        pybullet.changeDynamics(handle, -1, physicsClientId=self._client, **_HELD)
 
-    def _set_filter(self, handle: int, state: BodyState) -> None:
-        pybullet.setCollisionFilterGroupMask(handle, -1, *COLLISION_FILTERS[state],
+    def _set_filter(self, handle: int, state: int) -> None:
+        pybullet.setCollisionFilterGroupMask(handle, -1, *_FILTERS[state],
                                              physicsClientId=self._client)
         self._states[handle] = state
         for other in self._rules.get(handle, ()):
@@ -298,7 +290,7 @@ class BulletEngine:
             self._set_rule(one, other)
 
     def _set_rule(self, one: int, other: int) -> None:
-        (group, mask), (group_, mask_) = (COLLISION_FILTERS[self._states[handle]]
+        (group, mask), (group_, mask_) = (_FILTERS[self._states[handle]]
                                           for handle in (one, other))
         meet = not self._rules[one][other] and bool(group & mask_) and bool(group_ & mask)
         pybullet.setCollisionFilterPair(one, other, -1, -1, int(meet),
@@ -306,21 +298,25 @@ class BulletEngine:
 
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out, (K,) ids."""
-        self._has_removed = True
-        for handle in self._handles[ids].tolist():
+        handles = self._handles[ids].tolist()
+        for handle in handles:
             pybullet.removeBody(handle, physicsClientId=self._client)
+        self._free += handles
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, at no cost per step, (K,) ids."""
+        fixed = int(BodyState.FIXED)
         for handle in self._handles[ids].tolist():
             self._hold(handle)
-            self._set_filter(handle, BodyState.FIXED)
+            self._set_filter(handle, fixed)
 
     def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
         """Let immovable bodies move, (K,) ids."""
+        awake = int(BodyState.AWAKE)
         for body, handle in zip(ids.tolist(), self._handles[ids].tolist()):
-            self._set_mass(handle, table, body)
-            self._set_filter(handle, BodyState.AWAKE)
+            pybullet.changeDynamics(handle, -1, physicsClientId=self._client,
+                                    **_free(table, body))
+            self._set_filter(handle, awake)
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
         """Set centres of mass and principal axes, world, (K, 7)."""
@@ -370,35 +366,66 @@ class BulletEngine:
         return np.column_stack([ids, way[:, :6], size[:, 2], force, size[:, 3]])
 
 
-def _turns_as_its_shape(table: BodyTable, body: int) -> bool:
+def _dynamics(table: BodyTable, ids: np.ndarray) -> list[dict[str, Any]]:
     """
-    Tell whether the inertia of a plain body is about that of its shape.
+    List what `changeDynamics` is to tell each new body, all at once.
+
+    Bullet multiplies friction and restitution of a pair, so it gets the roots of them. A body that
+    stands still was created with mass, or Bullet would never move it again.
+    """
+    rows = [{'lateralFriction': friction, 'restitution': restitution,
+             'rollingFriction': ROLLING_FRICTION,
+             'linearDamping': LINEAR_DAMPING if damped else 0.0,
+             'angularDamping': ANGULAR_DAMPING if damped else 0.0}
+            for friction, restitution, damped in zip(
+                np.sqrt(table.friction[ids]).tolist(), np.sqrt(table.restitution[ids]).tolist(),
+                table.damped[ids].tolist())]
+    state = table.state[ids]
+    moves, held = state >= BodyState.AWAKE, (state == BodyState.FIXED) | (
+        state == BodyState.RESTING)
+    for place in np.flatnonzero(moves).tolist():
+        rows[place] |= _free(table, int(ids[place]))
+    for place in np.flatnonzero(held).tolist():
+        rows[place] |= _HELD
+    return rows
+
+
+def _free(table: BodyTable, body: int) -> dict[str, Any]:
+    """Say how a body moves; Bullet's own sleeping stays off, it misses lost supports."""
+    return {'mass': float(table.mass[body]), 'localInertiaDiagonal': table.inertia[body].tolist(),
+            'activationState': pybullet.ACTIVATION_STATE_DISABLE_SLEEPING}
+
+
+def _turn_as_their_shapes(table: BodyTable, ids: np.ndarray) -> np.ndarray:
+    """
+    Tell of which plain bodies the inertia is about that of their shapes, (K,) bool.
 
     That of a disc of wood is not, whose shape is the sphere inside of it. The first contact would
     turn it as that sphere, thousands of times too fast, and its own inertia would then make energy
     of that spin.
     """
-    piece = table.first_piece[body]
-    if table.piece_shape[piece] == Shape.BOX:
-        return True
-    solid = solid_inertia(Shape.CAPSULE, table.piece_size[piece], float(table.mass[body]))
-    return bool((table.inertia[body] < _AS_SOLID * solid).all())
+    piece = table.first_piece[ids]
+    round_ = np.flatnonzero(table.piece_shape[piece] != Shape.BOX)
+    turns = np.ones(len(ids), bool)
+    for place in round_.tolist():
+        body = ids[place]
+        solid = solid_inertia(Shape.CAPSULE, table.piece_size[piece[place]],
+                              float(table.mass[body]))
+        turns[place] = (table.inertia[body] < _AS_SOLID * solid).all()
+    return turns
 
 
 def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:
-    """Group plain bodies alike in shape, size, mass and attitude; others are alone, and first."""
-    plain = (table.least[ids] > 0.0) & (table.hexahedron_count[ids] == 0)
-    plain[plain] = [_turns_as_its_shape(table, body) for body in ids[plain].tolist()]
-    alone, ids = [np.array([body]) for body in ids[~plain].tolist()], ids[plain]
-    if not len(ids):
-        return alone
+    """Group plain bodies alike in shape, size, mass and attitude."""
+    if len(ids) < 2:
+        return [ids] if len(ids) else []
     piece = table.first_piece[ids]
     keys = np.column_stack([table.piece_size[piece], table.poses[ids, 3:],
                             table.piece_shape[piece]]).round(_ROUND)
     keys = np.column_stack([keys, table.mass[ids]])
-    kind = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1)
-    order = np.argsort(kind, kind='stable')
-    return [*alone, *np.split(ids[order], np.flatnonzero(np.diff(kind[order])) + 1)]
+    order = np.lexsort(keys.T[::-1])
+    others = (np.diff(keys[order], axis=0) != 0.0).any(axis=1)
+    return np.split(ids[order], np.flatnonzero(others) + 1)
 
 
 def _filled(column: np.ndarray, rows: np.ndarray, values: list[int] | np.ndarray) -> np.ndarray:

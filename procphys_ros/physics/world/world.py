@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Hexahedra
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.world import kinematic, settling
+from procphys_ros.physics.world import admission, kinematic, settling
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, make_engine
@@ -63,6 +63,7 @@ class World:
         self._terrain = terrain
         self._engine = make_engine(engine, self._gravity, terrain)
         self._bodies = BodyTable()
+        self._queue = admission.Queue(self._engine, self._bodies)
         self._supports = settling.Supports()
         self._contacts: Contacts | None = None
         self._lifts = self._point_contacts = np.zeros((0, 13))
@@ -103,7 +104,9 @@ class World:
 
     def bounds(self, ids: np.ndarray) -> np.ndarray:
         """Give axis-aligned bounds, three minima, three maxima [m], (K, 6); loose if turned."""
-        return self._engine.bounds(np.atleast_1d(ids))
+        ids = np.atleast_1d(ids)
+        self._queue.admit_among(ids)
+        return self._engine.bounds(ids)
 
     def pieces(self, body: int) -> Pieces:
         """Give the collision shapes of a body."""
@@ -196,7 +199,7 @@ class World:
                    hexahedra: Hexahedra | None = None,
                    inertia: np.ndarray | None = None) -> np.ndarray:
         """
-        Add boxes that stand still until they are thawed.
+        Add boxes that stand still until they are thawed; the engine gets them later.
 
         :param poses: (K, 7).
         :param sizes: full extents [m], (K, 3).
@@ -209,9 +212,12 @@ class World:
         """
         ids = self._bodies.add_boxes(BodyState.FIXED, poses, sizes, mass, friction, restitution,
                                      hexahedra or Hexahedra(), inertia)
-        self._engine.add(self._bodies, ids)
-        self._bodies.bounds[ids] = self._engine.bounds(ids)
+        self._queue.append(ids)
         return ids
+
+    def admit_all(self) -> None:
+        """Give the engine all that it does not have yet, so that no later step has to."""
+        self._queue.admit_all()
 
     def _enter(self, body: int) -> int:
         self._engine.add(self._bodies, np.array([body]))
@@ -221,10 +227,11 @@ class World:
         """Take bodies out; what rested on them is set free. Their ids may be given again."""
         ids = np.atleast_1d(ids)
         carried = self._supports.carried_by(ids)
-        self.exclude_contacts(self._excluded[~np.isin(self._excluded, ids).any(axis=1)])
+        if len(self._excluded):
+            self.exclude_contacts(self._excluded[~np.isin(self._excluded, ids).any(axis=1)])
         self._bodies.remove(ids)
         self._supports.drop(self._bodies.state)
-        self._engine.remove(ids)
+        self._engine.remove(self._queue.drop(ids))
         self.thaw(carried[self._bodies.state[carried] == BodyState.RESTING])
 
     def drive(self, body: int, pose: np.ndarray) -> None:
@@ -243,7 +250,7 @@ class World:
             return
         self._bodies.state[ids] = BodyState.AWAKE
         self._bodies.restart_clocks(ids, settling.TREMBLE_TIME)
-        self._engine.thaw(self._bodies, ids)
+        self._engine.thaw(self._bodies, self._queue.admit_among(ids))
         self._supports.drop(self._bodies.state)
         if velocities is not None:
             self.set_velocities(ids, velocities)
@@ -255,6 +262,7 @@ class World:
     def _hold(self, ids: np.ndarray, state: BodyState) -> None:
         if not len(ids):
             return
+        self._queue.admit_among(ids)
         self._bodies.state[ids] = state
         self._bodies.velocities[ids] = 0.0
         self._engine.freeze(ids)
@@ -269,6 +277,7 @@ class World:
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
         """Put bodies somewhere else, (K, 7)."""
         ids = np.atleast_1d(ids)
+        self._queue.admit_among(ids)
         self._bodies.poses[ids] = poses
         self._engine.set_poses(ids, self._bodies.poses[ids])
 
@@ -298,6 +307,7 @@ class World:
         wanted = {tuple(pair) for pair in pairs.tolist()}
         for some, excluded in ((known - wanted, False), (wanted - known, True)):
             if some:
+                self._queue.admit_among(np.array(sorted(some)))
                 self._engine.set_excluded(np.array(sorted(some)), excluded)
         self._excluded = np.array(pairs, np.intp).reshape(-1, 2)
 
@@ -337,10 +347,12 @@ class World:
         self._time_step = time_step
         self._contacts = None
         if not (bodies.state >= BodyState.AWAKE).any():
+            self._queue.advance(self.awake, time_step)
             self._pass_time(time_step)
             return
         self.thaw(about_to_be_hit(self._engine, bodies, time_step))
         sweep_fast(self._engine, bodies, self.awake, time_step)
+        self._queue.advance(self.awake, time_step)
         self._places = bodies.poses[:, :3].copy()
         kinematic.set_out(self._engine, bodies, self._gravity, time_step)
         awake = self.awake
@@ -440,7 +452,12 @@ class World:
         """Rebuild the engine from the table: it then goes on as in any world restored from it."""
         self.contacts()  # the engine forgets those of the last step
         self._engine.clear()
-        self._engine.add(self._bodies, self._bodies.ids)
+        ids = self._bodies.ids
+        waits = (self._bodies.state[ids] == BodyState.FIXED) & (self._bodies.least[ids] > 0.0)
+        self._engine.add(self._bodies, ids[~waits])
+        self._queue = admission.Queue(self._engine, self._bodies)
+        self._queue.append(ids[waits])
+        self._queue.admit_among(self._excluded)
         self._engine.set_excluded(self._excluded, True)
 
 
