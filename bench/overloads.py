@@ -30,7 +30,7 @@ from numba.core import event
 import numpy as np
 
 from procphys_ros.compilation.cache import KernelCache
-from procphys_ros.compilation.overloads import SHIPPED
+from procphys_ros.compilation.overloads import GROUPS, SHIPPED
 from procphys_ros.compilation.signatures import to_text
 from procphys_ros.errors import CommandError
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
@@ -81,24 +81,38 @@ _HILL: dict[str, Any] = {
                 'grammar_text': _CULLED['sapling']['grammar_text']}}
 
 
-def show(simulation: Simulation) -> None:
-    """Write all messages twice, as for a new and for an old subscriber."""
+def publish(simulation: Simulation) -> list[bytes]:
+    """Write poses and markers, these twice, as for a new and for an old subscriber."""
     markers = SceneMarkers(simulation.blueprint, simulation.objects, 'world',
                            MarkerStyle(40_000, '', ''))
+    written = []
+    pose_array(simulation.poses, stamp(simulation.time), 'world')
     for write in (markers.whole, markers.changes):
         leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
         data = write(simulation.poses, stamp(simulation.time), leaves, simulation.dust)
         if data is not None:
-            find_markers(bytes(data))
-    pose_array(simulation.poses, stamp(simulation.time), 'world')
+            written.append(bytes(data))
+    return written
+
+
+def show(simulation: Simulation) -> None:
+    """Write all messages, read them as a recorder does, and look as a sensor does."""
+    for data in publish(simulation):
+        find_markers(data)
     simulation.scan(LidarSettings(rows=4, columns=8))
 
 
 def stand(name: str) -> Simulation:
-    """Load a scene and show its first poses."""
+    """Load a scene and publish its first poses."""
+    simulation = start(name)
+    publish(simulation)
+    return simulation
+
+
+def start(name: str) -> Simulation:
+    """Load a scene and make its first step."""
     simulation = Simulation(Scene.from_yaml(_CONFIG / name))
     simulation.step()
-    show(simulation)
     return simulation
 
 
@@ -126,8 +140,10 @@ def damage(simulation: Simulation) -> None:
 
 
 def exercise(share: float) -> Iterator[None]:
-    """Run that share of all scenes; yield after the first poses of the demo, and at the end."""
-    demo = stand('demo.yaml')
+    """Run that share of all scenes; yield after the demo's first poses and markers, and last."""
+    demo = start('demo.yaml')
+    yield
+    publish(demo)
     yield
     culled = Simulation(Scene.from_parameters(_CULLED))
     culled.set_observer((-8.0, 0.0, 1.0))
@@ -190,24 +206,28 @@ class Recorder(event.Listener):
         self._seen.setdefault(json.dumps(row), row)
 
 
-def write(standing: list[list], rest: list[list]) -> None:
+def write(*groups: list[list]) -> None:
     """Write the list, a line each."""
-    groups = (',\n'.join(map(json.dumps, group)) for group in (standing, rest))
-    SHIPPED.write_text('{{"standing": [\n{}\n],\n"rest": [\n{}\n]}}\n'.format(*groups), 'utf-8')
-    print(f'{SHIPPED}: {len(standing)} to stand, {len(rest)} more')
+    texts = ['"{}": [\n{}\n]'.format(name, ',\n'.join(map(json.dumps, group)))
+             for name, group in zip(GROUPS, groups)]
+    SHIPPED.write_text('{{{}}}\n'.format(',\n'.join(texts)), 'utf-8')
+    counts = ', '.join(f'{len(group)} for {name}' for name, group in zip(GROUPS, groups))
+    print(f'{SHIPPED}: {counts}')
 
 
 def main() -> int:
     """Record all, or check a fifth of it."""
     recorder = Recorder()
     if sys.argv[1:] != ['--check']:
-        count, _ = [len(recorder.rows) for _ in exercise(1.0)]
-        write(recorder.rows[:count], recorder.rows[count:])
+        first, second, _ = [len(recorder.rows) for _ in exercise(1.0)]
+        rows = recorder.rows
+        write(rows[:first], rows[first:second], rows[second:])
         return 0
     known = json.loads(SHIPPED.read_text('utf-8'))
     for _ in exercise(_CHECKED):
         pass
-    missing = [row for row in recorder.rows if row not in known['standing'] + known['rest']]
+    listed = [row for group in GROUPS for row in known[group]]
+    missing = [row for row in recorder.rows if row not in listed]
     print(*missing, sep='\n')
     return 1 if missing else 0
 

@@ -16,6 +16,7 @@
 """Compiled kernels: found again by later processes, never after what they contain has changed."""
 
 import ast
+from concurrent.futures import ThreadPoolExecutor
 import os
 from pathlib import Path
 import subprocess
@@ -23,6 +24,7 @@ import sys
 
 import pytest
 
+from procphys_ros.compilation.claims import claim, release
 from procphys_ros.compilation.folders import prepare
 from procphys_ros.compilation.sources import imported_names
 
@@ -198,6 +200,28 @@ def test_kernels_survive_removal_by_others(small, tmp_path):
                "print(total(np.array([1.0, 10.0], dtype='f4')), Compiled.count)")
     assert small.run(then=removal)[:2] == (22.0, 4)
     assert compiled_files(tmp_path / 'cache')
+
+
+def test_two_processes_share_the_work(small):
+    """Compile each kernel once when two processes need them at the same time."""
+    with ThreadPoolExecutor(2) as both:
+        runs = list(both.map(lambda _: small.run(), range(2)))
+    assert [result for result, _, _ in runs] == [22.0, 22.0]
+    assert sum(compiled for _, compiled, _ in runs) == 2
+
+
+@pytest.mark.parametrize('before, is_claimed', [('', True), ('os.nice(1);', False)])
+def test_claims_end_with_their_process(tmp_path, before, is_claimed):
+    """Wait for nobody who has died; processes of low priority make no claims at all."""
+    path = tmp_path / 'trees-0' / 'step.nbc'
+    code = (f'import os, pathlib, procphys_ros.compilation.claims as claims; {before}'
+            f'path = pathlib.Path({str(path)!r}); claims.claim(path);'
+            f'assert path.with_suffix(".lock").exists() is {is_claimed}; os._exit(0)')
+    subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=True)
+    claim(path)
+    assert path.with_suffix('.lock').exists()
+    release(path)
+    assert list(path.parent.iterdir()) == []
 
 
 def test_imports_are_found():

@@ -16,6 +16,8 @@
 """Where grammars are read from: names, files that are none, and the folder of the scene file."""
 
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -116,3 +118,12 @@ def test_what_was_said_is_not_suggested():
     """Offer only other names than the one given."""
     assert nearest_names('oak_0', ['oak_0']) == ''
     assert nearest_names('oak_0', ['oak_0', 'oak_1']) == '; did you mean oak_1?'
+
+
+def test_forests_do_not_import_walls():
+    """Leave the language of walls, a tenth of all imports, to scenes that have some."""
+    code = ('import sys; from procphys_ros.scene import Scene; import procphys_ros.simulation; '
+            f'Scene.from_parameters({{"scene": {{"objects": ["pole"]}}, '
+            f'"pole": {{"grammar_text": {_POLE!r}}}}}); '
+            'assert "procphys_ros.wallgrammar" not in sys.modules')
+    subprocess.run([sys.executable, '-c', code], check=True)

@@ -30,7 +30,10 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
+from procphys_ros.compilation.claims import claim, release
 from procphys_ros.compilation.folders import cache_folder, module_folder, prepare
+from procphys_ros.compilation.progress import COMPILING
+from procphys_ros.progress import stage
 
 _CHECKSUM = 32  # [B] of SHA-256, at the head of each file
 
@@ -59,26 +62,29 @@ class KernelCache(_Cache):
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """Give what was compiled for a signature, None when there is nothing."""
         target_context.refresh()
-        try:
-            content = self._file(sig, target_context.codegen()).read_bytes()
-        except OSError:
+        path = self._file(sig, target_context.codegen())
+        payload = _read(path)
+        if payload is None:
+            with stage(COMPILING, self._function.__name__.lstrip('_')):
+                claim(path)
+            payload = _read(path)  # if another process was at it
+        if not self._enabled or payload is None:
             return None
-        payload = content[_CHECKSUM:]
-        if not self._enabled or hashlib.sha256(payload).digest() != content[:_CHECKSUM]:
-            return None  # cut short, as after a power failure
+        release(path)
         return CompileResult._rebuild(target_context, *pickle.loads(payload))
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
         """Keep what was compiled for a signature."""
-        if not self._enabled or data.lifted or data.library.has_dynamic_globals:
-            return
         path = self._file(sig, data.codegen)
-        payload = dumps(data._reduce())
         try:
-            prepare(path.parent)
-            _write(path, hashlib.sha256(payload).digest() + payload)
+            if self._enabled and not data.lifted and not data.library.has_dynamic_globals:
+                prepare(path.parent)
+                payload = dumps(data._reduce())
+                _write(path, hashlib.sha256(payload).digest() + payload)
         except OSError as error:
             _warn_once(error.strerror)
+        finally:
+            release(path)
 
     def enable(self) -> None:
         """Use the files."""
@@ -107,6 +113,16 @@ class KernelCache(_Cache):
                dumps(tuple(cell.cell_contents for cell in cells)))
         digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
         return Path(self.cache_path) / f'{self._name}-{digest}.nbc'
+
+
+def _read(path: Path) -> bytes | None:
+    """Read what `_write` wrote; None when it is not there, or was cut short by a power failure."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    payload = content[_CHECKSUM:]
+    return payload if hashlib.sha256(payload).digest() == content[:_CHECKSUM] else None
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -36,7 +36,8 @@ def kernel(function: Callable | None = None, /, **options: Any) -> Any:
     """
     if function is None:
         return partial(kernel, **options)
-    dispatcher = njit(**options)(function)
+    # Nothing calls kernels from C, and the wrappers for that take a tenth of the compilation.
+    dispatcher = njit(no_cfunc_wrapper=True, **options)(function)
     if not config.DISABLE_JIT:  # else it is the function itself
         dispatcher._cache = KernelCache(function)
     KERNELS[f'{function.__module__}.{function.__qualname__}'] = dispatcher

@@ -28,6 +28,7 @@ from procphys_ros.compilation.folders import environment_folder, module_folder
 from procphys_ros.compilation.signatures import from_text, Text
 
 SHIPPED = Path(__file__).with_name('overloads.json')
+GROUPS = ('poses', 'markers', 'rest')
 
 
 class StaleOverload(Exception):
@@ -65,17 +66,17 @@ class Overload:
         return bool(dispatcher.stats.cache_misses)
 
 
-def shipped() -> tuple[list[Overload], list[Overload]]:
+def shipped() -> tuple[list[Overload], ...]:
     """
     List what simulations call from Python; callees are compiled along with it.
 
     `bench/overloads.py` records the list.
 
-    :returns: what trees need to stand and sway, in the order in which they need it; and the rest.
+    :returns: what trees need to stand and sway, what their markers need, each in the order in
+        which they need it; and the rest.
     """
     content = json.loads(SHIPPED.read_text('utf-8'))
-    standing, rest = ([Overload(*row) for row in content[group]] for group in ('standing', 'rest'))
-    return standing, rest
+    return tuple([Overload(*row) for row in content[group]] for group in GROUPS)
 
 
 def is_complete() -> bool:

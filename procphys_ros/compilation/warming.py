@@ -41,6 +41,9 @@ from procphys_ros.program import INTERRUPTED
 _BAR = 30  # characters
 _LOW_PRIORITY = 10  # 'nice': of a core that a simulation wants too it gets a tenth, not nothing
 
+Done = tuple[str, bool, str]
+"""Name of an overload, whether it was missing, and why it could not be compiled, or ''."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
@@ -54,50 +57,67 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('--jobs', type=int, default=0, metavar='N',
                         help='processes that compile at once; 0 = one per core')
     parser.add_argument('--background', action='store_true',
-                        help='work with low priority, first on what a node that is '
-                             'starting needs last')
+                        help='help a node that is starting: one process compiles what that '
+                             'needs last, then with low priority the rest')
     options = parser.parse_args(arguments)
     if is_complete():
         print('all kernels are compiled')
         return 0
+    cores = len(os.sched_getaffinity(0))
+    poses, markers, rest = shipped()
     if options.background:
-        os.nice(_LOW_PRIORITY)
-    jobs = options.jobs or len(os.sched_getaffinity(0))
+        work = _help([*poses[::-1], *markers], rest, cores)
+    else:
+        work = _compile([*poses, *markers, *rest], options.jobs or cores)
     try:
-        return 0 if warm(jobs, options.background, sys.stdout) else 1
+        return 0 if warm(work, len(poses) + len(markers) + len(rest), sys.stdout) else 1
     except KeyboardInterrupt:
         print('warm: interrupted', file=sys.stderr)
         return INTERRUPTED
 
 
-def warm(jobs: int, backwards: bool, out: TextIO) -> bool:
+def warm(work: Iterable[Done], count: int, out: TextIO) -> bool:
     """
     Compile what the cache lacks.
 
-    :param jobs: number of processes; with 1 this one works alone.
-    :param backwards: whether to begin with what a starting node needs last, so that the two meet
-        halfway.
+    :param work: compiles an overload whenever it is asked for the next one.
+    :param count: of the overloads.
     :param out: where to show the progress.
     :returns: whether every overload in the list could be compiled.
     """
-    standing, rest = shipped()
-    overloads = [*(standing[::-1] if backwards else standing), *rest]
     began, compiled, faults = monotonic(), 0, []
-    for done, (name, was_missing, fault) in enumerate(_compile(overloads, jobs), 1):
+    for done, (name, was_missing, fault) in enumerate(work, 1):
         compiled += was_missing
         if fault:
             faults.append(f'{name} {fault}')
-        _show(done, len(overloads), name, out)
+        _show(done, count, name, out)
     for fault in faults:
         print(f'warm: {fault}; it is compiled when it is first called', file=sys.stderr)
     mark_complete()
-    print(f'{compiled} of {len(overloads)} kernels compiled in {monotonic() - began:.0f} s, '
+    print(f'{compiled} of {count} kernels compiled in {monotonic() - began:.0f} s, '
           'the others were there', file=out, flush=True)
     return not faults
 
 
-def _compile(overloads: Sequence[Overload], jobs: int) -> Iterator[tuple[str, bool, str]]:
-    """Compile overloads in no particular order; give name, whether it was missing, its fault."""
+def _help(soon: Sequence[Overload], rest: Sequence[Overload], cores: int) -> Iterator[Done]:
+    """
+    Compile beside a node that is starting.
+
+    The node begins at the other end of what it needs for its first poses; the claims on files
+    keep the two from compiling the same. With a single core there is nothing to share.
+
+    :param soon: what the node waits for.
+    """
+    if cores == 1:
+        os.nice(_LOW_PRIORITY)
+    yield from map(_compile_one, soon)
+    if cores > 1:
+        os.nice(_LOW_PRIORITY)
+    yield from map(_compile_one, rest)
+
+
+def _compile(overloads: Sequence[Overload], jobs: int) -> Iterator[Done]:
+    """Compile overloads in no particular order."""
     if jobs <= 1:
         yield from map(_compile_one, overloads)
         return
@@ -116,7 +136,7 @@ def _compile(overloads: Sequence[Overload], jobs: int) -> Iterator[tuple[str, bo
             raise
 
 
-def _compile_one(overload: Overload) -> tuple[str, bool, str]:
+def _compile_one(overload: Overload) -> Done:
     try:
         return str(overload), overload.compile(), ''
     except StaleOverload as error:

@@ -110,11 +110,11 @@ def _turn_all(state, axis, angle):
 
 
 @kernel
-def _bend(state, target, elasticity, limited):
+def _bend(state, target, elasticity):
     """
     Turn by elasticity·|H×T| about H×T (Prusinkiewicz and Lindenmayer 1990, p. 58).
 
-    :param limited: False turns all the way to the target, True at most that far.
+    :param elasticity: inf turns all the way to the target, others at most that far.
     """
     heading = state[HEADING:LEFT]
     axis = np.empty(3)
@@ -125,15 +125,13 @@ def _bend(state, target, elasticity, limited):
     along = heading[0] * target[0] + heading[1] * target[1] + heading[2] * target[2]
     between = np.arctan2(size, along)
     if size < 1e-12:
-        if not limited and along < 0.0:  # straight back: any axis across will do
+        if elasticity == np.inf and along < 0.0:  # straight back: any axis across will do
             for k in range(3):
                 axis[k] = state[UP + k]
             _turn_all(state, axis, np.pi)
         return
-    angle = between
-    if limited:  # never past the target, nor, repelled, past its opposite
-        angle = min(elasticity * size, between)
-        angle = max(angle, between - np.pi)
+    # never past the target, nor, repelled, past its opposite
+    angle = max(min(elasticity * size, between), between - np.pi)
     for k in range(3):
         axis[k] /= size
     _turn_all(state, axis, angle)
@@ -158,7 +156,7 @@ def _orient(state, given):
         target = np.empty(3)
         for k in range(3):
             target[k] = given[k] / size
-        _bend(state, target, 1.0, False)
+        _bend(state, target, np.inf)
         return True
     for k in range(3):
         state[HEADING + k] = given[k] / size
@@ -179,7 +177,7 @@ def _after_segment(state):
         if state[RATES + k] != 1.0:
             state[VALUES + k] *= state[RATES + k]
     if state[TROPISM + 3] != 0.0:
-        _bend(state, state[TROPISM:TROPISM + 3], state[TROPISM + 3], True)
+        _bend(state, state[TROPISM:TROPISM + 3], state[TROPISM + 3])
     _square_up(state, LEFT, UP)
 
 
@@ -259,12 +257,12 @@ def _turn(state, op, sign, given, angle):
         angle = np.pi
     else:
         angle = sign * (np.radians(given[0]) if len(given) else angle)
+    a, b = LEFT, UP
     if op == _TURN:
-        _rotate(state, HEADING, LEFT, angle)
+        a, b = HEADING, LEFT
     elif op == _PITCH:
-        _rotate(state, UP, HEADING, angle)
-    else:
-        _rotate(state, LEFT, UP, angle)
+        a, b = UP, HEADING
+    _rotate(state, a, b, angle)
 
 
 @kernel

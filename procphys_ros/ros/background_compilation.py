@@ -27,11 +27,12 @@ _END = 0.3  # [s] that the child gets to end, before it is killed
 
 class BackgroundCompilation:
     """
-    Compiles in a child process of low priority what no simulation has needed yet.
+    Compiles kernels in a child process, first those that the node itself waits for.
 
-    The simulation does not wait for the child: it takes what the cache holds, and compiles the
-    kernels that it calls and that are not there yet. Nothing is started when the cache is
-    complete.
+    The child shares the work before the first poses with the node, from the other end, at normal
+    priority, and goes on with what no simulation has needed yet at low priority: for this the
+    simulation does not wait, but compiles what it calls and is not there yet. Nothing is started
+    when the cache is complete.
 
     :param say: told when the child begins and when it has ended.
     :ivar progress: of the child, such as '17/120 physics.trees.passes.step'; '' = it is done.
@@ -57,7 +58,7 @@ class BackgroundCompilation:
             child.wait()
 
     def _start(self) -> None:
-        command = [sys.executable, '-m', 'procphys_ros.warm', '--background', '--jobs', '1']
+        command = [sys.executable, '-m', 'procphys_ros.warm', '--background']
         self._child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                                        stderr=subprocess.DEVNULL, text=True)
         self.progress = 'starting'

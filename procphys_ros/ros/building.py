@@ -15,14 +15,17 @@
 """Building of scenes in a thread of its own: commands are answered and time goes on meanwhile."""
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from threading import Lock, Thread
 from typing import Any
 
 from procphys_ros import progress
 from procphys_ros.compilation.progress import COMPILING
 from procphys_ros.errors import CommandError
+from procphys_ros.physics.wind import Wind
 from procphys_ros.ros.activity import Activity
 from procphys_ros.scene import Scene
+from procphys_ros.scene.settings import read_settings
 from procphys_ros.simulation import Simulation
 
 BUILDING = 'building the scene'
@@ -126,11 +129,13 @@ class _Job:
         if before is not None:
             before._thread.join()
         try:
-            with progress.reported_to(self), progress.stage(BUILDING):
+            with (progress.reported_to(self), progress.stage(BUILDING),
+                  ThreadPoolExecutor(1, 'eddies') as other):
+                drawn = other.submit(_draw_eddies, self._parameters)
                 scene = Scene.from_parameters(self._parameters)
                 with progress.stage('setting it up'):
                     simulation = Simulation(scene)
-                    simulation.wind.prepare()  # half a second, that no step is to take
+                    drawn.result()
         except _Cancelled:
             return
         except Exception as error:
@@ -141,3 +146,9 @@ class _Job:
             self._done(simulation)
         else:
             simulation.close()
+
+
+def _draw_eddies(parameters: Mapping[str, Any]) -> None:
+    """Draw the eddies of a scene, half a second that no step is to take; winds share them."""
+    settings = read_settings(parameters)
+    Wind(settings.wind, settings.seed).prepare()

@@ -138,12 +138,14 @@ class Parameters:
 
     def _check(self, changes: list[RosParameter]) -> SetParametersResult:
         """Judge changes without any side effect; what is not ours is not refused."""
+        own = [(change, parameter) for change in changes
+               if (parameter := find(change.name, self._objects)) is not None]
+        if not own:  # as of the dozens for qualities of service, which rclpy declares
+            return SetParametersResult(successful=True)
         try:
             values = dict(self._values)
-            for change in changes:
-                parameter = find(change.name, self._objects)
-                if parameter is not None:
-                    values[change.name] = parameter.read(change.value, change.name)
+            for change, parameter in own:
+                values[change.name] = parameter.read(change.value, change.name)
             check_object_names(values['scene.objects'])
             _check_groups(nested(values, self._objects))
         except Exception as error:

@@ -22,7 +22,6 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.hexahedron import box_corners, faces
-from procphys_ros.wallgrammar.polygons import clip, moments
 
 _UPRIGHT = 0.999      # least height of the unit normal of a face that bears
 _REACH = 0.02         # [m] between a foot and what bears it
@@ -108,6 +107,7 @@ def _near(outlines: np.ndarray, tops: list[np.ndarray]) -> list[tuple[int, int]]
 
 def _patch(outline: np.ndarray, top: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
     """Give middle, extents along the foot's sides, and area of where a foot lies on a face."""
+    from procphys_ros.wallgrammar.polygons import clip, moments  # few scenes need it
     shared = clip(outline, top[:, :2])
     if len(shared) < 3:
         return None

@@ -17,18 +17,18 @@
 import os
 from pathlib import Path
 import stat
-from typing import Protocol
+from typing import Protocol, TYPE_CHECKING
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.language import check_length, shorten
 from procphys_ros.lsystem import LSystem
 from procphys_ros.resources import shared_folder
-from procphys_ros.wallgrammar import WallGrammar
 
-_LANGUAGES: dict[str, type[LSystem] | type[WallGrammar]] = {
-    '.lsys': LSystem, '.wall': WallGrammar}
-PLAN = '.plan'
+if TYPE_CHECKING:
+    from procphys_ros.wallgrammar import WallGrammar
+
+_LSYSTEM, _WALL, PLAN = '.lsys', '.wall', '.plan'
 _PACKAGE = 'package://procphys_ros/'
 
 
@@ -50,14 +50,13 @@ def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
     :raises GrammarError: when its text cannot be read.
     """
     path = locate(name, key, beside)
-    language = _LANGUAGES.get(path.suffix)
     if path.suffix == PLAN:
         raise SceneError(f'{key}: "{shorten(name)}" is a plan of many objects; it can only be '
                          'the grammar of an object in scene.objects')
-    if language is None:
+    if path.suffix not in (_LSYSTEM, _WALL):
         raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; '
-                         f'grammars end in {" or ".join(_LANGUAGES)}')
-    return language.load(path)
+                         f'grammars end in {_LSYSTEM} or {_WALL}')
+    return _language(path.suffix == _WALL).load(path)
 
 
 def parse_grammar(text: str, key: str) -> Grammar:
@@ -72,7 +71,15 @@ def parse_grammar(text: str, key: str) -> Grammar:
     words = (line.split('#')[0].split() for line in text.splitlines())
     is_wall = any(word and word[0] == 'building' for word in words)
     text = text.removeprefix('\ufeff')  # the mark that editors of Windows put in front
-    return (WallGrammar if is_wall else LSystem).parse(text, source=key)
+    return _language(is_wall).parse(text, source=key)
+
+
+def _language(is_wall: bool) -> 'type[LSystem] | type[WallGrammar]':
+    """Choose a language; that of walls is a tenth of all imports, which a forest can spare."""
+    if not is_wall:
+        return LSystem
+    from procphys_ros.wallgrammar import WallGrammar
+    return WallGrammar
 
 
 def locate(name: str, key: str, beside: Path | None) -> Path:
@@ -95,7 +102,7 @@ def locate(name: str, key: str, beside: Path | None) -> Path:
         if reason:
             raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {reason}')
     known = sorted(p.name for p in (shared_folder() / 'grammars').glob('*')
-                   if p.suffix in (*_LANGUAGES, PLAN))
+                   if p.suffix in (_LSYSTEM, _WALL, PLAN))
     raise SceneError(f'{key}: there is no grammar "{shorten(name)}"{nearest_names(name, known)} '
                      f'(shipped: {", ".join(known)}; or give a path)')
 

@@ -94,6 +94,8 @@ class CrackedJoints:
         :param renew: whether the bound of friction follows the pressure; while it stays, forces
             have an energy, and steps that lessen it lead somewhere.
         """
+        if not len(rows):
+            return  # the kernel is one of those that take seconds to compile
         graph = self.graph
         joint_kernels.linearise(
             rows, *self._geometry, self._normal, self._shear, graph.mortar.friction, self._slip,

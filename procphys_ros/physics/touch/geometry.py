@@ -23,7 +23,7 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.terrain import FLAT, height_at, normal_at, Terrain
-from procphys_ros.rotation_kernels import matrix
+from procphys_ros.rotation_kernels import matrix, matrix_rows
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 _AHEAD = 1.5      # steps looked ahead: this one, and what joints lag behind in the next
@@ -160,9 +160,10 @@ def _meet_ground(rows, both, poses, sizes, velocities, dt, terrain):
         if over > reach + _NEAR:
             continue
         half, radius = 0.5 * max(sizes[i, 2] - sizes[i, 0], 0.0), 0.5 * sizes[i, 0]
-        axis = matrix(poses[i, 3:])[:, 2]
+        turned = matrix_rows(poses[i, 3:])
         for end in range(2 if both[n] else 1):
-            arm = (half if end == 0 else -half) * axis
+            away = half if end == 0 else -half
+            arm = (away * turned[0][2], away * turned[1][2], away * turned[2][2])
             x, y = poses[i, 0] + arm[0], poses[i, 1] + arm[1]
             nx, ny, nz = normal_at(terrain, x, y)
             fall = velocities[i, 2] + velocities[i, 3] * arm[1] - velocities[i, 4] * arm[0]
@@ -178,7 +179,9 @@ def _meet_ground(rows, both, poses, sizes, velocities, dt, terrain):
                 normal[count, 0], normal[count, 1], normal[count, 2] = nx, ny, nz
                 place[count, 0], place[count, 1], place[count, 2] = x, y, 0.5 * room
                 if steep > 0.0:
-                    place[count] = poses[i, :3] + arm - (radius + 0.5 * room) * normal[count]
+                    for c in range(3):
+                        place[count, c] = (poses[i, c] + arm[c]
+                                           - (radius + 0.5 * room) * normal[count, c])
                 count += 1
     return pair[:count], place[:count], normal[:count], gap[:count]
 

@@ -92,7 +92,7 @@ def project(rows, above, model, state, scratch, wind, gravity):
     """Replace the carried velocities of one tree by the nearest that its joints allow."""
     frame, m = state.frame, scratch.motion
     passes.factor(rows, above, model, state, scratch, frame, wind, gravity, 0.0, 1.0, 1.0,
-                  False)
+                  0.0)
     passes.take(rows, above, model, state, scratch, frame, 0.0)
     for k in range(len(rows)):
         i = rows[k]
@@ -126,12 +126,12 @@ def solve(rows, above, model, state, scratch, wind, gravity, dt):
     if (int(state.age[root, 0]) + turn) % _PERIOD == 0:
         project(rows, above, model, state, scratch, wind, gravity)
     changed = passes.factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, 1.0,
-                            False)
+                            0.0)
     if changed:
         take_up(rows, model.body, state)
     passes.take(rows, above, model, state, scratch, frame, h)
-    struck = state.struck[rows[0], 0] != 0.0
-    if struck:
+    struck = state.struck[rows[0], 0]
+    if struck != 0.0:
         passes.kick(rows, above, model, state, scratch, frame, dt)
     if not limits_changed(rows, model, state, scratch, dt):
         return _MIDPOINT

@@ -76,14 +76,15 @@ def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate
     :param h: implicit time [s]; 0 leaves nothing but momentum, so that motions are velocities.
     :param dt: time that a bend has to reach its limit [s].
     :param gate: 1, or 0 to hold the joints (then loads pass undiminished).
-    :param pressed: whether impulses that wait are loads, as forces over h.
+    :param pressed: 1 if impulses that wait are loads, as forces over h, else 0; a number, since
+        numba would compile a second version for a literal False.
     :returns: whether anything was done to the velocities since the last step.
     """
     a, changed, held = scratch.inertia, False, state.struck[rows[0], 1] != 0.0
     for k in range(len(rows)):
         changed |= was_changed(rows[k], state)
         load(rows[k], k, model.body, state, frame, a, scratch.spin, wind, gravity, h, held)
-    if pressed:
+    if pressed != 0.0:
         press(rows, model, state, scratch, frame, h)
     for k in range(len(rows) - 1, -1, -1):
         i, up = rows[k], above[k]
@@ -318,7 +319,7 @@ def sag(plan, model, state, scratch, gravity, dt, share):
         rows = plan.row[plan.start[t]:plan.start[t + 1]]
         above = plan.above[plan.start[t]:plan.start[t + 1]]
         factor(rows, above, model, state, scratch, state.middle, still, gravity, dt, dt, 0.0,
-               False)
+               0.0)
         for k in range(len(rows)):
             worst = max(worst, joints.give_way(rows[k], k, share, model, state, scratch))
     return worst
@@ -332,6 +333,6 @@ def balance(plan, model, state, scratch, gravity, dt):
         rows = plan.row[plan.start[t]:plan.start[t + 1]]
         above = plan.above[plan.start[t]:plan.start[t + 1]]
         factor(rows, above, model, state, scratch, state.middle, still, gravity, dt, dt, 0.0,
-               False)
+               0.0)
         for k in range(len(rows)):
             joints.preload(rows[k], k, model, scratch)
