@@ -30,7 +30,8 @@ from procphys_ros.physics.loads.sight import Sight
 _CELL = 0.25     # [m] of the lattice
 _REACH = 15.0    # [m] to each side, beyond which a room is not looked for
 _LEAST = 4       # of six ways that end at something: a first look
-_OPEN = 0.6      # vents over volume^(2/3), above which gas is out at once (UFC 3-340-02, 2-14)
+_OPEN = 0.6      # vents over volume^(2/3), above which gas is out at once: an estimate, ascribed
+#                  to UFC 3-340-02, 2-14, which could not be read
 _WALL = 2        # [cells] thickness of walls that move together with their inner face
 _STEPS = (0.5, 1.0, 1.5)  # [cells] off a face, where its room is looked for
 _SIX = np.concatenate([np.eye(3), -np.eye(3)])
