@@ -20,6 +20,7 @@ This module imports nothing that takes long. Exit code 130 is the shells' for SI
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 import os
@@ -63,11 +64,26 @@ def run(name: str, words: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
+def start(name: str, words: Sequence[str] | None = None) -> int:
+    """
+    Run a command as all that this process does; else as `run`.
+
+    When Ctrl-C has ended it, all that it had open is closed. Taking the interpreter down as well,
+    with thousands of compiled kernels, would keep the user waiting for seconds on a busy machine.
+    """
+    code = run(name, words)
+    if code == INTERRUPTED:
+        with suppress(OSError):  # nobody reads it any more
+            sys.stdout.flush()
+        os._exit(code)
+    return code
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command that the first word names; its exit code, 2 when there is none such."""
     words = sys.argv[1:] if words is None else list(words)
     if words and words[0] in COMMANDS:
-        return run(words[0], words[1:])
+        return start(words[0], words[1:])
     print(f'usage: python -m procphys_ros {{{",".join(COMMANDS)}}} ...; each tells more after '
           '--help', file=sys.stdout if words in (['-h'], ['--help']) else sys.stderr)
     return 0 if words in (['-h'], ['--help']) else 2
@@ -79,4 +95,4 @@ def _end(name: str) -> NoReturn:
 
 
 batch, command, examples, export, record, render, replay, view, warm = (
-    partial(run, name) for name in COMMANDS)
+    partial(start, name) for name in COMMANDS)

@@ -25,6 +25,7 @@ import pytest
 
 from procphys_ros import program
 from procphys_ros.compilation import warming
+from procphys_ros.ros import view
 
 ROOT = Path(__file__).resolve().parents[1]
 HALF_LOADED = """
@@ -34,6 +35,15 @@ try:
 except BaseException:
     pass
 print('loaded')
+"""
+RUNNING = """
+import atexit, os, signal
+def main(words):
+    atexit.register(print, 'taken down')
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    finally:
+        print('closed')
 """
 
 
@@ -63,6 +73,32 @@ def test_ctrl_c_ends_a_command_that_runs(name, monkeypatch, capsys):
     finally:
         signal.signal(signal.SIGINT, handler)
     assert capsys.readouterr().err == f'{name}: interrupted\n'
+
+
+def test_ctrl_c_ends_view_while_it_builds(monkeypatch, capsys):
+    """Interrupt the growing of a scene; only a page that is served ends by itself."""
+    monkeypatch.setattr(view, '_played', lambda path: signal.raise_signal(signal.SIGINT))
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        assert program.run('view', ['demo']) == 130
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    assert capsys.readouterr().err == 'view: interrupted\n'
+
+
+def test_after_ctrl_c_nothing_holds_up_the_end(tmp_path):
+    """End without what Python does at its exit, which takes seconds with all kernels loaded."""
+    (tmp_path / 'running.py').write_text(RUNNING, 'utf-8')
+    code = ('from procphys_ros import program; program.COMMANDS["render"] = "running"; '
+            'raise SystemExit(program.main(["render", "--help"]))')
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, text=True,
+                              capture_output=True, env={'PYTHONPATH': f'{ROOT}:{tmp_path}'})
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (done.returncode, done.stdout) == (130, 'closed\n')
+    assert done.stderr == 'render: interrupted\n'
 
 
 def test_every_command_is_started_so():

@@ -17,7 +17,7 @@
 
 import sys
 
-from procphys_ros.program import run
+from procphys_ros.program import start
 
 if __name__ == '__main__':
-    sys.exit(run('examples'))
+    sys.exit(start('examples'))

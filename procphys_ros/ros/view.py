@@ -42,17 +42,14 @@ def main(words: Sequence[str] | None = None) -> int:
     said, others = _parser().parse_known_args(sys.argv[1:] if words is None else list(words))
     if others and '--ros-args' not in others:
         _parser().error(f'unrecognized arguments: {" ".join(others)}')
-    ended = Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
     try:
         with told_to(print_warning):
             if said.scene is None:
                 with _followed(said.node, others) as source:
-                    _serve(source, said, f'node {source.name}', ended)
+                    _serve(source, said, f'node {source.name}')
             else:
                 with closing(_played(said.scene)) as source:
-                    _serve(source, said, said.scene, ended)
+                    _serve(source, said, said.scene)
     except ProcPhysError as error:
         print(f'view: {error}', file=sys.stderr)
         return _FAILED
@@ -64,7 +61,11 @@ def shipped_scenes() -> dict[str, Path]:
     return {path.stem: path for path in sorted((shared_folder() / 'config').glob('*.yaml'))}
 
 
-def _serve(source: Any, said: argparse.Namespace, title: str, ended: Event) -> None:
+def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
+    ended = Event()
+    # Not before: what builds the scene is to be interrupted.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
     with closing(Page(source, said.host, said.port, shipped_scenes())) as page:
         print(f'{page.address} shows {title}; Ctrl-C ends it', flush=True)
         source.start()
