@@ -40,14 +40,14 @@ class Record:
     """A queue with what became of its commands."""
 
     def __init__(self, clock: FakeClock | None = None):
-        self.arrivals = 0
+        self.calls = 0
         self.rejections: list[tuple[str, str]] = []
         self.answers: list[tuple[bool, str]] = []
-        self.queue = CommandQueue(self._arrive, lambda *told: self.rejections.append(told),
+        self.queue = CommandQueue(self._be_called, lambda *told: self.rejections.append(told),
                                   clock or FakeClock())
 
-    def _arrive(self) -> None:
-        self.arrivals += 1
+    def _be_called(self) -> None:
+        self.calls += 1
 
     def submit(self, name: str, carry_out) -> None:
         """Submit a command as from a topic, and keep its answer."""
@@ -71,7 +71,7 @@ def test_commands_are_carried_out_in_the_order_they_came():
     done: list[int] = []
     for number in range(4):
         record.submit('n', lambda number=number: str(done.append(number)))
-    assert not done and not record.answers and len(record.queue) == record.arrivals == 4
+    assert not done and not record.answers and len(record.queue) == 4
     record.queue.drain()
     assert done == [0, 1, 2, 3] and len(record.queue) == 0
     assert record.answers == [(True, 'None')] * 4
@@ -153,6 +153,33 @@ def test_calls_overtake_a_flood():
     while len(record.queue):
         record.queue.drain()
     assert record.queue.taken == {'impulse': 1000, 'gust': 1, 'reset': 1}
+
+
+def test_while_a_flood_is_caught_up_with_calls_come_first():
+    """Come to a call before all that came earlier on topics; in its order once that is done."""
+    clock = FakeClock()
+    record = Record(clock)
+    done: list[str] = []
+
+    def act(name: str) -> str:
+        clock.now += 0.001
+        done.append(name)
+        return ''
+
+    for _ in range(80):
+        record.submit('impulse', lambda: act('impulse'))
+    record.queue.drain()
+    assert set(done) == {'impulse'} and not record.queue.is_called and not record.calls
+    done.clear()
+    record.call('gust', lambda: act('gust'))
+    assert record.queue.is_called and record.calls == 1
+    record.queue.drain()
+    assert done[:2] == ['gust', 'impulse'] and not len(record.queue)
+    done.clear()
+    record.submit('wind', lambda: act('wind'))
+    record.call('gust', lambda: act('gust'))
+    record.queue.drain()
+    assert done == ['wind', 'gust']
 
 
 @pytest.mark.parametrize('error', [

@@ -27,7 +27,7 @@ from std_msgs.msg import Int32
 
 from procphys_ros.ros.commands import CommandQueue
 from procphys_ros.ros.node import SimNode
-from procphys_ros.ros.receiver import Receiver
+from procphys_ros.ros.receiver import Inlet, Receiver
 from procphys_ros.ros.sequence_gaps import SequenceGaps
 
 SENT, DEPTH = 1000, 10
@@ -77,7 +77,7 @@ def test_a_full_reader_loses_nothing_uncounted(client):
         taken.append(message.data)
 
     receiver = Receiver(node)
-    receiver.subscribe(Int32, '/flood', receive, errors.append, lost.append)
+    receiver.subscribe(Int32, '/flood', Inlet(receive, errors.append, lost.append))
     receiver.start()
     try:
         publisher = client.publisher(Int32, '/flood')
@@ -93,6 +93,31 @@ def test_a_full_reader_loses_nothing_uncounted(client):
     numbers = [number for number in taken if number >= 0]
     assert len(numbers) <= DEPTH + 1 and sum(lost) >= SENT - len(numbers) and not errors
     assert sum(lost) + len(numbers) - SENT <= DEPTH  # repetitions of the first
+
+
+def test_what_there_is_no_room_for_is_counted_unread(client):
+    """Turn every message away, then read again; the numbering shows no gap."""
+    node = Node('crowded')
+    full, taken, lost, errors, turned = Event(), [], [], [], []
+    receiver = Receiver(node)
+    receiver.subscribe(Int32, '/crowd', Inlet(taken.append, errors.append, lost.append,
+                                              full.is_set, lambda: turned.append(1)))
+    receiver.start()
+    try:
+        publisher = client.publisher(Int32, '/crowd')
+        client.send_until(lambda: taken, 'the first', (publisher, Int32(data=-1)))
+        full.set()
+        for number in range(50):
+            publisher.publish(Int32(data=number))
+        client.spin_until(lambda: len(turned) >= 50, 'all of them')
+        full.clear()
+        publisher.publish(Int32(data=50))
+        client.spin_until(lambda: taken[-1].data == 50, 'the last')
+    finally:
+        receiver.stop(60.0)
+        node.destroy_node()
+    assert not lost and not errors and len(turned) <= 51
+    assert not {message.data for message in taken} & set(range(49))
 
 
 def test_commands_that_are_lost_are_counted_as_rejected(client, monkeypatch):

@@ -73,6 +73,15 @@ def test_overload_slows_time_and_nothing_piles_up():
     assert run(pacer, clock, 300, 0.0) <= 610
 
 
+def test_who_is_called_between_two_steps_owes_the_rest():
+    """Return after the step in which a call came, and run what was due then in the next turn."""
+    clock = FakeClock()
+    pacer = Pacer(STEP, 1.0, TICK, clock)
+    clock.now += 5 * STEP
+    assert pacer.advance(lambda: None, lambda: True) == 1 and pacer.is_behind
+    assert pacer.advance(lambda: None) == 4 and not pacer.is_behind
+
+
 def test_the_factor_is_that_of_the_last_second():
     """Tell half speed as such, and a standstill at once, whatever was before."""
     clock = FakeClock()

@@ -55,9 +55,9 @@ class CommandQueue:
 
     Commands come from the threads that talk to ROS and are carried out by the one that simulates,
     in the order of arrival. Only when more has come than there is time for between two steps,
-    calls of services overtake what came on topics.
+    calls of services overtake what came on topics, until that has been caught up with.
 
-    :param on_arrival: called when a command has begun to wait.
+    :param on_call: called when a command has begun to wait that somebody waits for.
     :param on_rejection: called with the name of the command, the reason, and the exception that
         no command should raise, or None.
     :param clock: gives steady real time [s].
@@ -67,17 +67,18 @@ class CommandQueue:
     :ivar under_way: name of the command that is being carried out; '' = none.
     """
 
-    def __init__(self, on_arrival: Callable[[], None],
+    def __init__(self, on_call: Callable[[], None],
                  on_rejection: Callable[[str, str, Exception | None], None],
                  clock: Callable[[], float] = monotonic):
         # Behind each command is the number of its arrival.
         self._from_topics: deque[tuple[Command, int]] = deque()
         self._calls: dict[Command, int] = {}
         self._arrivals = 0
-        self._on_arrival = on_arrival
+        self._on_call = on_call
         self._on_rejection = on_rejection
         self._clock = clock
         self._lock = Lock()
+        self._is_behind = False
         self.taken: Counter[str] = Counter()
         self.rejected: Counter[str] = Counter()
         self.last_rejection = ''
@@ -87,23 +88,40 @@ class CommandQueue:
         return len(self._from_topics) + len(self._calls)
 
     def submit(self, command: Command) -> None:
-        """Append a command that came on a topic; one too many is rejected at once."""
+        """
+        Append a command that came on a topic; one too many is rejected at once.
+
+        Nobody is woken: it is for the next step, and a thousand a second would let the threads
+        wait for each other more than work.
+        """
         with self._lock:
             fits = len(self._from_topics) < CAPACITY
             if fits:
                 self._arrivals += 1
                 self._from_topics.append((command, self._arrivals))
-        if fits:
-            self._on_arrival()
-        else:
-            self.reject(command.name, f'{CAPACITY} commands are waiting already')
+        if not fits:
+            self.reject_surplus(command.name)
+
+    @property
+    def is_called(self) -> bool:
+        """Say whether somebody waits for a command."""
+        return bool(self._calls)
+
+    @property
+    def is_full(self) -> bool:
+        """Say whether there is no room for another command from a topic."""
+        return len(self._from_topics) >= CAPACITY
+
+    def reject_surplus(self, name: str) -> None:
+        """Count and report a command of a topic that there is no room for."""
+        self.reject(name, f'{CAPACITY} commands are waiting already')
 
     def call(self, command: Command) -> None:
         """Append a command that somebody waits for."""
         with self._lock:
             self._arrivals += 1
             self._calls[command] = self._arrivals
-        self._on_arrival()
+        self._on_call()
 
     def is_waiting(self, command: Command) -> bool:
         """Say whether a call has not been begun with."""
@@ -148,6 +166,7 @@ class CommandQueue:
                 break
             self._carry_out(command)
             elapsed = self._clock() - begin
+        self._is_behind = bool(self._from_topics)
 
     def counts(self) -> tuple[dict[str, int], dict[str, int]]:
         """Give how many commands were taken, and rejected, by name."""
@@ -158,7 +177,7 @@ class CommandQueue:
         """Take out what came first."""
         with self._lock:
             call, called = next(iter(self._calls.items()), (None, 0))
-            if call is not None and (calls_only or not self._from_topics
+            if call is not None and (calls_only or self._is_behind or not self._from_topics
                                      or called < self._from_topics[0][1]):
                 del self._calls[call]
                 return call

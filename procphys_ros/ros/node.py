@@ -92,7 +92,7 @@ class SimNode(Node):
             there
         /diagnostics (diagnostic_msgs/DiagnosticArray, depth 5): once a second
 
-    Subscribers (all reliable, depth 10000):
+    Subscribers (all reliable, depth 10000; of a node `<name>_commands`, see `receiver.py`):
         ~/wind (geometry_msgs/Vector3Stamped): mean air velocity [m/s]
         ~/impulse (geometry_msgs/WrenchStamped): [N·s], [N·m·s] on the part header.frame_id
         ~/wrench (geometry_msgs/WrenchStamped): the same as a lasting force [N], [N·m]
@@ -126,6 +126,7 @@ class SimNode(Node):
         self.loop = Loop(self._turn, self.context)
         self.commands = CommandQueue(self.loop.wake, self._report_rejection)
         self._limiter = RateLimiter(self.parameters['publish_rate'])
+        self._warnings = RateLimiter(1.0 / _WARNING_PERIOD)
         self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
                            budget=self._longest_turn())
         self.session = Session(self.pacer)
@@ -149,8 +150,8 @@ class SimNode(Node):
         """Take commands on topics and services."""
         frame = self.parameters['world_frame']
         requests = Requests(self.parameters, self.session)
-        self._topics = TopicCommands(self, self.commands, self.session, requests, frame,
-                                     self.parameters['intruders.names'])
+        self.topics = TopicCommands(self, self.commands, self.session, requests, frame,
+                                    self.parameters['intruders.names'])
         answers = Answers(self, self.commands, lambda: self.parameters['service_deadline'],
                           self.steady_clock)
         loading = Loading(self.builder, self.commands, self.parameters, self.session)
@@ -165,7 +166,7 @@ class SimNode(Node):
         self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
         self._clocks = 1
         self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
-        self._topics.start()
+        self.topics.start()
         self.loop.start()
         self._begin()
 
@@ -181,7 +182,7 @@ class SimNode(Node):
         """
         self._compilation.close()
         ended = [thread.stop(_LAST_TURN)
-                 for thread in (self._topics, self.builder, self._loading, self.loop)]
+                 for thread in (self.topics, self.builder, self._loading, self.loop)]
         if all(ended):
             self.session.close()
             super().destroy_node()
@@ -199,7 +200,8 @@ class SimNode(Node):
         return min(self._limiter.wait, _LONGEST_TURN)
 
     def _advance(self) -> None:
-        if not self.session.stands and self.pacer.advance(self._step):
+        if not self.session.stands and self.pacer.advance(self._step,
+                                                          lambda: self.commands.is_called):
             self._moved = True
 
     def _publish(self) -> None:
@@ -286,8 +288,8 @@ class SimNode(Node):
     def _report_rejection(self, name: str, reason: str, defect: Exception | None) -> None:
         if not self.context.ok():  # ROS has gone, and took what was under way with it
             return
-        self.get_logger().warning(f'{name} rejected: {reason}',
-                                  throttle_duration_sec=_WARNING_PERIOD)
+        if self._warnings.is_due():  # the logger's own throttle takes 0.2 ms per call
+            self.get_logger().warning(f'{name} rejected: {reason}')
         if defect is not None:
             self._log_traceback(defect)
 
@@ -309,9 +311,8 @@ class SimNode(Node):
 def banner(node: SimNode) -> str:
     """Say what runs and where to look, with the names as they are after remapping."""
     everywhere = ('/rosout', '/parameter_events')
-    sent, taken = (sorted(topic for topic, _ in topics
-                          if topic not in everywhere and '/_' not in topic) for topics in (
-        node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace()),
-        node.get_subscriber_names_and_types_by_node(node.get_name(), node.get_namespace())))
+    topics = node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())
+    sent = sorted(topic for topic, _ in topics
+                  if topic not in everywhere and '/_' not in topic)
     return '\n'.join((node.session.summary(), f'  out  {" ".join(sent)}',
-                      f'  in   {" ".join(taken)}', '  stop with Ctrl-C'))
+                      f'  in   {" ".join(node.topics.names)}', '  stop with Ctrl-C'))

@@ -32,7 +32,7 @@ class Pacer:
     :param budget: real time that one call may spend on steps before it returns [s].
     :param clock: gives steady real time [s].
     :ivar simulated: time that all steps together have simulated [s].
-    :ivar is_behind: whether the last call ran out of its budget.
+    :ivar is_behind: whether the last call left steps that are due.
     """
 
     def __init__(self, time_step: float, factor: float, budget: float,
@@ -50,11 +50,13 @@ class Pacer:
         self._owed = 0.0
         self.is_behind = False
 
-    def advance(self, step: Callable[[], None]) -> int:
+    def advance(self, step: Callable[[], None],
+                is_called: Callable[[], bool] = lambda: False) -> int:
         """
         Run the steps that are due.
 
         :param step: computes one step.
+        :param is_called: asked between two steps; True = the rest must wait for the next call.
         :returns: how many were run.
         """
         now = self._clock()
@@ -67,8 +69,10 @@ class Pacer:
             steps += 1
             self._owed -= self.time_step
             self.simulated += self.time_step
+            if is_called():
+                break
         self.is_behind = self._is_due()
-        if self.is_behind:
+        if self.is_behind and self._clock() - now >= self.budget:
             self._owed = 0.0  # overloaded: slow down instead of catching up later
         return steps
 

@@ -21,7 +21,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.qos_overriding_options import _declare_qos_parameters, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from procphys_ros.errors import SceneError
@@ -81,14 +81,20 @@ def publisher(node: Node, kind: type, topic: str, profile: QoSProfile,
         raise _refusal(node.resolve_topic_name(topic), error) from error
 
 
-def subscription(node: Node, kind: type, topic: str, receive: Callable[[Any], None],
-                 profile: QoSProfile, **options: Any) -> Subscription:
-    """Subscribe with a quality of service that parameters may override; else as `publisher`."""
+def subscription(owner: Node, node: Node, kind: type, topic: str,
+                 receive: Callable[[Any], None], profile: QoSProfile) -> Subscription:
+    """
+    Subscribe with a quality of service that parameters may override; else as `publisher`.
+
+    :param owner: whose parameters these are, and whose remappings apply.
+    :param node: that subscribes.
+    """
+    resolved = owner.resolve_topic_name(topic)
     try:
-        return node.create_subscription(kind, topic, receive, profile,
-                                        qos_overriding_options=_OVERRIDABLE, **options)
+        _declare_qos_parameters(Subscription, owner, resolved, profile, _OVERRIDABLE)
+        return node.create_subscription(kind, resolved, receive, profile)
     except RuntimeError as error:
-        raise _refusal(node.resolve_topic_name(topic), error) from error
+        raise _refusal(resolved, error) from error
 
 
 def _refusal(topic: str, error: RuntimeError) -> SceneError:

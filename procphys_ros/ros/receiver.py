@@ -16,19 +16,44 @@
 """Receiver: takes messages in a thread of its own, as fast as they come."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from threading import Event, Thread
+from time import thread_time
 from typing import Any
 
-from rclpy.callback_groups import CallbackGroup
+from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 
 from procphys_ros.ros import qos
 from procphys_ros.ros.sequence_gaps import SequenceGaps
 
 _PERIOD = 0.005  # [s] between looks at the subscriptions
-_MOST = 100  # messages of a topic per look, some 5 ms: a flood must leave time to other threads
+_MOST = 100  # messages of a topic per look, some 5 ms
+_REST = 2.0  # times the processor time of a look nothing is looked at, so that others have some
+
+
+@dataclass(frozen=True)
+class Inlet:
+    """
+    Where the messages of a topic go, each called in the thread of the receiver.
+
+    :ivar receive: called with each message.
+    :ivar reject: called with what `receive` raises, or the reading of a message.
+    :ivar lose: called with how many messages were lost, because they came faster than they could
+        be taken.
+    :ivar is_full: says whether there is no room for another message.
+    :ivar turn_away: called for each message that came when there was none; it is not read, which
+        takes ten times as long as taking it.
+    """
+
+    receive: Callable[[Any], None]
+    reject: Callable[[Exception], None]
+    lose: Callable[[int], None]
+    is_full: Callable[[], bool] = lambda: False
+    turn_away: Callable[[], None] = lambda: None
 
 
 class Receiver:
@@ -37,34 +62,45 @@ class Receiver:
 
     An executor takes one message of a topic at a time and looks at every other entity of the node
     in between: some 1,000 messages per second, less than a busy sender has, and services wait
-    behind them. So it is kept away from these subscriptions, and a thread of their own empties
-    them.
+    behind them. So no executor has these subscriptions, and a thread of their own empties them.
 
-    :param node: the node that subscribes.
+    They belong to a node `<name>_commands` with a participant of its own: a participant of the
+    middleware has one queue and one thread for all that arrives. In a flood it has no room for a
+    request now and then, which is repeated only seconds later.
+
+    :param node: the node that the commands are for; its parameters override the quality of
+        service, and its remappings apply.
     """
 
     def __init__(self, node: Node):
-        self._node = node
-        self._group = _NotForExecutors()
+        self._owner = node
+        self._context = Context()
+        self._context.init(args=['--ros-args', '--enclave', _enclave(node)],
+                           initialize_logging=False, domain_id=node.context.get_domain_id())
+        self._node = Node(
+            f'{node.get_name()}_commands', context=self._context, namespace=node.get_namespace(),
+            use_global_arguments=False, enable_rosout=False, start_parameter_services=False,
+            parameter_overrides=[Parameter('start_type_description_service', value=False)])
         self._topics: list[_Topic] = []
         self._stopping = Event()
         self._thread = Thread(target=self._run, name='receiver', daemon=True)
 
-    def subscribe(self, kind: type, topic: str, receive: Callable[[Any], None],
-                  reject: Callable[[Exception], None], lose: Callable[[int], None]) -> None:
+    def subscribe(self, kind: type, topic: str, inlet: Inlet) -> None:
         """
         Subscribe to a topic.
 
         :param kind: type of its messages.
         :param topic: its name.
-        :param receive: called with each message, in the thread of the receiver.
-        :param reject: called with what `receive` raises, or the reading of a message.
-        :param lose: called with how many messages were lost, because they came faster than they
-            could be taken.
+        :param inlet: where its messages go.
         """
-        subscription = qos.subscription(self._node, kind, topic, receive, qos.commands(),
-                                        callback_group=self._group)
-        self._topics.append(_Topic(subscription, receive, reject, lose))
+        subscription = qos.subscription(self._owner, self._node, kind, topic, inlet.receive,
+                                        qos.commands())
+        self._topics.append(_Topic(subscription, inlet))
+
+    @property
+    def names(self) -> list[str]:
+        """Name the topics, after remapping."""
+        return sorted(topic.name for topic in self._topics)
 
     def start(self) -> None:
         """Begin to receive."""
@@ -75,37 +111,48 @@ class Receiver:
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join(patience)
-        return not self._thread.is_alive()
+        if self._thread.is_alive():
+            return False
+        if self._context.ok():
+            self._node.destroy_node()
+            self._context.try_shutdown()
+        return True
 
     def _run(self) -> None:
-        while not self._stopping.wait(_PERIOD):
+        rest = _PERIOD
+        while not self._stopping.wait(rest):
+            begin = thread_time()
             for topic in self._topics:
                 for _ in range(_MOST):
-                    if (self._stopping.is_set() or not self._node.context.ok()
+                    if (self._stopping.is_set() or not self._context.ok()
                             or not topic.take()):
                         break
+            rest = max(_PERIOD, _REST * (thread_time() - begin))
 
 
 class _Topic:
-    """One subscription, and who is told of its messages."""
+    """One subscription, and where its messages go."""
 
-    def __init__(self, subscription: Subscription, receive: Callable[[Any], None],
-                 reject: Callable[[Exception], None], lose: Callable[[int], None]):
+    def __init__(self, subscription: Subscription, inlet: Inlet):
         self._subscription = subscription
-        self._receive = receive
-        self._reject = reject
-        self._lose = lose
+        self._inlet = inlet
         self._gaps = SequenceGaps()
+
+    @property
+    def name(self) -> str:
+        return self._subscription.topic_name
 
     def take(self) -> bool:
         """Take a message and hand it on; say whether there was one."""
+        is_full = self._inlet.is_full()
         try:
             with self._subscription.handle:
-                taken = self._subscription.handle.take_message(self._subscription.msg_type, False)
+                taken = self._subscription.handle.take_message(self._subscription.msg_type,
+                                                               is_full)  # True = as bytes
         except InvalidHandle:  # the node is going
             return False
         except Exception as error:
-            self._reject(error)
+            self._inlet.reject(error)
             return False
         if taken is None:
             return False
@@ -113,22 +160,19 @@ class _Topic:
         missing = 0 if number is None else self._gaps.missing(
             number, self._subscription.handle.get_publisher_count())
         if missing:
-            self._lose(missing)
+            self._inlet.lose(missing)
+        if is_full:
+            self._inlet.turn_away()
+            return True
         try:
-            self._receive(taken[0])
+            self._inlet.receive(taken[0])
         except Exception as error:
-            self._reject(error)
+            self._inlet.reject(error)
         return True
 
 
-class _NotForExecutors(CallbackGroup):
-    """Keeps executors away from what belongs to the receiver."""
-
-    def can_execute(self, entity: Any) -> bool:
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        return False
-
-    def ending_execution(self, entity: Any) -> None:
-        pass
+def _enclave(node: Node) -> str:
+    """Give the enclave of a node, where its keys are if the middleware is secured."""
+    own = node.get_name(), node.get_namespace()
+    return next((enclave for *name, enclave in node.get_node_names_and_namespaces_with_enclaves()
+                 if tuple(name) == own), '/')

@@ -31,7 +31,7 @@ from rclpy.node import Node
 from procphys_ros.errors import CommandError
 from procphys_ros.ros.commands import Command, CommandQueue
 from procphys_ros.ros.conversions import Act, check_frame, part_name, pose, triple
-from procphys_ros.ros.receiver import Receiver
+from procphys_ros.ros.receiver import Inlet, Receiver
 from procphys_ros.ros.requests import Requests
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.intruders import INTRUDER
@@ -69,6 +69,11 @@ class TopicCommands:
         if intruders:
             self._subscribe('intruders', PoseArray, partial(self._intruders, tuple(intruders)))
 
+    @property
+    def names(self) -> list[str]:
+        """Name the topics, after remapping."""
+        return self._receiver.names
+
     def start(self) -> None:
         """Begin to receive."""
         self._receiver.start()
@@ -88,7 +93,9 @@ class TopicCommands:
             self._queue.reject(name, f'{count} messages were lost, they came faster than they can '
                                      'be taken', count=count)
 
-        self._receiver.subscribe(kind, f'~/{name}', receive, reject, lose)
+        self._receiver.subscribe(kind, f'~/{name}', Inlet(
+            receive, reject, lose, lambda: self._queue.is_full,
+            lambda: self._queue.reject_surplus(name)))
 
     def _wind(self, message: Vector3Stamped) -> Act:
         check_frame(message.header, self._frame)
