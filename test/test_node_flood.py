@@ -25,6 +25,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_msgs.msg import Int32
 
+from procphys_ros.errors import SceneError
 from procphys_ros.ros.commands import CommandQueue
 from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.receiver import Inlet, Receiver
@@ -63,6 +64,20 @@ def client():
     yield made
     made.close()
     rclpy.shutdown()
+
+
+@pytest.mark.parametrize(('policy', 'value', 'said'), [
+    ('depth', -1, 'depth must be from 0 to 1000000, found -1'),
+    ('reliability', 'foo', 'foo')])
+def test_a_quality_that_makes_no_sense_is_refused_in_plain_words(client, policy, value, said):
+    """Name the topic, what was found and what is allowed."""
+    node = Node('odd', parameter_overrides=[
+        Parameter(f'qos_overrides./flood.subscription.{policy}', value=value)])
+    receiver = Receiver(node)
+    with pytest.raises(SceneError, match=f'/flood cannot have .*{said}'):
+        receiver.subscribe(Int32, '/flood', Inlet(print, print, print))
+    assert receiver.stop(0.0)
+    node.destroy_node()
 
 
 def test_a_full_reader_loses_nothing_uncounted(client):

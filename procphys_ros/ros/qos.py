@@ -21,15 +21,33 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import _declare_qos_parameters, QoSOverridingOptions
+from rclpy.qos_overriding_options import (
+    _declare_qos_parameters,
+    InvalidQosOverridesError,
+    QosCallbackResult,
+    QoSOverridingOptions,
+)
 from rclpy.subscription import Subscription
 
 from procphys_ros.errors import SceneError
 
+_REFUSALS = RuntimeError, InvalidQosOverridesError
+_DEEPEST = 1_000_000  # [messages]
+
+
+def _checked(profile: QoSProfile) -> QosCallbackResult:
+    """Refuse what the middleware would refuse in words that nobody understands."""
+    if 0 <= profile.depth <= _DEEPEST:
+        return QosCallbackResult(successful=True)
+    return QosCallbackResult(
+        successful=False, reason=f'depth must be from 0 to {_DEEPEST}, found {profile.depth}')
+
+
 # What may be chosen for each topic by parameters, qos_overrides./sim/poses.publisher.depth and so
 # on. The rest is left out: no deadline is kept, and no liveliness asserted.
-_OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH,
-                                     QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY))
+_OVERRIDABLE = QoSOverridingOptions(
+    (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
+     QoSPolicyKind.DURABILITY), callback=_checked)
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
@@ -77,7 +95,7 @@ def publisher(node: Node, kind: type, topic: str, profile: QoSProfile,
     try:
         return node.create_publisher(kind, topic, profile,
                                      qos_overriding_options=_OVERRIDABLE, **options)
-    except RuntimeError as error:
+    except _REFUSALS as error:
         raise _refusal(node.resolve_topic_name(topic), error) from error
 
 
@@ -93,10 +111,11 @@ def subscription(owner: Node, node: Node, kind: type, topic: str,
     try:
         _declare_qos_parameters(Subscription, owner, resolved, profile, _OVERRIDABLE)
         return node.create_subscription(kind, resolved, receive, profile)
-    except RuntimeError as error:
+    except _REFUSALS as error:
         raise _refusal(resolved, error) from error
 
 
-def _refusal(topic: str, error: RuntimeError) -> SceneError:
+def _refusal(topic: str, error: Exception) -> SceneError:
+    reason = str(error).split(', at /')[0].rpartition('are not valid: ')[2]
     return SceneError(f'{topic} cannot have the quality of service that qos_overrides ask for: '
-                      f'{str(error).split(", at /")[0]}')
+                      f'{reason}')
