@@ -246,18 +246,19 @@ def test_a_birch_sways_like_those_in_the_field(measured):
 
 @pytest.mark.report('nature')
 @pytest.mark.parametrize('seed', _SEEDS)
-def test_an_oak_sways_within_the_models_of_its_size(seed, measured):
+def test_an_oak_sways_like_those_in_the_field(seed, measured):
     """
-    Keep an oak of 16 m below its size's mean of scanned trees, above the slowest in the field.
+    Hold an oak of 16 m to 0.24 Hz within 10 %, one of 18 m to the range of the field.
 
-    Finite element models of 1082 scanned broadleaved trees gave -0.039 + 3.12 DBH/H2 [cm/m2];
-    trees pulled in UK forests, which are more slender, swayed at 0.17 Hz to 0.26 Hz (Jackson et
-    al. 2019).
+    An oak of 18 m in Wytham Woods swayed at 0.242 Hz, sycamores and birches of 16 m at 0.230 Hz to
+    0.242 Hz, all broadleaved trees pulled there at 0.166 Hz to 0.260 Hz (data of Jackson et al. 2019).
     """
     tree = _build('oak', seed, height=16.0)
-    mean = -0.039 + 3.12 * 100.0 * tree.bond_extent[0, 0] / _height(tree) ** 2
-    measured.within('frequency of an oak of 16 m (Jackson et al. 2019)', _sway_frequency(tree),
-                    0.17, mean, 'Hz')
+    assert _height(tree) == pytest.approx(16.0, rel=0.05)
+    measured('frequency of an oak of 16 m (Jackson et al. 2019)', _sway_frequency(tree), 0.24, 'Hz',
+             rtol=0.1)
+    measured.within('frequency of an oak of 18 m (Jackson et al. 2019)',
+                    _sway_frequency(_build('oak', seed, height=18.0)), 0.166, 0.26, 'Hz')
 
 
 @pytest.mark.parametrize('layout, way', [('grid', 0.0), ('scatter', 2.0), ('scatter', 4.5)])
