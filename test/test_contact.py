@@ -195,7 +195,7 @@ def test_crowns_that_hit_the_ground_hardly_sink_in():
         lowest = forest.poses[:, 2] - half * up - 0.5 * sizes[:, 0]
         deepest = max(deepest, -lowest[forest.active].min(initial=0.0))
     assert fastest > 8.0
-    assert deepest < min(fastest / 60.0, 0.25)
+    assert deepest < min(fastest / 60.0, 0.1)
 
 
 def test_a_heavy_fall_breaks_what_is_below():

@@ -251,12 +251,13 @@ def test_an_oak_sways_like_those_in_the_field(seed, measured):
     Hold an oak of 16 m to 0.24 Hz within 10 %, one of 18 m to the range of the field.
 
     An oak of 18 m in Wytham Woods swayed at 0.242 Hz, sycamores and birches of 16 m at 0.230 Hz to
-    0.242 Hz, all broadleaved trees pulled there at 0.166 Hz to 0.260 Hz (data of Jackson et al. 2019).
+    0.242 Hz, all broadleaved trees pulled there at 0.166 Hz to 0.260 Hz (data of Jackson et al.
+    2019).
     """
     tree = _build('oak', seed, height=16.0)
     assert _height(tree) == pytest.approx(16.0, rel=0.05)
-    measured('frequency of an oak of 16 m (Jackson et al. 2019)', _sway_frequency(tree), 0.24, 'Hz',
-             rtol=0.1)
+    measured('frequency of an oak of 16 m (Jackson et al. 2019)', _sway_frequency(tree), 0.24,
+             'Hz', rtol=0.1)
     measured.within('frequency of an oak of 18 m (Jackson et al. 2019)',
                     _sway_frequency(_build('oak', seed, height=18.0)), 0.166, 0.26, 'Hz')
 

@@ -264,10 +264,12 @@ def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: n
     """
     Give the normal velocity that each contact must have at the end of the step [m/s], (C,).
 
-    A gap may close, but not more; what trees move by their old velocity takes part of it. Deep
-    overlaps open. An impulse J does the work J·(v₀ + v₁)/2, v being the velocity of opening: so a
-    stiff twig that swings away from what it touches first, v₀ > 0, may come back as fast. Were it
-    stopped, v₁ = 0, it would throw a body off, or get energy from the ground.
+    A gap may close, but not more. What trees move by their old velocity takes part of it: in this
+    step, and half a step of the new one in the next, which may go by the mean of both whatever
+    this one does. Deep overlaps open. An impulse J does the work J·(v₀ + v₁)/2, v being the
+    velocity of opening: so a stiff twig that swings away from what it touches first, v₀ > 0, may
+    come back as fast. Were it stopped, v₁ = 0, it would throw a body off, or get energy from the
+    ground.
 
     :param old: velocities of the bodies at the beginning of the step, (B, 6).
     :returns: this velocity, and its part that undoes an overlap, not below 0.
@@ -278,7 +280,7 @@ def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: n
     lag = look.old_share[end] * (before * pairs.normal).sum(axis=1)
     room = pairs.gap + dt * np.minimum(lag, 0.0)
     out = np.clip(_RECOVERY * (-room - _SLOP) / dt, 0.0, _PUSH_OUT)
-    least = np.where(room > 0.0, -room / dt, out)
+    least = np.where(room > 0.0, -room / ((1.5 - look.old_share[end]) * dt), out)
     hit = np.flatnonzero(partners.body >= 0)
     body = old[partners.body[hit]]
     before[hit] -= body[:, :3] + np.cross(body[:, 3:], partners.arm[hit])
