@@ -19,11 +19,12 @@ What is whole costs nothing: which joints have broken is told by poses alone.
 """
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, GROUND, Law
+from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 
 TORN, SOIL = 'torn_wood', 'soil'  # names of looks
 _APART = 0.05     # [m] the two sides of a joint that is whole stay closer than that
@@ -33,10 +34,31 @@ _SHORTEST = 0.85  # likewise, so that they hide that end
 _STRAIGHT = 0.85  # cosine to its parent's axis from which on a branch carries it on
 # A plate reaches about four stem diameters to each side, and half as deep (Mattheck and Breloer
 # 1994, The Body Language of Trees: 1.2 m for a stem of 0.3 m; at second hand).
+_ONWARDS = 0.75   # of the end that it grew on is the foot of wood that carries that on
 _PLATE, _DEPTH = 4.0, 0.5
 _RIM, _ROOTS = 14, 8  # corners of the plate, roots that stick out of it
 _OVER = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # turns z around
 _GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+_MOST = 100   # broken joints drawn at once, the first ones
+_PERIOD = 10  # looks at them in which new ones are looked for once: breaks are few
+
+# Look, part that carries it or `GROUND`, and corners of triangles in the frame of that part, or of
+# the world [m], (T, 9).
+End = tuple[str, int, np.ndarray]
+
+
+class Wood(Protocol):
+    """What tells where wood has broken."""
+
+    def apart(self, poses: np.ndarray) -> np.ndarray:
+        """
+        Find the joints that have come apart, (K,) numbers that stay theirs.
+
+        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        """
+
+    def ends(self, bond: int) -> Iterator[End]:
+        """Cover both sides of a broken joint."""
 
 
 class WoodJoints:
@@ -74,13 +96,8 @@ class WoodJoints:
             gone[self._child] & gone[self._parent])
         return self._bond[~whole]
 
-    def ends(self, bond: int) -> Iterator[tuple[str, int, np.ndarray]]:
-        """
-        Cover both sides of a broken bond.
-
-        :returns: look, part that carries it or `GROUND`, and corners of triangles in the frame of
-            that part, or the world [m], (T, 9).
-        """
+    def ends(self, bond: int) -> Iterator[End]:
+        """Cover both sides of a broken bond."""
         i = int(np.searchsorted(self._bond, bond))
         child, parent = int(self._child[i]), int(self._parent[i])
         width = float(self._blueprint.bond_extent[bond, 0])
@@ -98,6 +115,74 @@ class WoodJoints:
             stub = 0.0 if along > _STRAIGHT else 0.5 * float(
                 self._blueprint.visual_size[parent, 1])
             yield TORN, parent, placed(self._outer[i], splinters(width, bond + 1, stub))
+
+
+class BrokenWood:
+    """
+    Broken joints of trees, where no more is known than the parts that came apart.
+
+    A joint lies between the foot of a segment and the upper end of the one that bore it. Where a
+    side branch pointed to is not known: only its own end is covered.
+
+    :param shape: `Shape` of all parts, (N,).
+    :param size: what is drawn of them [m], (N, 3), as `Blueprint.visual_size`.
+    :param pairs: parts of the bonds that have broken, the lower one first, (K, 2); -1 = ground.
+    :param uprooted: whether the roots gave way, (K,) bool.
+    """
+
+    def __init__(self, shape: np.ndarray, size: np.ndarray, pairs: np.ndarray,
+                 uprooted: np.ndarray):
+        known = (pairs[:, 1] >= 0) & (pairs < len(shape)).all(axis=1)
+        pairs, uprooted = pairs[known], uprooted[known]
+        branch = np.append(shape == Shape.CAPSULE, True)  # the ground is the last part
+        wood = branch[pairs].all(axis=1)
+        self._joints = {child: (parent, roots) for (parent, child), roots in zip(
+            pairs[wood].tolist(), uprooted[wood].tolist())}
+        self._size = size
+
+    def apart(self, poses: np.ndarray) -> np.ndarray:
+        """Give the upper segments of all joints that have broken, (K,)."""
+        return np.array(list(self._joints), np.intp)
+
+    def ends(self, bond: int) -> Iterator[End]:
+        """Cover both sides of the joint below a segment."""
+        parent, uprooted = self._joints[bond]
+        width, _, length = self._size[bond]
+        foot = np.array([0.0, 0.0, -0.5 * length, 0.0, 0.0, 0.0, 1.0])
+        if uprooted:
+            soil, roots = root_plate(width, bond)
+            yield SOIL, bond, placed(foot, soil)
+            yield TORN, bond, placed(foot, roots)
+            return
+        yield TORN, bond, placed(rotation.compose(foot, _OVER), splinters(width, bond))
+        if parent != GROUND and width > _ONWARDS * self._size[parent, 1]:
+            top = np.array([0.0, 0.0, 0.5 * self._size[parent, 2], 0.0, 0.0, 0.0, 1.0])
+            yield TORN, parent, placed(top, splinters(width, bond + 1))
+
+
+class TornEnds:
+    """Keeps the ends of what is torn, and looks for more of them now and then."""
+
+    def __init__(self) -> None:
+        self._ends: dict[int, list[End]] = {}
+        self._turn = 0
+
+    def forget(self) -> None:
+        """Look for all of them anew next time."""
+        self._ends, self._turn = {}, 0
+
+    def update(self, wood: Wood, poses: np.ndarray) -> dict[int, list[End]]:
+        """
+        Give the ends of the first joints that have broken, by the numbers of these.
+
+        :param wood: where it has broken.
+        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        """
+        if self._turn % _PERIOD == 0:
+            self._ends = {bond: self._ends.get(bond) or list(wood.ends(bond))
+                          for bond in wood.apart(poses)[:_MOST].tolist()}
+        self._turn += 1
+        return self._ends
 
 
 def splinters(width: float, seed: int, stub: float = 0.0) -> np.ndarray:

@@ -24,9 +24,17 @@ import pytest
 from procphys_ros import messages, rotation
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.recording.marker_state import find_markers
-from procphys_ros.torn_wood import placed, root_plate, SOIL, splinters, TORN, WoodJoints
+from procphys_ros.torn_wood import (
+    BrokenWood,
+    placed,
+    root_plate,
+    SOIL,
+    splinters,
+    TORN,
+    WoodJoints,
+)
 from procphys_ros.view.source import Content, Frame
-from procphys_ros.view.torn_ends import TornEnds
+from procphys_ros.view.torn_meshes import TornMeshes
 
 _WIDTH = 0.1  # [m] of the beam
 
@@ -138,7 +146,7 @@ def test_the_page_gets_the_ends_of_what_breaks():
     """Draw two ends where a stem broke, move them along with the pieces, and take them off."""
     tree, page = beam(5), _Page()
     content = Content.of(tree, str, 0)
-    ends = TornEnds(page, 0.5)
+    ends = TornMeshes(page, 0.5)
     ends.update(Frame(content, tree.poses, np.zeros((0, 7))))
     assert not page.meshes
     for i in range(12):
@@ -151,3 +159,36 @@ def test_the_page_gets_the_ends_of_what_breaks():
     for _ in range(12):
         ends.update(Frame(content, tree.poses, np.zeros((0, 7))))
     assert not page.meshes
+
+
+def _told(tree: Blueprint, bond: int, uprooted: bool = False) -> BrokenWood:
+    """Give what a viewer of a running node is told of a broken bond."""
+    return BrokenWood(tree.shape, tree.visual_size, tree.bonds[[bond]], np.array([uprooted]))
+
+
+def test_viewers_of_a_node_see_the_same_ends():
+    """Draw from the parts alone what is drawn from the joints themselves."""
+    tree = beam(5)
+    exact = {part: corners for _, part, corners in WoodJoints(tree).ends(2)}
+    told = {part: corners for _, part, corners in _told(tree, 2).ends(2)}
+    assert exact.keys() == told.keys() == {1, 2}
+    for part, corners in exact.items():
+        np.testing.assert_allclose(told[part], corners, atol=1e-9)
+
+
+def test_viewers_of_a_node_see_roots_of_what_was_uprooted_only():
+    """Lift roots with a tree that was uprooted; tear one off that broke at its foot."""
+    tree = beam(5)
+    assert [look for look, _, _ in _told(tree, 0, True).ends(0)] == [SOIL, TORN]
+    assert [look for look, _, _ in _told(tree, 0).ends(0)] == [TORN]
+    late = BrokenWood(tree.shape[:2], tree.visual_size[:2], tree.bonds[[2]],
+                      np.array([False]))
+    assert not len(late.apart(tree.poses))  # parts that the viewer does not know yet
+
+
+def test_a_side_branch_leaves_no_stump_that_points_along_its_parent():
+    """Cover the end of a thin branch alone, for where it pointed to is not told."""
+    size = np.array([[0.2, 0.18, 1.0], [0.05, 0.04, 0.8]])
+    wood = BrokenWood(np.zeros(2, np.uint8), size, np.array([[0, 1]]),
+                      np.array([False]))
+    assert [part for _, part, _ in wood.ends(1)] == [1]

@@ -20,10 +20,7 @@ from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.marker_rows import Kind, ListMarker
 from procphys_ros.palette import look
-from procphys_ros.torn_wood import placed, SOIL, TORN, WoodJoints
-
-_MOST = 100   # broken joints drawn at once, the first ones
-_PERIOD = 10  # messages between looks for new ones: breaks are few, and all joints are looked at
+from procphys_ros.torn_wood import placed, SOIL, TORN, TornEnds, WoodJoints
 
 
 class TornMarkers:
@@ -39,9 +36,8 @@ class TornMarkers:
         self._joints = WoodJoints(blueprint)
         self._lists = {name: ListMarker(Kind.TRIANGLE_LIST, prefix + name, 0, frame_id,
                                         look(name).rgba) for name in (TORN, SOIL)}
-        self._ends: dict[int, list[tuple[str, int, np.ndarray]]] = {}
+        self._torn = TornEnds()
         self._sent: dict[str, bytes] = {}
-        self._turn = 0
 
     def grow(self, blueprint: Blueprint) -> None:
         """Look after the joints of parts that have joined as well."""
@@ -50,7 +46,7 @@ class TornMarkers:
     def forget(self) -> None:
         """Write everything anew next time."""
         self._sent = {}
-        self._turn = 0
+        self._torn.forget()
 
     @property
     def deletions(self) -> list[bytes]:
@@ -65,15 +61,11 @@ class TornMarkers:
         :param at: stamp of the markers.
         :returns: the markers, and how many they are.
         """
-        if self._turn % _PERIOD == 0:
-            apart = self._joints.apart(poses)[:_MOST].tolist()
-            self._ends = {bond: self._ends.get(bond) or list(self._joints.ends(bond))
-                          for bond in apart}
-        self._turn += 1
+        torn = self._torn.update(self._joints, poses)
         chunks = []
         for name, marker in self._lists.items():
             pieces = [placed(poses[part], corners) if part != GROUND else corners
-                      for ends in self._ends.values() for own, part, corners in ends
+                      for ends in torn.values() for own, part, corners in ends
                       if own == name and (part == GROUND or np.isfinite(poses[part]).all())]
             points = np.concatenate(pieces).reshape(-1, 3) if pieces else np.zeros((0, 3))
             seen = points.round(3).tobytes()

@@ -38,9 +38,11 @@ from procphys_ros.messages.ground import ground_of
 from procphys_ros.messages.leaves import LEAF, leaves_of
 from procphys_ros.messages.points import BREAK, DUST
 from procphys_ros.messages.poses import read_pose_array
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.ros import qos
 from procphys_ros.ros.page_commands import PageCommands
+from procphys_ros.torn_wood import BrokenWood
 from procphys_ros.view.source import Content, Frame, Status
 
 _TURN = 0.05  # [s] between looks at whether it is to end
@@ -144,7 +146,8 @@ class FollowedNode:
 
     def _take_breaks(self, message: PointCloud2) -> None:
         rows = np.frombuffer(bytes(message.data), BREAK)
-        self._state.take_breaks(np.stack([rows['part_a'], rows['part_b']], axis=-1))
+        self._state.take_breaks(np.stack([rows['part_a'], rows['part_b']], axis=-1),
+                                rows['cause'])
 
     def _take_dust(self, message: PointCloud2) -> None:
         rows = np.frombuffer(bytes(message.data), DUST)
@@ -174,7 +177,7 @@ class _SceneState:
         self._scene = 0
         self._poses = self._leaf_poses = np.zeros((0, 7))
         self._dust = Puffs.none()
-        self._broken = np.zeros((0, 2), int)
+        self._breaks = np.zeros((0, 2), int), np.zeros(0, int)
         self._newest: Frame | None = None
         self._is_stale = False
 
@@ -215,9 +218,9 @@ class _SceneState:
         """Take dust up."""
         self._dust, self._is_stale = puffs, True
 
-    def take_breaks(self, pairs: np.ndarray) -> None:
-        """Take up the parts of all bonds that have broken, (K, 2)."""
-        self._broken, self._is_stale = pairs, True
+    def take_breaks(self, pairs: np.ndarray, causes: np.ndarray) -> None:
+        """Take up the parts of all bonds that have broken, (K, 2), and why, (K,)."""
+        self._breaks, self._is_stale = (pairs, causes), True
 
     def _begin(self, content: Content) -> None:
         self._scene += 1
@@ -231,7 +234,11 @@ class _SceneState:
         leaf_poses = self._leaf_poses
         if len(leaf_poses) != len(content.leaves):
             leaf_poses = rotation.compose(poses[content.leaves.part], content.leaves.pose)
-        return Frame(content, poses, leaf_poses, self._dust, self._broken)
+        pairs, causes = self._breaks
+        grown = causes != Cause.PULLED_OFF  # climbing plants are not torn by that
+        wood = BrokenWood(content.shape, content.size, pairs[grown],
+                          causes[grown] == Cause.UPROOTING)
+        return Frame(replace(content, wood=wood), poses, leaf_poses, self._dust, pairs)
 
 
 def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content:

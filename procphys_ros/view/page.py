@@ -36,7 +36,7 @@ from procphys_ros.view.dust import DustCloud
 from procphys_ros.view.library import load_viser, ViewError
 from procphys_ros.view.picking import GROUND, pick
 from procphys_ros.view.source import Frame, Source
-from procphys_ros.view.torn_ends import TornEnds
+from procphys_ros.view.torn_meshes import TornMeshes
 
 HOST, PORT = 'localhost', 8080
 RATE = 20.0  # [Hz] at which what moves is sent at most
@@ -67,7 +67,7 @@ class Page:
         self.controls = Controls(self.server.gui, source.say, scenes or {})
         self.server.scene.on_click()(self._clicked)
         self._frame: Frame | None = None
-        self._drawn: tuple[Batches, DustCloud, Cracks, TornEnds] | None = None
+        self._drawn: tuple[Batches, DustCloud, Cracks, TornMeshes] | None = None
         self.unit = 1.0
         self._status_due = 0.0
         self._ended = Event()
@@ -152,7 +152,7 @@ class Page:
         surroundings.arrange(self.server, frame, self.unit)
         scene = self.server.scene
         self._drawn = (Batches(scene, self.unit), DustCloud(scene, self.unit),
-                       Cracks(scene, self.unit), TornEnds(scene, self.unit))
+                       Cracks(scene, self.unit), TornMeshes(scene, self.unit))
 
 
 def _serve(host: str, port: int) -> Any:

@@ -25,7 +25,7 @@ from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves, Shape
 from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.torn_wood import WoodJoints
+from procphys_ros.torn_wood import Wood, WoodJoints
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Content:
     :ivar hexahedra: corners of boxes that are no rectangular ones.
     :ivar terrain: the surface of the ground.
     :ivar paving: what covers it.
-    :ivar wood: joints of trees, whose broken ends are drawn; None = not known.
+    :ivar wood: where trees have come apart; None = not known.
     """
 
     scene: int
@@ -62,7 +62,7 @@ class Content:
     hexahedra: Hexahedra = field(default_factory=Hexahedra)
     terrain: Terrain = FLAT
     paving: Sequence[Paving] = ()
-    wood: WoodJoints | None = None
+    wood: Wood | None = None
 
     def __len__(self) -> int:
         return len(self.shape)

@@ -18,16 +18,15 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros import torn_wood
 from procphys_ros.blueprint import GROUND
 from procphys_ros.palette import rgba
 from procphys_ros.view.source import Frame
 
-_MOST = 100      # broken joints drawn at once, the first ones
-_PERIOD = 10     # frames between looks for new ones: breaks are few, and all joints are looked at
 _VISIBLE = 1e-3  # [m] and [-]: smaller moves are not sent
 
 
-class TornEnds:
+class TornMeshes:
     """
     Draws a mesh for every end; sends nothing while nothing has broken.
 
@@ -37,36 +36,33 @@ class TornEnds:
 
     def __init__(self, scene: Any, unit: float):
         self._scene, self._unit = scene, unit
-        self._ends: dict[int, list[tuple[Any, int]]] = {}  # handles and parts, by bond
+        self._torn = torn_wood.TornEnds()
+        self._drawn: dict[int, list[tuple[Any, int]]] = {}  # handles and parts, by bond
         self._sent: dict[str, np.ndarray] = {}
-        self._turn = 0
 
     def update(self, frame: Frame) -> None:
         """Draw the ends that there are now."""
         wood = frame.content.wood
         if wood is None:
             return
-        if self._turn % _PERIOD == 0:
-            apart = wood.apart(frame.poses)[:_MOST].tolist()
-            for bond in set(self._ends) - set(apart):
-                self._remove(bond)
-            for bond in set(apart) - set(self._ends):
-                self._ends[bond] = [
-                    (self._add(f'/torn/{bond}/{i}', look, corners), part)
-                    for i, (look, part, corners) in enumerate(wood.ends(bond))]
-        self._turn += 1
-        for ends in self._ends.values():
+        torn = self._torn.update(wood, frame.poses)
+        for bond in set(self._drawn) - set(torn):
+            self._remove(bond)
+        for bond in set(torn) - set(self._drawn):
+            self._drawn[bond] = [(self._add(f'/torn/{bond}/{i}', look, corners), part)
+                                 for i, (look, part, corners) in enumerate(torn[bond])]
+        for ends in self._drawn.values():
             for handle, part in ends:
                 if part != GROUND:
                     self._move(handle, frame.poses[part])
 
     def close(self) -> None:
         """Take everything off the page."""
-        for bond in list(self._ends):
+        for bond in list(self._drawn):
             self._remove(bond)
 
     def _remove(self, bond: int) -> None:
-        for handle, _ in self._ends.pop(bond):
+        for handle, _ in self._drawn.pop(bond):
             self._sent.pop(handle.name, None)
             handle.remove()
 
