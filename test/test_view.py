@@ -80,6 +80,10 @@ class Drawing:
         self.handles[name] = handle
         return handle
 
+    def positions_of(self, group):
+        """List what is drawn of a group."""
+        return [name for name in self.handles if name.startswith(f'/{group}/')]
+
     def positions(self, group):
         """Gather the positions of all copies of a group, (K, 3)."""
         return np.concatenate([handle.batched_positions for name, handle in self.handles.items()
@@ -172,6 +176,21 @@ def test_slow_motion_is_not_lost(frame):
         batches.update(replace(frame, poses=poses))
         sent.append(batches.sent)
     assert 1 <= sum(sent) < 5
+
+
+def test_leaves_are_single_where_they_are_near(simulation):
+    """Draw a cluster leaf by leaf in its place for who is near, and as a cluster for others."""
+    content = frame_of(simulation).content
+    content = replace(content, textures=['leaf_oak' for _ in content.textures])
+    frame = replace(frame_of(simulation), content=content)
+    drawing, place = Drawing(), frame.leaf_poses[0, :3]
+    batches = Batches(drawing, 0.5)
+    for distance, single in ((100.0, False), (1.0, True), (100.0, False)):
+        batches.update(frame, np.array([place + [0.0, distance, 0.0]]))
+        shown = [np.isclose(drawing.positions(group), 0.5 * place).all(axis=1).sum()
+                 for group in ('leaves', 'near_leaves') if drawing.positions_of(group)]
+        assert shown[0] == (not single)
+        assert shown[1:] in (([], [0]) if not single else ([1],))
 
 
 def test_what_is_gone_leaves_the_page(frame):
@@ -289,8 +308,10 @@ def test_a_client_gets_the_scene_and_then_what_moves(page, source, client, frame
         page.update(now)
     source.shown = replace(frame, poses=poses)
     page.update(4.0)
-    client.wait_for(lambda m: 'batched_positions' in m.get('updates', {}))
-    assert len(set(client.updates('batched_positions'))) == 1
+    client.wait_for(lambda m: 'batched_positions' in m.get('updates', {})
+                    and m['name'].startswith('/parts/'))
+    singled_out = {'/leaves/0'}  # clusters that the client is near, put away once for their leaves
+    assert len(set(client.updates('batched_positions')) - singled_out) == 1
     assert not client.updates('batched_scales')
 
 

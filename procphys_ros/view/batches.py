@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.view import shapes
+from procphys_ros.view.near_leaves import NearLeaves
 from procphys_ros.view.source import Content, Frame
 
 _MOST_BOXES = 512    # copies in a batch: one brick that moves is sent with its whole batch
@@ -33,6 +34,7 @@ _AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where parts go tha
 # Kinds of meshes: boxes, balls, and a kind for each form of hexahedra, counted down; others are
 # places in `shapes.TAPERS`.
 _BOX, _BALL, _FIRST_SOLID = -1, -2, -3
+_NOBODY = np.zeros((0, 3))
 _DIGITS = 4  # of the corners of hexahedra [m]: tenths of a millimetre look alike
 _COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
 
@@ -105,11 +107,21 @@ class Batches:
     def __init__(self, scene: Any, unit: float):
         self._parts = _Group(scene, 'parts', unit, _VISIBLE)
         self._leaves = _Group(scene, 'leaves', unit, _VISIBLE_LEAF)
+        self._near = NearLeaves(scene, unit)
         self.sent = 0
 
-    def update(self, frame: Frame) -> None:
-        """Draw what is new, and send what has moved."""
+    def update(self, frame: Frame, eyes: np.ndarray = _NOBODY) -> None:
+        """
+        Draw what is new, and send what has moved.
+
+        :param frame: the moment.
+        :param eyes: from where people look, world [m], (K, 3).
+        """
         poses, leaves = _present(frame.poses), _present(frame.leaf_poses)
+        single = self._near.update(frame.content, leaves, eyes)
+        if len(single):
+            leaves = leaves.copy()
+            leaves[single] = _AWAY
         content = frame.content
         if len(self._parts) < len(poses):
             for rows, mesh in _part_groups(content, np.arange(len(self._parts), len(poses))):
@@ -124,6 +136,7 @@ class Batches:
         """Take everything off the page."""
         self._parts.close()
         self._leaves.close()
+        self._near.close()
 
 
 def _present(poses: np.ndarray) -> np.ndarray:

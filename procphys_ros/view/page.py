@@ -68,6 +68,7 @@ class Page:
         self.server.scene.on_click()(self._clicked)
         self._frame: Frame | None = None
         self._drawn: tuple[Batches, DustCloud, Cracks, TornMeshes] | None = None
+        self._eyes = np.zeros((0, 3))
         self.unit = 1.0
         self._status_due = 0.0
         self._ended = Event()
@@ -95,8 +96,11 @@ class Page:
             self._status_due = now + _STATUS_PERIOD
             self.controls.show(self._source.status(), self._source.answer())
         frame = self._source.frame()
-        if frame is None or frame is self._frame:
+        eyes = self._seen_from()
+        still = frame is self._frame and np.array_equal(eyes, self._eyes)
+        if frame is None or still:
             return
+        self._eyes = eyes
         with self.server.atomic():
             self.draw(frame)
 
@@ -106,7 +110,9 @@ class Page:
             self._begin(frame)
         self._frame = frame
         assert self._drawn is not None
-        for drawn in self._drawn:
+        batches, dust, cracks, torn = self._drawn
+        batches.update(frame, self._eyes)
+        for drawn in (dust, cracks, torn):
             drawn.update(frame)
 
     def close(self) -> None:
@@ -141,6 +147,12 @@ class Page:
 
     def _clicked(self, event: Any) -> None:
         self.click(np.array(event.ray_origin) / self.unit, np.array(event.ray_direction))
+
+    def _seen_from(self) -> np.ndarray:
+        """Give where everybody looks from, world [m], (K, 3)."""
+        cameras = [client.camera for client in self.server.get_clients().values()]
+        return np.array([camera.position / self.unit for camera in cameras
+                         if camera.update_timestamp != 0.0]).reshape(-1, 3)
 
     def _continues(self, frame: Frame) -> bool:
         return self._frame is not None and frame.content.scene == self._frame.content.scene

@@ -23,6 +23,7 @@ import numpy as np
 from procphys_ros.palette import look
 from procphys_ros.render import texture
 from procphys_ros.render.mesh import hexahedra
+from procphys_ros.render.unit_meshes import Kind, unit_mesh
 
 _TONES = 4  # shades of a texture, so that neighbouring bricks can be told apart
 _UNIFORM = 0.08  # variation of looks below which one shade is enough
@@ -110,6 +111,30 @@ def leaf(name: str, tone: int) -> bytes:
     normals = np.tile([0.0, 0.0, 1.0], (8, 1))  # lit as a crown is, not quad by quad
     faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
     return _glb(points, faces, normals, np.tile(square + [0.5, 0.0], (2, 1)), name, tone)
+
+
+@cache
+def spray(name: str) -> bytes:
+    """Write the same cluster leaf by leaf, as `render` draws it near by."""
+    from PIL import Image
+    import trimesh
+    own = look(name)
+    vertices, _, _, faces = unit_mesh(Kind.SPRAY, own.pattern)
+    light = vertices[:, 3]
+    grey = Image.fromarray(np.tile(np.arange(256, dtype=np.uint8)[:, None], (4, 1, 3)))
+    colour = _linear(np.array(own.rgba[:3])) / _linear(light.mean())
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=grey, baseColorFactor=[*np.clip(colour, 0.0, 1.0), 1.0],
+        metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
+    mesh = trimesh.Trimesh(
+        vertices[:, :3] * [own.aspect, own.aspect, 1.0], faces, process=False,
+        vertex_normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
+        visual=trimesh.visual.TextureVisuals(
+            uv=np.column_stack([np.clip(light, 0.01, 0.99), np.full(len(light), 0.5)]),
+            material=material))
+    data = io.BytesIO()
+    mesh.export(data, file_type='glb', include_normals=True)
+    return data.getvalue()
 
 
 def tones(name: str) -> int:
