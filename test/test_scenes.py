@@ -104,7 +104,7 @@ def test_the_village_stands_the_storm():
     assert np.count_nonzero(np.linalg.norm(petioles - grown, axis=1) > 5.0) > 100  # blown away
 
 
-@pytest.mark.parametrize('name, seconds, thrown', [('wrecking_ball', 3.2, 2), ('figure_1', 3.0, 3),
+@pytest.mark.parametrize('name, seconds, thrown', [('wrecking_ball', 3.2, 3), ('figure_1', 3.0, 3),
                                                    ('vehicle_on_wall', 1.5, 1)])
 def test_what_is_thrown_goes_through_the_wall(name, seconds, thrown):
     """Tear bricks out of the wall by impact, and lose speed by it."""

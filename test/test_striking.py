@@ -16,10 +16,11 @@
 """Striking: projectiles against walls, panes and trees; blows on bricks; wind on walls."""
 
 from grown_trees import effective_mass
-from masonry_walls import blueprint, bonded, BRICK, wall, wall_boxes
+from masonry_walls import blueprint, bonded, BRICK, JOINT, wall, wall_boxes
 import numpy as np
 import pytest
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.impact import contact_time
@@ -304,6 +305,38 @@ def test_projectiles_are_limited():
         throw(simulation, 1.0, 1.0, x=float(i))
     with pytest.raises(CommandError, match='200'):
         throw(simulation, 1.0, 1.0, x=300.0)
+
+
+def test_a_stone_that_is_driven_out_rubs_on_its_neighbours():
+    """Spend half of friction · pressure · length on both beds of the middle one of three stones."""
+    built = bonded([[0.0, 0.0, 0.05 + 0.1 * i] for i in range(3)], (0.2, 0.3, 0.1), friction=0.7)
+    along = np.array([1.0, 0.0, 0.0])
+    free, pressed = (masonry.resist(stand(built, gravity=g).state, np.array([1]), along).energy
+                     for g in (0.0, GRAVITY))
+    weight = GRAVITY * built.mass[0]
+    assert pressed - free == pytest.approx(0.5 * 0.7 * (weight + 2.0 * weight) * 0.2, rel=1e-3)
+
+
+def test_a_ball_cracks_the_wall_around_its_hole():
+    """Throw 2 t through a braced wall: bed and head joints crack between bricks that stand."""
+    inset, far = BRICK[1] / 2, 16 * (BRICK[0] + JOINT) - JOINT - BRICK[1]
+    boxes = [wall_boxes(16, 30, shift=(0.0, inset, 0.0))]
+    boxes += [wall_boxes(6, 30, shift=(x + inset, BRICK[1] + JOINT, 0.0), along=1, offset=1)
+              for x in (0.0, far)]
+    built = bonded(*(np.vstack(column) for column in zip(*boxes)), tension=0.4e6, cohesion=0.4e6)
+    simulation = stand(built)
+    simulation.launch(Projectile('sphere', 0.8, 2000.0, (1.8, -0.75, 1.2), (0.0, 6.0, 0.0)))
+    simulation.step(30)
+    standing = simulation.state.standing[:len(built)]
+    assert 20 < np.count_nonzero(~standing) < 0.2 * len(built)
+    bonds = np.unique(simulation.events['bond'])
+    pairs = built.bonds[bonds]
+    around = bonds[(pairs >= 0).all(axis=1) & standing[pairs].all(axis=1)]
+    assert len(around) >= 12
+    distance = np.linalg.norm(built.bond_frame[around, :3] - [1.8, 0.05, 1.2], axis=1)
+    assert distance.min() < 0.8 and distance.max() > 1.0  # from the hole outwards
+    upright = np.abs(rotation.to_matrix(built.bond_frame[around, 3:])[:, 2, 2])
+    assert np.any(upright > 0.9) and np.any(upright < 0.1)
 
 
 def test_an_impulse_tears_a_brick_out_or_loads_the_wall():

@@ -38,7 +38,7 @@ class Resistance:
 
     :ivar bonds: rows of the living bonds around the set, (K,).
     :ivar force: sum of what these bonds carry at failure [N].
-    :ivar energy: work of fracture [J].
+    :ivar energy: work of fracture, and of rubbing until the faces have left each other [J].
     """
 
     bonds: np.ndarray
@@ -53,6 +53,8 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
 
     The drive splits into pulling apart, pushing together and sliding; each meets its own limit
     (`strength`), with the pressure that is already there, and pushing together raises friction.
+    What slides on rubs with that pressure over the length of its patch, which shrinks meanwhile:
+    half of friction times length is spent.
 
     :param bonds: rows, (K,).
     :param inside: whether the driven side is the first part, (K,) bool.
@@ -79,7 +81,10 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
                      shear / (slide - friction * push + friction * pull), np.inf)])
     work = (FRACTURE_ENERGY_TENSION * pull ** 2
             + FRACTURE_ENERGY_SHEAR * (slide ** 2 + push ** 2))
-    return limits.min(axis=0) * area, whole * work * area
+    reach = np.abs(graph.axes[bonds, :, :2].transpose(0, 2, 1) @ np.asarray(direction, float))
+    length = np.einsum('bi,bi->b', reach, graph.extent[bonds])
+    rubbing = 0.5 * friction * np.maximum(pressure, 0.0) * slide ** 2 * length
+    return limits.min(axis=0) * area, (whole * work + rubbing) * area
 
 
 def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -> Resistance:
