@@ -308,7 +308,7 @@ def test_projectiles_are_limited():
 
 
 def test_a_stone_that_is_driven_out_rubs_on_its_neighbours():
-    """Spend half of friction · pressure · length on both beds of the middle one of three stones."""
+    """Spend half of friction · pressure · length on both beds of a middle stone."""
     built = bonded([[0.0, 0.0, 0.05 + 0.1 * i] for i in range(3)], (0.2, 0.3, 0.1), friction=0.7)
     along = np.array([1.0, 0.0, 0.0])
     free, pressed = (masonry.resist(stand(built, gravity=g).state, np.array([1]), along).energy
