@@ -63,9 +63,13 @@ def momentum(blueprint, poses, velocities):
 
 
 def test_a_piece_breaks_in_a_high_fall_but_not_in_a_low_one():
-    """Drop a wall, a degree off the plumb line, from 3 m and from 2 cm."""
+    """
+    Drop a wall, a degree off the plumb line, from 3 m and from 5 mm.
+
+    Between 1 and 3 cm it depends on where in a time step its edge lands.
+    """
     piece = tilted(wall(5, 6, ground=False, tension=0.4e6, cohesion=0.5e6), 0.02)
-    assert fall(piece, 0.02, 1.0).bonds_broken == 0
+    assert fall(piece, 0.005, 1.0).bonds_broken == 0
     assert fall(piece, 3.0, 1.5).bonds_broken > 10
 
 

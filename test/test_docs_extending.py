@@ -46,4 +46,4 @@ def test_an_engine_is_a_class_in_a_module_and_a_row_of_the_table(monkeypatch):
             world.step(1.0 / 60.0)
         fallen = 30.0 - world.poses([body])[0, 2]
     assert CountingEngine.steps >= 30
-    assert fallen == pytest.approx(0.5 * 9.81 * 0.5 ** 2, rel=0.06)  # damped, in steps
+    assert fallen == pytest.approx(0.5 * 9.81 * 0.5 ** 2, rel=0.002)

@@ -362,7 +362,8 @@ def test_momentum_is_kept_when_a_block_breaks_a_wall_in_the_void(measured):
     print(f'{passed:.2f} of {thrown:.0f} N·s passed on, {simulation.bonds_broken} bonds broken: '
           f'error {error:.1e}')
     assert passed > 0.2 and simulation.bonds_broken > 10
-    measured.within('laws: error of momentum, a block breaks a wall in the void', error, 0.0, 0.01)
+    measured.within('laws: error of momentum, a block breaks a wall in the void', error, 0.0,
+                    0.005)
 
 
 @pytest.mark.report('flaws')

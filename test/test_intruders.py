@@ -135,7 +135,7 @@ def test_a_bent_mesh_pushes_with_its_arm(engine, tmp_path):
     low = simulation.state.world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
                                           np.array([2.3, 0.5, 0.2, *_TURN]))
     high = simulation.state.world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
-                                           np.array([1.5, 0.5, 1.24, *_TURN]), damped=False)
+                                           np.array([1.5, 0.5, 1.24, *_TURN]))
     for step in range(30):
         simulation.place_intruder([0.02 * step, 0.0, 0.03, *_TURN], name='bent')
         simulation.step()

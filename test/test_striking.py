@@ -29,7 +29,7 @@ from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Cause, masonry, Simulation
+from procphys_ros.simulation import Cause, fragments, masonry, Simulation
 from procphys_ros.skeleton import from_nodes
 
 DT = 1.0 / 60.0
@@ -141,13 +141,15 @@ def test_momentum_is_accounted_for(mass, speed, size, shape):
     """
     simulation = stand(wall(12, 24), gravity=0.0)
     throw(simulation, mass, speed, size=size, shape=shape, start=-0.6)
+    simulation.stages = tuple(stage for stage in simulation.stages
+                              if stage.step is not fragments.apply_drag)  # 0.5 % at 300 m/s
     for _ in range(30):
         total = momentum(simulation)[1]
         simulation.step()
         if simulation.impacts:
             break
     grounded = sum(i.grounded for i in simulation.impacts) - scraped(simulation)
-    assert momentum(simulation)[1] + grounded[1] == pytest.approx(total, rel=0.01)
+    assert momentum(simulation)[1] + grounded[1] == pytest.approx(total, rel=0.005)
     for impact in simulation.impacts:
         np.testing.assert_allclose(impact.lost, impact.carried + impact.grounded, atol=1e-9)
         assert impact.work >= 0.0

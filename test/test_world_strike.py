@@ -95,8 +95,7 @@ def test_the_ground_gives_what_a_fall_loses(speed):
     total = rigid_sum(mass, box_inertia(mass, size), np.array([at(0, 0, 2), at(0, 0, 2.35)]))
     with World() as world:
         slab = world.add_fragment(np.full(2, Shape.BOX), size, total.local_poses, total.mass,
-                                  total.inertia, total.pose, [0, 0, -speed, 0, 0, 0],
-                                  damped=False)
+                                  total.inertia, total.pose, [0, 0, -speed, 0, 0, 0])
         given, worst, before = 0.0, 0.0, -speed
         for _ in range(40):
             world.step(DT)

@@ -34,6 +34,7 @@ from procphys_ros.simulation import (
     intruder,
     masonry,
     projectiles,
+    rubble_wind,
     trees,
     wall_wind,
 )
@@ -81,6 +82,7 @@ STAGES = (
     Stage('branches', detached_branches.step),
     Stage('stress', apply_loads),
     Stage('stress', masonry.update_stresses),
+    Stage('engine', rubble_wind.step),
     Stage('engine', fragments.apply_drag),
     Stage('dust', dust.watch),
     Stage('engine', step_rigid_bodies),

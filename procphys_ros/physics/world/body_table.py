@@ -36,8 +36,8 @@ class BodyState(IntEnum):
 
 _COLUMNS: dict[str, tuple[type, int]] = {  # type and width; 0 = a single value per body
     'state': (np.uint8, 0), 'mass': (float, 0), 'inertia': (float, 3), 'friction': (float, 0),
-    'restitution': (float, 0), 'damped': (bool, 0), 'radius': (float, 0), 'least': (float, 0),
-    'swept_radius': (float, 0), 'poses': (float, 7), 'velocities': (float, 6),
+    'restitution': (float, 0), 'radius': (float, 0), 'least': (float, 0),
+    'swept_radius': (float, 0), 'pushed': (bool, 0), 'poses': (float, 7), 'velocities': (float, 6),
     'target': (float, 7), 'quiet': (float, 0), 'mark': (float, 7), 'anchor': (float, 7),
     'stay': (float, 0), 'bounds': (float, 6), 'first_piece': (np.int64, 0),
     'piece_count': (np.int64, 0), 'first_point': (np.int64, 0), 'point_count': (np.int64, 0),
@@ -63,10 +63,10 @@ class BodyTable:
     :ivar inertia: principal moments in the body's axes [kg·m²], (B, 3).
     :ivar friction: Coulomb coefficient between two bodies that have this value, (B,).
     :ivar restitution: coefficient of restitution between two such bodies, (B,).
-    :ivar damped: whether the engine damps its motion, (B,) bool.
     :ivar radius: of the bounding sphere about the centre of mass [m], (B,).
     :ivar least: least extent of a plain body [m], 0 for compounds, (B,).
     :ivar swept_radius: of a sphere that is swept along each step [m], 0 = none, (B,).
+    :ivar pushed: whether more than gravity has acted on it since the last step, (B,) bool.
     :ivar poses: centre of mass and principal axes, world, (B, 7).
     :ivar velocities: linear and angular, world axes, (B, 6).
     :ivar target: pose of a kinematic body at the end of the next step, (B, 7).
@@ -94,10 +94,10 @@ class BodyTable:
     inertia: np.ndarray
     friction: np.ndarray
     restitution: np.ndarray
-    damped: np.ndarray
     radius: np.ndarray
     least: np.ndarray
     swept_radius: np.ndarray
+    pushed: np.ndarray
     poses: np.ndarray
     velocities: np.ndarray
     target: np.ndarray
@@ -136,12 +136,12 @@ class BodyTable:
         ids = self._add_rows(1, BodyState.GROUND)
         self.mass[ids] = self.inertia[ids] = np.inf
         self.friction[ids], self.restitution[ids] = friction, 1.0
-        self.damped[ids], self.poses[ids, 6] = True, 1.0
+        self.poses[ids, 6] = 1.0
         return ids
 
     def add_body(self, state: BodyState, pieces: Pieces, mass: float, inertia: np.ndarray,
                  pose: np.ndarray, velocity: np.ndarray | None, friction: float,
-                 restitution: float, damped: bool, plain: bool) -> int:
+                 restitution: float, plain: bool) -> int:
         """
         Add a body with the values of the columns of the same names, and give its id.
 
@@ -161,7 +161,7 @@ class BodyTable:
         self.least[body] = pieces.sizes[0].min() if plain else 0.0
         self.mass[body], self.inertia[body] = mass, inertia
         self.friction[body], self.restitution[body] = friction, restitution
-        self.damped[body], self.poses[body], self.target[body] = damped, pose, pose
+        self.poses[body] = self.target[body] = pose
         self.velocities[body] = 0.0 if velocity is None else velocity
         self.restart_clocks(ids, 0.0)
         return body
@@ -195,7 +195,7 @@ class BodyTable:
         self.mass[ids] = mass
         self.inertia[ids] = box_inertia(self.mass[ids], sizes) if inertia is None else inertia
         self.friction[ids], self.restitution[ids] = friction, restitution
-        self.damped[ids], self.poses[ids] = True, poses
+        self.poses[ids] = poses
         self.restart_clocks(ids, 0.0)
         return ids
 

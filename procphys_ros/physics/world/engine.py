@@ -59,6 +59,7 @@ class Engine(Protocol):
     """
 
     name: str
+    integrations: int  # steps of semi-implicit Euler that it takes in one `step`
 
     def clear(self) -> None:
         """Remove everything."""
@@ -89,6 +90,15 @@ class Engine(Protocol):
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Let pairs of bodies pass through each other, or meet again, (K, 2) ids."""
+
+    def refine(self, dense: bool) -> int:
+        """
+        Choose how finely the next steps solve contacts.
+
+        :param dense: whether few bodies lean on each other, so that it can be afforded.
+        :returns: into how many substeps `World` is to divide a step.
+        """
+        raise NotImplementedError
 
     def step(self, time_step: float) -> None:
         """Let time pass [s]."""

@@ -23,19 +23,29 @@ from procphys_ros.physics.world.engine import Engine
 MASS = 1e7  # [kg], so heavy that nothing in a scene pushes a kinematic body off its path
 
 
-def set_out(engine: Engine, table: BodyTable, gravity: np.ndarray, time_step: float) -> None:
+def set_out(table: BodyTable, time_step: float) -> None:
     """
     Give kinematic bodies the velocities that lead to their targets in one step.
 
-    :param gravity: [m/s²], (3,); what the engine adds to the velocity of a body in a step.
     :param time_step: [s].
     """
     for body in np.flatnonzero(table.state == BodyState.KINEMATIC):
-        velocity = velocity_between(table.poses[body], table.target[body], time_step)
-        table.velocities[body] = velocity
-        velocity = velocity.copy()
-        velocity[:3] -= gravity * time_step
-        engine.set_velocities(np.array([body]), velocity[None])
+        table.velocities[body] = velocity_between(table.poses[body], table.target[body],
+                                                  time_step)
+
+
+def keep_course(engine: Engine, table: BodyTable, gravity: np.ndarray, time_step: float) -> None:
+    """
+    Let kinematic bodies move with their velocities in the next step of the engine.
+
+    :param gravity: [m/s²], (3,); what the engine adds to the velocity of a body in a step.
+    :param time_step: of the engine [s].
+    """
+    ids = np.flatnonzero(table.state == BodyState.KINEMATIC)
+    if len(ids):
+        velocities = table.velocities[ids]
+        velocities[:, :3] -= gravity * time_step
+        engine.set_velocities(ids, velocities)
 
 
 def arrive(engine: Engine, table: BodyTable) -> None:

@@ -24,6 +24,8 @@ from procphys_ros.physics.world.contacts import Contacts
 REST_SPEED = 0.15  # [m/s], slower than this in the mean at the centre of mass counts as quiet
 REST_SPIN = 0.6  # [rad/s]
 REST_RIM = 0.3  # [m/s], and spin times radius: large bodies must turn more slowly
+STARTING = 1.5  # times its mean speed: what is faster now starts to slide or to topple, ...
+START_WAY = 0.005  # [m], once it has come so far; what starts from rest is at 2 at first
 JITTER_SPEED = 1.0  # [m/s] that the contact solver may leave a body that hardly moves: under
 JITTER_SPIN = 6.0  # [rad/s] a block of 40 t, bricks give way and are pushed back in every step
 JITTER_WAY = 0.01  # [m]
@@ -37,7 +39,7 @@ TREMBLE_TIME = 0.1  # [s], a body that stays for so long trembles and hits nothi
 SUPPORT_SHIFT = 0.01  # [m], move of a support that sets free what rests on it
 SPARE = 0.1  # share of its contacts that a body may lose before, a large block of many
 _TOUCH = 2e-3  # [m], gap below which a contact counts as touching
-_STANCE = 0.003  # [m], how far the centre of mass may lie outside what carries it
+_STANCE = 0.001  # [m], how far the centre of mass may lie outside what carries it
 _BESIDE = -0.5  # least upward part of the normal of a contact that can hold a body up
 _BELOW = 0.1  # least upward part of the normal of a contact that carries a body
 
@@ -130,7 +132,21 @@ def count_quiet(bodies: BodyTable, awake: np.ndarray, time_step: float) -> np.nd
     bodies.quiet[awake], bodies.stay[awake] = quiet, stay
     left = awake[~stays]
     bodies.anchor[left] = bodies.poses[left]
-    return awake[(quiet > REST_TIME - 1e-9) | (stay > STAY_TIME - 1e-9)]
+    calm = quiet > REST_TIME - 1e-9
+    calm[calm] = ~_is_starting(bodies, awake[calm])
+    return awake[calm | (stay > STAY_TIME - 1e-9)]
+
+
+def _is_starting(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
+    """Tell which quiet bodies get faster: the slow start of a slide or a fall, (K,) bool."""
+    pose, mark, velocity = bodies.poses[ids], bodies.mark[ids], bodies.velocities[ids]
+    _, turn = _moved(mark, pose)
+    way = np.concatenate([pose[:, :3] - mark[:, :3], (turn * bodies.radius[ids])[:, None]], axis=1)
+    rate = np.concatenate([velocity[:, :3], (np.linalg.norm(velocity[:, 3:], axis=1)
+                                             * bodies.radius[ids])[:, None]], axis=1)
+    size = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
+    now = (rate * way).sum(axis=1) / size
+    return (size > START_WAY) & (now > STARTING * size / bodies.quiet[ids])
 
 
 def _moved(start: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -33,7 +33,9 @@ from procphys_ros.physics.world.ground import (
 )
 from procphys_ros.physics.world.merging import TOOTHING
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
+from procphys_ros.physics.world.rolling import resist_rolling
 from procphys_ros.physics.world.spin import limit_gain, limit_spin
+from procphys_ros.physics.world.substeps import mean_contacts, move
 from procphys_ros.physics.world.waking import about_to_be_hit, sweep_fast
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
@@ -66,8 +68,8 @@ class World:
         self._queue = admission.Queue(self._engine, self._bodies)
         self._supports = settling.Supports()
         self._contacts: Contacts | None = None
-        self._lifts = self._point_contacts = np.zeros((0, 13))
-        self._places = np.zeros((0, 3))
+        self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
+        self._places, self._substeps = np.zeros((0, 3)), 1
         self._excluded = np.zeros((0, 2), np.intp)
         self._time_step, self._since_check = 1.0 / 60.0, 0.0
         self._engine.add(self._bodies, self._bodies.add_ground(friction))
@@ -123,7 +125,7 @@ class World:
     def add_body(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
                  velocity: np.ndarray | None = None, inertia: np.ndarray | None = None,
                  friction: float = FRICTION, restitution: float = 0.0,
-                 damped: bool = True, hexahedra: Hexahedra | None = None) -> int:
+                 hexahedra: Hexahedra | None = None) -> int:
         """
         Add one loose box or capsule (a capsule no longer than wide is a sphere).
 
@@ -134,7 +136,6 @@ class World:
         :param inertia: principal moments in its axes [kg·m²], (3,); None = of a solid.
         :param friction: against a body of the same kind.
         :param restitution: against a body of the same kind; against the ground its root.
-        :param damped: whether the engine may damp its motion.
         :param hexahedra: the corners of a box that is no rectangular one.
         """
         size = np.asarray(size, float)
@@ -142,20 +143,19 @@ class World:
             inertia = solid_inertia(shape, size, mass)
         return self._enter(self._bodies.add_body(
             BodyState.AWAKE, single(shape, size, hexahedra), mass, inertia, pose, velocity,
-            friction, restitution, damped, plain=True))
+            friction, restitution, plain=True))
 
     def add_projectile(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
                        velocity: np.ndarray, friction: float = FRICTION,
                        restitution: float = 0.3) -> int:
-        """Add a loose body that flies without numerical drag; see `add_body`."""
-        return self.add_body(shape, size, mass, pose, velocity, None, friction, restitution,
-                             damped=False)
+        """Add a loose body that bounces; see `add_body`."""
+        return self.add_body(shape, size, mass, pose, velocity, None, friction, restitution)
 
     def add_fragment(self, shapes: np.ndarray, sizes: np.ndarray, local_poses: np.ndarray,
                      mass: float, inertia: np.ndarray, pose: np.ndarray,
                      velocity: np.ndarray | None = None, friction: float = FRICTION,
                      restitution: float = 0.0, tolerance: float = TOOTHING,
-                     damped: bool = True, hexahedra: Hexahedra | None = None) -> int:
+                     hexahedra: Hexahedra | None = None) -> int:
         """
         Add a loose rigid body made of boxes and capsules; `assembly.rigid_sum` gives the values.
 
@@ -169,14 +169,13 @@ class World:
         :param friction: against a body of the same kind.
         :param restitution: against a body of the same kind.
         :param tolerance: how far ends may be apart that `merge_boxes` makes one [m].
-        :param damped: whether the engine may damp its motion.
         :param hexahedra: those of the boxes that are no rectangular ones.
         """
         pieces = merge_pieces(
             Pieces(np.asarray(shapes, np.int64), np.asarray(sizes, float),
                    np.asarray(local_poses, float), hexahedra=hexahedra or Hexahedra()), tolerance)
         return self._enter(self._bodies.add_body(
-            BodyState.AWAKE, pieces, mass, inertia, pose, velocity, friction, restitution, damped,
+            BodyState.AWAKE, pieces, mass, inertia, pose, velocity, friction, restitution,
             plain=False))
 
     def add_driven(self, pieces: Pieces, pose: np.ndarray, friction: float = FRICTION) -> int:
@@ -192,7 +191,7 @@ class World:
                                                            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
         return self._enter(self._bodies.add_body(
             BodyState.KINEMATIC, pieces, kinematic.MASS, inertia, pose, None, friction, 0.0,
-            damped=False, plain=plain))
+            plain=plain))
 
     def add_bricks(self, poses: np.ndarray, sizes: np.ndarray, mass: np.ndarray,
                    friction: float = FRICTION, restitution: float = 0.0,
@@ -254,6 +253,7 @@ class World:
         self._supports.drop(self._bodies.state)
         if velocities is not None:
             self.set_velocities(ids, velocities)
+            self._bodies.pushed[ids] = False
 
     def freeze(self, ids: np.ndarray) -> None:
         """Hold bodies where they are until they are thawed, (K,) ids."""
@@ -271,6 +271,8 @@ class World:
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set the velocities of loose bodies, world axes, (K, 6)."""
         ids = np.atleast_1d(ids)
+        change = np.abs(self._bodies.velocities[ids] - velocities)[:, :3].max(axis=1, initial=0.0)
+        self._bodies.pushed[ids] |= change > 0.5 * np.abs(self._gravity).max() * self._time_step
         self._bodies.velocities[ids] = velocities
         self._engine.set_velocities(ids, self._bodies.velocities[ids])
 
@@ -314,10 +316,10 @@ class World:
     def contacts(self) -> Contacts:
         """Give the contacts of the last step; ask before bodies are changed."""
         if self._contacts is None:
-            moving = self._bodies.state >= BodyState.AWAKE
-            table = self._engine.contacts() if moving.any() else np.zeros((0, 13))
-            table = np.concatenate([table, self._point_contacts])
-            self._contacts = Contacts.of(table, self._time_step)
+            tables = [self._early_contacts, self._point_contacts]
+            if (self._bodies.state >= BodyState.AWAKE).any():
+                tables.insert(1, mean_contacts(self._engine, self._substeps))
+            self._contacts = Contacts.of(np.concatenate(tables), self._time_step)
         return self._contacts
 
     def lifts(self) -> Contacts:
@@ -354,16 +356,17 @@ class World:
         sweep_fast(self._engine, bodies, self.awake, time_step)
         self._queue.advance(self.awake, time_step)
         self._places = bodies.poses[:, :3].copy()
-        kinematic.set_out(self._engine, bodies, self._gravity, time_step)
+        kinematic.set_out(bodies, time_step)
         awake = self.awake
-        poses, velocities = bodies.poses[awake], bodies.velocities[awake]
-        self._engine.step(time_step)
+        poses, before = bodies.poses[awake], bodies.velocities[awake]
+        self._early_contacts, self._substeps = move(
+            self._engine, bodies, awake, self._gravity, time_step)
         kinematic.arrive(self._engine, bodies)
         if len(awake):
-            bodies.poses[awake], bodies.velocities[awake] = self._engine.read(awake)
-            self.set_velocities(*limit_spin(bodies, awake, poses, velocities[:, 3:], time_step))
+            self.set_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
+            self.set_velocities(*limit_spin(bodies, awake, poses, before[:, 3:], time_step))
             self.set_velocities(*limit_gain(
-                bodies, awake, poses, velocities, time_step, np.asarray(self._gravity),
+                bodies, awake, poses, before, time_step, np.asarray(self._gravity),
                 lambda: self._engine.contacts()[:, :2]))
         self._lifts = self._correct(lift_fallen(
             bodies, awake, self._places[awake], self._gravity, time_step, self._terrain))
@@ -374,7 +377,7 @@ class World:
     def _pass_time(self, time_step: float) -> None:
         """Let time pass while nothing moves: an engine asks even what sleeps."""
         self._places = self._bodies.poses[:, :3].copy()
-        self._lifts = self._point_contacts = np.zeros((0, 13))
+        self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
         self._since_check += time_step
         if self._since_check > settling.CHECK_INTERVAL - 1e-9:
             self._since_check = 0.0

@@ -1,0 +1,162 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Loose stacks at the default time step stand and fall as statics says, with every engine."""
+
+from loose_bricks import at, BRICK, BRICK_MASS, DT, G
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Hexahedra, Shape
+from procphys_ros.physics.air import AIR_DENSITY
+from procphys_ros.physics.world import BodyState, FRICTION, installed_engines, World
+from procphys_ros.physics.world.rolling import ROLLING
+from procphys_ros.scene import Scene
+from procphys_ros.scene.settings import Settings
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.rubble_wind import holding_wind
+
+engines = pytest.mark.parametrize('engine', installed_engines())
+
+
+def run(world, seconds):
+    """Step until the time is over."""
+    for _ in range(round(seconds / DT)):
+        world.step(DT)
+
+
+def moved(world, ids, seconds):
+    """Give how far the centre of any body goes [m]."""
+    start = world.poses(ids)[:, :3].copy()
+    run(world, seconds)
+    return np.linalg.norm(world.poses(ids)[:, :3] - start, axis=1).max()
+
+
+def corbel(engine, count, share):
+    """Stack bricks over the end of a fixed one, each out by a share of L / 2k; see how they go."""
+    with World(engine=engine) as world:
+        world.add_bricks(at(0, 0, 0.5 * BRICK[2])[None], BRICK[None], np.array([BRICK_MASS]))
+        out = share * 0.5 * BRICK[0] * np.cumsum(1.0 / np.arange(count, 0, -1))
+        ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(x, 0, (i + 1.5) * BRICK[2]))
+               for i, x in enumerate(out)]
+        return moved(world, ids, 2.0)
+
+
+@engines
+@pytest.mark.parametrize('count', [4, 8])
+def test_corbels_stand_up_to_their_limit(engine, count):
+    """Stack corbels at 0.95 and 1.03 of L / 2 · (1 + 1/2 + … + 1/n)."""
+    assert corbel(engine, count, 0.95) < 0.005
+    assert corbel(engine, count, 1.03) > 0.1
+
+
+def voussoir(low, high, inner, outer, width):
+    """Give corners in its own frame (24,), size, centre (2,), area and lean of a voussoir."""
+    points = np.array([[radius * np.cos(angle), radius * np.sin(angle)]
+                       for angle, radius in ((high, inner), (low, inner), (high, outer),
+                                             (low, outer))])
+    x, y = points[[1, 3, 2, 0]].T
+    cross = x * np.roll(y, -1) - np.roll(x, -1) * y
+    area = 0.5 * cross.sum()
+    centre = np.array([((x + np.roll(x, -1)) * cross).sum(),
+                       ((y + np.roll(y, -1)) * cross).sum()]) / (6.0 * area)
+    middle = 0.5 * (low + high)
+    across = np.array([np.sin(middle), -np.cos(middle)])
+    up = np.array([np.cos(middle), np.sin(middle)])
+    flat = (points - centre) @ np.column_stack([across, up])
+    corners = np.array([[flat[(i & 1) + (i >> 2) * 2, 0], width * ((i >> 1 & 1) - 0.5),
+                         flat[(i & 1) + (i >> 2) * 2, 1]] for i in range(8)])
+    return corners, 2.0 * np.abs(corners).max(axis=0), centre, area, 0.5 * np.pi - middle
+
+
+def arch(engine, ratio, count=24, width=0.3, foot=0.5):
+    """Set up a loose semicircle of mean radius 1 m on fixed blocks; see how it goes [m]."""
+    with World(engine=engine) as world:
+        world.add_bricks(np.array([at(-1, 0, 0.5 * foot), at(1, 0, 0.5 * foot)]),
+                         np.tile([0.6, 0.6, foot], (2, 1)), np.full(2, 400.0))
+        ids = []
+        for low in np.pi * np.arange(count) / count:
+            corners, size, centre, area, lean = voussoir(
+                low, low + np.pi / count, 1.0 - 0.5 * ratio, 1.0 + 0.5 * ratio, width)
+            turn = rotation.from_axis_angle(np.array([0, 1.0, 0]), np.array(lean))
+            ids.append(world.add_body(
+                Shape.BOX, size, 2000.0 * area * width, at(centre[0], 0, foot + centre[1], turn),
+                hexahedra=Hexahedra(np.zeros(1, np.int32), corners.reshape(1, 24))))
+        return moved(world, ids, 2.0)
+
+
+@engines
+def test_a_loose_arch_stands_down_to_its_least_thickness(engine):
+    """Set up 24 voussoirs of t/R 0.13 and 0.10; limit analysis has 0.1075 (Milankovitch)."""
+    assert arch(engine, 0.13) < 0.02
+    assert arch(engine, 0.10) > 0.2
+
+
+@engines
+def test_a_ball_rolls_to_a_stop(engine):
+    """Roll a ball at 1 m/s: v² / 2a with a = 5/7 g · lever / r, and no boxes are held by it."""
+    radius, speed = 0.1, 1.0
+    with World(engine=engine) as world:
+        ball = world.add_body(Shape.CAPSULE, np.full(3, 2.0 * radius), 5.0, at(0, 0, radius),
+                              [speed, 0, 0, 0, speed / radius, 0])
+        run(world, 4.0)
+        want = 0.5 * speed ** 2 / (5.0 / 7.0 * G * ROLLING / radius)
+        assert world.poses([ball])[0, 0] == pytest.approx(want, rel=0.03)
+        assert not len(world.awake)
+
+
+@engines
+def test_settled_rubble_hardly_overlaps(engine):
+    """Drop 150 bricks: they lie still before 10 s are over, and overlap by 1 cm at most."""
+    rng = np.random.default_rng(0)
+    with World(engine=engine) as world:
+        ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                              at(*(np.array([0.25, 0.15]) * (i % 5, i // 5 % 5)
+                                   + rng.uniform(0, 0.02, 2)), 0.2 + i // 25 * 0.12))
+               for i in range(150)]
+        for _ in range(600):
+            world.step(DT)
+            if not len(world.awake):
+                break
+        assert (world.bodies.state[ids] == BodyState.RESTING).all()
+        world.thaw(np.array(ids))
+        world.step(1e-4)
+        assert world.contacts().distance.min() > -0.01
+
+
+def test_wind_that_holds_and_wind_that_does_not():
+    """Compare the wind that slides a cube, and tips a slab, with the balance of forces."""
+    bounds = np.array([[0, 0, 0, 0.2, 0.2, 0.2], [0, 0, 0, 2.0, 0.1, 1.0]])
+    got = holding_wind(np.array([80.0, 4000.0]), np.full(2, FRICTION), bounds,
+                       np.array([0.05, 2.4]))
+    want = np.sqrt([80.0 * FRICTION / (0.5 * AIR_DENSITY * 0.05),
+                    4000.0 * 0.1 / (0.5 * AIR_DENSITY * 2.4)])
+    np.testing.assert_allclose(got, want)
+
+
+def test_rubble_wakes_in_a_storm_but_not_in_a_breeze():
+    """Let a light box come to rest: 5 m/s leave it where it is, 60 m/s carry it off."""
+    simulation = Simulation(Scene(Settings()))
+    box = simulation.launch(Projectile('box', 0.4, 2.0, (0.0, 0.0, 0.25), (0.0, 0.0, 0.0)))
+    simulation.step(90)
+    assert not len(simulation.state.world.awake)
+    place = simulation.poses[box].copy()
+    simulation.set_wind([5.0, 0.0, 0.0])
+    simulation.step(30)
+    np.testing.assert_array_equal(simulation.poses[box], place)
+    simulation.set_wind([60.0, 0.0, 0.0])
+    simulation.step(60)
+    assert simulation.poses[box, 0] > place[0] + 0.5
