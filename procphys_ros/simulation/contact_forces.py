@@ -71,6 +71,8 @@ def _spread(points, normals, forces, other, poses, sizes, rest):
     for c in range(len(points)):
         if done[c]:
             continue
+        if (normals[c] * normals[c]).sum() < _SAME:
+            continue  # an engine finds no normal where two surfaces meet in the same point
         force = np.zeros(3)
         middle = np.zeros(3)
         weight = 0.0
