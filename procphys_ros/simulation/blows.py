@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.world import Contacts
 
@@ -52,12 +53,27 @@ def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, dt: float
     :param start: poses of the bodies at the start of the step, by id, (B, 7).
     :param dt: length of the step [s].
     """
-    impulse = contacts.impulse
-    energy = np.zeros(len(impulse))
-    for body, half in ((contacts.body_a, 0.5), (contacts.body_b, -0.5)):
-        moved = change[body, :3] + np.cross(change[body, 3:], contacts.point - start[body, :3])
-        energy += half * np.einsum('ki,ki->k', moved, impulse)
-    size = np.sqrt(np.einsum('ki,ki->k', impulse, impulse))
-    closing = 2.0 * energy / np.maximum(size, 1e-12)
-    mass = np.where(closing > _STILL, size / np.maximum(closing, _STILL), np.inf)
+    energy, mass = _measure(contacts.body_a, contacts.body_b,
+                            np.ascontiguousarray(contacts.point),
+                            np.ascontiguousarray(contacts.impulse), change, start)
     return Blows(contacts, energy, np.minimum(contact_time(mass), dt))
+
+
+@kernel
+def _measure(first, second, point, impulse, change, start):
+    """Give the energy that each contact takes, and the mass that it stops, (C,) each."""
+    energy, mass = np.zeros(len(first)), np.full(len(first), np.inf)
+    for c in range(len(first)):
+        for body, half in ((first[c], 0.5), (second[c], -0.5)):
+            u, v, w = change[body, 3], change[body, 4], change[body, 5]
+            x = point[c, 0] - start[body, 0]
+            y = point[c, 1] - start[body, 1]
+            z = point[c, 2] - start[body, 2]
+            energy[c] += half * ((change[body, 0] + v * z - w * y) * impulse[c, 0]
+                                 + (change[body, 1] + w * x - u * z) * impulse[c, 1]
+                                 + (change[body, 2] + u * y - v * x) * impulse[c, 2])
+        size = (impulse[c, 0] ** 2 + impulse[c, 1] ** 2 + impulse[c, 2] ** 2) ** 0.5
+        closing = 2.0 * energy[c] / max(size, 1e-12)
+        if closing > _STILL:
+            mass[c] = size / closing
+    return energy, mass

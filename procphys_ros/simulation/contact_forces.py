@@ -43,6 +43,27 @@ class BodyContacts(NamedTuple):
     other: np.ndarray
 
 
+@kernel
+def turned_back(poses, points, normals, forces):
+    """
+    Turn vectors into the axes of bodies.
+
+    :param poses: of the bodies, a row for each vector, (C, 7).
+    :param points, normals, forces: world axes, (C, 3).
+    :returns: these in the bodies' axes.
+    """
+    out = np.empty(points.shape), np.empty(points.shape), np.empty(points.shape)
+    for c in range(len(points)):
+        axes = matrix(poses[c, 3:])
+        for k in range(3):
+            out[0][c, k], out[1][c, k], out[2][c, k] = 0.0, 0.0, 0.0
+            for i in range(3):
+                out[0][c, k] += points[c, i] * axes[i, k]
+                out[1][c, k] += normals[c, i] * axes[i, k]
+                out[2][c, k] += forces[c, i] * axes[i, k]
+    return out
+
+
 def spread(contacts: BodyContacts, poses: np.ndarray, sizes: np.ndarray,
            rest: np.ndarray) -> np.ndarray:
     """

@@ -20,9 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.masonry import resistances
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import BodyState, Contacts
-from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation import fragments
 from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -107,17 +108,14 @@ def knockouts(state: State, blows: Blows, struck: np.ndarray) -> list[Knockout]:
     np.add.at(total, place, impulse)
     np.add.at(force, place, impulse / blows.duration[rows][:, None])
     size = np.linalg.norm(total, axis=1)
-    out = []
-    for n in np.argsort(-size, kind='stable')[:_MOST].tolist():
-        if size[n] < _GRAIN:
-            break
-        chosen = hit[[n]]
-        direction = total[n] / size[n]
-        resistance = masonry.resist(state, chosen, direction)
-        push, mass = float(force[n] @ direction), float(state.parts.mass[hit[n]])
-        if masonry.comes_out(resistance, push, mass, size[n] / mass) is not None:
-            out.append(Knockout(int(hit[n]), resistance.force / push))
-    return out
+    hardest = np.argsort(-size, kind='stable')[:_MOST]
+    hardest = hardest[size[hardest] >= _GRAIN]
+    hit, size = hit[hardest], size[hardest]
+    direction = total[hardest] / size[:, None]
+    push, mass = (force[hardest] * direction).sum(axis=1), state.parts.mass[hit]
+    withstood, work = resistances(state.solver, hit, direction)
+    out = (push > withstood) & ((size / mass) ** 2 > 2.0 * work / mass)  # see masonry.comes_out
+    return [Knockout(int(hit[n]), float(withstood[n] / push[n])) for n in np.flatnonzero(out)]
 
 
 def knock_out(model: Model, state: State, found: list[Knockout]) -> None:

@@ -22,16 +22,20 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.dust import motion_energy
 from procphys_ros.physics.masonry import Breakage
-from procphys_ros.physics.world import BodyState, Contacts
-from procphys_ros.simulation import contact_exclusions, debris_loads, fragments, glass
+from procphys_ros.physics.world import BodyState
+from procphys_ros.simulation import (
+    contact_exclusions,
+    debris_loads,
+    fragments,
+    glass,
+    returned_impulses,
+)
 from procphys_ros.simulation.blows import Blows, measure
-from procphys_ros.simulation.contact_forces import BodyContacts, spread
+from procphys_ros.simulation.contact_forces import BodyContacts, spread, turned_back
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_CHAIN = 0.3        # [m/s] change of speed down to which taking back follows chains of contacts
 _LEAST_JUMP = 0.5   # [m/s] change of speed by contacts that is no blow: thrice what gravity gives
 #                     in a step, so that what rests or is pushed about is never judged
 _SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot break a piece
@@ -82,15 +86,21 @@ def step(model: Model, state: State, dt: float) -> None:
     share = np.ones(len(struck))
     change = np.zeros((len(struck), 6))
     change[state.world.awake] = jump
-    broken = _break(model, state, struck, change, share)
+    touches = debris_loads.may_touch(model, state)
+    grain, room = _grain(state), _room(state)
+    splits = room >= 2 and np.max(state.bodies.size, initial=0) >= 2.0 * grain
+    broken = []
+    made = blows_of(model, state, change) if touches or splits else None
+    if made is not None:
+        broken = _break(model, state, struck, made, grain, room, share)
     glass.judge(model, state, struck, change, [result.bonds for _, result in broken])
     found = []
-    if debris_loads.may_touch(model, state):
-        found = debris_loads.knockouts(state, blows_of(model, state, change), struck)
+    if touches and made is not None:
+        found = debris_loads.knockouts(state, made, struck)
     for knock in found:
         share[state.parts.body[knock.part]] = knock.share
     if broken or found:
-        _give_back(model, state, state.world.contacts(), share, change, dt)
+        returned_impulses.give_back(model, state, state.world.contacts(), share, change, dt)
         debris_loads.knock_out(model, state, found)
         for blow, result in broken:
             _record(model, state, blow, result)
@@ -115,53 +125,64 @@ def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
     return state.observer.distance(table.poses[bodies, :3]) > sharp + table.radius[bodies]
 
 
-def _break(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
+def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: float, room: int,
            share: np.ndarray) -> list[tuple[Blow, Breakage]]:
     """
     Judge the blows on pieces.
 
     :param struck: see `_struck`.
-    :param change: of velocity by contacts, by id, (B, 6).
+    :param made: in the last step.
+    :param grain: see `_grain`.
+    :param room: see `_room`.
     :param share: of the impulses on each body that its bonds transmitted, by id, (B,), written in
         place.
     :returns: those that broke something, and what.
     """
-    size, grain = state.bodies.size, _grain(state)
-    awake = state.world.awake[state.world.awake < len(size)]
-    room = max(_BODIES - len(state.world.awake),
-               _LARGE - int(np.count_nonzero(size[awake] >= grain)))
-    if (room < 2 or np.max(size, initial=0) < 2.0 * grain) and not debris_loads.may_touch(
-            model, state):
-        return []
-    made = blows_of(model, state, change)
     blows = [b for b in state.rubble.waiting if state.bodies.parts_of(b.body) is b.parts]
     late = len(blows)
     known = {b.body for b in blows}
     blows += [b for b in _blows(model, state, made, struck, grain)
               if b.body not in known]
     state.rubble.waiting = []
-    broken = []
-    work = 0
+    if not blows:
+        return []
     far = _far(model, state, np.array([b.body for b in blows], np.intp))
-    for turn, (blow, cells) in enumerate(zip(blows, _cells(blows, room, grain))):
+    chosen, wanted, work = [], [], 0
+    for turn, cells in enumerate(_cells(blows, room, grain)):
         cells = min(cells, _COARSE) if far[turn] else cells
         if cells < 2:
             continue
-        touching, energy = blow.contacts, blow.energy
-        if touching is None:
-            touching, energy = _contacts_of(state, blow.body, blow.rows, made)
         if work > _WORK:
-            state.rubble.waiting.append(blow._replace(contacts=touching, energy=energy))
+            state.rubble.waiting += _with_contacts(state, [blows[turn]], made)
             continue
-        work += len(blow.parts) + _PER_CELL * cells
-        wrenches = spread(touching, state.parts.local[blow.parts], state.parts.size[blow.parts],
-                          model.blueprint.poses[blow.parts])
-        result = state.loose_bonds.strike(blow.parts, wrenches, cells, energy)
-        if len(result.bonds):
-            broken.append((blow, result))
-            if turn >= late:  # the impulse of a late blow is history
-                share[blow.body] = result.share
-    return broken
+        work += len(blows[turn].parts) + _PER_CELL * cells
+        chosen.append(turn)
+        wanted.append(cells)
+    if not chosen:
+        return []
+    judged = _with_contacts(state, [blows[turn] for turn in chosen], made)
+    results = state.loose_bonds.strike_all(
+        [blow.parts for blow in judged],
+        np.concatenate([_wrenches(model, state, blow) for blow in judged]), wanted,
+        [blow.energy for blow in judged])
+    for turn, blow, result in zip(chosen, judged, results):
+        if len(result.bonds) and turn >= late:  # the impulse of a late blow is history
+            share[blow.body] = result.share
+    return [(blow, result) for blow, result in zip(judged, results) if len(result.bonds)]
+
+
+def _wrenches(model: Model, state: State, blow: Blow) -> np.ndarray:
+    """Put a blow on the parts of its body, in the frame of the blueprint, (P, 6)."""
+    parts = blow.parts
+    return spread(blow.contacts, state.parts.local[parts], state.parts.size[parts],
+                  model.blueprint.poses[parts])
+
+
+def _room(state: State) -> int:
+    """Say how many more bodies there may be than are awake."""
+    size, awake = state.bodies.size, state.world.awake
+    large = size[awake[awake < len(size)]] >= _grain(state)
+    return max(_BODIES - len(awake), _LARGE - int(np.count_nonzero(large)))
 
 
 def _grain(state: State) -> float:
@@ -219,110 +240,46 @@ def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
     chosen = chosen[~far | (size[chosen] >= 2.0 * _COARSER * grain)]
     order = np.argsort(side, kind='stable')
     start = np.searchsorted(side[order], np.arange(count + 1))
-    for body in chosen[np.argsort(-felt[chosen], kind='stable')].tolist():
-        parts = known.parts_of(body)
-        least = min(bonds.weakest[parts].min(),
-                    bonds.weakest_bent[parts].min() / (_LEVER * bodies.radius[body]))
-        if force[body] > _SCREEN * least:
-            rows = order[start[body]:start[body + 1]]
-            yield Blow(body, parts, None, 0.0, rows)
+    if not len(chosen):
+        return
+    chosen = chosen[np.argsort(-felt[chosen], kind='stable')]
+    parts = [known.parts_of(body) for body in chosen.tolist()]
+    every, begin = np.concatenate(parts), np.cumsum([0, *(len(own) for own in parts)])[:-1]
+    least = np.minimum(np.minimum.reduceat(bonds.weakest[every], begin),
+                       np.minimum.reduceat(bonds.weakest_bent[every], begin)
+                       / (_LEVER * bodies.radius[chosen]))
+    for n in np.flatnonzero(force[chosen] > _SCREEN * least).tolist():
+        body = int(chosen[n])
+        yield Blow(body, parts[n], None, 0.0, order[start[body]:start[body + 1]])
 
 
-def _contacts_of(state: State, body: int, rows: np.ndarray,
-                 made: Blows) -> tuple[BodyContacts, float]:
+def _with_contacts(state: State, blows: list[Blow], made: Blows) -> list[Blow]:
     """
-    Select contacts of a body; those that have it second are listed behind all others.
+    Select the contacts of those blows that have none yet, all in one go.
 
-    :returns: these, and the energy that they take from the motion [J].
+    Contacts that have the body second are listed behind all others.
     """
+    fresh = [n for n, blow in enumerate(blows) if blow.contacts is None]
+    if not fresh:
+        return blows
     contacts = made.contacts
+    ends = np.cumsum([0, *(len(blows[n].rows) for n in fresh)])
+    rows = np.concatenate([blows[n].rows for n in fresh])
+    body = np.repeat([blows[n].body for n in fresh], np.diff(ends))
     first = rows < len(contacts)
     rows = rows % len(contacts)
     sign = np.where(first, 1.0, -1.0)[:, None]
-    duration = made.duration[rows][:, None]
     start = state.rubble.poses[body]
-    axes = rotation.to_matrix(start[3:])
-    return BodyContacts(
-        (contacts.point[rows] - start[:3]) @ axes,
-        (sign * contacts.normal[rows]) @ axes,
-        (sign * contacts.impulse[rows] / duration) @ axes,
-        np.where(first, contacts.body_b[rows], contacts.body_a[rows])), float(
-            np.maximum(made.energy[rows], 0.0).sum())
-
-
-def _give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
-               jump: np.ndarray, dt: float) -> None:
-    """
-    Undo the part of each impulse that the bonds of a side could not transmit.
-
-    A body all of whose impulses keep the same share keeps that share of its change of velocity.
-    Else the parts are summed: contacts are where the bodies were at the start of the step, and so
-    are their arms. Bodies that stood on what gives way now did not fall in this step, so gravity
-    gives them no speed.
-
-    :param jump: change of velocity by contacts, by id, (B, 6).
-    """
-    bodies = state.world.bodies
-    kept = _kept(state, contacts, share)
-    rows = np.flatnonzero(kept < 1.0)
-    back = (kept[rows] - 1.0)[:, None] * contacts.impulse[rows]
-    ids, place = np.unique(np.concatenate([contacts.body_a[rows], contacts.body_b[rows]]),
-                           return_inverse=True)
-    impulse = np.concatenate([back, -back])
-    arm = np.tile(contacts.point[rows], (2, 1)) - state.rubble.poses[ids[place], :3]
-    total = np.zeros((len(ids), 6))
-    np.add.at(total, place, np.hstack([impulse, np.cross(arm, impulse)]))
-    loose = bodies.state[ids] == BodyState.AWAKE
-    ids, total = ids[loose], total[loose]
-    attitude = bodies.poses[ids, 3:]
-    spin = rotation.rotate(rotation.conjugate(attitude), total[:, 3:]) / bodies.inertia[ids]
-    change = np.hstack([total[:, :3] / bodies.mass[ids][:, None],
-                        rotation.rotate(attitude, spin)])
-    least, most = np.ones(len(share)), np.zeros(len(share))
-    for side in (contacts.body_a, contacts.body_b):
-        np.minimum.at(least, side, kept)
-        np.maximum.at(most, side, kept)
-    alike = least[ids] == most[ids]
-    change[alike] = (least[ids[alike]] - 1.0)[:, None] * jump[ids[alike]]
-    change[:, 2] += (1.0 - share[ids]) * model.gravity * dt
-    state.world.set_velocities(ids, _no_faster(state, ids, bodies.velocities[ids] + change))
-
-
-def _no_faster(state: State, ids: np.ndarray, velocities: np.ndarray) -> np.ndarray:
-    """
-    Slow down what would have more energy than both before and after its contacts.
-
-    A share of all impulses lies in between, but shares that differ from contact to contact, as
-    where a brick is squeezed under a slab, could leave a spin of hundreds of rounds.
-    """
-    bodies = state.world.bodies
-    energy, before, after = (
-        motion_energy(bodies.mass[ids], bodies.inertia[ids], bodies.poses[ids, 3:], v)
-        for v in (velocities, state.rubble.velocities[ids], bodies.velocities[ids]))
-    most = np.maximum(np.maximum(before, after), 1e-12)
-    return velocities * np.sqrt(np.minimum(most / np.maximum(energy, 1e-12), 1.0))[:, None]
-
-
-def _kept(state: State, contacts: Contacts, share: np.ndarray) -> np.ndarray:
-    """
-    Give the share of each impulse that stays, (C,).
-
-    What is squeezed between a piece and the ground passes on a weaker push, too, or it would
-    shoot out: the share of a piece holds for all contacts of the chain of bodies that it
-    pressed on.
-    """
-    bodies = state.world.bodies
-    a, b = contacts.body_a, contacts.body_b
-    size = np.sqrt((contacts.impulse ** 2).sum(axis=1))
-    loose = bodies.state == BodyState.AWAKE
-    while True:
-        kept = np.minimum(share[a], share[b])
-        before = share.copy()
-        for body in (a, b):
-            moved = loose[body] & ((1.0 - kept) * size > _CHAIN * bodies.mass[body])
-            np.minimum.at(share, body[moved], kept[moved])
-        if np.array_equal(share, before):
-            return kept
+    columns = BodyContacts(*turned_back(
+        start, contacts.point[rows] - start[:, :3], sign * contacts.normal[rows],
+        sign * contacts.impulse[rows] / made.duration[rows][:, None]),
+        np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
+    energy = np.add.reduceat(np.maximum(made.energy[rows], 0.0), ends[:-1])
+    out = list(blows)
+    for n, low, high, lost in zip(fresh, ends, ends[1:], energy.tolist()):
+        out[n] = blows[n]._replace(contacts=BodyContacts(*(c[low:high] for c in columns)),
+                                   energy=lost)
+    return out
 
 
 def _record(model: Model, state: State, blow: Blow, result: Breakage) -> None:

@@ -24,6 +24,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from procphys_ros.compilation import kernel
+from procphys_ros.rotation_kernels import matrix_rows
+
 _WORK_INDEX = 13.5 * 3.6e6 / 907.2  # [J/kg] cement clinker, 13.5 kWh per short ton (Bond 1961)
 _AIRBORNE = 0.05  # share of what a mill would grind that rises; our choice, by the look of it
 DUST_PER_ENERGY = _AIRBORNE / _WORK_INDEX  # [kg/J], of grains of which 80 % pass 100 µm
@@ -63,11 +66,27 @@ def motion_energy(mass: np.ndarray, inertia: np.ndarray, attitude: np.ndarray,
     :param attitude: of these axes, xyzw, (K, 4).
     :param velocities: linear and angular, world, (K, 6).
     """
-    spin, axis = velocities[:, 3:], attitude[:, :3]
-    twice = 2.0 * np.cross(spin, axis)
-    local = spin + attitude[:, 3:] * twice + np.cross(twice, axis)
-    return 0.5 * (mass * (velocities[:, :3] ** 2).sum(axis=1)
-                  + (inertia * local ** 2).sum(axis=1))
+    return _motion_energy(*(np.ascontiguousarray(column, float)
+                            for column in (mass, inertia, attitude, velocities)))
+
+
+@kernel
+def _motion_energy(mass, inertia, attitude, velocities):
+    out = np.empty(len(mass))
+    for k in range(len(mass)):
+        out[k] = kinetic_energy(mass[k], inertia[k], attitude[k], velocities[k])
+    return out
+
+
+@kernel
+def kinetic_energy(mass, inertia, attitude, velocity):
+    """Give the kinetic energy of one rigid body [J], see `motion_energy`."""
+    x, y, z = matrix_rows(attitude)
+    u, v, w = velocity[3], velocity[4], velocity[5]
+    energy = mass * (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
+    for c in range(3):
+        energy += inertia[c] * (x[c] * u + y[c] * v + z[c] * w) ** 2
+    return 0.5 * energy
 
 
 def lost_energy(before: np.ndarray, after: np.ndarray, gained: float) -> np.ndarray:

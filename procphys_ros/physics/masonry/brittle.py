@@ -45,21 +45,3 @@ def as_mortar(blueprint: Blueprint) -> Blueprint:
     extent = np.where(hinge[:, None], _SQUARE, 1.0) * blueprint.bond_extent
     return replace(blueprint, bond_law=np.full(len(hinge), Law.MORTAR, np.uint8),
                    bond_extent=extent, hinges=Hinges(), mortar=Mortar(**columns))
-
-
-def wood_utilisation(hinges: Hinges, area: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """
-    Compare what broken-off branches carry in their joints with what the wood can, (K,).
-
-    The limits are those of standing trees: force, twist, and bending stress M/W with
-    W = π·d³/32 = A·d/8.
-
-    :param hinges: of these joints.
-    :param area: of their circular sections [m²], (K,).
-    :param wrench: in the joint frames [N], [N·m], (K, 6).
-    """
-    diameter = np.sqrt(4.0 * area / np.pi)
-    bending = np.hypot(wrench[:, 3], wrench[:, 4]) / (area * diameter / 8.0)
-    return np.max([np.linalg.norm(wrench[:, :3], axis=1) / hinges.break_force,
-                   np.abs(wrench[:, 5]) / hinges.break_torque,
-                   bending / hinges.strength], axis=0)

@@ -58,13 +58,13 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
 
     :param bonds: rows, (K,).
     :param inside: whether the driven side is the first part, (K,) bool.
-    :param direction: unit vector, world, (3,).
+    :param direction: unit vectors, world, (3,), or one for each bond, (K, 3).
     :param wrench: what the bonds carry now, bond frame, (K, 6).
     :returns: force [N] (K,) and work [J] (K,).
     """
     mortar, area = graph.mortar, graph.area[bonds]
     outward = np.where(inside[:, None], graph.axes[bonds, :, 2], -graph.axes[bonds, :, 2])
-    ahead = np.clip(outward @ np.asarray(direction, float), -1.0, 1.0)
+    ahead = np.clip((outward * np.asarray(direction, float)).sum(axis=1), -1.0, 1.0)
     push, pull = np.maximum(ahead, 0.0), np.maximum(-ahead, 0.0)
     slide = np.sqrt(1.0 - ahead ** 2)
     pressure = -wrench[:, 2] / area
@@ -103,3 +103,25 @@ def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -
     inside = np.isin(graph.first[bonds], parts)
     force, work = _at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
     return Resistance(bonds, float(force.sum()), float(work.sum()))
+
+
+def resistances(solver: StressSolver, parts: np.ndarray,
+                directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Give what parts withstand that are struck one by one, as `resistance` does for sets.
+
+    :param solver: knows the bonds and their stresses.
+    :param parts: struck, (K,).
+    :param directions: unit vectors of the blows, world, (K, 3).
+    :returns: force [N] and energy [J] of each, (K,).
+    """
+    graph = solver.graph
+    count = graph.start[parts + 1] - graph.start[parts]
+    blow = np.repeat(np.arange(len(parts)), count)
+    bonds = graph.incident[np.arange(len(blow)) + np.repeat(
+        graph.start[parts] - np.cumsum(count) + count, count)]
+    living = graph.alive[bonds]
+    blow, bonds = blow[living], bonds[living]
+    force, work = _at_failure(graph, bonds, graph.first[bonds] == parts[blow], directions[blow],
+                              solver.wrenches(bonds))
+    return (np.bincount(blow, force, len(parts)), np.bincount(blow, work, len(parts)))

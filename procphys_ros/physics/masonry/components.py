@@ -29,7 +29,7 @@ def _root(parent, i):
 
 
 @kernel
-def _label(count, first, second, alive):
+def label_living(count, first, second, alive):
     parent = np.arange(count)
     held = np.zeros(count, np.bool_)
     for m in range(len(first)):
@@ -68,7 +68,7 @@ def label(count: int, first: np.ndarray, second: np.ndarray,
     """
     if not len(first):
         return np.arange(count, dtype=np.int32), np.zeros(count, bool)
-    return _label(count, first, second, alive)
+    return label_living(count, first, second, alive)
 
 
 def groups(labels: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:

@@ -24,27 +24,19 @@ conjugate gradients that start from zero never leave the space where it is defin
 (Kaasschieter 1988, J. Comput. Appl. Math. 24).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law
-from procphys_ros.compilation import kernel
-from procphys_ros.physics.masonry import cells, components, links, pcg, strength
-from procphys_ros.physics.masonry.brittle import as_mortar, wood_utilisation
+from procphys_ros.physics.masonry import blow_kernels, cells, components, links
+from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.physics.masonry.graph import BondGraph
 
-_ROUNDS = 12       # of stress and breaking per blow; what still cracks does so at the next blow
-_BAND = 0.4        # a blow breaks all that is loaded above this share of the worst at once: the
-#                    stress arrives everywhere before the first crack has relieved anything
-_ITERATIONS = 150  # of conjugate gradients per round
-_LEAST = 1e4       # [Pa] strength of what has none: dry parts hook into each other
 _SLENDER = 4.0     # length of the parts over the least side of their joints, from which on pieces
 #                    are members that bend: boards and battens; head joints of bricks reach 3.5
-_ROUNDING = 1e-9   # of the loads: what balances up to this is in balance
-_ACCURACY = 4e-3   # of the largest load on a cell: residual at which stresses are known well
-
 
 @dataclass(frozen=True)
 class Breakage:
@@ -78,17 +70,20 @@ class FreeBodies:
 
     def __init__(self, blueprint: Blueprint, graph: BondGraph | None = None):
         self.graph = BondGraph(as_mortar(blueprint)) if graph is None else graph
-        self._hinges = blueprint.hinges
-        self._hinge_row = np.where(blueprint.bond_law == Law.HINGE,
-                                   np.cumsum(blueprint.bond_law == Law.HINGE) - 1, -1)
+        hinged, hinges = blueprint.bond_law == Law.HINGE, blueprint.hinges
+        self._wood = (np.where(hinged, np.cumsum(hinged) - 1, -1), *(
+            np.array(column, float)
+            for column in (hinges.break_force, hinges.break_torque, hinges.strength)))
         axes = rotation.to_matrix(blueprint.poses[:, 3:])
-        self._inertia = np.stack([
+        self._inertia = np.ascontiguousarray(np.stack([
             np.stack([links.turned(axes, blueprint.inertia, i, k) for k in range(3)], axis=-1)
-            for i in range(3)], axis=-2)
+            for i in range(3)], axis=-2))
         self._rank = np.random.default_rng(0).permutation(len(blueprint))  # where cells start
         self._place = np.full(len(blueprint) + 1, -1, np.int32)
         graph = self.graph
         mortar = graph.mortar
+        self._strength = tuple(np.array(column, float) for column in (
+            mortar.tension, mortar.cohesion, mortar.friction, mortar.compression))
         force = np.minimum(mortar.tension, mortar.cohesion) * graph.area
         self.weakest = _least(graph, force)
         side = graph.extent.min(axis=1, initial=np.inf)
@@ -120,13 +115,12 @@ class FreeBodies:
         """List what hangs together among some parts, the largest piece first."""
         _, a, b = self._inside(parts)
         label = components.label(len(parts), a, b, np.ones(len(a), bool))[0]
-        groups = components.groups(label, np.ones(len(parts), bool))
-        return [parts[g] for g in sorted(groups, key=len, reverse=True)]
+        return _largest_first(parts, label)
 
     def strike(self, parts: np.ndarray, wrenches: np.ndarray, wanted: int,
                energy: float = np.inf) -> Breakage:
         """
-        Break a free piece by a blow.
+        Break one free piece by a blow.
 
         :param parts: what hangs together, (P,).
         :param wrenches: force and moment of the blow at the centres of mass of the parts, in the
@@ -134,33 +128,40 @@ class FreeBodies:
         :param wanted: in about how many cells the piece may break; with as many as there are
             parts each is a cell.
         :param energy: that the blow takes from the motion of the bodies [J]; a piece that yields
-            makes it longer and gentler, see `_gentler`.
+            makes it longer and gentler.
         """
-        rows, a, b = self._inside(parts)
-        if wanted < len(parts):
-            node, count = cells.grow(len(parts), a, b, self._rank[parts], wanted)
-            across = node[a] != node[b]
-            rows, a, b = rows[across], node[a[across]], node[b[across]]
-        else:
-            node, count = np.arange(len(parts), dtype=np.int32), len(parts)
-        system = _System(self, parts, node, count, rows, a, b)
-        broken, load, worst, gentler = [], [], 1.0, 1.0
-        for turn in range(_ROUNDS):
-            share = system.utilisation(wrenches)
-            gentler = _gentler(system.strain_energy, energy) if not turn else gentler
-            share *= gentler
-            over = system.overloaded(share)
-            worst = max(worst, float(share[over].max(initial=1.0))) if not turn else worst
-            if not len(over):
-                break
-            broken.append(rows[over])
-            load.append(share[over])
-            self.graph.cut(rows[over])
-            system.alive[over] = False
-        if not broken:
-            return Breakage(np.zeros(0, np.intp), np.zeros(0), [parts], 1.0)
-        return Breakage(np.concatenate(broken), np.concatenate(load), self.pieces(parts),
-                        1.0 / worst)
+        return self.strike_all([parts], wrenches, [wanted], [energy])[0]
+
+    def strike_all(self, pieces: Sequence[np.ndarray], wrenches: np.ndarray,
+                   wanted: Sequence[int], energies: Sequence[float]) -> list[Breakage]:
+        """
+        Break free pieces, each by a blow, see `strike`.
+
+        :param pieces: parts of each, no part in two of them, (P,) in all.
+        :param wrenches: on the parts of all pieces, (P, 6).
+        :param wanted: number of cells of each.
+        :param energies: of each blow [J].
+        """
+        graph = self.graph
+        parts = np.concatenate(pieces).astype(np.intp, copy=False)
+        start = np.cumsum([0, *(len(piece) for piece in pieces)])
+        rows, loads, ends, label, share = blow_kernels.strike(
+            (graph.start, graph.incident, graph.first, graph.second, graph.alive, graph.cracked,
+             graph.links),
+            (graph.mass, graph.centre, graph.reach, self._inertia),
+            (graph.centroid, graph.axes, graph.spring, graph.area, graph.extent,
+             graph.whole_extent),
+            self._strength, self._wood, (self._rank, self._place),
+            (parts, start, np.ascontiguousarray(wrenches, float), np.array(wanted, np.intp),
+             np.array(energies, float)))
+        out = []
+        for k, piece in enumerate(pieces):
+            own = slice(ends[k], ends[k + 1])
+            left = [piece]
+            if ends[k + 1] > ends[k]:
+                left = _largest_first(piece, label[start[k]:start[k + 1]])
+            out.append(Breakage(rows[own], loads[own], left, float(share[k])))
+        return out
 
     def _inside(self, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         graph = self.graph
@@ -168,17 +169,10 @@ class FreeBodies:
                             graph.second, self._place)
 
 
-def _gentler(strain_energy: float, energy: float) -> float:
-    """
-    Give by which factor the forces of a blow are less because the piece itself yields.
-
-    Contact and piece are springs in series, T² = T_c² + π²·m·c with the compliance c of the piece.
-    In terms of its strain energy under the forces of a rigid one that factor T_c/T needs no m.
-
-    :param strain_energy: of the piece under the forces of the blow [J].
-    :param energy: that the blow takes from the motion [J].
-    """
-    return float(1.0 / np.sqrt(1.0 + np.pi ** 2 * strain_energy / max(energy, 1e-9)))
+def _largest_first(parts: np.ndarray, label: np.ndarray) -> list[np.ndarray]:
+    """Group parts by their labels, the largest group first."""
+    groups = components.groups(label, np.ones(len(parts), bool))
+    return [parts[g] for g in sorted(groups, key=len, reverse=True)]
 
 
 def _least(graph: BondGraph, value: np.ndarray) -> np.ndarray:
@@ -187,153 +181,3 @@ def _least(graph: BondGraph, value: np.ndarray) -> np.ndarray:
     np.minimum.at(out, graph.first, value)
     np.minimum.at(out, graph.second, value)
     return out[:-1]
-
-
-class _System:
-    """Stresses between the cells of one piece."""
-
-    def __init__(self, bodies: FreeBodies, parts: np.ndarray, node: np.ndarray, count: int,
-                 rows: np.ndarray, a: np.ndarray, b: np.ndarray):
-        graph = bodies.graph
-        self._parts, self._node, self._a, self._b = parts, node, a, b
-        self._mass, self._inertia = graph.mass[parts], bodies._inertia[parts]
-        self._part_centre = graph.centre[parts]
-        total = np.bincount(node, self._mass, count)
-        self._centre = np.column_stack([
-            np.bincount(node, self._mass * self._part_centre[:, c], count) / total
-            for c in range(3)])
-        self._axes = graph.axes[rows]
-        self._reach = np.zeros(count)
-        np.maximum.at(self._reach, node, graph.reach[parts] + np.linalg.norm(
-            self._part_centre - self._centre[node], axis=1))
-        self._links = links.build(a, b, graph.centroid[rows], self._centre, self._axes,
-                                  graph.spring[rows])
-        self._patches = graph.patches(rows)
-        hinge = bodies._hinge_row[rows]
-        self._wooden = np.flatnonzero(hinge >= 0)
-        self._hinges = bodies._hinges.take(hinge[self._wooden])
-        self._start, self._incident = links.incidence(count, a, b)
-        self.alive = self._patches.alive
-        self._wrench = np.zeros((len(rows), 6))
-        self.strain_energy = 0.0  # [J] under the last loads
-
-    def utilisation(self, wrenches: np.ndarray) -> np.ndarray:
-        """Give, for every bond, over its limit how many times the loads are, see `_demand`."""
-        count = len(self._centre)
-        label = components.label(count, self._a, self._b, self.alive)[0]
-        load = _balanced(label, self._node, self._mass, self._inertia, self._part_centre,
-                         self._centre, wrenches)
-        if np.abs(load).max(initial=0.0) < _ROUNDING * np.abs(wrenches).max(initial=0.0):
-            self.strain_energy = 0.0
-            return np.zeros(len(self._a))  # the loads move all parts alike
-        blocks = np.zeros((count, 6, 6))
-        self._links[~self.alive, 6:] = 0.0
-        links.diagonal_inverses(np.arange(count), self._start, self._incident, self.alive,
-                                self._links, self._a, blocks)
-        moved = pcg.relax(self._a, self._b, self._links, blocks, load, self._reach, _ACCURACY,
-                          _ITERATIONS)
-        self.strain_energy = 0.5 * float((moved * load).sum())
-        links.pulls(np.arange(len(self._a)), self._links, self._axes, self._a, self._b, moved,
-                    self._wrench)
-        patches, mortar = self._patches, self._patches.mortar
-        share, self._opens = _demand(self._wrench, patches.area, patches.extent, mortar.tension,
-                                     mortar.cohesion, mortar.friction, mortar.compression)
-        if len(self._wooden):
-            share[self._wooden] = wood_utilisation(
-                self._hinges, patches.area[self._wooden], self._wrench[self._wooden])
-        return share
-
-    def overloaded(self, share: np.ndarray) -> np.ndarray:
-        """Choose what breaks; a bond pressed inside its patch opens at an edge, but holds."""
-        over = np.flatnonzero(self.alive & (share > 1.0))
-        if not len(over):
-            return over
-        stays = strength.opening(self._patches, over, self._wrench[over])[0] & self._opens[over]
-        over = over[~stays]
-        return over[share[over] > _BAND * share[over].max(initial=0.0)]
-
-
-@kernel
-def _demand(wrench, area, extent, tension, cohesion, friction, compression):
-    """
-    Tell how many times the load that breaks each bond the load is, (K,), and if it opens, (K,).
-
-    The bonds carry nothing before the blow, so all stresses grow in proportion; the limits are
-    those of `strength.utilisation`, solved for the share of the load at which they are met.
-    """
-    out = np.zeros(len(wrench))
-    opens = np.zeros(len(wrench), np.bool_)
-    for m in range(len(wrench)):
-        pull = wrench[m, 2] / area[m]
-        bending = 6.0 / area[m] * (abs(wrench[m, 3]) / extent[m, 1]
-                                   + abs(wrench[m, 4]) / extent[m, 0])
-        across = (extent[m, 0] ** 2 + extent[m, 1] ** 2) ** 0.5
-        shear = ((wrench[m, 0] ** 2 + wrench[m, 1] ** 2) ** 0.5
-                 + 6.0 * abs(wrench[m, 5]) / across) / area[m]
-        opening = (bending + pull) / max(tension[m], _LEAST)
-        other = max((shear + friction[m] * pull) / max(cohesion[m], _LEAST),
-                    (bending - pull) / compression[m])
-        out[m] = max(opening, other, 0.0)
-        opens[m] = opening > other
-    return out, opens
-
-
-@kernel
-def _balanced(label, node, mass, inertia, centre, middle, wrenches):
-    """
-    Add the inertia forces of rigid motion to a blow, island by island, and gather them by cell.
-
-    :param label: island of each cell, (C,); node: cell of each part, (P,).
-    :param middle: centres of mass of the cells, (C, 3).
-    :param wrenches: on the parts, (P, 6).
-    :returns: wrench on each cell, (C, 6), in balance over every island.
-    """
-    count = len(middle)
-    total = np.zeros(count)
-    hub = np.zeros((count, 3))
-    push = np.zeros((count, 6))
-    tensor = np.zeros((count, 3, 3))
-    for p in range(len(mass)):
-        i = label[node[p]]
-        total[i] += mass[p]
-        for c in range(3):
-            hub[i, c] += mass[p] * centre[p, c]
-    for i in range(count):
-        if total[i] > 0.0:
-            hub[i] /= total[i]
-    for p in range(len(mass)):
-        i = label[node[p]]
-        arm = centre[p] - hub[i]
-        square = (arm * arm).sum()
-        for c in range(3):
-            push[i, c] += wrenches[p, c]
-            tensor[i, c, c] += mass[p] * square
-            for d in range(3):
-                tensor[i, c, d] += inertia[p, c, d] - mass[p] * arm[c] * arm[d]
-        push[i, 3] += wrenches[p, 3] + arm[1] * wrenches[p, 2] - arm[2] * wrenches[p, 1]
-        push[i, 4] += wrenches[p, 4] + arm[2] * wrenches[p, 0] - arm[0] * wrenches[p, 2]
-        push[i, 5] += wrenches[p, 5] + arm[0] * wrenches[p, 1] - arm[1] * wrenches[p, 0]
-    for i in range(count):
-        if total[i] > 0.0:
-            push[i, :3] /= total[i]
-            push[i, 3:] = np.linalg.solve(tensor[i], push[i, 3:])
-    out = np.zeros((count, 6))
-    for p in range(len(mass)):
-        i = label[node[p]]
-        arm = centre[p] - hub[i]
-        lever = centre[p] - middle[node[p]]
-        spin = push[i, 3:]
-        x = wrenches[p, 0] - mass[p] * (push[i, 0] + spin[1] * arm[2] - spin[2] * arm[1])
-        y = wrenches[p, 1] - mass[p] * (push[i, 1] + spin[2] * arm[0] - spin[0] * arm[2])
-        z = wrenches[p, 2] - mass[p] * (push[i, 2] + spin[0] * arm[1] - spin[1] * arm[0])
-        row = out[node[p]]
-        row[0] += x
-        row[1] += y
-        row[2] += z
-        row[3] += wrenches[p, 3] + lever[1] * z - lever[2] * y
-        row[4] += wrenches[p, 4] + lever[2] * x - lever[0] * z
-        row[5] += wrenches[p, 5] + lever[0] * y - lever[1] * x
-        for c in range(3):
-            for d in range(3):
-                row[3 + c] -= inertia[p, c, d] * spin[d]
-    return out

@@ -16,33 +16,14 @@
 """The bond graph: rigid parts joined by springs spread over their contact patches."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, GROUND, Law, Mortar
+from procphys_ros.blueprint import Blueprint, GROUND, Law
 from procphys_ros.physics.masonry import links
 
 HUB = 24  # bonds; a part with more of them (a slab) is long compared with what it ties together
-
-
-@dataclass(frozen=True)
-class Patches:
-    """
-    What the strength of some bonds depends on, see `BondGraph` for the columns.
-
-    :ivar alive, area, extent, whole_extent, mortar: one row per bond.
-    """
-
-    alive: np.ndarray
-    area: np.ndarray
-    extent: np.ndarray
-    whole_extent: np.ndarray
-    mortar: Mortar
-
-    def __len__(self) -> int:
-        return len(self.area)
 
 
 class BondGraph:
@@ -172,11 +153,6 @@ class BondGraph:
     def narrowed(self, bonds: np.ndarray) -> np.ndarray:
         """Say which bonds have been narrowed, (K,) bool."""
         return np.any(self.extent[bonds] != self.whole_extent[bonds], axis=1)
-
-    def patches(self, bonds: np.ndarray) -> Patches:
-        """Select what the strength of some bonds depends on, (K,) rows."""
-        return Patches(self.alive[bonds], self.area[bonds], self.extent[bonds],
-                       self.whole_extent[bonds], self.mortar.take(bonds))
 
     def adopt(self, other: 'BondGraph', theirs: np.ndarray, mine: np.ndarray) -> None:
         """

@@ -123,40 +123,6 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
     return done, worst
 
 
-def blocks_alone(blocks: np.ndarray) -> tuple:
-    """Give the preconditioner of `iterate` without a coarse space: one aggregate that is rigid."""
-    count = len(blocks)
-    rigid = (np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(0, np.int64),
-             np.zeros((0, 6, 6), np.float32), np.zeros((1, 6, 6)))
-    return (blocks, np.zeros(count + 1, np.int32), np.zeros((count, 3)), rigid,
-            *np.zeros((2, 1, 6)))
-
-
-def relax(first: np.ndarray, second: np.ndarray, springs: np.ndarray, blocks: np.ndarray,
-          load: np.ndarray, reach: np.ndarray, accuracy: float, limit: int) -> np.ndarray:
-    """
-    Solve one small system from zero, preconditioned by blocks alone.
-
-    :param first, second: parts that each bond joins, (M,).
-    :param springs: see `links.build`, (M, 18).
-    :param blocks: inverses of the diagonal blocks, (N, 6, 6).
-    :param load: on the parts [N, N·m], (N, 6); its sum vanishes where nothing is held.
-    :param reach: of the parts [m], (N,).
-    :param accuracy: largest nodal residual at the end, of the largest nodal load.
-    :param limit: largest number of iterations.
-    :returns: displacements [m, rad], (N, 6).
-    """
-    count = len(load)
-    parts, bonds = np.arange(count), np.arange(len(first))
-    whole = (parts, bonds, np.zeros(1, np.int64), np.array([0, count]),
-             np.array([0, len(first)]), np.array([[0, 1]]))
-    state = (np.zeros((count, 6)), load.copy(), *np.zeros((3, count, 6)))
-    goal = accuracy * float(residual_sizes(load, reach).max())
-    iterate(whole, (springs, first, second), blocks_alone(blocks), state, reach, np.zeros(1),
-            goal, limit)
-    return state[0]
-
-
 @kernel
 def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit):
     """Run conjugate gradients (Saad 2003, algorithm 9.1) on one island, see `iterate`."""
@@ -180,3 +146,36 @@ def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit)
         worst = residual_size(parts, residual, reach)
         done += 1
     return done, old, worst
+
+
+@kernel
+def blocks_alone(blocks):
+    """Give the preconditioner of `iterate` without a coarse space: one aggregate that is rigid."""
+    count = len(blocks)
+    rigid = (np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(0, np.int64),
+             np.zeros((0, 6, 6), np.float32), np.zeros((1, 6, 6)))
+    return (blocks, np.zeros(count + 1, np.int32), np.zeros((count, 3)), rigid,
+            np.zeros((1, 6)), np.zeros((1, 6)))
+
+
+@kernel
+def relax(first, second, springs, blocks, load, reach, accuracy, limit):
+    """
+    Solve one small system from zero, preconditioned by blocks alone.
+
+    :param first, second: parts that each bond joins, (M,).
+    :param springs: see `links.build`, (M, 18).
+    :param blocks: inverses of the diagonal blocks, (N, 6, 6).
+    :param load: on the parts [N, N·m], (N, 6); its sum vanishes where nothing is held.
+    :param reach: of the parts [m], (N,).
+    :param accuracy: largest nodal residual at the end, of the largest nodal load.
+    :param limit: largest number of iterations.
+    :returns: displacements [m, rad], (N, 6).
+    """
+    parts, bonds = np.arange(len(load)), np.arange(len(first))
+    moved = np.zeros(load.shape)
+    state = (moved, load.copy(), np.zeros(load.shape), np.zeros(load.shape), np.zeros(load.shape))
+    _iterate((parts, bonds, np.zeros(1, np.int64)), (springs, first, second),
+             blocks_alone(blocks), state, reach, 0.0,
+             accuracy * residual_size(parts, load, reach), limit)
+    return moved

@@ -34,7 +34,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.masonry.graph import BondGraph, HUB, Patches
+from procphys_ros.physics.masonry.graph import BondGraph, HUB
 
 _TENSION, _COMPRESSION = int(Cause.TENSION), int(Cause.COMPRESSION)  # for kernels
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
@@ -105,7 +105,43 @@ def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.nd
     return share, cause
 
 
-def opening(graph: BondGraph | Patches, bonds: np.ndarray,
+@kernel
+def _closed(wrench, extent):
+    """Give the eccentricity of a pressed bond's resultant and what stays closed, along x, y."""
+    x, y = wrench[4] / -wrench[2], wrench[3] / wrench[2]
+    kern_x, kern_y = 6.0 * abs(x) / extent[0], 6.0 * abs(y) / extent[1]  # 1: edge of middle third
+    more = (kern_x + kern_y) / max(kern_x, kern_y, 1e-12)
+    return (x, min(_MARGIN * 0.5 * (3.0 - kern_x * more), 1.0) * extent[0],
+            y, min(_MARGIN * 0.5 * (3.0 - kern_y * more), 1.0) * extent[1])
+
+
+@kernel
+def stays_closed(wrench, extent, whole_extent):
+    """Say whether a bond over its limit of edge tension stays partly closed, see `opening`."""
+    if not wrench[2] < 0.0:
+        return False
+    _, x, _, y = _closed(wrench, extent)
+    return x > _LIGAMENT * whole_extent[0] and y > _LIGAMENT * whole_extent[1]
+
+
+@kernel
+def _open(bonds, wrench, extent, whole_extent, stays, low, high):
+    for k in range(len(bonds)):
+        m = bonds[k]
+        stays[k] = stays_closed(wrench[k], extent[m], whole_extent[m])
+        low[k] = -0.5 * extent[m]
+        high[k] = 0.5 * extent[m]
+        if not stays[k]:
+            continue
+        x, length, y, width = _closed(wrench[k], extent[m])
+        for c, eccentricity, closed in ((0, x, length), (1, y, width)):
+            if eccentricity > 0.0:
+                low[k, c] = high[k, c] - closed
+            else:
+                high[k, c] = low[k, c] + closed
+
+
+def opening(graph: BondGraph, bonds: np.ndarray,
             wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Decide what remains of bonds whose edge tension passed the limit: the cracked section.
@@ -120,19 +156,13 @@ def opening(graph: BondGraph | Patches, bonds: np.ndarray,
     :param bonds: rows, (K,).
     :param wrench: of these bonds, bond frame, (K, 6).
     :returns: whether it stays partly closed, (K,) bool, and the lower and upper corners of what
-        stays, from the centroid in the bond frame [m], (K, 2) each.
+        stays, all of the patch where the bond breaks, from the centroid in the bond frame [m],
+        (K, 2) each.
     """
-    press = -wrench[:, 2]
-    safe = np.where(press > 0.0, press, 1.0)[:, None]
-    eccentricity = np.column_stack([wrench[:, 4], -wrench[:, 3]]) / safe
-    extent = graph.extent[bonds]
-    kern = 6.0 * np.abs(eccentricity) / extent  # 1 on the edge of the middle third
-    kern *= (kern.sum(axis=1) / np.maximum(kern.max(axis=1), 1e-12))[:, None]
-    closed = np.minimum(_MARGIN * 0.5 * (3.0 - kern), 1.0) * extent
-    stays = (press > 0.0) & np.all(closed > _LIGAMENT * graph.whole_extent[bonds], axis=1)
-    edge = 0.5 * extent
-    low = np.where(eccentricity > 0.0, edge - closed, -edge)
-    high = np.where(eccentricity > 0.0, edge, closed - edge)
+    stays = np.empty(len(bonds), bool)
+    low, high = np.empty((2, len(bonds), 2))
+    _open(np.asarray(bonds, np.intp), np.ascontiguousarray(wrench, float), graph.extent,
+          graph.whole_extent, stays, low, high)
     return stays, low, high
 
 

@@ -1,0 +1,365 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Blows on free pieces, judged in one kernel: stresses, what breaks, what hangs together then."""
+
+import math
+
+import numpy as np
+
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.masonry import cells, components, links, pcg
+from procphys_ros.physics.masonry.strength import stays_closed
+
+_ROUNDS = 12       # of stress and breaking per blow; what still cracks does so at the next blow
+_BAND = 0.4        # a blow breaks all that is loaded above this share of the worst at once: the
+#                    stress arrives everywhere before the first crack has relieved anything
+_ITERATIONS = 150  # of conjugate gradients per round
+_LEAST = 1e4       # [Pa] strength of what has none: dry parts hook into each other
+_ROUNDING = 1e-9   # of the loads: what balances up to this is in balance
+_ACCURACY = 4e-3   # of the largest load on a cell: residual at which stresses are known well
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # of a stiffness, see `links`
+
+
+@kernel
+def strike(topology, masses, joints, strength, wood, scratch, blows):
+    """
+    Break free pieces by blows, one after the other; cuts bonds in the graph.
+
+    :param topology: start, incident, first, second, alive, cracked, links of the bond graph.
+    :param masses: mass, centre, reach of the parts, and their inertia in world axes, (N, 3, 3).
+    :param joints: centroid, axes, spring, area, extent and whole extent of the bonds.
+    :param strength: tension, cohesion, friction and compression of the bonds.
+    :param wood: row of each bond in the table of hinges, -1 for mortar, and of that table
+        force, torque and stress at which joints break.
+    :param scratch: rank of the parts, see `cells.grow`, and what `cells.inside` needs.
+    :param blows: parts of all pieces, where those of each start (B + 1,), wrenches on them,
+        number of cells wanted and energy of each blow.
+    :returns: rows of all broken bonds, their loads over their strengths, where those of each
+        blow start (B + 1,), component of each part, and share of each blow that was passed on.
+    """
+    parts, start, wrenches, wanted, energy = blows
+    count = len(wanted)
+    rows, loads = [np.empty(0, np.int64)], [np.empty(0)]
+    ends = np.zeros(count + 1, np.int64)
+    label = np.zeros(len(parts), np.int32)
+    share = np.ones(count)
+    for k in range(count):
+        own = parts[start[k]:start[k + 1]]
+        bonds, over, share[k] = _strike(topology, masses, joints, strength, wood, scratch, own,
+                                        wrenches[start[k]:start[k + 1]], wanted[k], energy[k])
+        ends[k + 1] = ends[k] + len(bonds)
+        if len(bonds):
+            rows.append(bonds)
+            loads.append(over)
+            _, a, b = _inside(topology, scratch, own)
+            label[start[k]:start[k + 1]] = components.label_living(
+                len(own), a, b, np.ones(len(a), np.bool_))[0]
+    every, load = np.empty(ends[count], np.int64), np.empty(ends[count])
+    place = 0
+    for n in range(len(rows)):
+        every[place:place + len(rows[n])] = rows[n]
+        load[place:place + len(rows[n])] = loads[n]
+        place += len(rows[n])
+    return every, load, ends, label, share
+
+
+@kernel
+def _inside(topology, scratch, parts):
+    start, incident, first, second, alive, _, _ = topology
+    return cells.inside(parts, start, incident, alive, first, second, scratch[1])
+
+
+@kernel
+def _strike(topology, masses, joints, strength, wood, scratch, parts, wrenches, wanted, energy):
+    """Judge one blow; give the rows that broke, their loads, and the share passed on."""
+    rows, a, b = _inside(topology, scratch, parts)
+    if wanted < len(parts):
+        node, count = cells.grow(len(parts), a, b, scratch[0][parts], wanted)
+        rows, a, b = _between_cells(rows, a, b, node)
+    else:
+        node, count = np.arange(len(parts)).astype(np.int32), len(parts)
+    cell = _gather(masses, parts, node, count)
+    packed = _pack(joints, rows, a, b, cell[3])
+    incidence = _incidence(count, a, b)
+    alive = np.ones(len(rows), np.bool_)
+    load, wrench = np.zeros(len(rows)), np.zeros((len(rows), 6))
+    broken, over, found = np.empty(len(rows), np.int64), np.empty(len(rows)), 0
+    worst, gentler = 1.0, 1.0
+    for turn in range(_ROUNDS):
+        strain = _solve(cell, node, packed, joints[1], rows, a, b, alive, incidence, wrenches,
+                        wrench)
+        if strain < 0.0:
+            break  # the loads move all parts alike
+        if turn == 0:
+            gentler = _gentler(strain, energy)
+        most = _overloads(wrench, rows, alive, joints, strength, wood, gentler, load)
+        if most == 0.0:
+            break
+        for m in range(len(rows)):
+            if load[m] > _BAND * most:
+                worst = max(worst, load[m]) if turn == 0 else worst
+                broken[found], over[found] = rows[m], load[m]
+                found += 1
+                alive[m] = False
+                packed[m, 6:] = 0.0
+                _cut(topology, rows[m])
+    return broken[:found].copy(), over[:found].copy(), 1.0 / worst
+
+
+@kernel
+def _between_cells(rows, a, b, node):
+    """Keep the bonds between cells, with the cells in the place of the parts."""
+    found = 0
+    for k in range(len(rows)):
+        i, j = node[a[k]], node[b[k]]
+        if i != j:
+            rows[found], a[found], b[found] = rows[k], i, j
+            found += 1
+    return rows[:found].copy(), a[:found].copy(), b[:found].copy()
+
+
+@kernel
+def _gather(masses, parts, node, count):
+    """Give mass, inertia and centre of some parts, and centre and reach of their cells."""
+    mass, inertia, middle = masses[0][parts], masses[3][parts], masses[1][parts]
+    total, centre, reach = np.zeros(count), np.zeros((count, 3)), np.zeros(count)
+    for p in range(len(parts)):
+        total[node[p]] += mass[p]
+        for c in range(3):
+            centre[node[p], c] += mass[p] * middle[p, c]
+    for i in range(count):
+        for c in range(3):
+            centre[i, c] /= total[i]
+    for p in range(len(parts)):
+        i = node[p]
+        away = ((middle[p, 0] - centre[i, 0]) ** 2 + (middle[p, 1] - centre[i, 1]) ** 2
+                + (middle[p, 2] - centre[i, 2]) ** 2) ** 0.5
+        reach[i] = max(reach[i], masses[2][parts[p]] + away)
+    return mass, inertia, middle, centre, reach
+
+
+@kernel
+def _pack(joints, rows, a, b, centre):
+    """Pack springs between cells into links, see `links.build`."""
+    centroid, axes, spring = joints[0], joints[1], joints[2]
+    packed = np.empty((len(rows), 18))
+    for k in range(len(rows)):
+        m = rows[k]
+        for c in range(3):
+            packed[k, c] = centroid[m, c] - centre[a[k], c]
+            packed[k, 3 + c] = centroid[m, c] - centre[b[k], c]
+        for place in range(6):
+            i, j = _UPPER[place]
+            for block in range(2):
+                value = 0.0
+                for c in range(3):
+                    value += axes[m, i, c] * spring[m, 3 * block + c] * axes[m, j, c]
+                packed[k, 6 + 6 * block + place] = value
+    return packed
+
+
+@kernel
+def _incidence(count, a, b):
+    """List the bonds of every cell in ascending order."""
+    start = np.zeros(count + 1, np.int64)
+    for k in range(len(a)):
+        start[a[k] + 1] += 1
+        start[b[k] + 1] += 1
+    for i in range(count):
+        start[i + 1] += start[i]
+    fill, incident = start[:-1].copy(), np.empty(2 * len(a), np.int32)
+    for k in range(len(a)):
+        incident[fill[a[k]]] = k
+        fill[a[k]] += 1
+        incident[fill[b[k]]] = k
+        fill[b[k]] += 1
+    return start, incident
+
+
+@kernel
+def _solve(cell, node, packed, axes, rows, a, b, alive, incidence, wrenches, wrench):
+    """
+    Work out what the bonds carry; give the strain energy [J], -1 when nothing is strained.
+
+    :param wrench: force and moment in the bond frames [N], [N·m], (K, 6), written.
+    """
+    mass, inertia, middle, centre, reach = cell
+    count = len(centre)
+    label = components.label_living(count, a, b, alive)[0]
+    load = balanced(label, node, mass, inertia, middle, centre, wrenches)
+    if len(rows) == 0 or _largest(load) < _ROUNDING * _largest(wrenches):
+        return -1.0
+    blocks = np.zeros((count, 6, 6))
+    everything, bonds = np.arange(count), np.arange(len(rows))
+    links.diagonal_inverses(everything, incidence[0], incidence[1], alive, packed, a, blocks)
+    moved = pcg.relax(a, b, packed, blocks, load, reach, _ACCURACY, _ITERATIONS)
+    links.pulls(bonds, packed, axes[rows], a, b, moved, wrench)
+    energy = 0.0
+    for i in range(count):
+        for c in range(6):
+            energy += moved[i, c] * load[i, c]
+    return 0.5 * energy
+
+
+@kernel
+def _largest(values):
+    most = 0.0
+    for row in values:
+        for value in row:
+            most = max(most, abs(value))
+    return most
+
+
+@kernel
+def _gentler(strain_energy, energy):
+    """
+    Give by which factor the forces of a blow are less because the piece itself yields.
+
+    Contact and piece are springs in series, T² = T_c² + π²·m·c with the compliance c of the piece.
+    In terms of its strain energy under the forces of a rigid one that factor T_c/T needs no m.
+
+    :param strain_energy: of the piece under the forces of the blow [J].
+    :param energy: that the blow takes from the motion [J].
+    """
+    return 1.0 / math.sqrt(1.0 + math.pi ** 2 * strain_energy / max(energy, 1e-9))
+
+
+@kernel
+def _overloads(wrench, rows, alive, joints, strength, wood, gentler, load):
+    """
+    Write how many times what breaks it each bond carries, zero for all that hold, (K,).
+
+    A bond pressed inside its patch opens at an edge, but holds.
+
+    :returns: the largest.
+    """
+    area, extent, whole_extent = joints[3], joints[4], joints[5]
+    tension, cohesion, friction, compression = strength
+    most = 0.0
+    for k in range(len(rows)):
+        load[k] = 0.0
+        if not alive[k]:
+            continue
+        m = rows[k]
+        share, opens = _demand(wrench[k], area[m], extent[m], tension[m], cohesion[m],
+                               friction[m], compression[m])
+        if wood[0][m] >= 0:
+            share = _wood_demand(wrench[k], area[m], wood, wood[0][m])
+        share *= gentler
+        if share > 1.0 and not (opens and stays_closed(wrench[k], extent[m], whole_extent[m])):
+            load[k] = share
+            most = max(most, share)
+    return most
+
+
+@kernel
+def _demand(wrench, area, extent, tension, cohesion, friction, compression):
+    """
+    Tell how many times the load that breaks a bond the load is, and whether the bond opens.
+
+    The bonds carry nothing before the blow, so all stresses grow in proportion; the limits are
+    those of `strength.utilisation`, solved for the share of the load at which they are met.
+    """
+    pull = wrench[2] / area
+    bending = 6.0 / area * (abs(wrench[3]) / extent[1] + abs(wrench[4]) / extent[0])
+    across = (extent[0] ** 2 + extent[1] ** 2) ** 0.5
+    shear = ((wrench[0] ** 2 + wrench[1] ** 2) ** 0.5 + 6.0 * abs(wrench[5]) / across) / area
+    opening = (bending + pull) / max(tension, _LEAST)
+    other = max((shear + friction * pull) / max(cohesion, _LEAST), (bending - pull) / compression)
+    return max(opening, other, 0.0), opening > other
+
+
+@kernel
+def _wood_demand(wrench, area, wood, row):
+    """
+    Compare what a joint of a broken-off branch carries with what the wood can.
+
+    The limits are those of standing trees: force, twist, and bending stress M/W with
+    W = π·d³/32 = A·d/8.
+    """
+    _, force, torque, stress = wood
+    diameter = math.sqrt(4.0 * area / math.pi)
+    bending = math.hypot(wrench[3], wrench[4]) / (area * diameter / 8.0)
+    pull = math.sqrt(wrench[0] ** 2 + wrench[1] ** 2 + wrench[2] ** 2)
+    return max(pull / force[row], abs(wrench[5]) / torque[row], bending / stress[row])
+
+
+@kernel
+def _cut(topology, row):
+    _, _, _, _, alive, cracked, packed = topology
+    alive[row] = False
+    cracked[row] = False
+    packed[row, 6:] = 0.0
+
+
+@kernel
+def balanced(label, node, mass, inertia, centre, middle, wrenches):
+    """
+    Add the inertia forces of rigid motion to a blow, island by island, and gather them by cell.
+
+    :param label: island of each cell, (C,); node: cell of each part, (P,).
+    :param middle: centres of mass of the cells, (C, 3).
+    :param wrenches: on the parts, (P, 6).
+    :returns: wrench on each cell, (C, 6), in balance over every island.
+    """
+    count = len(middle)
+    total = np.zeros(count)
+    hub = np.zeros((count, 3))
+    push = np.zeros((count, 6))
+    tensor = np.zeros((count, 3, 3))
+    for p in range(len(mass)):
+        i = label[node[p]]
+        total[i] += mass[p]
+        for c in range(3):
+            hub[i, c] += mass[p] * centre[p, c]
+    for i in range(count):
+        if total[i] > 0.0:
+            hub[i] /= total[i]
+    for p in range(len(mass)):
+        i = label[node[p]]
+        arm = centre[p] - hub[i]
+        square = (arm * arm).sum()
+        for c in range(3):
+            push[i, c] += wrenches[p, c]
+            tensor[i, c, c] += mass[p] * square
+            for d in range(3):
+                tensor[i, c, d] += inertia[p, c, d] - mass[p] * arm[c] * arm[d]
+        push[i, 3] += wrenches[p, 3] + arm[1] * wrenches[p, 2] - arm[2] * wrenches[p, 1]
+        push[i, 4] += wrenches[p, 4] + arm[2] * wrenches[p, 0] - arm[0] * wrenches[p, 2]
+        push[i, 5] += wrenches[p, 5] + arm[0] * wrenches[p, 1] - arm[1] * wrenches[p, 0]
+    for i in range(count):
+        if total[i] > 0.0:
+            push[i, :3] /= total[i]
+            push[i, 3:] = np.linalg.solve(tensor[i], push[i, 3:])
+    out = np.zeros((count, 6))
+    for p in range(len(mass)):
+        i = label[node[p]]
+        arm = centre[p] - hub[i]
+        lever = centre[p] - middle[node[p]]
+        spin = push[i, 3:]
+        x = wrenches[p, 0] - mass[p] * (push[i, 0] + spin[1] * arm[2] - spin[2] * arm[1])
+        y = wrenches[p, 1] - mass[p] * (push[i, 1] + spin[2] * arm[0] - spin[0] * arm[2])
+        z = wrenches[p, 2] - mass[p] * (push[i, 2] + spin[0] * arm[1] - spin[1] * arm[0])
+        row = out[node[p]]
+        row[0] += x
+        row[1] += y
+        row[2] += z
+        row[3] += wrenches[p, 3] + lever[1] * z - lever[2] * y
+        row[4] += wrenches[p, 4] + lever[2] * x - lever[0] * z
+        row[5] += wrenches[p, 5] + lever[0] * y - lever[1] * x
+        for c in range(3):
+            for d in range(3):
+                row[3 + c] -= inertia[p, c, d] * spin[d]
+    return out

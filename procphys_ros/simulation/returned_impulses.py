@@ -1,0 +1,146 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Returned impulses: what bonds could not transmit is taken back on both sides of a contact."""
+
+import numpy as np
+
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.dust.sources import kinetic_energy
+from procphys_ros.physics.world import BodyState, Contacts
+from procphys_ros.rotation_kernels import matrix
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_CHAIN = 0.3  # [m/s] change of speed down to which taking back follows chains of contacts
+
+
+def give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
+              jump: np.ndarray, dt: float) -> None:
+    """
+    Undo the part of each impulse that the bonds of a side could not transmit.
+
+    A body all of whose impulses keep the same share keeps that share of its change of velocity.
+    Else the parts are summed: contacts are where the bodies were at the start of the step, and so
+    are their arms. Bodies that stood on what gives way now did not fall in this step, so gravity
+    gives them no speed. What is squeezed between a piece and the ground passes on a weaker push,
+    too, or it would shoot out: the share of a piece holds for all contacts of the chain of bodies
+    that it pressed on.
+
+    Writes velocities of bodies.
+
+    :param share: of the impulses on each body that its bonds transmitted, by id, (B,), spread
+        along chains in place.
+    :param jump: change of velocity by contacts, by id, (B, 6).
+    """
+    bodies, before = state.world.bodies, state.rubble
+    impulse = np.ascontiguousarray(contacts.impulse)
+    pairs = contacts.body_a, contacts.body_b
+    loose = bodies.state == BodyState.AWAKE
+    kept = _kept(*pairs, impulse, loose, bodies.mass, share)
+    total, least, most = _sums(*pairs, np.ascontiguousarray(contacts.point), impulse, kept,
+                               before.poses, len(share))
+    ids = np.flatnonzero((least < 1.0) & loose)
+    keeps = np.where(least == most, least, np.nan)
+    state.world.set_velocities(ids, _slowed(
+        ids, total, keeps, jump, (1.0 - share) * (model.gravity * dt), bodies.mass,
+        bodies.inertia, bodies.poses, before.velocities, bodies.velocities))
+
+
+@kernel
+def _kept(first, second, impulse, loose, mass, share):
+    """Give the share of each impulse that stays, (C,), and spread it along chains of contacts."""
+    count = len(first)
+    kept = np.empty(count)
+    changed = True
+    while changed:
+        changed = False
+        for c in range(count):
+            kept[c] = min(share[first[c]], share[second[c]])
+        for c in range(count):
+            push = (1.0 - kept[c]) * (impulse[c, 0] ** 2 + impulse[c, 1] ** 2
+                                      + impulse[c, 2] ** 2) ** 0.5
+            for body in (first[c], second[c]):
+                if loose[body] and kept[c] < share[body] and push > _CHAIN * mass[body]:
+                    share[body] = kept[c]
+                    changed = True
+    return kept
+
+
+@kernel
+def _sums(first, second, point, impulse, kept, start, count):
+    """Sum what is taken back from each body, (B, 6), with the shares that it keeps, (B,) twice."""
+    total, least, most = np.zeros((count, 6)), np.ones(count), np.zeros(count)
+    for c in range(len(first)):
+        for body in (first[c], second[c]):
+            least[body] = min(least[body], kept[c])
+            most[body] = max(most[body], kept[c])
+        if not kept[c] < 1.0:
+            continue
+        for body, sign in ((first[c], kept[c] - 1.0), (second[c], 1.0 - kept[c])):
+            x, y, z = sign * impulse[c, 0], sign * impulse[c, 1], sign * impulse[c, 2]
+            u, v, w = point[c, 0], point[c, 1], point[c, 2]
+            u, v, w = u - start[body, 0], v - start[body, 1], w - start[body, 2]
+            row = total[body]
+            row[0] += x
+            row[1] += y
+            row[2] += z
+            row[3] += v * z - w * y
+            row[4] += w * x - u * z
+            row[5] += u * y - v * x
+    return total, least, most
+
+
+@kernel
+def _slowed(ids, total, keeps, jump, lift, mass, inertia, poses, before, after):
+    """
+    Give the velocities of bodies without what is taken back, (K, 6).
+
+    None has more energy than both before and after its contacts. A share of all impulses lies in
+    between, but shares that differ from contact to contact, as where a brick is squeezed under a
+    slab, could leave a spin of hundreds of rounds.
+
+    :param total: what is taken back, by id, (B, 6).
+    :param keeps: share of its change of velocity that a body keeps, by id, (B,); NaN = see
+        `total`.
+    :param lift: velocity that gravity did not give [m/s], by id, (B,).
+    """
+    out = np.empty((len(ids), 6))
+    for k in range(len(ids)):
+        i = ids[k]
+        if np.isnan(keeps[i]):
+            out[k] = after[i] + _change(total[i], mass[i], inertia[i], poses[i])
+        else:
+            out[k] = after[i] + (keeps[i] - 1.0) * jump[i]
+        out[k, 2] += lift[i]
+        energy = kinetic_energy(mass[i], inertia[i], poses[i, 3:], out[k])
+        most = max(kinetic_energy(mass[i], inertia[i], poses[i, 3:], before[i]),
+                   kinetic_energy(mass[i], inertia[i], poses[i, 3:], after[i]), 1e-12)
+        out[k] *= min(most / max(energy, 1e-12), 1.0) ** 0.5
+    return out
+
+
+@kernel
+def _change(impulse, mass, inertia, pose):
+    """Give the change of velocity that an impulse and its moment make, (6,)."""
+    axes = matrix(pose[3:])
+    out = np.zeros(6)
+    for c in range(3):
+        out[c] = impulse[c] / mass
+        spin = 0.0
+        for k in range(3):
+            spin += axes[k, c] * impulse[3 + k]
+        for k in range(3):
+            out[3 + k] += axes[k, c] * spin / inertia[c]
+    return out
