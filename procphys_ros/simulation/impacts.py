@@ -16,7 +16,7 @@
 """Impacts: what falls or flies in one piece breaks again where it hits."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import cast, NamedTuple
 
 import numpy as np
 
@@ -173,8 +173,8 @@ def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: f
 
 def _wrenches(model: Model, state: State, blow: Blow) -> np.ndarray:
     """Put a blow on the parts of its body, in the frame of the blueprint, (P, 6)."""
-    parts = blow.parts
-    return spread(blow.contacts, state.parts.local[parts], state.parts.size[parts],
+    parts, contacts = blow.parts, cast(BodyContacts, blow.contacts)
+    return spread(contacts, state.parts.local[parts], state.parts.size[parts],
                   model.blueprint.poses[parts])
 
 
@@ -270,10 +270,10 @@ def _with_contacts(state: State, blows: list[Blow], made: Blows) -> list[Blow]:
     rows = rows % len(contacts)
     sign = np.where(first, 1.0, -1.0)[:, None]
     start = state.rubble.poses[body]
-    columns = BodyContacts(*turned_back(
-        start, contacts.point[rows] - start[:, :3], sign * contacts.normal[rows],
-        sign * contacts.impulse[rows] / made.duration[rows][:, None]),
-        np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
+    columns = (*turned_back(start, contacts.point[rows] - start[:, :3],
+                            sign * contacts.normal[rows],
+                            sign * contacts.impulse[rows] / made.duration[rows][:, None]),
+               np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
     energy = np.add.reduceat(np.maximum(made.energy[rows], 0.0), ends[:-1])
     out = list(blows)
     for n, low, high, lost in zip(fresh, ends, ends[1:], energy.tolist()):
