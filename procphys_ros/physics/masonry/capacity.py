@@ -81,7 +81,8 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
                      shear / (slide - friction * push + friction * pull), np.inf)])
     work = (FRACTURE_ENERGY_TENSION * pull ** 2
             + FRACTURE_ENERGY_SHEAR * (slide ** 2 + push ** 2))
-    reach = np.abs(graph.axes[bonds, :, :2].transpose(0, 2, 1) @ np.asarray(direction, float))
+    along = np.asarray(direction, float)[..., None]
+    reach = np.abs((graph.axes[bonds, :, :2] * along).sum(axis=1))
     length = np.einsum('bi,bi->b', reach, graph.extent[bonds])
     rubbing = 0.5 * friction * np.maximum(pressure, 0.0) * slide ** 2 * length
     return limits.min(axis=0) * area, (whole * work + rubbing) * area
