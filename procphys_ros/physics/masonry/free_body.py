@@ -38,6 +38,7 @@ from procphys_ros.physics.masonry.graph import BondGraph
 _SLENDER = 4.0     # length of the parts over the least side of their joints, from which on pieces
 #                    are members that bend: boards and battens; head joints of bricks reach 3.5
 
+
 @dataclass(frozen=True)
 class Breakage:
     """
