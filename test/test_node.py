@@ -147,7 +147,7 @@ def test_new_subscriber_gets_all_markers_even_when_paused(client):
     client.spin_until(lambda: received, 'markers')
     clock = client.listen(Clock, '/clock')
     client.spin_until(lambda: len(clock) > 200, 'seven seconds')
-    assert len(received) <= WHOLE_SETS
+    assert len(received) <= WHOLE_SETS + 1  # and one that shows the reset before, if it was slow
     for array in received:
         markers = [m for m in array.markers if m.action == Marker.ADD]
         assert sorted(m.id for m in markers) == list(range(PARTS))
