@@ -39,15 +39,18 @@ class Resistance:
     :ivar bonds: rows of the living bonds around the set, (K,).
     :ivar force: sum of what these bonds carry at failure [N].
     :ivar energy: work of fracture, and of rubbing until the faces have left each other [J].
+    :ivar rubbing: the latter alone [J].
     """
 
     bonds: np.ndarray
     force: float
     energy: float
+    rubbing: float = 0.0
 
 
 def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
-                direction: np.ndarray, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                direction: np.ndarray, wrench: np.ndarray
+                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Give the force and the work at which bonds fail when one side is driven along a direction.
 
@@ -60,7 +63,7 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
     :param inside: whether the driven side is the first part, (K,) bool.
     :param direction: unit vectors, world, (3,), or one for each bond, (K, 3).
     :param wrench: what the bonds carry now, bond frame, (K, 6).
-    :returns: force [N] (K,) and work [J] (K,).
+    :returns: force [N], work of fracture and of rubbing [J], (K,) each.
     """
     mortar, area = graph.mortar, graph.area[bonds]
     outward = np.where(inside[:, None], graph.axes[bonds, :, 2], -graph.axes[bonds, :, 2])
@@ -85,7 +88,7 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
     reach = np.abs((graph.axes[bonds, :, :2] * along).sum(axis=1))
     length = np.einsum('bi,bi->b', reach, graph.extent[bonds])
     rubbing = 0.5 * friction * np.maximum(pressure, 0.0) * slide ** 2 * length
-    return limits.min(axis=0) * area, (whole * work + rubbing) * area
+    return limits.min(axis=0) * area, whole * work * area, rubbing * area
 
 
 def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -> Resistance:
@@ -102,8 +105,9 @@ def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -
     graph = solver.graph
     bonds = graph.boundary(parts)
     inside = np.isin(graph.first[bonds], parts)
-    force, work = _at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
-    return Resistance(bonds, float(force.sum()), float(work.sum()))
+    force, work, rubbing = _at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
+    return Resistance(bonds, float(force.sum()), float(work.sum() + rubbing.sum()),
+                      float(rubbing.sum()))
 
 
 def resistances(solver: StressSolver, parts: np.ndarray,
@@ -123,6 +127,7 @@ def resistances(solver: StressSolver, parts: np.ndarray,
         graph.start[parts] - np.cumsum(count) + count, count)]
     living = graph.alive[bonds]
     blow, bonds = blow[living], bonds[living]
-    force, work = _at_failure(graph, bonds, graph.first[bonds] == parts[blow], directions[blow],
-                              solver.wrenches(bonds))
-    return (np.bincount(blow, force, len(parts)), np.bincount(blow, work, len(parts)))
+    force, work, rubbing = _at_failure(graph, bonds, graph.first[bonds] == parts[blow],
+                                       directions[blow], solver.wrenches(bonds))
+    return (np.bincount(blow, force, len(parts)),
+            np.bincount(blow, work + rubbing, len(parts)))
