@@ -38,13 +38,17 @@ _LEAST = 1e-3  # [J/kg]
 
 
 def build(sample: Sample) -> Blueprint | None:
-    """Derive one grammar; None when its rates drive a value out of range, as it is told then."""
+    """
+    Derive one grammar; None when it is refused in plain words, for what only derivation shows.
+
+    That is a value which rates drive out of its range, or a lintel on too narrow a pier.
+    """
     language = LSystem if sample.language == 'lsys' else WallGrammar
     grammar = language.parse(sample.text)
     try:
         return grammar.build(seed=sample.seed)
     except GrammarError as error:
-        if 'Rate' in str(error):
+        if 'Rate' in str(error) or 'bears only' in str(error):
             return None
         raise
 

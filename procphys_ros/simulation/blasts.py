@@ -193,8 +193,12 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
         alike = left[near] & (way[near] @ way[seed] > _ALIKE)
         alike &= np.abs(away @ way[seed]) < _DEEPEST
         failed += 1
+        tried = 0
         for radius in _PATCHES:
             patch = np.sort(near[alike & (distance < radius)])
+            if len(patch) == tried:
+                continue  # the same as within the radius before
+            tried = len(patch)
             if _comes_out(model, state, shaken[patch]):
                 _loosen(model, state, shaken[patch])
                 loose.append(shaken[patch])
@@ -225,20 +229,22 @@ def _comes_out(model: Model, state: State, parts: np.ndarray) -> bool:
     if size == 0.0:
         return False
     resistance = masonry.resist(state, parts, momentum / size)
+    if not float(_energy(state, parts).sum()) > resistance.energy - resistance.rubbing:
+        return False
     span = max(float(np.sort(np.ptp(model.blueprint.poses[parts, :3], axis=0))[1]), _BRICK)
     thickness = _thickness(model, parts, momentum / size)
     rate = WALL_RATE * thickness / _LEAF * (_STOREY / span) ** 2
     rate = min(rate, 2.0 / float(np.median(state.blasts.pulse[parts])))
-    energy = float(_energy(state, parts).sum())
     bends = min(_BENDING * thickness / span, 1.0)
-    work = resistance.energy - resistance.rubbing
-    return size * rate > bends * resistance.force and energy > work
+    return size * rate > bends * resistance.force
 
 
 def _thickness(model: Model, parts: np.ndarray, way: np.ndarray) -> float:
     """Give how thick most of a piece of wall is along a direction [m]."""
     source = model.blueprint
-    low, high = np.quantile(source.poses[parts, :3] @ way, (0.1, 0.9))
+    depth = np.sort(source.poses[parts, :3] @ way)
+    most = len(depth) - 1
+    low, high = np.interp((0.1 * most, 0.9 * most), np.arange(len(depth)), depth)
     local = rotation.rotate(rotation.conjugate(source.poses[parts, 3:]), way)
     return float(high - low + np.median((np.abs(local) * source.size[parts]).sum(axis=1)))
 

@@ -104,7 +104,9 @@ def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -
     """
     graph = solver.graph
     bonds = graph.boundary(parts)
-    inside = np.isin(graph.first[bonds], parts)
+    driven = np.zeros(graph.count + 1, bool)
+    driven[parts] = True
+    inside = driven[graph.first[bonds]]
     force, work, rubbing = _at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
     return Resistance(bonds, float(force.sum()), float(work.sum() + rubbing.sum()),
                       float(rubbing.sum()))
