@@ -159,7 +159,7 @@ def test_only_what_moves_is_sent(client):
 
 
 def test_what_vanishes_is_deleted_and_a_reset_brings_it_back(client):
-    """Delete the markers of bricks that a charge breaks, and of their pieces and ball at the reset."""
+    """Delete the markers of bricks that a charge breaks, and of pieces and ball at the reset."""
     viewer = Viewer(client)
     every = set(range(len(description(client)['parts']['name'])))
     viewer.wait_for_last_whole_set()
