@@ -16,6 +16,8 @@
 
 import numpy as np
 
+from procphys_ros.blueprint import Shape
+
 DT = 1.0 / 60.0
 G = 9.81
 BRICK = np.array([0.215, 0.1025, 0.065])
@@ -25,6 +27,15 @@ BRICK_MASS = 2.7
 def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
     """Give a pose."""
     return np.array([x, y, z, *attitude])
+
+
+def heap(world, seed, wide, count):
+    """Drop bricks in loose layers, so many wide and deep; give their ids."""
+    rng = np.random.default_rng(seed)
+    return [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                           at(*(np.array([0.25, 0.15]) * (i % wide, i // wide % wide)
+                                + rng.uniform(0, 0.02, 2)), 0.2 + i // wide ** 2 * 0.12))
+            for i in range(count)]
 
 
 def rest(world, limit=10.0):

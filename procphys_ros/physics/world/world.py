@@ -367,7 +367,7 @@ class World:
             self.set_velocities(*limit_spin(bodies, awake, poses, before[:, 3:], time_step))
             self.set_velocities(*limit_gain(
                 bodies, awake, poses, before, time_step, np.asarray(self._gravity),
-                lambda: self._engine.contacts()[:, :2]))
+                lambda: np.vstack([self._early_contacts, self._engine.contacts()])[:, :2]))
         self._lifts = self._correct(lift_fallen(
             bodies, awake, self._places[awake], self._gravity, time_step, self._terrain))
         self._point_contacts = self._correct(touch_with_points(
