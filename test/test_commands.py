@@ -15,6 +15,7 @@
 
 """The queue of commands, and the answers of services: what the node is without ROS."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import pytest
@@ -58,6 +59,18 @@ class Record:
         command = Command(name, carry_out, lambda *told: self.answers.append(told))
         self.queue.call(command)
         return command
+
+
+def doer(clock: FakeClock) -> tuple[list[str], Callable[[str], str]]:
+    """Give a command that takes a millisecond, and the list of those that were carried out."""
+    done: list[str] = []
+
+    def act(name: str) -> str:
+        clock.now += 0.001
+        done.append(name)
+        return ''
+
+    return done, act
 
 
 def refuse() -> str:
@@ -134,13 +147,7 @@ def test_calls_overtake_a_flood():
     """Come to every call within one turn, however much waits before it, and to the rest later."""
     clock = FakeClock()
     record = Record(clock)
-    done: list[str] = []
-
-    def act(name: str) -> str:
-        clock.now += 0.001
-        done.append(name)
-        return ''
-
+    done, act = doer(clock)
     for _ in range(1000):
         record.submit('impulse', lambda: act('impulse'))
     for name in ('gust', 'reset'):
@@ -159,13 +166,7 @@ def test_while_a_flood_is_caught_up_with_calls_come_first():
     """Come to a call before all that came earlier on topics; in its order once that is done."""
     clock = FakeClock()
     record = Record(clock)
-    done: list[str] = []
-
-    def act(name: str) -> str:
-        clock.now += 0.001
-        done.append(name)
-        return ''
-
+    done, act = doer(clock)
     for _ in range(80):
         record.submit('impulse', lambda: act('impulse'))
     record.queue.drain()
