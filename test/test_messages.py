@@ -182,6 +182,41 @@ def test_only_what_moved_is_sent_again():
     assert scene.changes(poses, AT) is None
 
 
+def test_leaves_of_what_is_gone_shrink_to_a_point():
+    """Leave no twigs in the air, or where the scene begins, when their part has vanished."""
+    blueprint = mixed_blueprint()
+    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world')
+    scene.whole(blueprint.poses, AT)
+    poses = blueprint.poses.copy()
+    poses[1] = np.nan  # it carries the only twig
+    found = read_markers(scene.changes(poses, AT))
+    points = np.array([[p.x, p.y, p.z] for p in found['oak/leaves', 3].points])
+    assert np.ptp(points[:6], axis=0).max() > 0.1 and not points[6:].any()
+
+
+@pytest.mark.parametrize('chosen', [[0], [2], [0, 2], [1, 2, 3], [0, 1, 2, 3]])
+def test_leaves_are_told_of_the_trees_that_moved_and_no_others(chosen):
+    """Read back any choice of markers from the block that holds them all."""
+    blueprint = mixed_blueprint()
+    leaves = replace(blueprint.leaves, part=np.arange(4, dtype=np.int32),
+                     texture=np.array([2, 3, 2, 2], np.int16))
+    blueprint = replace(blueprint, leaves=leaves, ornaments=Ornaments())
+    owners = objects_of(('a', 0, 1), ('bc', 1, 1), ('d', 2, 1), ('e', 3, 6))
+    scene = messages.SceneMarkers(blueprint, owners, 'world')
+    scene.whole(blueprint.poses, AT)
+    poses = blueprint.poses.copy()
+    poses[chosen, 0] += 5.0
+    later = AT[0] + 1, 7
+    markers = {key: marker for key, marker in read_markers(scene.changes(poses, later)).items()
+               if '/' in key[0]}
+    assert list(markers) == [(f'{owners[k].name}/leaves', leaves.texture[k]) for k in chosen]
+    for part, marker in zip(chosen, markers.values()):
+        petiole = compose(poses[part], leaves.pose[part])
+        corners = np.array([[p.x, p.y, p.z] for p in marker.points])
+        np.testing.assert_allclose(corners[[0, 3]], [petiole[:3]] * 2, atol=1e-12)
+        assert (marker.header.stamp.sec, marker.header.stamp.nanosec) == later
+
+
 def test_slow_creep_is_not_lost():
     """Compare with what was sent, so that many small moves add up to one that is sent."""
     blueprint = mixed_blueprint()

@@ -23,7 +23,6 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Leaves, Ornaments, Shape
-from procphys_ros.compilation import kernel
 from procphys_ros.palette import look
 
 
@@ -55,12 +54,6 @@ class Foliage:
     row: np.ndarray
     corners: np.ndarray
     carriers: np.ndarray
-
-    def placed(self, poses: np.ndarray) -> np.ndarray:
-        """Give the corners in the frame of the poses (N + L, 7), [m], (3·T, 3)."""
-        out = np.empty_like(self.corners)
-        _place(poses, self.row, self.corners, out)
-        return out
 
 
 def too_many(blueprint: Blueprint, most_triangles: int) -> bool:
@@ -136,17 +129,3 @@ def _leaf_corners(leaves: Leaves, petiole: np.ndarray, textures: tuple[str, ...]
         local[:, corner, axis] = sign * half
     turned = rotation.rotate(petiole[:, None, 3:], local)
     return (petiole[:, None, :3] + turned).reshape(-1, 3)
-
-
-@kernel
-def _place(poses, part, corners, out):
-    for i in range(len(part)):
-        p = part[i]
-        x, y, z, w = poses[p, 3], poses[p, 4], poses[p, 5], poses[p, 6]
-        a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]
-        tx = 2.0 * (y * c - z * b)
-        ty = 2.0 * (z * a - x * c)
-        tz = 2.0 * (x * b - y * a)
-        out[i, 0] = poses[p, 0] + a + w * tx + y * tz - z * ty
-        out[i, 1] = poses[p, 1] + b + w * ty + z * tx - x * tz
-        out[i, 2] = poses[p, 2] + c + w * tz + x * ty - y * tx

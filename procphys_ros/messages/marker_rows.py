@@ -22,6 +22,7 @@ they can be put together in any order. The filling goes into the field `text`, w
 for text markers only.
 """
 
+from collections.abc import Sequence
 from enum import IntEnum
 import struct
 from typing import Any
@@ -34,6 +35,9 @@ Colour = tuple[float, float, float, float]
 
 _NO_TIME: Stamp = (0, 0)
 _START = 4  # alignment of every marker: behind the count of the array
+BEFORE = 8 - _START  # bytes before markers in memory, so that their numbers are aligned there, too
+Chunk = bytes | memoryview
+"""Markers as they go into a message: contiguous bytes."""
 
 
 class Kind(IntEnum):
@@ -105,6 +109,11 @@ class ListMarker:
         colour_count = 4  # bytes
         self._behind = _finish(head)[len(self._before) + colour_count:]
 
+    def laid_out(self, points: int) -> tuple[bytes, int, int]:
+        """Give the marker with points at the origin, and the offsets of its stamp and of these."""
+        data = self.write(np.zeros((points, 3)), (0, 0))
+        return data, self._offsets['stamp'], len(self._before)
+
     def write(self, points: np.ndarray, at: Stamp, colours: np.ndarray | None = None,
               diameter: float = 1.0) -> bytes:
         """
@@ -133,7 +142,7 @@ def command(action: Action, namespace: str, number: int, frame_id: str) -> bytes
     return data.tobytes()
 
 
-def marker_array(chunks: list[bytes], count: int) -> bytes:
+def marker_array(chunks: Sequence[Chunk], count: int) -> bytes:
     """Put markers, whole rows or single ones, into a visualization_msgs/MarkerArray."""
     return b''.join((ENCAPSULATION, np.uint32(count).tobytes(), *chunks))
 

@@ -31,9 +31,17 @@ from procphys_ros.compilation import kernel
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE, Puffs
 from procphys_ros.messages.foliage import foliage, PlacedObject, too_many
-from procphys_ros.messages.marker_rows import Action, command, Kind, ListMarker, marker_array
+from procphys_ros.messages.marker_rows import (
+    Action,
+    Chunk,
+    command,
+    Kind,
+    ListMarker,
+    marker_array,
+)
 from procphys_ros.messages.part_markers import PartMarkers
 from procphys_ros.messages.torn_markers import TornMarkers
+from procphys_ros.messages.triangle_lists import TriangleLists
 from procphys_ros.palette import look
 from procphys_ros.rotation import compose
 
@@ -80,13 +88,9 @@ class _Sent:
         :param poses: present ones, (K, 7).
         :returns: what has changed, (K,) bool.
         """
-        there = _exist(poses)
-        was = np.isfinite(self.poses[:, 0])
-        moved = there & _differ(poses, self.poses, _VISIBLE)
-        gone = was & ~there
-        self.poses[moved] = poses[moved]
-        self.poses[gone] = np.nan
-        return moved | gone
+        changed = np.empty(len(poses), bool)
+        _take_over(poses, self.poses, _VISIBLE, changed)
+        return changed
 
 
 class SceneMarkers:
@@ -115,10 +119,11 @@ class SceneMarkers:
         self._home = blueprint.poses
         self._parts = PartMarkers(frame_id, style.mesh)
         self._parts.add(blueprint, objects)
-        self._leaves = [
-            (entry, ListMarker(Kind.TRIANGLE_LIST, f'{o.name}/leaves', entry.texture, frame_id,
-                               look(blueprint.textures[entry.texture]).rgba))
-            for o, entry in foliage(blueprint, objects, style.most_triangles)]
+        leaves = foliage(blueprint, objects, style.most_triangles)
+        self._leaves = TriangleLists(
+            [ListMarker(Kind.TRIANGLE_LIST, f'{o.name}/leaves', entry.texture, frame_id,
+                        look(blueprint.textures[entry.texture]).rgba) for o, entry in leaves],
+            [entry for _, entry in leaves])
         self._dust = DustMarkers(frame_id, f'{style.shard}/{NAMESPACE}'.lstrip('/'))
         self._torn = TornMarkers(blueprint, frame_id, f'{style.shard}/'.lstrip('/'))
         self._clear = b'' if style.shard else command(Action.DELETEALL, '', 0, frame_id)
@@ -177,48 +182,45 @@ class SceneMarkers:
         gone = np.full_like(self._sent.poses, np.nan)
         none = np.zeros(len(gone), bool)
         chunks, count = self._parts.write(gone, at, self._sent.update(gone), none)
-        others = [*self._dust.deletions, *self._torn.deletions,
-                  *(marker.deletion for _, marker in self._leaves)]
+        others = [*self._dust.deletions, *self._torn.deletions, *self._leaves.deletions]
         return marker_array([*chunks, *others], count + len(others))
 
     def _changed(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None,
-                 puffs: Puffs | None) -> tuple[list[bytes], int]:
+                 puffs: Puffs | None) -> tuple[list[Chunk], int]:
         changed = self._sent.update(poses)
         away = _differ(poses, self._home, _VISIBLE)
-        chunks, count = self._parts.write(poses, at, changed, away)
         carriers, marks = poses[:self._first_parts], changed[:self._first_parts]
         if self.shows_leaf_poses:
             if leaf_poses is None:
                 leaf_poses = compose(poses[self._petioles.part], self._petioles.pose)
             carriers = np.concatenate([carriers, leaf_poses])
             marks = np.append(marks, self._sent_leaves.update(leaf_poses))
-        # Corners of what is lost shrink to a point.
-        shown = np.where(np.isfinite(carriers[:, :1]), carriers, 0.0)
-        for entry, marker in self._leaves:
-            if marks[entry.carriers].any():
-                chunks.append(marker.write(entry.placed(shown), at))
-                count += 1
-        ends, number = self._torn.write(poses, at)
-        chunks += ends
-        count += number
+        found: list[tuple[Sequence[Chunk], int]] = [
+            self._parts.write(poses, at, changed, away), self._leaves.write(carriers, marks, at),
+            self._torn.write(poses, at)]
         if puffs is not None:
-            clouds, number = self._dust.write(puffs, at)
-            chunks += clouds
-            count += number
-        return chunks, count
+            found.append(self._dust.write(puffs, at))
+        return [chunk for some, _ in found for chunk in some], sum(count for _, count in found)
 
 
-@kernel
-def _exist(poses):
-    """Say which poses are finite."""
-    out = np.ones(len(poses), np.bool_)
+@kernel(nogil=True)
+def _take_over(poses, sent, limit, changed):
+    """Copy the poses that differ from those that were sent, and say which."""
     for i in range(len(poses)):
+        there, differs = True, False
         for c in range(7):
-            out[i] &= np.isfinite(poses[i, c])
-    return out
+            there &= np.isfinite(poses[i, c])
+            differs |= not abs(poses[i, c] - sent[i, c]) <= limit
+        if there:
+            changed[i] = differs
+        else:
+            changed[i] = np.isfinite(sent[i, 0])
+        if changed[i]:
+            for c in range(7):
+                sent[i, c] = poses[i, c] if there else np.nan
 
 
-@kernel
+@kernel(nogil=True)
 def _differ(poses, others, limit):
     """Say which poses differ from others by more than a limit in any number, or are none."""
     out = np.zeros(len(poses), np.bool_)

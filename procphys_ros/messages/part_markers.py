@@ -20,14 +20,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.compilation import kernel
 from procphys_ros.hexahedron import FACES
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.foliage import balls, PlacedObject
-from procphys_ros.messages.marker_rows import Action, Kind, row_layout
+from procphys_ros.messages.marker_rows import Action, BEFORE, Kind, row_layout
 from procphys_ros.palette import look
 
 _HULL = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]]).ravel()  # of a hexahedron
-_NOWHERE = (0, 0, 0, 0, 0, 0, 1)  # pose of a marker that is deleted
+_DELETE = int(Action.DELETE)
 
 
 class _Rows:
@@ -50,17 +51,17 @@ class _Rows:
         self._layout = layout
         self.fields = self._bytes.view(layout)[:, 0]
         self.fields['ns'], self.fields['id'] = namespaces, parts
+        assert layout.fields is not None
+        self._places = np.array([layout.fields[name][1] // 4
+                                 for name in ('stamp', 'action', 'pose')])
 
-    def write(self, chosen: np.ndarray, poses: np.ndarray, at: Stamp,
-              there: np.ndarray) -> bytes:
+    def write(self, chosen: np.ndarray, poses: np.ndarray, at: Stamp) -> memoryview:
         """Write the chosen rows; those of parts that are not there delete."""
-        out = self._bytes[chosen]
-        fields = out.view(self._layout)[:, 0]
-        parts = self.parts[chosen]
-        fields['stamp'] = at
-        fields['pose'] = np.where(there[parts, None], poses[parts], _NOWHERE)
-        fields['action'][~there[parts]] = Action.DELETE
-        return out.tobytes()
+        length = self._layout.itemsize
+        out = np.empty(BEFORE + len(chosen) * length + BEFORE, np.uint8)
+        _write(self._bytes.view(np.uint32), chosen, self.parts, poses, self._places,
+               np.array(at, np.uint32), out.view(np.uint32), out.view(np.float64))
+        return out.data[BEFORE:-BEFORE]
 
 
 class PartMarkers:
@@ -118,7 +119,7 @@ class PartMarkers:
                 self._meshes.append(meshes)
 
     def write(self, poses: np.ndarray, at: Stamp, changed: np.ndarray,
-              away: np.ndarray) -> tuple[list[bytes], int]:
+              away: np.ndarray) -> tuple[list[memoryview], int]:
         """
         Write the markers of changed parts.
 
@@ -136,7 +137,7 @@ class PartMarkers:
             for rows in groups:
                 chosen = np.flatnonzero(wanted[rows.parts])
                 if len(chosen):
-                    chunks.append(rows.write(chosen, poses, at, there))
+                    chunks.append(rows.write(chosen, poses, at))
                     count += len(chosen)
         return chunks, count
 
@@ -159,3 +160,24 @@ def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarra
     shade = 1.0 + spread * np.random.default_rng(0).uniform(-1.0, 1.0, len(blueprint))
     colour[:, :3] = np.clip(colour[:, :3] * shade[:, None], 0.0, 1.0)
     return size, kind, colour
+
+
+@kernel(nogil=True)
+def _write(rows, chosen, parts, poses, places, at, words, numbers):
+    """
+    Copy rows behind each other, and fill in what changes; the first one begins at 4 bytes.
+
+    :param places: of stamp, action and pose in a row, in words of 4 bytes.
+    """
+    length = rows.shape[1]
+    for k in range(len(chosen)):
+        i, start = chosen[k], 1 + k * length
+        for word in range(length):
+            words[start + word] = rows[i, word]
+        words[start + places[0]], words[start + places[0] + 1] = at[0], at[1]
+        part, pose = parts[i], (start + places[2]) // 2
+        if np.isfinite(poses[part, 0]):
+            for c in range(7):
+                numbers[pose + c] = poses[part, c]
+        else:
+            words[start + places[1]] = _DELETE

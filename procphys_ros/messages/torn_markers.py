@@ -19,8 +19,12 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.marker_rows import Kind, ListMarker
+from procphys_ros.messages.triangle_lists import place
 from procphys_ros.palette import look
-from procphys_ros.torn_wood import placed, SOIL, TORN, TornEnds, WoodJoints
+from procphys_ros.torn_wood import End, SOIL, TORN, TornEnds, WoodJoints
+
+_SEEN = 5e-4  # [m] smaller motion is not sent
+_NONE = np.zeros((0, 3))
 
 
 class TornMarkers:
@@ -37,7 +41,9 @@ class TornMarkers:
         self._lists = {name: ListMarker(Kind.TRIANGLE_LIST, prefix + name, 0, frame_id,
                                         look(name).rgba) for name in (TORN, SOIL)}
         self._torn = TornEnds()
-        self._sent: dict[str, bytes] = {}
+        self._known: dict[int, list[End]] = {}
+        self._corners: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._sent: dict[str, np.ndarray] = {}
 
     def grow(self, blueprint: Blueprint) -> None:
         """Look after the joints of parts that have joined as well."""
@@ -62,15 +68,35 @@ class TornMarkers:
         :returns: the markers, and how many they are.
         """
         torn = self._torn.update(self._joints, poses)
+        if torn is not self._known:
+            self._known = torn
+            self._corners = {name: _joined(torn, name) for name in self._lists}
         chunks = []
         for name, marker in self._lists.items():
-            pieces = [placed(poses[part], corners) if part != GROUND else corners
-                      for ends in torn.values() for own, part, corners in ends
-                      if own == name and (part == GROUND or np.isfinite(poses[part]).all())]
-            points = np.concatenate(pieces).reshape(-1, 3) if pieces else np.zeros((0, 3))
-            seen = points.round(3).tobytes()
-            if seen == self._sent.get(name, b''):
+            points = _placed(poses, *self._corners.get(name, _joined({}, name)))
+            sent = self._sent.get(name, _NONE)
+            if len(points) == len(sent) and np.abs(points - sent).max(initial=0.0) < _SEEN:
                 continue
-            self._sent[name] = seen
+            self._sent[name] = points
             chunks.append(marker.write(points, at) if len(points) else marker.deletion)
         return chunks, len(chunks)
+
+
+def _joined(torn: dict[int, list[End]], name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Join the ends of one look: the part of each corner, (P,), and the corners, (P, 3)."""
+    ends = [(part, corners.reshape(-1, 3)) for some in torn.values()
+            for own, part, corners in some if own == name]
+    part = np.repeat(np.array([part for part, _ in ends], np.int64),
+                     [len(corners) for _, corners in ends])
+    return part, np.concatenate([_NONE, *(corners for _, corners in ends)])
+
+
+def _placed(poses: np.ndarray, part: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Put corners into the world, those of parts that there are, [m], (P, 3)."""
+    there = (part == GROUND) | np.isfinite(poses[part]).all(axis=1)
+    if not there.all():
+        part, corners = part[there], corners[there]
+    out = np.empty_like(corners)
+    if len(out):
+        place(poses, part, corners, out)
+    return out
