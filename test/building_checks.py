@@ -19,11 +19,14 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
+from procphys_ros.hexahedron import box_corners, faces
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, fragments, Simulation
 from procphys_ros.wallgrammar import contacts
 
 OVERLAP = 1e-3   # [m] deepest that two parts may reach into each other
+_EDGES = np.array([[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5],
+                   [2, 6], [3, 7]])  # of solids with eight corners
 _BUCKET = 0.5    # [m] side of the cubes that near parts share
 
 
@@ -71,19 +74,45 @@ def near_pairs(low, high):
 
 def deepest_overlap(blueprint):
     """Measure how deep parts reach into each other, by separating axes [m]."""
+    points = corners_of(blueprint)
+    pairs = near_pairs(points.min(axis=1), points.max(axis=1))
+    cut = np.isin(pairs, blueprint.hexahedra.part).any(axis=1)
     turn = rotation.to_matrix(blueprint.poses[:, 3:])
-    half, centre = 0.5 * blueprint.size, blueprint.poses[:, :3]
-    reach = (np.abs(turn) @ half[:, :, None])[:, :, 0]
-    a, b = near_pairs(centre - reach, centre + reach).T
-    apart = centre[b] - centre[a]
-    depth = np.full(len(a), np.inf)
-    axes = [turn[rows][:, :, i] for i in range(3) for rows in (a, b)]
-    axes += [np.cross(turn[a][:, :, i], turn[b][:, :, j]) for i in range(3) for j in range(3)]
+    boxes = turn.transpose(0, 2, 1)
+    depth = _depth(points, pairs[~cut], (boxes, boxes))
+    rows = blueprint.hexahedra.part
+    if cut.any():
+        index = np.zeros(len(blueprint), int)
+        solids = np.union1d(rows, pairs[cut])
+        index[solids] = np.arange(len(solids))
+        normals = faces(points[solids])[1]
+        edges = points[solids][:, _EDGES[:, 1]] - points[solids][:, _EDGES[:, 0]]
+        depth = np.append(depth, _depth(points[solids], index[pairs[cut]], (normals, edges)))
+    return depth.max(initial=0.0)
+
+
+def corners_of(blueprint):
+    """Give the corners of all parts, (N, 8, 3)."""
+    half = 0.5 * blueprint.size
+    points = blueprint.poses[:, None, :3] + rotation.rotate(
+        blueprint.poses[:, None, 3:], box_corners(-half, half))
+    points[blueprint.hexahedra.part] = blueprint.hexahedra.points(blueprint.poses)
+    return points
+
+
+def _depth(points, pairs, directions):
+    """Measure how deep pairs of solids reach into each other, (n,), by normals and edges."""
+    a, b = pairs.T
+    normals, edges = directions
+    depth = np.full(len(pairs), np.inf)
+    axes = [*normals[a].transpose(1, 0, 2), *normals[b].transpose(1, 0, 2)]
+    axes += [np.cross(edges[a, i], edges[b, j]) for i in range(edges.shape[1])
+             for j in range(edges.shape[1])]
     for axis in axes:
         length = np.linalg.norm(axis, axis=1)
         unit = axis / np.maximum(length, 1e-9)[:, None]
-        covered = sum((np.abs(np.einsum('nij,ni->nj', turn[rows], unit)) * half[rows]).sum(axis=1)
-                      for rows in (a, b))
-        here = covered - np.abs((apart * unit).sum(axis=1))
+        first, second = (np.einsum('nck,nk->nc', points[rows], unit) for rows in (a, b))
+        here = np.minimum(first.max(axis=1) - second.min(axis=1),
+                          second.max(axis=1) - first.min(axis=1))
         depth = np.where(length > 1e-6, np.minimum(depth, here), depth)
-    return depth.max(initial=0.0)
+    return depth

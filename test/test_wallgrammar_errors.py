@@ -198,10 +198,10 @@ def test_what_hangs_in_the_air_is_refused():
 
 
 def test_roof_needs_a_rectangle():
-    """Refuse a gable over an L and timber floors over a hexagon."""
+    """Refuse a hip over an L and timber floors over a hexagon."""
     shape = '(0, 0) (width, 0) (width, 2) (2, 2) (2, 4) (0, 4)'
     old = _SQUARE
-    assert 'rectangular' in refusal(old, shape + '\n  roof: gable(40)').message
+    assert 'rectangular' in refusal(old, shape + '\n  roof: hip(40)').message
     shape = '(0, 0) (2, 0) (3, 1.7) (2, 3.4) (0, 3.4) (-1, 1.7)'
     assert 'right angles only' in refusal(old, shape + '\n  floors: timber').message
 

@@ -27,7 +27,7 @@ from procphys_ros.wallgrammar import bodies, contacts, corners, polygons, refere
 from procphys_ros.wallgrammar.assembly import assemble, corners_of, from_contacts, on_ground
 from procphys_ros.wallgrammar.bodies import Body
 from procphys_ros.wallgrammar.bonds import Layout
-from procphys_ros.wallgrammar.boxes import MICRO
+from procphys_ros.wallgrammar.boxes import Joint, MICRO
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.interior import Interior
 from procphys_ros.wallgrammar.materials import Material
@@ -127,7 +127,7 @@ def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:
     solids = corners_of(boxes, site.forms, frames) if cut.any() else np.zeros((0, 8, 3))
     if cut.any():
         reach = max(body.layout.joint for body in found) / MICRO + _JOINT_SLACK
-        patches.append(polygons.meet(solids, cut, reach))
+        patches.append(polygons.meet(solids, cut, reach, boxes.joint == Joint.FIXING))
         solids = solids[cut]
     check_connected(boxes, patches, frames, site)
     return assemble(boxes, patches, frames, grammar.materials, site.kinds, solids)

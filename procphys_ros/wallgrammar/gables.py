@@ -26,11 +26,11 @@ from procphys_ros.wallgrammar.slopes import Slope
 from procphys_ros.wallgrammar.tiling import lay, Runs
 from procphys_ros.wallgrammar.walls import Elevation, unit_of
 
-_RIDGE_ROOM = 12_000  # [µm] beside the ridge board in its pocket: it rests there, no more
+RIDGE_ROOM = 12_000   # [µm] beside the ridge board in its pocket: it rests there, no more
 _GABLE_CLEAR = 0.01   # [m] between the gable and the battens
 _LEAST_RUN = 50_000   # [µm] shorter pieces of a gable course are left out
 _NEAR = 60_000        # [µm] walls this near to a gable leave no room for its boards
-_EDGE = 0.06          # [m] between the outermost rafters and the gable
+EDGE = 0.06           # [m] between the outermost rafters and the gable
 
 
 class GableRoof(Roof):
@@ -52,20 +52,20 @@ class GableRoof(Roof):
         half = micro(0.5 * RIDGE)
         for wall in self.walls:
             if wall.facade.quarter % 2 == across:
-                self._gable_wall(wall, bottom, top, half + _RIDGE_ROOM)
+                self._gable_wall(wall, bottom, top, half + RIDGE_ROOM)
         ridge = self._timber(axis, (self.low[axis], self.high[axis]), (middle - half,
                              middle + half), bottom, top, 0, 'ridge')
         for slope in self._opposite(axis, span, size[axis], False):
             frame = self._frame(slope)
-            rafters = slope.rafters(self.site, frame, thickness / MICRO + _EDGE, 0.5 * RIDGE,
+            rafters = slope.rafters(self.site, frame, thickness / MICRO + EDGE, 0.5 * RIDGE,
                                     0.0)
             self._seat(slope, rafters, np.concatenate(plates))
             self._head(slope, rafters, ridge, self._square_end(slope, rafters))
             slope.cover(self.site, frame, rafters)
-            slope.verges(self.site, frame, self._abutments(slope))
+            slope.verges(self.site, frame, self.abutments(slope))
         self.tie(axis)
 
-    def _abutments(self, slope: Slope) -> list[list[tuple[float, float]]]:
+    def abutments(self, slope: Slope) -> list[list[tuple[float, float]]]:
         """
         Say where other bodies stand against the gables.
 
@@ -92,9 +92,10 @@ class GableRoof(Roof):
             found.append(taken)
         return found
 
-    def _gable_wall(self, wall: Elevation, seat: int, top: int, half: int) -> None:
-        """Carry the courses of a wall on under the roof, with room for the ridge board."""
-        length = wall.facade.length
+    def _gable_wall(self, wall: Elevation, seat: int, top: int, half: int, start: int = 0,
+                    end: int | None = None) -> None:
+        """Carry the courses of a wall, or a stretch of it, on under the roof."""
+        length = (wall.facade.length if end is None else end) - start
         first = self.height // self.gauge
         peak = micro(self.eaves + 0.5 * length / MICRO * np.tan(self.pitch)) // self.gauge
         course = np.arange(first, peak + 1)
@@ -111,8 +112,8 @@ class GableRoof(Roof):
         keep &= np.tile(bottom < top, 2)
         twice = [np.tile(v, 2)[keep] for v in (course, bottom, upper)]
         zero = np.zeros(int(keep.sum()), int)
-        runs = Runs(twice[0], left[keep], right[keep], twice[1], twice[2], zero, zero, zero, zero,
-                    zero)
+        runs = Runs(twice[0], start + left[keep], start + right[keep], twice[1], twice[2], zero,
+                    zero, zero, zero, zero)
         facade = replace(wall.facade, start=Corner(), end=Corner())
         kind, joint = unit_of(self.layout, wall.unit)
         self.site.add(facade.place(lay(runs, self.layout, self.site.kind(kind), joint,

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.wallgrammar import spires
+from procphys_ros.wallgrammar import spires, stems, valleys
 from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.construction import Site
@@ -83,7 +83,14 @@ class Interior:
         levels = [int(snap_level(micro(s * self.storey_height), layout))
                   for s in range(self.storeys + 1)]
         rooms, inner = self._rooms(partitions, least, levels)
+        division = None
+        if self.building.roof is not None and roof == 'gable' and len(self.walls) != 4:
+            division = self._divide(self.building.roof, pitch)
+            if floors != 'slab':
+                stems.bridge(self.site, division, self.walls, inner, levels[-1])
         for level in levels[-1:] if only_top else levels[1:]:
+            if division is not None and floors == 'timber' and level == levels[-1]:
+                continue  # the ties of the roof are its joists, and girders lie below them
             if floors == 'slab':
                 slab_floor(self.site, self.plan, level, micro(depth), [*self.walls, *inner])
             elif floors == 'timber':
@@ -94,6 +101,8 @@ class Interior:
             wall.build(self.site)
         if self.building.roof is not None and roof == 'spire':
             spires.build(self.site, self.plan, layout, levels[-1], pitch, self.building.roof.place)
+        elif division is not None:
+            valleys.build(self.site, self.walls, levels[-1], pitch, division, self.neighbours)
         elif self.building.roof is not None and roof in ('gable', 'hip'):
             self._roof(self.building.roof, pitch, levels[-1])
 
@@ -138,6 +147,14 @@ class Interior:
         rooms, between = halve(rooms, micro(least), layout.thickness)
         self.site.expect(sum(r.size[axis] for r, axis in between) * bricks)
         return rooms, elevations(between, layout, levels, self.building.place)
+
+    def _divide(self, call: Call, pitch: float) -> stems.Division:
+        division = stems.divide(self.plan, pitch, call.place)
+        low, high = valleys.STEEP
+        if division.stems and not low <= pitch <= high:
+            raise call.place.error(f'the pitch of a gable roof with valleys must be from {low:g} '
+                                   f'to {high:g}, found {pitch:g}')
+        return division
 
     def _roof(self, call: Call, pitch: float, level: int) -> None:
         if len(self.plan.facades) != 4:

@@ -25,12 +25,14 @@ from procphys_ros.wallgrammar.assembly import Patches
 
 _FACING = -0.94    # largest cosine between normals of faces that look at each other: 20 degrees
 _INSIDE = 0.004    # [m] by which such faces may lie in each other
+_TOUCHING = 0.0015  # [m] between what is nailed to each other; tiles lie further apart
 _LEAST = 4e-4      # [m²] smaller patches hold nothing
 _THINNEST = 0.008  # [m] narrower ones neither
 _AT_ONCE = 64      # solids compared with all others at a time
 
 
-def meet(corners: np.ndarray, chosen: np.ndarray, reach: float) -> Patches:
+def meet(corners: np.ndarray, chosen: np.ndarray, reach: float,
+         nailed: np.ndarray) -> Patches:
     """
     Find the contact polygons of some solids with each other, with all others, and the ground.
 
@@ -42,11 +44,14 @@ def meet(corners: np.ndarray, chosen: np.ndarray, reach: float) -> Patches:
     :param corners: of all solids, world [m], (N, 8, 3).
     :param chosen: solids whose contacts are wanted, (N,) bool.
     :param reach: widest joint [m].
+    :param nailed: solids that need to touch each other, for there is no mortar between two of
+        them, (N,) bool.
     """
     pairs = _near(corners, chosen, reach)
     points, normals, middles = faces(corners)
     found = [_patch(pair, points[pair[0], f], points[pair[1], g], normal, gap)
-             for pair, f, g, normal, gap in _facing(pairs, normals, middles, reach)]
+             for pair, f, g, normal, gap in _facing(pairs, normals, middles, reach)
+             if gap < _TOUCHING or not (nailed[pair[0]] and nailed[pair[1]])]
     rows = np.flatnonzero(chosen & (corners[:, :, 2].min(axis=1) < reach))
     down = np.array([0.0, 0.0, -1.0])
     for row in rows.tolist():

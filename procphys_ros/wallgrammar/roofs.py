@@ -38,7 +38,7 @@ _TIE_GAP = 0.001      # [m] mean gap of cut timber joints
 
 class Roof:
     """
-    A roof over a rectangular building, under construction.
+    A roof over a rectangular building, or a rectangle of one, under construction.
 
     :ivar axis: of the first frame, along which the ridge runs.
     :ivar low, high: outer corners of the building [µm], (2,) in the first frame.
@@ -47,7 +47,8 @@ class Roof:
     """
 
     def __init__(self, site: Site, walls: Sequence[Elevation], height: int, pitch: float,
-                 axis: int, neighbours: Sequence[Neighbour] = ()):
+                 axis: int, neighbours: Sequence[Neighbour] = (),
+                 rectangle: tuple[np.ndarray, np.ndarray] | None = None):
         self.site = site
         self.neighbours = neighbours
         self.walls = walls
@@ -56,7 +57,8 @@ class Roof:
         self.gauge = self.layout.gauge
         self.pitch = float(np.radians(pitch))
         corners = np.array([w.facade.origin for w in walls])
-        self.low, self.high = corners.min(axis=0), corners.max(axis=0)
+        self.low: np.ndarray = corners.min(axis=0) if rectangle is None else rectangle[0]
+        self.high: np.ndarray = corners.max(axis=0) if rectangle is None else rectangle[1]
         self.plate = min(_PLATE, self.layout.thickness)
         self.axis = axis
         self.size = (self.high - self.low) / MICRO

@@ -29,19 +29,19 @@ RAFTER = 0.05            # [m] width of rafters
 _SHALLOWEST = 0.12       # [m] least depth of rafters
 _SLENDER = 25.0          # length over depth of rafters, a joiner's rule
 RAFTER_SPACING = 0.6     # [m] largest
-_BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
+BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
 COVER = 0.045            # [m] depth of battens and tiles together
-_TILE = (0.40, 0.02)     # [m] width and thickness of what stands for a few tiles
-_GAUGE = 0.32            # [m] largest distance of battens
-TILE_AREA = _TILE[0] * _GAUGE  # [m²] of roof that a tile covers
-_APART = 0.001           # [m] tiles do not touch each other
+TILE = (0.40, 0.02)     # [m] width and thickness of what stands for a few tiles
+GAUGE = 0.32            # [m] largest distance of battens
+TILE_AREA = TILE[0] * GAUGE  # [m²] of roof that a tile covers
+APART = 0.001           # [m] tiles do not touch each other
 _CLEAR = 0.005           # [m] between pieces that meet at a hip
-_LAP = 0.15              # [m] by which ridge tiles lie on the tiles below
-_RIDGE_TILE = 0.45       # [m] length of ridge tiles
+LAP = 0.15              # [m] by which ridge tiles lie on the tiles below
+RIDGE_TILE = 0.45       # [m] length of ridge tiles
 _TIP = (0.24, 0.09)      # [m] width of the tile below an apex, and its distance from the hips
 _VERGE = (0.025, 0.12)   # [m] thickness of boards at gables, and how far they hang below battens
 _HIP_ROOM = 0.05         # [m] along the eaves, for the strip that carries the caps of a hip
-_PIECE = 1_500_000       # [µm] rafters and battens splinter into pieces of at most this length
+PIECE = 1_500_000       # [µm] rafters and battens splinter into pieces of at most this length
 OVERHANG = 0.25          # [m] of the eaves
 APEX = 0.20              # [m] half the side of the blocks that close the apexes of hips
 
@@ -137,7 +137,7 @@ class Slope:
         high = np.column_stack([reach, -place + 0.5 * RAFTER, np.full(len(place), self.depth)])
         boxes = from_cells(micros(low), micros(high), frame=frame, axis=0, joint=Joint.FIXING,
                            kind=site.kind('rafter'), material=site.material('timber'))
-        foot, head = site.add_members(boxes, _PIECE)
+        foot, head = site.add_members(boxes, PIECE)
         return Ends(foot, head, place, reach)
 
     def cover(self, site: Site, frame: int, rafters: Ends) -> None:
@@ -150,22 +150,22 @@ class Slope:
         """
         top = rafters.reach.max()
         bottom = -OVERHANG / np.cos(self.pitch)
-        rows = np.linspace(bottom, top - _BATTEN[0],
-                           int(np.ceil((top - _BATTEN[0] - bottom) / _GAUGE)) + 1)
+        rows = np.linspace(bottom, top - BATTEN[0],
+                           int(np.ceil((top - BATTEN[0] - bottom) / GAUGE)) + 1)
         battens, lines = [], []
         for x in rows:
-            ends = self._row(x + _BATTEN[0], self.depth)
+            ends = self._row(x + BATTEN[0], self.depth)
             held = rafters.place[rafters.reach > x]
             inside = (held - 0.5 * RAFTER > ends[0]) & (held + 0.5 * RAFTER < ends[1])
             if not inside.any():
                 break
             battens.append(_box([x, -ends[1], self.depth],
-                                [x + _BATTEN[0], -ends[0], self.depth + _BATTEN[1]], frame, 1))
-            lines.append(x + 0.5 * _BATTEN[0])
+                                [x + BATTEN[0], -ends[0], self.depth + BATTEN[1]], frame, 1))
+            lines.append(x + 0.5 * BATTEN[0])
         tiles = [tile for low, high in zip(lines, lines[1:])
                  for tile in self._tiles(low, high, frame)]
         tiles += self._ridge_tiles(lines[-1], frame)
-        for boxes, kind, material, longest in ((battens, 'batten', 'timber', _PIECE),
+        for boxes, kind, material, longest in ((battens, 'batten', 'timber', PIECE),
                                                (tiles, 'tile', 'tile', 0)):
             if boxes:
                 column = stack(boxes)
@@ -184,45 +184,45 @@ class Slope:
         """
         low, high = self.depth - _VERGE[1], self.depth + COVER
         bottom = -OVERHANG / np.cos(self.pitch)
-        top = (self.span + low * np.sin(self.pitch)) / np.cos(self.pitch) - _APART
+        top = (self.span + low * np.sin(self.pitch)) / np.cos(self.pitch) - APART
         boards = []
         for y, stretches in zip((-self.length - _VERGE[0], 0.0), taken):
             start = bottom
             for near, far in sorted(stretches):
-                end = (near + low * np.sin(self.pitch)) / np.cos(self.pitch) - _APART
+                end = (near + low * np.sin(self.pitch)) / np.cos(self.pitch) - APART
                 if end - start > _VERGE[1]:
                     boards.append(_box([start, y, low], [min(end, top), y + _VERGE[0], high],
                                        frame, 0))
-                start = max(start, (far + high * np.sin(self.pitch)) / np.cos(self.pitch) + _APART)
+                start = max(start, (far + high * np.sin(self.pitch)) / np.cos(self.pitch) + APART)
             if top - start > _VERGE[1]:
                 boards.append(_box([start, y, low], [top, y + _VERGE[0], high], frame, 0))
         if boards:
             column = stack(boards)
             column.kind[:], column.material[:] = site.kind('verge'), site.material('timber')
-            site.add(column, _PIECE)
+            site.add(column, PIECE)
 
     @property
     def crest(self) -> float:
         """Height of the ridge tiles over the eaves [m]."""
         lower, upper = self._ridge_levels()
-        return upper * np.sin(self.pitch) + (lower + _TILE[1]) * np.cos(self.pitch)
+        return upper * np.sin(self.pitch) + (lower + TILE[1]) * np.cos(self.pitch)
 
     def _ridge_levels(self) -> tuple[float, float]:
         """Give z of the underside of ridge tiles, and x where they meet the other side."""
         bottom = self.depth + COVER
-        return bottom, (self.span + bottom * np.sin(self.pitch)) / np.cos(self.pitch) - _APART
+        return bottom, (self.span + bottom * np.sin(self.pitch)) / np.cos(self.pitch) - APART
 
     def _ridge_tiles(self, edge: float, frame: int) -> list[Boxes]:
         """Lay tiles over the upper edge of the slope up to the ridge, or near the apex of hips."""
         bottom, top = self._ridge_levels()
         start = self.span + APEX if self.hipped else 0.0
         end = self.length - start
-        if end - start < _RIDGE_TILE:  # the slope ends in an apex
+        if end - start < RIDGE_TILE:  # the slope ends in an apex
             start, end = (0.5 * self.length + side * 0.5 * _TIP[0] for side in (-1, 1))
             top -= (0.5 * _TIP[0] + _TIP[1]) / np.cos(self.pitch)
-        count = max(round((end - start) / _RIDGE_TILE), 1)
+        count = max(round((end - start) / RIDGE_TILE), 1)
         lines = np.linspace(start, end, count + 1)
-        return [_box([edge - _LAP, -b + _APART, bottom], [top, -a - _APART, bottom + _TILE[1]],
+        return [_box([edge - LAP, -b + APART, bottom], [top, -a - APART, bottom + TILE[1]],
                      frame, 1) for a, b in zip(lines, lines[1:])]
 
     def _row(self, x: float, z: float) -> tuple[float, float]:
@@ -233,18 +233,18 @@ class Slope:
         return inset, self.length - inset
 
     def _tiles(self, low: float, high: float, frame: int) -> list[Boxes]:
-        bottom = self.depth + _BATTEN[1]
+        bottom = self.depth + BATTEN[1]
         start, end = self._row(high, bottom)
-        count = max(int(round((end - start) / _TILE[0])), 1)
+        count = max(int(round((end - start) / TILE[0])), 1)
         lines = np.linspace(start, end, count + 1)
         spans = [(a, b, high) for a, b in zip(lines, lines[1:])]
         if self.hipped:  # half tiles follow the hips more closely
             middle = 0.5 * (low + high)
             left, right = self._row(middle, bottom)
             spans += [(left, start, middle), (end, right, middle)]
-        return [_box([low + _APART, -b + _APART, bottom],
-                     [top - _APART, -a - _APART, bottom + _TILE[1]], frame, 1)
-                for a, b, top in spans if b - a > 4 * _APART]
+        return [_box([low + APART, -b + APART, bottom],
+                     [top - APART, -a - APART, bottom + TILE[1]], frame, 1)
+                for a, b, top in spans if b - a > 4 * APART]
 
 
 def _box(low: list[float], high: list[float], frame: int, axis: int) -> Boxes:
