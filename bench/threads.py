@@ -15,21 +15,24 @@
 """
 Measure how much faster whole scenes run on several threads, side by side in one process.
 
-The stand of 250 trees and the storm beside 15,196 bricks of `bench/paper.py`, with their messages,
-as twins that differ in the number of threads only and must stay equal to the bit. The twins take
-turns frame by frame, two steps of 1/60 s and the bytes of poses and markers. Printed are medians
-over all frames of wall time, and of the processor time of the main thread: it waits for the others
-where they take longer, which is what a frame takes where nothing else runs on the cores.
+The stand of 250 trees and the storm beside 15,196 bricks of `bench/paper.py`, in frames as the
+node has them: two steps of 1/60 s and the bytes of poses and markers, these beside the next steps.
+They run as twins that differ in the number of threads only and must stay equal to the bit. The
+twins take turns, a third of a simulated second each. Printed are medians over all turns: of wall
+time per frame, of the processor time of the main thread, which waits for the others where they
+take longer (what a frame takes where nothing else runs on the cores), and speed-ups by both.
 Run: python bench/threads.py [frames] [threads ...]
 """
 
 from dataclasses import replace
 import os
 import sys
-from time import thread_time
+from time import perf_counter, thread_time
 
 import numpy as np
 import paper
+
+_TURN = 10  # frames
 
 
 def twins(objects: dict, wind: list[float], counts: list[int]) -> list[paper.Frames]:
@@ -45,21 +48,23 @@ def twins(objects: dict, wind: list[float], counts: list[int]) -> list[paper.Fra
 
 def measure(name: str, scenes: list[paper.Frames], counts: list[int], frames: int) -> None:
     """Print a row per number of threads, and check that the twins stayed equal."""
-    wall, own, steps = np.empty((3, frames, len(counts)))
-    for frame in range(frames):
-        for k in np.roll(np.arange(len(counts)), frame):  # none is always the first
-            start = thread_time()
-            stepped, written = scenes[k].frame()
-            own[frame, k] = thread_time() - start
-            wall[frame, k], steps[frame, k] = stepped + written, stepped
+    turns = max(frames // _TURN, 1)
+    wall, own = np.empty((2, turns, len(counts)))
+    for turn in range(turns):
+        for k in np.roll(np.arange(len(counts)), turn):  # none is always the first
+            start, started = perf_counter(), thread_time()
+            for _ in range(_TURN):
+                scenes[k].frame()
+            scenes[k].finish()
+            wall[turn, k], own[turn, k] = perf_counter() - start, thread_time() - started
     poses = [scene.simulation.poses for scene in scenes]
     for other in poses[1:]:
         np.testing.assert_array_equal(poses[0], other)
-    wall, own, steps = (np.median(each, axis=0) for each in (wall, own, steps))
     for k, count in enumerate(counts):
-        print(f'| {name} | {count} | {1e3 * wall[k]:.1f} | {wall[0] / wall[k]:.2f} | '
-              f'{steps[0] / steps[k]:.2f} | {1e3 * own[k]:.1f} | {own[0] / own[k]:.2f} |',
-              flush=True)
+        times = [1e3 / _TURN * np.median(each[:, k]) for each in (wall, own)]
+        gains = [np.median(each[:, 0] / each[:, k]) for each in (wall, own)]
+        print(f'| {name} | {count} | {times[0]:.1f} | {gains[0]:.2f} | {times[1]:.1f} | '
+              f'{gains[1]:.2f} |', flush=True)
 
 
 def main() -> None:
@@ -68,8 +73,8 @@ def main() -> None:
     cores = len(os.sched_getaffinity(0))
     counts = [int(word) for word in sys.argv[2:]] or [
         1, *(n for n in (2, 4, 8, 16) if n <= cores)]
-    print('| scene | threads | frame [ms] | speed-up | of its steps | main thread [ms] | '
-          'speed-up |\n|---|---|---|---|---|---|---|')
+    print('| scene | threads | frame [ms] | speed-up | main thread [ms] | speed-up |\n'
+          '|---|---|---|---|---|---|')
     measure('250 trees, wind 12 m/s', twins(paper.trees(250), paper.BREEZE, counts), counts,
             frames)
     both = {'office': {'grammar': 'office.wall', 'origin': [0.0, -60.0, 0.0]},

@@ -14,10 +14,14 @@
 
 """Kernels on several threads: the same results to the bit, for trees, wind, leaves and scenes."""
 
+from functools import partial
+from threading import Event, get_ident
+
 import numpy as np
 import pytest
 
 from procphys_ros.compilation import threads
+from procphys_ros.messages import SceneMarkers
 from procphys_ros.physics.wind import Wind, WindSettings
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
@@ -96,6 +100,61 @@ def test_ranges_run_once_each_and_their_errors_arrive():
     with pytest.raises(ValueError, match='range 2'):
         threads.run(count, np.array([0, 10, 50, 100]))
     assert (out == 1.0).all()
+
+
+@pytest.mark.parametrize('count', COUNTS)
+def test_work_beside_something_else_gives_its_result_or_its_error(count):
+    """Do what has the same name one after the other, and all of it before its end is known."""
+    done = []
+
+    def add(number):
+        done.append(number)
+        if number == 3:
+            raise ValueError('three')
+        return number ** 2
+    first, second, third = (threads.beside('test', partial(add, number), count)
+                            for number in (1, 2, 4))
+    assert (third(), first(), second()) == (16, 1, 4) and done == [1, 2, 4]
+    with pytest.raises(ValueError, match='three'):
+        threads.beside('test', partial(add, 3), count)()
+    assert threads.beside('test', partial(add, 5), count)() == 25  # goes on after an error
+
+
+def test_work_beside_something_else_has_begun_when_that_goes_on():
+    """Wait for nobody who holds the interpreter, with more than one thread."""
+    begun, go = Event(), Event()
+
+    def work():
+        begun.set()
+        assert go.wait(60.0)
+        return get_ident()
+    finish = threads.beside('test', work, 2)
+    assert begun.wait(60.0)
+    go.set()
+    assert finish() != get_ident()
+    go.set()
+    assert threads.beside('test', work, 1)() == get_ident()
+
+
+def test_markers_written_beside_the_next_steps_are_the_same_to_the_bit():
+    """Compare the bytes of a storm's markers with those written while nothing moved on."""
+    sent = []
+    for count in COUNTS:
+        simulation, data = stand(count), []
+        markers = SceneMarkers(simulation.blueprint, simulation.objects, 'world')
+        data.append(markers.whole(simulation.poses, (0, 0), simulation.leaf_poses()))
+        for at in range(10):
+            simulation.step(4)
+            if len(markers) < len(simulation.blueprint):
+                markers.grow(simulation.blueprint, simulation.objects)
+            finish = threads.beside('markers', partial(
+                markers.changes, simulation.poses.copy(), (at, 0), simulation.leaf_poses(),
+                simulation.dust), count)
+            simulation.step(2)
+            data.append(finish())
+        sent.append(data)
+    assert all(data for data in sent[0])
+    assert sent[0] == sent[1] == sent[2]
 
 
 def test_snapshots_go_on_with_another_number_of_threads():

@@ -12,12 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Threads that run kernels over ranges of rows, each its own."""
+"""Threads that run kernels: over ranges of rows, or one beside something else."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 import os
+from threading import Event
+from typing import TypeVar
 
 from numba import config
 import numpy as np
@@ -25,6 +27,7 @@ import numpy as np
 _WORTH = 1000  # rows per thread at least: with less, handing work over costs more than it saves
 BLOCK = 128  # rows: ranges begin at multiples, so that vectorised loops treat each row alike
 
+Result = TypeVar('Result')
 Work = Callable[[int, int, int], object]
 """Takes the place of a range among all ranges, its first row, and one past its last row."""
 
@@ -89,9 +92,40 @@ def run(work: Work, bounds: np.ndarray) -> None:
         future.result()
 
 
+def beside(name: str, work: Callable[[], Result], threads: int) -> Callable[[], Result]:
+    """
+    Begin with work on a further thread, while the caller goes on with something else.
+
+    The work goes first until its first kernel lets go of the interpreter. What holds the
+    interpreter for long, as PyBullet does, would keep it from beginning otherwise.
+
+    :param name: of the thread; what has the same name is done one after the other.
+    :param work: reads nothing that the caller writes meanwhile, nor the other way round.
+    :param threads: with one only, all of it is done now.
+    :returns: what waits for the end of the work and gives its result, or raises its error.
+    """
+    if threads == 1:
+        result = work()
+        return lambda: result
+    begun = Event()
+
+    def announced() -> Result:
+        begun.set()
+        return work()
+    future = _thread(name).submit(announced)
+    begun.wait()
+    return future.result
+
+
+@cache
+def _thread(name: str) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, thread_name_prefix=name)
+
+
 @cache
 def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix='kernels')
 
 
-os.register_at_fork(after_in_child=_pool.cache_clear)  # threads do not survive a fork
+for _cached in (_thread, _pool):  # threads do not survive a fork
+    os.register_at_fork(after_in_child=_cached.cache_clear)

@@ -184,6 +184,7 @@ class SimNode(Node):
         ended = [thread.stop(_LAST_TURN)
                  for thread in (self.topics, self.builder, self._loading, self.loop)]
         if all(ended):
+            self._output.close()
             self.session.close()
             super().destroy_node()
         return all(ended)

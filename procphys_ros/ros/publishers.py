@@ -16,6 +16,7 @@
 """Publishers of the node: what goes out, how often, and what is not built for nobody."""
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped, WrenchStamped
 import numpy as np
@@ -26,6 +27,7 @@ from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
 from procphys_ros import messages
+from procphys_ros.compilation.threads import beside
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.messages.ground import thinned
 from procphys_ros.messages.points import BREAK
@@ -79,6 +81,7 @@ class Publishers:
         self._clock = (qos.publisher(node, Clock, '/clock', qos.newest())
                        if parameters['publish_clock'] and parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
+        self._markers_sent: Callable[[], None] = lambda: None  # waits for the last message
         self._wants_whole = True
         self._marker_limiter = RateLimiter(parameters['marker_rate'], _EARLY)
         self._description_limiter = RateLimiter(_DESCRIPTIONS)
@@ -101,6 +104,11 @@ class Publishers:
         self._describe(simulation)
         self._ready.publish(Bool(data=True))
 
+    def close(self) -> None:
+        """Wait for the message that is being written, whatever becomes of it."""
+        with suppress(Exception):  # ROS may have gone under its hands
+            self._wait_for_markers()
+
     def end_scene(self) -> None:
         """Say that there is no scene any more."""
         self._ready.publish(Bool(data=False))
@@ -113,6 +121,7 @@ class Publishers:
 
     def restart(self) -> None:
         """Send all markers next, in place of what was shown, and the description."""
+        self.close()
         if self._scene_markers is not None and self._style().shard:
             self._markers.publish(self._scene_markers.deletions((0, 0)))
         self._scene_markers = None
@@ -195,6 +204,7 @@ class Publishers:
             self._wants_whole = True
         if not self._markers.get_subscription_count() or not self._marker_limiter.is_due():
             return
+        self._wait_for_markers()
         markers = self._scene_markers
         if markers is None:
             markers = self._scene_markers = SceneMarkers(
@@ -202,12 +212,23 @@ class Publishers:
             self._wants_whole = True
         elif len(markers) < len(simulation.blueprint):
             markers.grow(simulation.blueprint, simulation.objects)
-        write: Callable = markers.whole if self._wants_whole else markers.changes
-        self._wants_whole = False
         leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
-        data = write(simulation.poses, at, leaves, simulation.dust)
-        if data is not None:
-            self._markers.publish(data)
+        if self._wants_whole:
+            self._wants_whole = False
+            self._markers.publish(markers.whole(simulation.poses, at, leaves, simulation.dust))
+            return
+        poses, dust = simulation.poses.copy(), simulation.dust  # the next steps write the former
+
+        def send() -> None:
+            data = markers.changes(poses, at, leaves, dust)
+            if data is not None:
+                self._markers.publish(data)
+        self._markers_sent = beside('markers', send, simulation.model.threads)
+
+    def _wait_for_markers(self) -> None:
+        """Wait until the markers of an earlier frame have gone out; raises what went wrong."""
+        sent, self._markers_sent = self._markers_sent, lambda: None
+        sent()
 
     def _style(self) -> MarkerStyle:
         shard = (f'shard_{self._parameters["shard.index"]}'

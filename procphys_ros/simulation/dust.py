@@ -81,6 +81,8 @@ def _from_projectiles(model: Model, state: State, cloud: DustCloud) -> None:
     """Raise dust where projectiles struck masonry that stood."""
     own, ledger, bodies = state.dust, state.ledger, state.world.bodies
     fresh, own.struck = ledger.count - own.struck, ledger.count
+    if not fresh:
+        return
     velocity: dict[int, np.ndarray] = {}
     stony = np.ones(len(state.parts), bool)
     stony[model.wooden] = False

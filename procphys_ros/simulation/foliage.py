@@ -80,11 +80,11 @@ def _fly(model: Model, state: State, dt: float) -> None:
         own.fallen.lift(below)
     flying = np.flatnonzero(own.fallen.flying)
     if len(flying):
-        _sample_air(state, flying)
-        own.fallen.step(flying, own.felt[flying], dt, below)
+        _sample_air(model, state, flying)
+        own.fallen.step(flying, own.felt[flying], dt, below, model.threads)
 
 
-def _sample_air(state: State, flying: np.ndarray) -> None:
+def _sample_air(model: Model, state: State, flying: np.ndarray) -> None:
     """Ask for the air at a share of the leaves, in turn, and at those that came off now."""
     own = state.leaves
     fresh = len(own.fallen) - len(own.felt)
@@ -92,7 +92,8 @@ def _sample_air(state: State, flying: np.ndarray) -> None:
         own.felt = np.concatenate([own.felt, np.full((fresh, 3), np.nan)])
     own.turn = (own.turn + 1) % _TURNS
     due = flying[(flying % _TURNS == own.turn) | np.isnan(own.felt[flying, 0])]
-    own.felt[due] = state.wind.velocity(own.fallen.poses[due, :3], state.time)
+    own.felt[due] = state.wind.velocity(own.fallen.poses[due, :3], state.time,
+                                        threads=model.threads)
 
 
 def _tear_off(model: Model, state: State) -> None:

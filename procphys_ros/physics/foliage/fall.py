@@ -20,6 +20,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.compilation import kernel
+from procphys_ros.compilation import threads as pool
 from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
 from procphys_ros.skeleton import LEAF_AREAL_DENSITY
@@ -88,7 +89,7 @@ class FallingLeaves:
             [self._spin, _TUMBLING * axis / (0.5 * np.maximum(size, 1e-3))[:, None]])
 
     def step(self, rows: np.ndarray, air: np.ndarray, time_step: float,
-             skyline: Skyline = OPEN) -> None:
+             skyline: Skyline = OPEN, threads: int = 1) -> None:
         """
         Let them fly.
 
@@ -96,9 +97,16 @@ class FallingLeaves:
         :param air: velocity of the air at these [m/s], world, (F, 3).
         :param time_step: [s].
         :param skyline: of what stands in their way.
+        :param threads: to work on; results are the same to the bit for any number.
         """
-        landed = rows[_fly(rows, air, time_step, self._gravity, skyline, self._drag, self._spin,
-                           self._start, self.poses, self.velocities)]
+        ends = np.empty(len(rows), bool)
+
+        def work(_: int, first: int, last: int) -> None:
+            ends[first:last] = _fly(rows[first:last], air[first:last], time_step, self._gravity,
+                                    skyline, self._drag, self._spin, self._start, self.poses,
+                                    self.velocities)
+        pool.run(work, pool.even_ranges(len(rows), threads))
+        landed = rows[ends]
         if len(landed):
             self.flying[landed] = False
             self.velocities[landed] = 0.0
@@ -119,7 +127,7 @@ def _laid_flat(attitude: np.ndarray) -> np.ndarray:
     return rotation.multiply(turn, level)
 
 
-@kernel
+@kernel(nogil=True)
 def _fly(rows, air, dt, gravity, skyline, drag, spin, start, poses,
          velocities):
     """
