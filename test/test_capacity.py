@@ -16,10 +16,11 @@
 
 import pytest
 
-from procphys_ros.errors import SceneError
+from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import capacity, Scene
+from procphys_ros.simulation import Simulation
 
 STAND = {'scene': {'objects': ['palm']},
          'palm': {'grammar': 'palm.lsys', 'count': 40, 'variants': 1}}
@@ -58,3 +59,19 @@ def test_plans_and_what_a_program_adds_count_too(monkeypatch, tmp_path):
         scene.add(palm)
     with pytest.raises(SceneError, match='hold 256;'):
         scene.add(palm)
+
+
+def test_a_running_scene_takes_in_what_is_free_beside_it(monkeypatch, tmp_path):
+    """Add trees while memory lasts, and leave the scene as it was when one is refused."""
+    table = tmp_path / 'meminfo'
+    monkeypatch.setattr(capacity, '_MEMORY', table)
+    palm = LSystem.load(shared_folder() / 'grammars' / 'palm.lsys').build(seed=1)
+    scene = Scene()
+    scene.add(palm, name='first')
+    simulation = Simulation(scene)
+    table.write_text(f'MemAvailable: {20 * len(palm)} kB\n', 'ascii')
+    simulation.add(palm, (9.0, 0.0, 0.0), name='second')
+    table.write_text('MemAvailable: 500 kB\n', 'ascii')
+    with pytest.raises(CommandError, match=f'third has {len(palm)} parts, .* hold 25 more'):
+        simulation.add(palm, (18.0, 0.0, 0.0), name='third')
+    assert [known.name for known in simulation.objects] == ['first', 'second']

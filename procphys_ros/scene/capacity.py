@@ -47,3 +47,19 @@ def check_capacity(parts: int, memory: int | None) -> None:
         f'the scene has {parts:,} parts or more, but the {memory / 2 ** 30:.1f} GiB of memory '
         f'that are free hold {memory // _PER_PART:,}; take fewer objects, or share them among '
         'several machines with shard.count')
+
+
+def check_addition(name: str, parts: int, memory: int | None) -> None:
+    """
+    Refuse what a running scene cannot take in, before memory is spent on it.
+
+    :param name: of what is added.
+    :param parts: that it has.
+    :param memory: that is free beside the running scene [bytes]; None = unknown.
+    :raises SceneError: naming both numbers.
+    """
+    if memory is None or parts * _PER_PART <= memory:
+        return
+    raise SceneError(
+        f'{name} has {parts:,} parts, but the {memory / 2 ** 30:.1f} GiB of memory that are free '
+        f'hold {memory // _PER_PART:,} more')

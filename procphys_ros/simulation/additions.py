@@ -26,6 +26,7 @@ from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.scene import SceneObject
+from procphys_ros.scene.capacity import available_memory, check_addition
 from procphys_ros.scene.placement import stand_on
 from procphys_ros.simulation import fragments, load_checks, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
@@ -45,13 +46,15 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     :param name: that no object has or had.
     :returns: the model of the enlarged scene, to which the state has grown, and what to tell the
         user of an object that cracks or falls under its own weight.
-    :raises CommandError: when the name is taken, or the place is not finite.
+    :raises CommandError: when the name is taken, the place is not finite, or free memory cannot
+        hold the object.
     """
     if any(known.name == name for known in state.objects):
         raise CommandError(f'there is, or was, an object called "{name}"; choose another name')
     if not np.all(np.isfinite([*position, yaw])):
         raise CommandError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
     try:
+        check_addition(name, len(blueprint), available_memory())
         placed = stand_on(model.terrain, blueprint.placed(position, yaw), name)
     except SceneError as error:
         raise CommandError(str(error)) from None

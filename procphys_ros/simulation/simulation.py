@@ -292,7 +292,8 @@ class Simulation:
         :param yaw: turn about the vertical [rad].
         :param name: that no object has or had; `object_<n>` when left out.
         :returns: its name and parts, which are behind all others.
-        :raises CommandError: when the name is or was taken, or the place is not finite.
+        :raises CommandError: when the name is or was taken, the place is not finite, or free
+            memory cannot hold the object.
         """
         name = name or self.free_name('object')
         self.model, lines = additions.add(self.model, self.state, blueprint, position, yaw, name)
