@@ -17,8 +17,7 @@ Hash poses and break events of the shipped scenes, second by second, with all th
 
 Guards a change that must not alter what is simulated: record before it, compare after it. Hashes
 hold for one machine and one set of library versions, so records are not kept in the repository.
-Every scene runs in a process of its own, and again if that process had to compile: kernels that
-were just compiled and the same kernels from numba's cache may differ in the last digit.
+Every scene runs in a process of its own.
 
     python bench/pose_hashes.py --record before.json
     python bench/pose_hashes.py --compare before.json
@@ -33,7 +32,6 @@ from multiprocessing import get_context
 from pathlib import Path
 import sys
 
-from numba.core import event
 import numpy as np
 
 from procphys_ros.scene import Scene
@@ -41,7 +39,6 @@ from procphys_ros.simulation import Simulation
 
 _SCENES = Path(__file__).parents[1] / 'config'
 _SHOWN = 12  # hexadecimal digits of a hash that are printed
-_TRIES = 4  # of a scene, until nothing is compiled
 _COLUMNS = ('time', 'bond', 'part_a', 'part_b', 'cause', 'load')
 
 
@@ -62,24 +59,10 @@ def summarise(simulation: Simulation) -> dict:
             'poses': digest(poses), 'events': digest(*(events[name] for name in _COLUMNS))}
 
 
-def run(name: str, seconds: int) -> tuple[list[dict], bool]:
-    """
-    Simulate one shipped scene, and summarise it at the start and after each second.
-
-    :returns: a row per second, and whether a kernel was compiled meanwhile.
-    """
-    with event.install_recorder('numba:compile') as compiled:
-        return simulate(name, seconds), len(compiled.buffer) > 0
-
-
-def run_warm(name: str, seconds: int) -> list[dict]:
-    """Run a scene in new processes until one takes all kernels from the cache."""
-    for _ in range(_TRIES):
-        with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
-            found, compiled = pool.submit(run, name, seconds).result()
-        if not compiled:
-            return found
-    raise RuntimeError(f'{name}: kernels were compiled in each of {_TRIES} runs')
+def run(name: str, seconds: int) -> list[dict]:
+    """Simulate a scene in a new process, and summarise it at the start and after each second."""
+    with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
+        return pool.submit(simulate, name, seconds).result()
 
 
 def simulate(name: str, seconds: int) -> list[dict]:
@@ -129,7 +112,7 @@ def main() -> int:
     expected = json.loads(asked.compare.read_text()) if asked.compare else None
     found, failed = {}, 0
     for name in asked.scenes or known:
-        found[name] = run_warm(name, asked.seconds)
+        found[name] = run(name, asked.seconds)
         report(name, found[name], asked.each)
         if expected is not None:
             told = difference(expected[name], found[name]) if name in expected else 'not recorded'

@@ -17,10 +17,10 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import subroutine
 
 
-@kernel
+@subroutine
 def matrix_rows(q):
     """Turn a quaternion xyzw into the rows of a matrix, as tuples that need no memory."""
     x, y, z, w = q[0], q[1], q[2], q[3]
@@ -29,7 +29,7 @@ def matrix_rows(q):
             (2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)))
 
 
-@kernel
+@subroutine
 def matrix(q):
     """Turn a quaternion xyzw into a matrix, (3, 3); its columns are the turned axes."""
     rows = matrix_rows(q)

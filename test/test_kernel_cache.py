@@ -30,11 +30,11 @@ from procphys_ros.compilation.sources import imported_names
 
 ROOT = Path(__file__).resolve().parents[1]
 CALLEE = """
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import {decorator}
 
 FACTOR = {factor}
 
-@kernel
+@{decorator}
 def enlarge(x):
     return FACTOR * x
 """
@@ -49,6 +49,18 @@ def total(values):
     for value in values:
         result += enlarge(value)
     return result
+"""
+FACTOR = """
+import hashlib
+import numpy as np
+from procphys_ros.physics.masonry.factor import Factor
+
+count = 9
+rows = np.random.default_rng(1).random((6 * count, 6 * count))
+matrix = (rows @ rows.T + 6 * count * np.eye(6 * count)).reshape(count, 6, count, 6)
+blocks = np.ascontiguousarray(matrix.swapaxes(1, 2)).reshape(-1, 6, 6)
+factor = Factor(np.arange(0, count ** 2 + 1, count), np.tile(np.arange(count), count), blocks)
+print(hashlib.sha256(factor.panels[3].tobytes() + factor.panels[4].tobytes()).hexdigest())
 """
 PROGRAM = """
 import numba.core.event as event
@@ -79,9 +91,10 @@ class SmallPackage:
         (folder / 'small' / '__init__.py').touch()
         (folder / 'small' / 'caller.py').write_text(CALLER, 'utf-8')
 
-    def install(self, factor: float) -> None:
+    def install(self, factor: float, decorator: str = 'kernel') -> None:
         """Replace the file of the callee only, as an upgrade may."""
-        (self._folder / 'small' / 'callee.py').write_text(CALLEE.format(factor=factor), 'utf-8')
+        (self._folder / 'small' / 'callee.py').write_text(
+            CALLEE.format(factor=factor, decorator=decorator), 'utf-8')
 
     def run(self, then: str = '', **environment: str) -> tuple[float, int, str]:
         """
@@ -136,6 +149,33 @@ def test_upgrade_of_a_callee_takes_effect(small):
     assert small.run()[:2] == (33.0, 2)
     small.install(2.0)
     assert small.run()[:2] == (22.0, 0)
+
+
+def test_subroutines_are_kept_for_other_kernels(small):
+    """Take what was compiled of a subroutine into a kernel that is compiled later."""
+    small.install(2.0, 'subroutine')
+    assert small.run()[:2] == (22.0, 2)
+    assert small.run()[:2] == (22.0, 0)
+    integers = 'print(total(np.array([1, 10])), Compiled.count)'
+    assert small.run(then=integers)[:2] == (22.0, 2)
+    more = ('from small.callee import enlarge; import small.caller as caller\n'
+            'from procphys_ros.compilation import kernel\n'
+            'twice = kernel(lambda x: enlarge(enlarge(x)))\n'
+            'print(twice(5.0), Compiled.count)')
+    assert small.run(then=more)[:2] == (20.0, 1)
+
+
+def test_python_cannot_call_a_subroutine(small):
+    """Name what was called, and compile nothing."""
+    small.install(2.0, 'subroutine')
+    refused = """
+from small.callee import enlarge
+try:
+    enlarge(1.0)
+except TypeError as error:
+    print(7.0 if str(error).startswith('enlarge is a subroutine') else 0.0, 0)
+"""
+    assert small.run(then=refused)[:2] == (7.0, 0)
 
 
 def test_setting_of_numba_takes_effect(small):
@@ -222,6 +262,14 @@ def test_claims_end_with_their_process(tmp_path, before, is_claimed):
     assert path.with_suffix('.lock').exists()
     release(path)
     assert list(path.parent.iterdir()) == []
+
+
+def test_kernels_from_files_do_the_same_to_the_bit(tmp_path):
+    """Factor a matrix by kernels that round freely: just compiled, and loaded."""
+    hashes = [subprocess.run([sys.executable, '-c', FACTOR], cwd=ROOT, text=True, check=True,
+                             env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
+                             capture_output=True).stdout for _ in range(2)]
+    assert hashes[0] == hashes[1]
 
 
 def test_imports_are_found():

@@ -15,6 +15,8 @@
 
 """All kernels compiled beforehand: the list of overloads is whole and fits the kernels."""
 
+from collections.abc import Iterator
+import dis
 import importlib
 import inspect
 import json
@@ -32,6 +34,7 @@ import pytest
 
 import procphys_ros
 from procphys_ros.compilation.decorator import KERNELS
+from procphys_ros.compilation.linking import Subroutine
 from procphys_ros.compilation.overloads import shipped
 from procphys_ros.compilation.signatures import from_text, to_text
 from procphys_ros.ros.background_compilation import BackgroundCompilation
@@ -76,6 +79,36 @@ def test_no_kernel_is_forgotten():
         reached.add(name)
         waiting |= callees(kernels[name]) - reached
     assert kernels.keys() - reached == set(), REMEDY
+
+
+def python_functions() -> Iterator[Any]:
+    """Give all functions and methods of the package that are not compiled."""
+    all_kernels()
+    for module in [m for name, m in sys.modules.items() if name.startswith('procphys_ros.')]:
+        for scope in (module, *filter(inspect.isclass, vars(module).values())):
+            yield from filter(inspect.isfunction, vars(scope).values())
+
+
+def loaded(function: Any) -> Iterator[Any]:
+    """Give the globals that a function loads, and what it loads from those that are modules."""
+    found = None
+    for step in dis.get_instructions(function):
+        if step.opname == 'LOAD_GLOBAL':
+            found = function.__globals__.get(step.argval)
+            yield found
+        elif step.opname in ('LOAD_ATTR', 'LOAD_METHOD') and inspect.ismodule(found):
+            yield getattr(found, step.argval, None)
+            found = None
+
+
+def test_only_kernels_call_subroutines():
+    """Find no subroutine among what Python's functions load, nor in the list of overloads."""
+    subroutines = {name for name, one in all_kernels().items() if isinstance(one, Subroutine)}
+    assert len(subroutines) > 100
+    assert not subroutines & {f'{overload.module}.{overload.name}'
+                              for group in shipped() for overload in group}
+    for function in python_functions():
+        assert not any(isinstance(one, Subroutine) for one in loaded(function)), function
 
 
 def test_list_fits_the_kernels():

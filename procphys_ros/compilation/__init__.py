@@ -15,6 +15,6 @@
 
 """Compile kernels once, and keep them where no upgrade can leave stale ones behind."""
 
-from procphys_ros.compilation.decorator import kernel
+from procphys_ros.compilation.decorator import kernel, subroutine
 
-__all__ = ['kernel']
+__all__ = ['kernel', 'subroutine']

@@ -32,6 +32,7 @@ from numba.core.sigutils import normalize_signature
 
 from procphys_ros.compilation.claims import claim, release
 from procphys_ros.compilation.folders import cache_folder, module_folder, prepare
+from procphys_ros.compilation.linking import restore_subroutine
 from procphys_ros.compilation.progress import COMPILING
 from procphys_ros.progress import stage
 
@@ -71,7 +72,7 @@ class KernelCache(_Cache):
         if not self._enabled or payload is None:
             return None
         release(path)
-        return CompileResult._rebuild(target_context, *pickle.loads(payload))
+        return self._restore(target_context, pickle.loads(payload))
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
         """Keep what was compiled for a signature."""
@@ -99,6 +100,9 @@ class KernelCache(_Cache):
         for path in Path(self.cache_path).glob(f'{self._name}-*.nbc'):
             path.unlink(missing_ok=True)
 
+    def _restore(self, target_context: Any, reduced: tuple) -> CompileResult:
+        return CompileResult._rebuild(target_context, *reduced)
+
     @property
     def _name(self) -> str:
         code = self._function.__code__
@@ -113,6 +117,13 @@ class KernelCache(_Cache):
                dumps(tuple(cell.cell_contents for cell in cells)))
         digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
         return Path(self.cache_path) / f'{self._name}-{digest}.nbc'
+
+
+class SubroutineCache(KernelCache):
+    """Keeps the intermediate code of what only kernels call."""
+
+    def _restore(self, target_context: Any, reduced: tuple) -> CompileResult:
+        return restore_subroutine(target_context, reduced)
 
 
 def _read(path: Path) -> bytes | None:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The decorator of all kernels."""
+"""The decorators of all kernels."""
 
 from collections.abc import Callable
 from functools import partial
@@ -21,10 +21,11 @@ from typing import Any
 
 from numba import config, njit
 
-from procphys_ros.compilation.cache import KernelCache
+from procphys_ros.compilation.cache import KernelCache, SubroutineCache
+from procphys_ros.compilation.linking import KernelCompiler, Subroutine, SubroutineCompiler
 
 KERNELS: dict[str, Any] = {}
-"""Every kernel that has been imported, by its dotted name."""
+"""Every kernel and subroutine that has been imported, by its dotted name."""
 
 
 def kernel(function: Callable | None = None, /, **options: Any) -> Any:
@@ -37,8 +38,31 @@ def kernel(function: Callable | None = None, /, **options: Any) -> Any:
     if function is None:
         return partial(kernel, **options)
     # Nothing calls kernels from C, and the wrappers for that take a tenth of the compilation.
-    dispatcher = njit(no_cfunc_wrapper=True, **options)(function)
+    compiled = njit(no_cfunc_wrapper=True, pipeline_class=KernelCompiler, **options)(function)
     if not config.DISABLE_JIT:  # else it is the function itself
-        dispatcher._cache = KernelCache(function)
-    KERNELS[f'{function.__module__}.{function.__qualname__}'] = dispatcher
-    return dispatcher
+        compiled._cache = KernelCache(function)
+    return _noted(function, compiled)
+
+
+def subroutine(function: Callable | None = None, /, **options: Any) -> Any:
+    """
+    Compile a function that kernels call, and Python does not, with the first of them.
+
+    It has no wrapper for Python and no machine code of its own, which is half of the work.
+
+    :param function: what to compile; None = give a decorator with these options.
+    :param options: of `numba.njit`; `cache` is implied.
+    """
+    if function is None:
+        return partial(subroutine, **options)
+    if config.DISABLE_JIT:
+        return _noted(function, function)
+    compiled = Subroutine(function, pipeline_class=SubroutineCompiler, targetoptions={
+        'nopython': True, 'no_cfunc_wrapper': True, 'no_cpython_wrapper': True, **options})
+    compiled._cache = SubroutineCache(function)
+    return _noted(function, compiled)
+
+
+def _noted(function: Callable, compiled: Any) -> Any:
+    KERNELS[f'{function.__module__}.{function.__qualname__}'] = compiled
+    return compiled

@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.lsystem.modules import POP, PUSH
 
 OPEN, CLOSE, EXACT_CLOSE = -1, -2, -3  # brackets in a right context; keys are not negative
@@ -85,14 +85,14 @@ def match_left(rows: np.ndarray, key: np.ndarray, before: np.ndarray,
     return good, met
 
 
-@kernel
+@subroutine
 def _past_branches(at, key, onward, closing):
     while at < len(key) and key[at] == PUSH:
         at = onward[closing[at] + 1]
     return at
 
 
-@kernel
+@subroutine
 def _match_one(at, key, onward, closing, pattern, met, places, ends):
     """Match one right context; a named branch may be any of the branches that stand there."""
     depth = 0

@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.lsystem.symbols import ATTRIBUTE_INDEX, ATTRIBUTES, Op
 
 # Layout of the turtle's state; every bracket saves all of it.
@@ -49,14 +49,14 @@ FAULTS = {
 }
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def _copy(source, target):
     """Copy numbers one by one: assigned slices take seconds to compile, for their errors."""
     for k in range(len(source)):
         target[k] = source[k]
 
 
-@kernel
+@subroutine
 def _rotate(state, a, b, angle):
     """Turn the axis at a towards the axis at b by an angle [rad]."""
     c, s = np.cos(angle), np.sin(angle)
@@ -66,14 +66,14 @@ def _rotate(state, a, b, angle):
         state[b + k] = c * y - s * x
 
 
-@kernel
+@subroutine
 def _cross(state, a, b, to):
     state[to] = state[a + 1] * state[b + 2] - state[a + 2] * state[b + 1]
     state[to + 1] = state[a + 2] * state[b] - state[a] * state[b + 2]
     state[to + 2] = state[a] * state[b + 1] - state[a + 1] * state[b]
 
 
-@kernel
+@subroutine
 def _square_up(state, second, third):
     """Make heading, `second` and `third` orthonormal again; False when they are parallel."""
     size = np.sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2)
@@ -97,7 +97,7 @@ def _square_up(state, second, third):
     return True
 
 
-@kernel
+@subroutine
 def _turn_all(state, axis, angle):
     """Turn the whole frame about a unit axis (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
@@ -109,7 +109,7 @@ def _turn_all(state, axis, angle):
         state[at + 2] = c * z + s * (axis[0] * y - axis[1] * x) + along * axis[2]
 
 
-@kernel
+@subroutine
 def _bend(state, target, elasticity):
     """
     Turn by elasticity·|H×T| about H×T (Prusinkiewicz and Lindenmayer 1990, p. 58).
@@ -137,7 +137,7 @@ def _bend(state, target, elasticity):
     _turn_all(state, axis, angle)
 
 
-@kernel
+@subroutine
 def _level(state):
     """Roll so that left becomes horizontal: L = V×H/|V×H|, U = H×L (p. 57)."""
     size = np.sqrt(state[3] ** 2 + state[4] ** 2)
@@ -146,7 +146,7 @@ def _level(state):
         _cross(state, HEADING, LEFT, UP)
 
 
-@kernel
+@subroutine
 def _orient(state, given):
     """Take the heading that is given, and up if it is given; False when they are no frame."""
     size = np.sqrt(given[0] ** 2 + given[1] ** 2 + given[2] ** 2)
@@ -164,13 +164,13 @@ def _orient(state, given):
     return _square_up(state, UP, LEFT)
 
 
-@kernel
+@subroutine
 def _advance(state, length):
     for k in range(3):
         state[POSITION + k] += length * state[HEADING + k]
 
 
-@kernel
+@subroutine
 def _after_segment(state):
     """Apply rates and tropism (after segments without bone too); remove rounding."""
     for k in range(_COUNT):
@@ -181,13 +181,13 @@ def _after_segment(state):
     _square_up(state, LEFT, UP)
 
 
-@kernel
+@subroutine
 def _carrier(state, segments):
     """Give the segment that carries an ornament: the one before it, else the next to come."""
     return state[PARENT] if state[PARENT] >= 0.0 else segments
 
 
-@kernel
+@subroutine
 def _record(rows, number, state, length, carrier, module):
     """Write a segment, a boneless segment or a leaf: carrier, module, length, whole state."""
     rows[number, 0] = carrier
@@ -196,12 +196,12 @@ def _record(rows, number, state, length, carrier, module):
     _copy(state, rows[number, 3:])
 
 
-@kernel
+@subroutine
 def _same(a, b):
     return a[0] == b[0] and a[1] == b[1] and a[2] == b[2]
 
 
-@kernel
+@subroutine
 def _corner(state, vertices, opened, filled):
     """Add a corner to the innermost polygon, unless it is the last one again."""
     last = filled[CORNERS] - 1
@@ -211,7 +211,7 @@ def _corner(state, vertices, opened, filled):
         filled[CORNERS] += 1
 
 
-@kernel
+@subroutine
 def _fill(state, vertices, first, triangles, filled, module):
     """Cut the polygon that is closed into a fan of triangles."""
     count = filled[CORNERS]
@@ -229,7 +229,7 @@ def _fill(state, vertices, first, triangles, filled, module):
     filled[CORNERS] = first
 
 
-@kernel
+@subroutine
 def _move(state, code, length, segments, pieces, vertices, opened, filled, module):
     """Move, and draw unless inside a polygon, where movements only make its edges."""
     if filled[POLYGONS] > 0:
@@ -251,7 +251,7 @@ def _move(state, code, length, segments, pieces, vertices, opened, filled, modul
         filled[SEGMENTS] += 1
 
 
-@kernel
+@subroutine
 def _turn(state, op, sign, given, angle):
     if sign == 0:  # |
         angle = np.pi
@@ -265,7 +265,7 @@ def _turn(state, op, sign, given, angle):
     _rotate(state, a, b, angle)
 
 
-@kernel
+@subroutine
 def _set(state, op, argument, given):
     """Follow the symbols that only change the state; False for directions that are none."""
     if op == _ATTRIBUTE:
@@ -287,7 +287,7 @@ def _set(state, op, argument, given):
     return True
 
 
-@kernel
+@subroutine
 def _draw(state, op, argument, given, tables, opened, filled, module):
     """Follow one symbol other than a bracket; gives the fault."""
     segments, pieces, leaves, triangles, vertices, angle = tables

@@ -20,7 +20,7 @@ import zlib
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 
 
 class Terrain(NamedTuple):
@@ -131,7 +131,7 @@ class Terrain(NamedTuple):
 FLAT = Terrain(np.zeros((0, 0)), np.zeros(2), 1.0)  # the plane z = 0
 
 
-@kernel
+@subroutine
 def _cell(terrain, x, y):
     """Find the cell of a place, and where in it: two indices, two shares of the edge."""
     u, v = (x - terrain.low[0]) / terrain.edge, (y - terrain.low[1]) / terrain.edge
@@ -142,7 +142,7 @@ def _cell(terrain, x, y):
     return i, j, u - i, v - j
 
 
-@kernel
+@subroutine
 def height_at(terrain, x, y):
     """Give how high the ground is at a place [m]."""
     h = terrain.heights
@@ -155,7 +155,7 @@ def height_at(terrain, x, y):
             + (1.0 - b) * (h[i + 1, j] - h[i + 1, j + 1]))
 
 
-@kernel
+@subroutine
 def normal_at(terrain, x, y):
     """Give the upward unit normal of the ground at a place, three numbers."""
     h = terrain.heights
@@ -192,7 +192,7 @@ def _normals(terrain, points):
     return out
 
 
-@kernel
+@subroutine
 def _next_line(place, way, count):
     """
     Give the share of a ray to the first of the lines 0, 1, … count - 1 across it.

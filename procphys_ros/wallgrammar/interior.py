@@ -94,8 +94,7 @@ class Interior:
             if floors == 'slab':
                 slab_floor(self.site, self.plan, level, micro(depth), [*self.walls, *inner])
             elif floors == 'timber':
-                # Ties lie on the uppermost joists, or the stones of a spire lean in over them.
-                bare = level == levels[-1] and roof in ('gable', 'hip', 'spire')
+                bare = level == levels[-1] and roof in ('gable', 'hip')  # ties lie there
                 timber_floor(self.site, self.plan, level, self.walls, inner,
                              [] if bare else rooms)
         for wall in (*self.walls, *inner):

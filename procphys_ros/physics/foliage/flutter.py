@@ -27,7 +27,7 @@ import math
 import numpy as np
 
 from procphys_ros.blueprint import Leaves
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.compilation import threads as pool
 
 # Frequency of a blade of one size. With petioles in proportion to blades of one thickness,
@@ -149,7 +149,7 @@ def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):
             out[i, 3 + j] = q[j]
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def _downwind(q, flow, speed):
     """
     Turn from the leaf's axis at rest to where drag and petiole balance.
@@ -168,7 +168,7 @@ def _downwind(q, flow, speed):
     return tx * scale, ty * scale, tz * scale, tw * scale
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def _into(x, y, z, w, a, b, c):
     """Turn a vector back by a quaternion: from the world into a part's frame."""
     tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
@@ -176,7 +176,7 @@ def _into(x, y, z, w, a, b, c):
             c + w * tz + tx * y - ty * x)
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def _times(a, b):
     """Compose rotations: by b first, then by a."""
     ax, ay, az, aw = a

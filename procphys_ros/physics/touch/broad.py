@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.rotation_kernels import matrix_rows
 
 _BOX = int(Shape.BOX)  # numba reads no enums
@@ -137,7 +137,7 @@ def _search(first, second, near):
     return pairs[:found]
 
 
-@kernel
+@subroutine
 def _span(lower, upper, low, edge, cells):
     """Give the first and last cell along an axis that hold what begins between two values."""
     first = min(max(int(math.floor((lower - low) / edge)), 0), cells)
@@ -145,7 +145,7 @@ def _span(lower, upper, low, edge, cells):
     return min(first, cells - 1), last
 
 
-@kernel
+@subroutine
 def _sorted_into_cells(second, near, low, edge, cells):
     """Give where the members of each cell begin, row of cells by row, and the members."""
     key = np.empty(len(near), np.int64)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.terrain import FLAT, height_at, normal_at, Terrain
 from procphys_ros.rotation_kernels import matrix, matrix_rows
 
@@ -186,7 +186,7 @@ def _meet_ground(rows, both, poses, sizes, velocities, dt, terrain):
     return pair[:count], place[:count], normal[:count], gap[:count]
 
 
-@kernel
+@subroutine
 def _note(count, x, y, z, qx, qy, qz, gap, point, normal):
     normal[count, 0], normal[count, 1], normal[count, 2] = x, y, z
     point[count, 0] = qx + 0.5 * gap * x
@@ -194,7 +194,7 @@ def _note(count, x, y, z, qx, qy, qz, gap, point, normal):
     point[count, 2] = qz + 0.5 * gap * z
 
 
-@kernel
+@subroutine
 def _nearest(centre, attitude, size, at, shape, pose, extent):
     """
     Give gap, place on the segment's axis from 0 to 1, normal, and nearest point of the piece.
@@ -234,7 +234,7 @@ def _nearest(centre, attitude, size, at, shape, pose, extent):
     return gap, place, n[0], n[1], n[2], q[0], q[1], q[2]
 
 
-@kernel
+@subroutine
 def _span(pose, size, shape, other, extent, t):
     """Give the places between which a segment lies along a piece, both t if it does not."""
     half = 0.5 * max(size[2] - size[0], 0.0)
@@ -261,7 +261,7 @@ def _span(pose, size, shape, other, extent, t):
     return min(max(low, 0.0), 1.0), min(max(high, 0.0), 1.0)
 
 
-@kernel
+@subroutine
 def _rise(p, d, half, level):
     """Find where the slope of half the squared distance to a box rises above a level, 0 to 1."""
     low, high = 0.0, 1.0
@@ -282,7 +282,7 @@ def _rise(p, d, half, level):
     return high
 
 
-@kernel
+@subroutine
 def _axes(p, d, q, e):
     """Give the parameters of the nearest points of two axes p + t·d and q + s·e, 0 to 1."""
     dd, ee, de = (d ** 2).sum(), (e ** 2).sum(), (d * e).sum()
@@ -302,7 +302,7 @@ def _axes(p, d, q, e):
     return t, s
 
 
-@kernel
+@subroutine
 def _box(p, d, half):
     """
     Find where the axis p + t·d is nearest to a box, in the box's frame.

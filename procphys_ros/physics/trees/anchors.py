@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import subroutine
 from procphys_ros.physics.trees.spatial import INLINE
 
 # Columns of `State.anchor`: spring [N/m], damper [N·s/m], the point that it draws the centre of
@@ -155,7 +155,7 @@ def cut(table: np.ndarray, rest: np.ndarray, rows: np.ndarray, hosts: np.ndarray
     table[rows] = 0.0
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def pull(i, anchor, poses, h):
     """Give the force of the anchor of row i where its centre of mass is [N], and c + h·k."""
     k = anchor[i, 0]
@@ -164,7 +164,7 @@ def pull(i, anchor, poses, h):
             anchor[i, 7] - k * (poses[i, 2] - anchor[i, 4])), anchor[i, 1] + h * k
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def energy_between(i, anchor, x, y, z, poses):
     """Give the energy that the anchor of row i has at its pose beyond that at (x, y, z) [J]."""
     dx, dy, dz = poses[i, 0] - x, poses[i, 1] - y, poses[i, 2] - z

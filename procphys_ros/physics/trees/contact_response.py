@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.trees import integrator, joints, passes
 from procphys_ros.physics.trees.layout import (
     ACROSS,
@@ -140,7 +140,7 @@ def _foresee(plan, trees, order, begin, base, entry, points, model, state, scrat
         state.stop[rows] = stop
 
 
-@kernel
+@subroutine
 def _energy(rows, model, state, scratch, dt, theta):
     """Add up what one tree moves with at the end of the step, and its springs hold [J]."""
     total, v = 0.0, np.empty(3)
@@ -165,7 +165,7 @@ def _energy(rows, model, state, scratch, dt, theta):
     return 0.5 * total
 
 
-@kernel
+@subroutine
 def _paths(entry, above):
     """List the entries on the way from any of those given to the root, ascending."""
     passed = np.zeros(len(above), np.bool_)
@@ -176,14 +176,14 @@ def _paths(entry, above):
     return np.flatnonzero(passed)
 
 
-@kernel
+@subroutine
 def _arm(k, rows, model, state, point):
     """Give the way from the joint point of entry k to a point, in the middle of the step."""
     i = rows[k]
     return point - state.poses[i, :3] + _reach(i, model, state) * state.middle[i, 9:]
 
 
-@kernel
+@subroutine
 def _read(k, motion, arm, scale, out):
     """Write the velocity of a point of entry k, times a scale."""
     x, y, z = arm
@@ -193,14 +193,14 @@ def _read(k, motion, arm, scale, out):
     out[2] = scale * (m[5] + m[0] * y - m[1] * x)
 
 
-@kernel
+@subroutine
 def _carried(k, rows, state, scratch, point, out):
     """Write the velocity that a point of entry k carries into the step."""
     i = rows[k]
     out[:] = state.carried[i, :3] + np.cross(scratch.spin[k], point - state.poses[i, :3])
 
 
-@kernel
+@subroutine
 def _respond(path, rows, above, model, state, scratch, entry, points, response):
     """Push each point of one tree along each axis and read what all of them do, (n², 3, 3)."""
     motion, f = scratch.motion, scratch.factor
@@ -231,7 +231,7 @@ def _respond(path, rows, above, model, state, scratch, entry, points, response):
                     f[k, d, 7] = 0.0
 
 
-@kernel
+@subroutine
 def _ascend(path, rows, above, model, state, scratch):
     """Hand the motion that pushes cause from the root to the tips of some paths."""
     motion = scratch.motion
@@ -249,13 +249,13 @@ def _ascend(path, rows, above, model, state, scratch):
          motion[k, 5]) = v
 
 
-@kernel
+@subroutine
 def _reach(i, model, state):
     """Give the distance of the centre of mass of row i from its joint point [m]."""
     return model.body[i, REACH] + state.bend[i, 3]
 
 
-@kernel
+@subroutine
 def _descend(k, rows, above, model, state, scratch, push):
     """Pass a push at entry k down to the root; give the entries passed."""
     path = [k]

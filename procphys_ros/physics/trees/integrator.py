@@ -31,7 +31,7 @@ and nothing can blow up. Three things are added (docs/decisions/0008):
 
 import math
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.trees import anchors, joints, passes, pose
 from procphys_ros.physics.trees.layout import ACROSS, ALONG, MASS, REACH
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
@@ -59,14 +59,14 @@ def step(plan, model, state, scratch, wind, gravity, dt):
         advance(rows, above, model, state, scratch, wind, gravity, dt)
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def advance(rows, above, model, state, scratch, wind, gravity, dt):
     """Advance one tree; arguments as of `step`."""
     theta = solve(rows, above, model, state, scratch, wind, gravity, dt)
     move(rows, above, model, state, scratch, gravity, dt, theta)
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def take_up(rows, body, state):
     """Make impulses of what was done to the velocities of one tree since the last step."""
     v, old, frame, push = state.velocities, state.carried, state.frame, state.push
@@ -87,7 +87,7 @@ def take_up(rows, body, state):
         state.struck[rows[0], 0] = 1.0
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def project(rows, above, model, state, scratch, wind, gravity):
     """Replace the carried velocities of one tree by the nearest that its joints allow."""
     frame, m = state.frame, scratch.motion
@@ -102,7 +102,7 @@ def project(rows, above, model, state, scratch, wind, gravity):
                m[k, 5] + m[k, 0] * y - m[k, 1] * x, m[k, 0], m[k, 1], m[k, 2], state)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def settle(i, vx, vy, vz, wx, wy, wz, state):
     """Give row i other velocities to carry; what was added to the old ones stays added."""
     value, v, old = (vx, vy, vz, wx, wy, wz), state.velocities, state.carried
@@ -111,7 +111,7 @@ def settle(i, vx, vy, vz, wx, wy, wz, state):
         old[i, c] = value[c]
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def solve(rows, above, model, state, scratch, wind, gravity, dt):
     """
     Solve for the mean motion of one tree over a step.
@@ -144,7 +144,7 @@ def solve(rows, above, model, state, scratch, wind, gravity, dt):
     return _IMPLICIT
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def limits_changed(rows, model, state, scratch, dt):
     """Check all bends of one tree against their limits; True to solve it again."""
     changed = False
@@ -155,7 +155,7 @@ def limits_changed(rows, model, state, scratch, dt):
     return changed
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def move(rows, above, model, state, scratch, gravity, dt, theta):
     """Move joints and poses to the end of the step and carry the velocities along."""
     struck = state.struck[rows[0], 0] != 0.0
@@ -188,7 +188,7 @@ def move(rows, above, model, state, scratch, gravity, dt, theta):
                 state.push[i, c] = 0.0
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def undo(rows, above, model, state, scratch):
     """Put one tree back to where the step began: its weight would win more than it moves by."""
     for k in range(len(rows)):
@@ -200,7 +200,7 @@ def undo(rows, above, model, state, scratch):
             state.middle[i, c] = state.frame[i, c]
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, off, kicked,
                  held):
     """
@@ -254,7 +254,7 @@ def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, of
     return lost, energy
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def at_centre(m, k, per, x, y, z):
     """Give linear and angular velocity at the way (x, y, z) from the joint point of entry k."""
     wx, wy, wz = per * m[k, 0], per * m[k, 1], per * m[k, 2]

@@ -22,7 +22,7 @@ eliminated on its own, outermost first, and solved for in the opposite order.
 
 import math
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import subroutine
 from procphys_ros.physics.trees.layout import (
     DAMPING,
     EXTRA_DAMPING,
@@ -53,14 +53,14 @@ _HOLD = 1e6  # [-]
 _TOUCH = 1e-12  # relative excess over the limit that is rounding
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def mix(frame, i, first, second):
     """Combine the two bending axes of row i."""
     return (first * frame[i, 3] + second * frame[i, 6], first * frame[i, 4] + second * frame[i, 7],
             first * frame[i, 5] + second * frame[i, 8])
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def basis(stop, i):
     """Give the direction of a held bend, or the first axis."""
     n1, n2 = stop[i, 0], stop[i, 1]
@@ -68,7 +68,7 @@ def basis(stop, i):
     return (n1 if held else 1.0), n2, held
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def keep(f, k, d, u, inverse, drive):
     """Store the factor of degree of freedom d of row k."""
     f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5] = u
@@ -76,7 +76,7 @@ def keep(f, k, d, u, inverse, drive):
     f[k, d, 7] = drive
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def give_swing(i, k, h, dt, gate, swing, bend, stop, frame, a, f, limits):
     """Eliminate the two bends of row i, in the basis along and across a limit that holds it."""
     stiffness, acts = swing[i, STIFFNESS], 1.0 if h > 0.0 else 0.0
@@ -108,13 +108,13 @@ def give_swing(i, k, h, dt, gate, swing, bend, stop, frame, a, f, limits):
     return j, b, m, p
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def bound(i, n1, n2, dt, swing, bend):
     """Give the mean outward rate that takes the bend just to its limit, never an inward one."""
     return max(0.0, (swing[i, LIMIT] - (n1 * bend[i, 0] + n2 * bend[i, 1])) / dt)
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def give_extra(i, k, h, gate, model, bend, frame, scratch):
     """Eliminate twist and stretch of row i where they are sprung."""
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
@@ -141,20 +141,20 @@ def give_extra(i, k, h, gate, model, bend, frame, scratch):
     write(scratch.inertia, k, j, b, m, p)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def solve_rate(f, k, d, v):
     """Solve degree of freedom d of row k for its rate, given the motion before it."""
     u = (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5])
     return f[k, d, 6] * (f[k, d, 7] - dot(u, v))
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def add_turn(v, axis, rate):
     """Add a turn about an axis through the motion's point."""
     return (v[0] + rate * axis[0], v[1] + rate * axis[1], v[2] + rate * axis[2], v[3], v[4], v[5])
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def take_swing(i, k, h, v, stop, frame, f, new):
     """Add the bending of row i to the motion v that its parent hands on; store h times rates."""
     n1, n2, _ = basis(stop, i)
@@ -166,7 +166,7 @@ def take_swing(i, k, h, v, stop, frame, f, new):
     return add_turn(v, mix(frame, i, -n2, n1), tangential)
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def take_extra(i, k, h, v, extra, frame, f, new):
     """Add twist and stretch of row i to its motion v where they are sprung."""
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
@@ -181,7 +181,7 @@ def take_extra(i, k, h, v, extra, frame, f, new):
     return v
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def limit_changed(i, k, dt, swing, bend, stop, new, limits):
     """
     Check the rates of row i against its limit; correct the held direction when they differ.
@@ -207,7 +207,7 @@ def limit_changed(i, k, dt, swing, bend, stop, new, limits):
     return True
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def solve_free(k, a, full, motion):
     """
     Solve the free root at row k for its motion by Gaussian elimination.
@@ -240,7 +240,7 @@ def solve_free(k, a, full, motion):
         motion[k, r] = rest / full[r, r]
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def advance_extra(i, k, dt, model, state, scratch):
     """Move twist and stretch of row i on to the end of the step."""
     for j in (TWIST, STRETCH):
@@ -250,7 +250,7 @@ def advance_extra(i, k, dt, model, state, scratch):
         state.bend[i, j] += dt * scratch.rate[k, j]
 
 
-@kernel
+@subroutine
 def give_way(i, k, share, model, state, scratch):
     """
     Bend the held joint of row i by a share of its unbalanced load over its spring, to its limit.
@@ -271,7 +271,7 @@ def give_way(i, k, share, model, state, scratch):
     return 0.0 if within < 1.0 else math.sqrt(first * first + second * second)
 
 
-@kernel
+@subroutine
 def preload(i, k, model, scratch):
     """Oppose the loads that the held joint of row i carries."""
     model.swing[i, PRELOAD_X] = -scratch.factor[k, RADIAL, 7]

@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
@@ -75,7 +75,7 @@ def _fundamental(bases, end, parent, body, swing, extra, frame):
     return omega
 
 
-@kernel
+@subroutine
 def _weigh(first, last, body, frame, motion, load):
     """Turn motions at the centres of mass into inertial loads; return 1/|motion|."""
     size = 0.0
@@ -91,7 +91,7 @@ def _weigh(first, last, body, frame, motion, load):
     return 1.0 / np.sqrt(size)
 
 
-@kernel
+@subroutine
 def _deflect(first, last, parent, body, swing, extra, frame, load, motion):
     """
     Bend the branch under the loads; return the Rayleigh quotient of the new motion.
@@ -135,7 +135,7 @@ def _deflect(first, last, parent, body, swing, extra, frame, load, motion):
     return work / energy
 
 
-@kernel
+@subroutine
 def _add_wrench(total, wrench, x, y, z):
     """Add a wrench (moment, force) that acts at an arm (x, y, z)."""
     fx, fy, fz = wrench[3], wrench[4], wrench[5]
@@ -147,7 +147,7 @@ def _add_wrench(total, wrench, x, y, z):
     total[5] += fz
 
 
-@kernel
+@subroutine
 def _carry(motion, there, x, y, z):
     """Write the motion (turn, shift) of a rigid body at an arm (x, y, z)."""
     wx, wy, wz = motion[0], motion[1], motion[2]
@@ -157,7 +157,7 @@ def _carry(motion, there, x, y, z):
     there[5] = motion[5] + (wx * y - wy * x)
 
 
-@kernel
+@subroutine
 def _add_along(vector, axis, size):
     for j in range(3):
         vector[j] += axis[j] * size

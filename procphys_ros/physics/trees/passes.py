@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.air import CALM, STORM
 from procphys_ros.physics.trees import anchors, joints
 from procphys_ros.physics.trees.layout import (
@@ -64,7 +64,7 @@ _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate,
            pressed):
     """
@@ -101,7 +101,7 @@ def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate
     return changed
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def was_changed(i, state):
     """Tell whether anything was done to the velocities of row i since the last step."""
     new, old = state.velocities, state.carried
@@ -109,13 +109,13 @@ def was_changed(i, state):
             or new[i, 3] != old[i, 3] or new[i, 4] != old[i, 4] or new[i, 5] != old[i, 5])
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def apart(frame, i, up):
     """Give the way from the joint point of row `up` to that of row i."""
     return frame[i, 0] - frame[up, 0], frame[i, 1] - frame[up, 1], frame[i, 2] - frame[up, 2]
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def turn_along(x, y, z, a, b, c, wx, wy, wz):
     """
     Turn a spin as an axis turns from (x, y, z) to (a, b, c) on the shortest way.
@@ -131,7 +131,7 @@ def turn_along(x, y, z, a, b, c, wx, wy, wz):
             cosine * wz + sx * wy - sy * wx + share * sz)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def load(i, k, body, state, frame, a, turned, wind, gravity, h, held):
     """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
     v, end = state.carried, state.frame
@@ -159,7 +159,7 @@ def load(i, k, body, state, frame, a, turned, wind, gravity, h, held):
     write(a, k, j, b, m, p)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def pushed(i, body, state, frame):
     """Give the impulses that wait for row i, at its joint point: 3 moments, 3 forces."""
     reach, push = body[i, REACH] + state.bend[i, 3], state.push
@@ -169,7 +169,7 @@ def pushed(i, body, state, frame):
             push[i, 5] + x * py - y * px, px, py, pz)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def drag(i, x, y, z, wx, wy, wz, body, v, wind):
     """
     Give the drag of segment i per speed: wood across its axis, foliage, and turning.
@@ -195,7 +195,7 @@ def drag(i, x, y, z, wx, wy, wz, body, v, wind):
     return cross, foliage, turning
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def take(rows, above, model, state, scratch, frame, h):
     """Hand motion from the root to the tips and read the wrenches that the joints transmit."""
     motion = scratch.motion
@@ -215,7 +215,7 @@ def take(rows, above, model, state, scratch, frame, h):
          motion[k, 5]) = v
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def handed_on(k, up, rows, frame, motion):
     """Give the parent's motion at the joint point of entry k; the ground does not move."""
     v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -226,7 +226,7 @@ def handed_on(k, up, rows, frame, motion):
     return v
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def transmit(k, i, a, v, wrenches):
     """Write what the parent must exert on row i to move it so: force, then moment."""
     j, b, m, p = read(a, k)
@@ -237,7 +237,7 @@ def transmit(k, i, a, v, wrenches):
         wrenches[i, 3 + c] = moment[c] + force[c] - p[c]
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def press(rows, model, state, scratch, frame, h):
     """Load one tree with the impulses that wait for it, as forces over the time h."""
     for k in range(len(rows)):
@@ -246,7 +246,7 @@ def press(rows, model, state, scratch, frame, h):
             scratch.inertia[k, 21 + c] += p[c] / h
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def kick(rows, above, model, state, scratch, frame, dt):
     """
     Solve for what the waiting impulses alone cause, through the factors at hand.
@@ -284,7 +284,7 @@ def kick(rows, above, model, state, scratch, frame, dt):
             scratch.rate[k, c] += 0.5 * scratch.jump[k, c]
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def pass_on(i, k, model, stop, frame, f, p):
     """Let the joint of row i give way to a load, as elimination does; give what is left."""
     n1, n2, _ = joints.basis(stop, i)
@@ -298,7 +298,7 @@ def pass_on(i, k, model, stop, frame, f, p):
     return give(k, joints.RADIAL, p[0], p[1], p[2], joints.mix(frame, i, n1, n2), f, p)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def give(k, d, x, y, z, axis, f, p):
     """Let one degree of freedom give way to its share (x, y, z) of a load."""
     drive = x * axis[0] + y * axis[1] + z * axis[2]

@@ -17,7 +17,7 @@
 
 import math
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.trees.layout import LIMIT, PRELOAD_X, PRELOAD_Y, REACH, STIFFNESS
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import Joint
@@ -28,7 +28,7 @@ _S3, _S5, _S7, _S9 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0
 _C4, _C6, _C8, _C10 = 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0, -1.0 / 3628800.0
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def multiply(a, b):
     """Multiply quaternions xyzw given as four floats each."""
     ax, ay, az, aw = a
@@ -37,7 +37,7 @@ def multiply(a, b):
             aw * bz + ax * by - ay * bx + az * bw, aw * bw - ax * bx - ay * by - az * bz)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def rotate(q, x, y, z):
     """Turn a vector by a quaternion."""
     qx, qy, qz, qw = q
@@ -48,7 +48,7 @@ def rotate(q, x, y, z):
             z + qw * tz + qx * ty - qy * tx)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def sine_cosine(x):
     """Give sine and cosine of an angle, of a small one by series to rounding."""
     s = x * x
@@ -60,7 +60,7 @@ def sine_cosine(x):
     return sine, cosine
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def place(k, rows, above, model, state):
     """
     Set frame and pose of entry k of a tree from its parent, or from the world.
@@ -93,7 +93,7 @@ def place(k, rows, above, model, state):
     poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6] = q
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def set_frame(i, x, y, z, q, cosine, sine, frame, middle):
     """Write joint point and axes of row i; the first axis is the one before the second turn."""
     qx, qy, qz, qw = q
@@ -115,14 +115,14 @@ def set_frame(i, x, y, z, q, cosine, sine, frame, middle):
     normalise_axis(i, middle)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def put(i, c, value, frame, middle):
     """Change a column of the frame; extrapolate by half the change to the next step's middle."""
     middle[i, c] = value + 0.5 * (value - frame[i, c])
     frame[i, c] = value
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def normalise_axis(i, middle):
     """Make the extrapolated axis of row i a unit vector; what rests stays as it is to the bit."""
     x, y, z = middle[i, 9], middle[i, 10], middle[i, 11]
@@ -149,7 +149,7 @@ def place_all(plan, model, state):
                 state.middle[i, c] = state.frame[i, c]
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def advance_bend(i, first, second, dt, model, state):
     """
     Move the bend of row i on to the end of the step and stop it at its limit.
@@ -177,7 +177,7 @@ def advance_bend(i, first, second, dt, model, state):
     return won
 
 
-@kernel(**KERNEL)
+@subroutine(**KERNEL)
 def advance_free(i, dt, v, model, state):
     """
     Move a free root on with its mean velocity over the step: exact in free fall.

@@ -23,7 +23,7 @@ chapter 7, written out). Everything here is inlined: tuples become processor reg
 that; numba would type and lower each copy anew, which takes half as long again to compile.
 """
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import subroutine
 
 WIDTH = 27  # of a row that keeps J, B, M and the load in this order
 FACTOR_WIDTH = 8  # of a row that keeps a slope, an inverse inertia and a drive
@@ -31,10 +31,10 @@ FACTOR_WIDTH = 8  # of a row that keeps a slope, an inverse inertia and a drive
 # and double the time of a step. Functions under these options cannot allocate. Strict arithmetic
 # (no fused products) keeps what is balanced exactly balanced.
 KERNEL = {'_nrt': False}
-INLINE = {**KERNEL, 'forceinline': True, 'no_cpython_wrapper': True}
+INLINE = {**KERNEL, 'forceinline': True}
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def symmetric(x, y, z, h, linear, cross, turn, spin):
     """
     Give J, B, M of a symmetric body about a point on its axis (x, y, z).
@@ -55,7 +55,7 @@ def symmetric(x, y, z, h, linear, cross, turn, spin):
     return j, b, m
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def turn_slope(j, b, x, y, z):
     """Give inertia times a unit turn about (x, y, z): 3 moments, 3 forces."""
     return (j[0] * x + j[1] * y + j[2] * z, j[1] * x + j[3] * y + j[4] * z,
@@ -63,7 +63,7 @@ def turn_slope(j, b, x, y, z):
             b[1] * x + b[4] * y + b[7] * z, b[2] * x + b[5] * y + b[8] * z)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def slide_slope(b, m, x, y, z):
     """Give inertia times a unit slide along (x, y, z): 3 moments, 3 forces."""
     return (b[0] * x + b[1] * y + b[2] * z, b[3] * x + b[4] * y + b[5] * z,
@@ -71,7 +71,7 @@ def slide_slope(b, m, x, y, z):
             m[1] * x + m[3] * y + m[4] * z, m[2] * x + m[4] * y + m[5] * z)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def eliminate(j, b, m, u, inverse):
     """Take out of an inertia what a degree of freedom of slope u gives way to."""
     w0, w1, w2 = inverse * u[0], inverse * u[1], inverse * u[2]
@@ -86,14 +86,14 @@ def eliminate(j, b, m, u, inverse):
     return j, b, m
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def relieve(p, u, push):
     """Take out of a load what a degree of freedom of slope u gives way to."""
     return (p[0] - u[0] * push, p[1] - u[1] * push, p[2] - u[2] * push,
             p[3] - u[3] * push, p[4] - u[4] * push, p[5] - u[5] * push)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def shift(j, b, m, x, y, z):
     """Move an inertia to a point at (-x, -y, -z) from its own."""
     c = (b[0] + y * m[2] - z * m[1], b[1] + y * m[4] - z * m[3], b[2] + y * m[5] - z * m[4],
@@ -109,27 +109,27 @@ def shift(j, b, m, x, y, z):
     return j, c, m
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def shift_load(p, x, y, z):
     """Move a load to a point at (-x, -y, -z) from its own."""
     return (p[0] + y * p[5] - z * p[4], p[1] + z * p[3] - x * p[5], p[2] + x * p[4] - y * p[3],
             p[3], p[4], p[5])
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def shift_motion(v, x, y, z):
     """Give the motion of the same body at a point at (x, y, z) from the first."""
     return (v[0], v[1], v[2], v[3] + v[1] * z - v[2] * y, v[4] + v[2] * x - v[0] * z,
             v[5] + v[0] * y - v[1] * x)
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def dot(a, b):
     """Multiply a motion and a load."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def read(a, k):
     """Read inertia and load from row k."""
     j = (a[k, 0], a[k, 1], a[k, 2], a[k, 3], a[k, 4], a[k, 5])
@@ -139,7 +139,7 @@ def read(a, k):
     return j, b, m, p
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def write(a, k, j, b, m, p):
     """Write inertia and load to row k."""
     a[k, 0], a[k, 1], a[k, 2], a[k, 3], a[k, 4], a[k, 5] = j
@@ -149,7 +149,7 @@ def write(a, k, j, b, m, p):
     a[k, 21], a[k, 22], a[k, 23], a[k, 24], a[k, 25], a[k, 26] = p
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def add(a, k, j, b, m, p):
     """Add inertia and load to row k."""
     a[k, 0] += j[0]
@@ -181,19 +181,19 @@ def add(a, k, j, b, m, p):
     a[k, 26] += p[5]
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def read_load(a, k):
     """Read the load from row k."""
     return a[k, 21], a[k, 22], a[k, 23], a[k, 24], a[k, 25], a[k, 26]
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def write_load(a, k, p):
     """Write a load to row k and leave its inertia."""
     a[k, 21], a[k, 22], a[k, 23], a[k, 24], a[k, 25], a[k, 26] = p
 
 
-@kernel(**INLINE)
+@subroutine(**INLINE)
 def add_load(a, k, p):
     """Add a load to row k."""
     a[k, 21] += p[0]

@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 
 LOG, POWER, UNIFORM = 0, 1, 2  # profile codes
 GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, duration, rise, kind
@@ -46,7 +46,7 @@ def profile_terms(name: str, reference: float, roughness: float, exponent: float
     return (POWER, reference, exponent) if name == 'power' else (UNIFORM, 1.0, 1.0)
 
 
-@kernel(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy', fastmath=True)
 def profile_factor(height: float, code: int, length: float, number: float) -> float:
     """Return the mean speed at a height over that at the reference height."""
     relative = height / length
@@ -57,7 +57,7 @@ def profile_factor(height: float, code: int, length: float, number: float) -> fl
     return 1.0
 
 
-@kernel(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy', fastmath=True)
 def _slowed(height: float, profile: tuple) -> float:
     """Return the share of gusts and eddies that the ground leaves at a height."""
     if height >= _SLOWED:
@@ -68,7 +68,7 @@ def _slowed(height: float, profile: tuple) -> float:
     return profile_factor(height, profile[0], profile[1], profile[2]) / full
 
 
-@kernel(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy', fastmath=True)
 def _turn(points, first, axes, turned):
     """Write where the points of a block are along, across and up from the wind [m], (3, B)."""
     ax, ay, az = axes[0]
@@ -82,7 +82,7 @@ def _turn(points, first, axes, turned):
         turned[2, i] = cx * x + cy * y + cz * z
 
 
-@kernel(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy', fastmath=True)
 def _locate(turned, travelled, density, cells, fractions):
     """Write the cell, and the place within it, of each point of a block."""
     for k in range(3):
@@ -93,7 +93,7 @@ def _locate(turned, travelled, density, cells, fractions):
             cells[k, i], fractions[k, i] = np.int32(cell), np.float32(place - cell)
 
 
-@kernel(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy', fastmath=True)
 def _find_scales(fractions, lags, sigma, scales):
     """
     Write by how much to multiply the interpolated velocities of a block, (3, B).
@@ -113,7 +113,7 @@ def _find_scales(fractions, lags, sigma, scales):
             scales[c, i] = sigma / np.sqrt(near + x * (far - near))
 
 
-@kernel(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy', fastmath=True)
 def _interpolate(flat, bits, cells, fractions, scales, sums):
     """Add the scaled tri-linear mean of the nodes around each point of a block, (3, B)."""
     mx, my, mz = (1 << bits[0]) - 1, (1 << bits[1]) - 1, (1 << bits[2]) - 1
@@ -136,7 +136,7 @@ def _interpolate(flat, bits, cells, fractions, scales, sums):
             sums[c, i] += scales[c, i] * (low + z * (high - low))
 
 
-@kernel(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy', fastmath=True)
 def gust_strength(gust: np.ndarray, x: float, y: float, z: float, time: float) -> float:
     """
     Return the present share of a gust's velocity at a point.

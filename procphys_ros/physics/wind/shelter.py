@@ -35,7 +35,7 @@ import math
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.wind.kernel import profile_factor
 
 LEAF_SIZE = 0.1    # [m] s, of most broad leaves and of tufts of needles
@@ -88,7 +88,7 @@ def _shelter(points, out, ex, ey, trees, buildings, profile, roughness):
             out[i, k] *= left
 
 
-@kernel
+@subroutine
 def _in_canopy(point, ex, ey, trees, profile, here):
     """Give the share of the wind that the trees upwind of a point leave."""
     index, heights = 0.0, 0.0
@@ -113,7 +113,7 @@ def _in_canopy(point, ex, ey, trees, profile, here):
     return min(1.0, inside / here)
 
 
-@kernel
+@subroutine
 def _in_wakes(point, ex, ey, buildings, profile, roughness, here):
     """Give the share of the wind that the strongest wake leaves at a point."""
     left = 1.0
@@ -136,7 +136,7 @@ def _in_wakes(point, ex, ey, buildings, profile, roughness, here):
     return left
 
 
-@kernel
+@subroutine
 def wake_deficit(distance: float, height: float, size: float) -> float:
     """
     Give the deficit behind a long solid obstacle over the free wind at its top.

@@ -1,0 +1,131 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+How numba links what kernels call into them.
+
+numba optimises every callee by itself, makes machine code of it, and optimises its copy within
+each caller again; which of the copies runs depends on what was loaded first. Here a kernel always
+runs its own copies, so that it does the same whether it was just compiled or comes from a file.
+What only kernels call stays intermediate code until it is in one of them
+(docs/decisions/0036-subroutines.md).
+"""
+
+from typing import Any
+
+from llvmlite import binding
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import compile_result, Compiler, CompileResult
+from numba.core.cpu import _dynfunc
+from numba.core.environment import lookup_environment
+from numba.core.registry import CPUDispatcher
+
+
+class _Library(JITCodeLibrary):
+    """Code that others link as it is read back from a file, so that a file changes nothing."""
+
+    _shared_module: binding.ModuleRef | None
+
+    def _get_module_for_linking(self) -> binding.ModuleRef:
+        if self._shared_module is None:
+            shared = super()._get_module_for_linking()
+            self._shared_module = binding.parse_bitcode(shared.as_bitcode())
+        return self._shared_module
+
+
+class KernelLibrary(_Library):
+    """Machine code that contains all of its callees."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalized = True  # no link changes it any more: it can be shared from here on
+        self._get_module_for_linking()
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.linkage == binding.Linkage.linkonce_odr:
+                function.linkage = 'internal'
+        super()._finalize_final_module()
+        for variable in self._final_module.global_variables:
+            environment = lookup_environment(variable.name)
+            if environment is not None:
+                self._codegen.set_env(variable.name, environment)
+
+
+class SubroutineLibrary(_Library):
+    """Intermediate code, to be optimised where it is linked."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        """Give what `restore_subroutine` reads."""
+        return self.name, 'bitcode', self._get_module_for_linking().as_bitcode()
+
+
+class KernelCompiler(Compiler):
+    """numba's compiler, but for the library."""
+
+    def define_pipelines(self) -> list:
+        """Give the library before a pass makes another."""
+        state = self.state
+        state.library = KernelLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library.enable_object_caching()
+        return super().define_pipelines()
+
+
+class SubroutineCompiler(Compiler):
+    """numba's compiler, up to intermediate code."""
+
+    def define_pipelines(self) -> list:
+        """Give the library before a pass makes another, and nothing to execute."""
+        state = self.state
+        state.library = SubroutineLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.targetctx = state.targetctx.subtarget(get_executable=_not_executable)
+        return super().define_pipelines()
+
+
+class Subroutine(CPUDispatcher):
+    """A function that kernels call, and Python cannot."""
+
+    def __call__(self, *_: Any) -> None:
+        """Refuse: there is no machine code."""
+        raise TypeError(f'{self.py_func.__qualname__} is a subroutine, which only kernels can '
+                        'call; what Python calls is a kernel')
+
+
+def restore_subroutine(target_context: Any, reduced: tuple) -> CompileResult:
+    """Read what numba's `CompileResult._reduce` made of a compiled subroutine."""
+    ((name, _, bitcode), fndesc, environment, signature, objectmode, lifted, annotation,
+     reload_init, referenced) = reduced
+    for initialise in reload_init:
+        initialise()
+    library = SubroutineLibrary(target_context.codegen(), name)
+    library._final_module = library._shared_module = binding.parse_bitcode(bitcode)
+    library._reload_init.update(reload_init)
+    library._finalize_final_module()
+    return compile_result(
+        target_context=target_context, typing_context=target_context.typing_context,
+        library=library, environment=environment, fndesc=fndesc, signature=signature,
+        entry_point=_not_executable(library, fndesc, environment), objectmode=objectmode,
+        lifted=lifted, type_annotation=annotation, reload_init=reload_init,
+        referenced_envs=referenced)
+
+
+def _not_executable(library: SubroutineLibrary, fndesc: Any, environment: Any) -> Any:
+    """Give a function without code, by which numba knows the subroutine."""
+    library._ensure_finalized()
+    return _dynfunc.make_function(fndesc.lookup_module(), fndesc.qualname, fndesc.qualname, 0,
+                                  environment, (library,))
