@@ -178,3 +178,69 @@ panel window: glazing(timber, glass)
 panel lintel: beam(concrete)
 """
     return Sample('wall', text, int(rng.integers(100)), _event(rng))
+
+
+_HOUSES = {
+    'free': '(0, 0) (length, 0)',
+    'box': '(0, 0) (length, 0) (length, depth) (0, depth)',
+    'L': '(0, 0) (depth + 1.5, 0) (depth + 1.5, depth) (depth, depth) (depth, depth + reach) '
+         '(0, depth + reach)',
+    'T': '(0, 0) (depth + 2, 0) (depth + 2, depth) (depth + 1, depth) (depth + 1, depth + reach) '
+         '(1, depth + reach) (1, depth) (0, depth)',
+}
+_ARCHES = (('round', 0.5), ('flat', 0.0), ('pointed', 0.87), ('segmental(0.2)', 0.2))
+_PIERED = ('split(x) {{ ~1: wall | {pier}: pier | ~1: wall }}',
+           'split(x) {{ {end}: wall | {pier}: pier | ~1: wall | {pier}: pier | ~1: wall }}',
+           'split(x) {{ ~1: wall | {span}: bay | ~1: wall }}',
+           'split(x) {{ ~1: wall | {pier}: pier | ~1: wall | {span}: bay | ~1: wall }}')
+
+
+def house(rng: np.random.Generator) -> str:
+    """
+    Draw a building of two thicknesses: piers and buttresses, arches, a chimney, valleys, spires.
+
+    Some have no room for what they ask for, and are refused.
+    """
+    def even(low: float, high: float, digits: int = 3) -> float:
+        return round(float(rng.uniform(low, high)), digits)
+
+    plan = _pick(rng, tuple(_HOUSES))
+    joint, width, height = even(0.0, 0.015, 4), even(0.1, 0.3, 4), even(0.06, 0.25, 4)
+    bond, thick = _pick(rng, ('running', 'stack', 'english', 'flemish', 'rubble')), even(0.15, 0.7)
+    crossed = bond in ('english', 'flemish')
+    length = round(2.0 * width + joint, 4) if crossed else even(0.25, 0.65, 4)
+    room = round(thick - (length if crossed else width), 4)
+    out = _pick(rng, ('0', f'{max(room, 0.0)}', f'{max(0.5 * room, 0.0):.4f}'))
+    shape, rise = _ARCHES[rng.integers(len(_ARCHES))]
+    span, rings, storey = even(0.6, 1.3), int(rng.integers(1, 3)), even(2.4, 3.2)
+    front = _pick(rng, _PIERED).format(pier=even(0.35, 0.9), end=even(0.3, 0.8), span=span)
+    roof = 'none' if plan == 'free' else _pick(rng, (
+        'none', f'gable({even(20, 60)})', f'hip({even(15, 60)})', 'flat',
+        f'spire({even(60, 80)})'))
+    floors = 'none' if plan == 'free' else _pick(rng, ('none', 'timber', 'slab(0.15)'))
+    place, wide = even(0.3, 1.2), even(0.8, 1.2)
+    chimney = '' if plan != 'box' or rng.integers(2) else f"""wing chimney
+  footprint: ({-wide}, {place}) (0, {place}) (0, {place + wide}) ({-wide}, {place + wide})
+  facades: {_pick(rng, ('plain', 'heavy'))}
+  storey_height: {even(1.0, 2.5) * storey:.3f}
+  roof: {_pick(rng, ('none', 'spire(70)', 'hip(40)', 'flat'))}
+"""
+    return f"""building b(length = {even(4, 6)}, depth = {even(2.5, 4.5)}, reach = {even(1.5, 3)})
+  footprint: {_HOUSES[plan]}
+  facades: {_pick(rng, ('front plain', 'front', 'front plain front plain'))}
+  storey_height: {storey}
+  roof: {roof}
+  floors: {floors}
+{chimney}rule front -> {front}
+rule pier -> split(y) {{ {even(0.3, 0.9) * storey:.3f}: extrude({out}) {{ thick }} | ~1: wall }}
+rule bay -> split(y) {{ {even(0.4, 0.9)}: {_pick(rng, ('hole', 'wall'))} | {
+    rise * span + rings * length + 0.1:.3f}: arch | ~1: wall }}
+rule plain -> wall
+rule heavy -> thick
+layout laid {{ bond: {bond}  unit: {length} {width} {height}  joint: {joint}  material: brick }}
+layout stout {{ bond: running  unit: 0.34 {thick} {height}  joint: {joint}  material: brick }}
+panel wall: laid
+panel thick: stout
+panel hole: none
+panel arch: arch({shape}, {rings})
+"""

@@ -102,6 +102,19 @@ def test_bricks_make_room_for_arches(arch, height):
     assert wall.bond_extent[between].max() <= 0.2151 or not arch.startswith('round')
 
 
+@pytest.mark.parametrize('shape', ['round', 'pointed', 'segmental(0.2)'])
+def test_rings_of_wide_stones_without_joints_do_not_reach_into_each_other(shape):
+    """Set two rings of few stones dry over each other: clip each with all others."""
+    numbers = (0.2,) if '(' in shape else ()
+    rings = Curve.of(shape.split('(')[0], 1.0, numbers).rings(2, 0.2, 0.0, 0.3)
+    stones = [stone[::-1] if moments(stone)[0] == 0.0 else stone
+              for ring in rings for stone in voussoirs(ring, 0.0)]
+    for k, stone in enumerate(stones):
+        for other in stones[:k]:
+            shared = clip(stone, other)
+            assert len(shared) < 3 or moments(shared)[0] < 1e-9
+
+
 def test_arches_over_walls_are_filled():
     """Set an arch over an opening, and over masonry: this one relieves what is under it."""
     openly, filled = built('round, 1', 1.1), built('round, 1', 1.1, below='wall')

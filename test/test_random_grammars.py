@@ -15,16 +15,22 @@
 
 """No ordinary grammar fails: thousands of random trees and walls, in wind, struck and shot at."""
 
+from collections.abc import Iterator
+
+from building_checks import count_loose, deepest_overlap, OVERLAP
 from energy_ledger import EnergyLedger
 import numpy as np
 import pytest
-from random_grammars import draw, Event, Sample
+from random_grammars import draw, Event, house, Sample
 from random_scenes import faults
 
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import GrammarError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
+from procphys_ros.wallgrammar import WallGrammar
 
 _TREES, _WALLS = 196, 4  # of one scene
 
@@ -34,6 +40,29 @@ def test_random_grammars_neither_fail_nor_make_energy(seed):
     """Simulate 60 steps of 200 grammars side by side: all finite, no energy from nothing."""
     found = list(faults(*draw(seed, _TREES, _WALLS)))
     assert not found, '\n'.join(found)
+
+
+def houses(seeds: range) -> Iterator[tuple[int, Blueprint]]:
+    """Build random houses, but those that are refused for want of room."""
+    for seed in seeds:
+        try:
+            yield seed, WallGrammar.parse(house(np.random.default_rng(seed))).build(seed=seed)
+        except GrammarError as error:
+            assert error.line, str(error)
+
+
+def test_random_houses_of_several_thicknesses_are_sound():
+    """Bond all parts and let none reach into another: piers, arches, chimneys, valleys, spires."""
+    kinds: set[str] = set()
+    count = 0
+    for seed, blueprint in houses(range(70)):
+        if len(blueprint) < 6000:
+            assert count_loose(blueprint) == 0, seed
+            assert deepest_overlap(blueprint) < OVERLAP, seed
+            kinds |= set(blueprint.kinds)
+            count += 1
+    assert count > 20
+    assert {'voussoir', 'sleeper', 'spire', 'girder'} <= kinds
 
 
 def grown(wood: str, tilt: float, length: float, width: float, steps: int, more: str) -> str:

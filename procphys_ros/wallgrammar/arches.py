@@ -94,6 +94,39 @@ class Curve:
         return [Line(centre + (radius + offset) * w, centre + (radius + outside) * w)
                 for w in way]
 
+    def rings(self, count: int, depth: float, joint: float, pitch: float) -> list[list[Line]]:
+        """
+        Divide rings over each other, none of which reaches into the next.
+
+        The flat undersides of wide voussoirs lie inside of their circle: where that is more than
+        the joint, the ring moves out.
+
+        :param count: of rings.
+        :param depth: of each [m].
+        :param joint: between them [m].
+        :param pitch: see `ring`.
+        """
+        found: list[list[Line]] = []
+        offset = 0.0
+        for _ in range(count):
+            lines = self.ring(offset, depth, pitch)
+            if found:
+                inside = self._sagitta(lines, offset) - joint
+                if inside > 0.0:
+                    offset += inside
+                    lines = self.ring(offset, depth, pitch)
+            found.append(lines)
+            offset += depth + joint
+        return found
+
+    def _sagitta(self, lines: list[Line], offset: float) -> float:
+        """Give how far the widest underside of a ring lies inside of its circle [m]."""
+        if self.shape == 'flat':
+            return 0.0
+        radius = self._arc()[1] + offset
+        half = 0.5 * max(float(np.hypot(*(b.inner - a.inner))) for a, b in zip(lines, lines[1:]))
+        return float(radius - np.sqrt(radius ** 2 - half ** 2))
+
     def _arc(self) -> tuple[np.ndarray, float, float]:
         """Give centre, radius and half of the angle of a circular arch."""
         radius = (0.25 * self.span ** 2 + self.rise ** 2) / (2.0 * self.rise)

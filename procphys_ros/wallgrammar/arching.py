@@ -79,7 +79,7 @@ def plan(piece: Piece, panel: Panel, layout: Layout, filled: bool) -> Arch:
     if layout.pieces > 1 or arches.too_many(curve, whole, pitch):
         raise piece.place.error(f'the arch "{piece.panel}" spans {curve.span:g} m with stones of '
                                 f'{pitch - joint:g} m: use larger units of masonry')
-    lines = [curve.ring(r * (depth + joint), depth, pitch) for r in range(int(rings))]
+    lines = curve.rings(int(rings), depth, joint, pitch)
     return _placed(piece, panel, lines, layout, filled)
 
 

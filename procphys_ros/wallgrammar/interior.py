@@ -94,7 +94,8 @@ class Interior:
             if floors == 'slab':
                 slab_floor(self.site, self.plan, level, micro(depth), [*self.walls, *inner])
             elif floors == 'timber':
-                bare = level == levels[-1] and roof in ('gable', 'hip')  # ties lie there
+                # Ties lie on the uppermost joists, or the stones of a spire lean in over them.
+                bare = level == levels[-1] and roof in ('gable', 'hip', 'spire')
                 timber_floor(self.site, self.plan, level, self.walls, inner,
                              [] if bare else rooms)
         for wall in (*self.walls, *inner):

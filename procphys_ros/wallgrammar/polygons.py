@@ -32,7 +32,7 @@ _AT_ONCE = 64      # solids compared with all others at a time
 
 
 def meet(corners: np.ndarray, chosen: np.ndarray, reach: float,
-         nailed: np.ndarray) -> Patches:
+         nailed: np.ndarray | None = None) -> Patches:
     """
     Find the contact polygons of some solids with each other, with all others, and the ground.
 
@@ -45,10 +45,12 @@ def meet(corners: np.ndarray, chosen: np.ndarray, reach: float,
     :param chosen: solids whose contacts are wanted, (N,) bool.
     :param reach: widest joint [m].
     :param nailed: solids that need to touch each other, for there is no mortar between two of
-        them, (N,) bool.
+        them, (N,) bool; None = there is mortar between all.
     """
     pairs = _near(corners, chosen, reach)
     points, normals, middles = faces(corners)
+    if nailed is None:
+        nailed = np.zeros(len(corners), bool)
     found = [_patch(pair, points[pair[0], f], points[pair[1], g], normal, gap)
              for pair, f, g, normal, gap in _facing(pairs, normals, middles, reach)
              if gap < _TOUCHING or not (nailed[pair[0]] and nailed[pair[1]])]

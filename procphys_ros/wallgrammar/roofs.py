@@ -118,6 +118,8 @@ class Roof:
     def _tie_places(self, axis: int) -> list[int]:
         first = int(self.low[axis]) + self.layout.thickness + TIE[1]
         last = int(self.high[axis]) - self.layout.thickness - TIE[1] - TIE[0]
+        if last < first + 2 * TIE[0]:  # no room for two
+            return [(first + last) // 2]
         count = max(-(-(last - first) // TIE[1]), 1) + 1
         return [round(place) for place in np.linspace(first, last, count).tolist()]
 

@@ -180,7 +180,7 @@ class StemRoof(_PartRoof):
         length = float(self.high[axis] - self.low[axis]) / MICRO
         for side, plain in enumerate(self._opposite(axis, self.span, length, False)):
             foot = self.along_eaves(side, mouth)
-            first = foot < 0.5 * length  # the valley is where the eaves start
+            first = foot < self.along_eaves(side, stem.end)  # the eaves start over the bar
             slope = ValleySlope(
                 **{**vars(plain), 'depth': self.depth}, fields=stem_field(length, foot, first),
                 mouths=((foot, foot),), valley=Edge(foot, -1 if first else 1))
@@ -198,7 +198,9 @@ class StemRoof(_PartRoof):
         """Space ties as elsewhere, and lay one beside the girder that bears the eaves."""
         stem = self.stem
         beside = stem.mouth + _BESIDE if stem.upwards else stem.mouth - _BESIDE - TIE[0]
-        return [*super()._tie_places(axis), beside]
+        others = [place for place in super()._tie_places(axis)
+                  if abs(place - beside) > TIE[0] + _BESIDE]
+        return [*others, beside]
 
     def _places(self, length: float, foot: float, first: bool) -> np.ndarray:
         """Space rafters evenly from the gable to the mouth, and on over the bar."""

@@ -37,6 +37,7 @@ _SHARE = 1e-3        # of the whole stiffness: what tangents of open joints keep
 _LEAST_SHARE = 1e-7  # ... and at last
 _SHORT, _LONG = 0.3, 0.9         # reach of steps that promised too much, and that were right
 _STIFFEST, _SOFTER = 1e4, 0.1    # change of the share after these
+_STUCK = 1e12  # [N] friction that nothing overcomes
 _PLAY = 2e-3         # [m] that joints open or slide at most in equilibrium: walls 3 % short of
 #                      overturning open by far less, and what moves further goes on moving
 _HINGE = 0.5         # of the fastest relative motion: joints that move as fast are hinges
@@ -57,6 +58,7 @@ class CrackedJoints:
         self._middle = np.zeros((count, 2))  # of the pressed part, where friction acts [m]
         self._bound = np.zeros(count)        # of friction [N]
         self._share = np.full(count, _SHARE)
+        self._sticks = np.zeros(count, bool)  # whatever the pressure, until a balance is found
         self._normal = np.ascontiguousarray(graph.spring[:, 2])
         self._shear = np.ascontiguousarray(graph.spring[:, 0])
 
@@ -65,6 +67,7 @@ class CrackedJoints:
         for array in (self._bias, self._slip, self._middle, self._bound):
             array[:] = 0.0
         self._share[:] = _SHARE
+        self._sticks[:] = False
 
     def adopt(self, other: 'CrackedJoints', mine: np.ndarray) -> None:
         """
@@ -72,7 +75,7 @@ class CrackedJoints:
 
         :param mine: rows here of all bonds there, (K,).
         """
-        for name in ('_bias', '_slip', '_middle', '_bound', '_share'):
+        for name in ('_bias', '_slip', '_middle', '_bound', '_share', '_sticks'):
             getattr(self, name)[mine] = getattr(other, name)
         cracked = self.graph.cracked[mine]
         self.graph.links[mine[cracked]] = other.graph.links[cracked]
@@ -97,10 +100,27 @@ class CrackedJoints:
         if not len(rows):
             return  # the kernel is one of those that take seconds to compile
         graph = self.graph
-        joint_kernels.linearise(
-            rows, *self._geometry, self._normal, self._shear, graph.mortar.friction, self._slip,
-            self._middle, self._bound, self._bias, graph.links, graph.grip, displacement,
-            residual, self._share, renew)
+        sticks = self._sticks[rows]
+        for some, follows in ((rows[~sticks], renew), (rows[sticks], False)):
+            if len(some):
+                joint_kernels.linearise(
+                    some, *self._geometry, self._normal, self._shear, graph.mortar.friction,
+                    self._slip, self._middle, self._bound, self._bias, graph.links, graph.grip,
+                    displacement, residual, self._share, follows)
+
+    def stick(self, rows: np.ndarray) -> None:
+        """Let nothing slide in joints until `release`."""
+        self._sticks[rows] = True
+        self._bound[rows] = _STUCK
+
+    def release(self) -> None:
+        """Let the friction of all joints follow their pressure from now on."""
+        self._sticks[:] = False
+
+    @property
+    def sticking(self) -> bool:
+        """Whether there are joints in which nothing slides yet."""
+        return bool(self._sticks.any())
 
     def damp(self, rows: np.ndarray, reach: np.ndarray) -> None:
         """Stiffen or soften tangents after steps that went so far of what they promised, (K,)."""

@@ -204,13 +204,22 @@ class StressSolver:
         self._after_change(bonds)
 
     def crack(self, bonds: np.ndarray) -> None:
-        """Let bonds pull and stick together no more; they press and rub on, see `joints`."""
+        """
+        Let bonds pull and stick together no more; they press and rub on, see `joints`.
+
+        Those without any strength crack in a state of stress that could never be, pulled where
+        they press in truth. Friction by that pressure would hold no flat arch, so they stick until
+        a first balance is found.
+        """
         graph = self.graph
         bonds = bonds[graph.alive[bonds] & ~graph.cracked[bonds]]
         if not len(bonds):
             return
         graph.cracked[bonds] = True
         self._after_change(bonds)
+        mortar = graph.mortar
+        self.equilibrium.joints.stick(bonds[(mortar.tension[bonds] == 0.0)
+                                            & (mortar.cohesion[bonds] == 0.0)])
         self.equilibrium.linearise(bonds)
 
     def remove_parts(self, parts: np.ndarray, dynamic_factor: float = 2.0) -> np.ndarray:
@@ -283,6 +292,10 @@ class StressSolver:
         """Whether every supported part is in equilibrium within the tolerance."""
         if self._stale_view:
             self._look()
+        return self._balanced and not self.equilibrium.joints.sticking
+
+    @property
+    def _balanced(self) -> bool:
         return self.known and self.residual <= self.goal
 
     @property
@@ -300,6 +313,11 @@ class StressSolver:
         """
         target = enough * self.goal
         while limit > 0 and not self.converged and not self._exhausted:
+            if self._balanced:
+                self.equilibrium.joints.release()
+                self.equilibrium.linearise(np.flatnonzero(self.graph.cracked))
+                self._moved()
+                continue
             if self.known and self.residual <= target:
                 break
             if not self._begun:
