@@ -16,6 +16,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from procphys_ros.errors import GrammarError
 from procphys_ros.hexahedron import are_convex
@@ -113,6 +114,35 @@ def test_rings_of_wide_stones_without_joints_do_not_reach_into_each_other(shape)
         for other in stones[:k]:
             shared = clip(stone, other)
             assert len(shared) < 3 or moments(shared)[0] < 1e-9
+
+
+def widest_gaps(wall, grain=0.003):
+    """Give the diameters of the largest circles between parts, above 16 mm and below 0.4 m."""
+    flat = outlines(wall)
+    low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
+    x, z = (np.arange(a, b, grain) + 0.5 * grain for a, b in zip(low, high))
+    full = np.zeros((len(z), len(x)), bool)
+    for outline in flat:
+        near = [slice(*np.searchsorted(line, [outline[:, k].min(), outline[:, k].max()]))
+                for k, line in ((1, z), (0, x))]
+        side = np.ones((near[0].stop - near[0].start, near[1].stop - near[1].start), bool)
+        for a, b in zip(outline, np.roll(outline, -1, axis=0)):
+            side &= ((b - a)[0] * (z[near[0], None] - a[1])
+                     - (b - a)[1] * (x[None, near[1]] - a[0])) >= 0.0
+        full[tuple(near)] |= side
+    room = 2.0 * grain * ndimage.distance_transform_edt(~full)
+    label, count = ndimage.label(room > 0.016)
+    widest = np.atleast_1d(ndimage.maximum(room, label, np.arange(1, count + 1)))
+    return widest[widest < 0.4]
+
+
+@pytest.mark.parametrize(('arch', 'height', 'most'), [
+    ('round, 1', 1.1, 0.028), ('segmental(0.15), 2', 0.7, 0.025),
+    ('segmental(0.3), 1', 0.7, 0.031), ('pointed, 1', 1.6, 0.041), ('flat, 1', 0.3, 0.025)])
+def test_bricks_close_up_to_arches(arch, height, most):
+    """Leave no wider circle between bricks and voussoirs than three joints, four at a point."""
+    widest = widest_gaps(built(arch, height, below='wall'))
+    assert len(widest) > 2 and widest.max() < most
 
 
 def test_arches_over_walls_are_filled():

@@ -100,7 +100,7 @@ def _placed(piece: Piece, panel: Panel, rings: list[list[Line]], layout: Layout,
     shoulder = scope.bottom + int(MICRO * (float(side[:, 1].max()) + joint))
     ways = np.diff(points, axis=0)
     level = np.abs(ways[:, 1]) < _STEEP * np.abs(ways[:, 0])
-    lines_at = points[1:-1][level[:-1] | level[1:], 0]
+    lines_at = points[np.append(level, False) | np.insert(level, 0, False), 0]
     gap = cutting.Gap(
         _moved(arches.extrados(outer, joint), origin),
         _moved(arches.intrados(rings[0], joint), origin) if filled else None,
