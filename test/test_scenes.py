@@ -104,7 +104,25 @@ def test_the_village_stands_the_storm():
     assert np.count_nonzero(np.linalg.norm(petioles - grown, axis=1) > 5.0) > 100  # blown away
 
 
-@pytest.mark.parametrize('name, seconds, thrown', [('wrecking_ball', 3.2, 3), ('figure_1', 3.0, 3),
+def test_strokes_of_a_ball_crack_a_wall_and_bring_it_down():
+    """Leave a hole with cracks that reach far from it, then bring down a third of the wall."""
+    simulation, causes = run('wrecking_ball', 1.4)
+    source, state = simulation.blueprint, simulation.state
+    lost = ~state.standing[:len(source)]
+    assert 20 < np.count_nonzero(lost) < 0.05 * len(source)
+    assert np.count_nonzero(causes == Cause.IMPACT) > 50
+    graph = state.solver.graph
+    cracked = graph.centroid[graph.cracked & graph.alive]
+    away = np.linalg.norm(cracked - np.median(source.poses[np.flatnonzero(lost), :3], axis=0),
+                          axis=1)
+    assert len(cracked) > 20 and away.max() > 1.0
+    simulation.step(round(6.1 / simulation.time_step))
+    bricks = rows(simulation, 'wall')
+    moved = np.linalg.norm(simulation.poses[bricks, :3] - source.poses[bricks, :3], axis=1)
+    assert np.mean(moved > 0.2) > 0.3
+
+
+@pytest.mark.parametrize('name, seconds, thrown', [('figure_1', 3.0, 3),
                                                    ('vehicle_on_wall', 1.5, 1)])
 def test_what_is_thrown_goes_through_the_wall(name, seconds, thrown):
     """Tear bricks out of the wall by impact, and lose speed by it."""

@@ -88,3 +88,31 @@ def test_blows_that_wait_too_long_are_over():
     loads.end_blows()
     loads.apply(solver, 3.5, _DT)
     assert abs(solver.given[-1][1, 2]) < 5.0
+
+
+def test_blows_act_for_a_while_after_the_first_failure():
+    """Let cracks run on under a blow, but not for ever."""
+    solver = Slow()
+    loads = StandingLoads(2)
+    loads.add_blow(np.array([0]), push(1000.0))
+    loads.apply(solver, 0.0, _DT)
+    for i in range(1, 120):
+        if i % 6 == 0 and i >= 60:
+            loads.take_more(i * _DT, True)
+        loads.apply(solver, i * _DT, _DT)
+        assert loads.struck == (i * _DT <= 1.3 + 1e-9), i
+    assert solver.given[-1][0, 2] == 0.0
+
+
+def test_what_leaves_a_wall_has_passed_its_blow_on():
+    """Give back the force of all blows on parts that leave, and leave it to no one else."""
+    solver = Slow()
+    loads = StandingLoads(3)
+    loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0))
+    loads.apply(solver, 0.0, _DT)
+    loads.add_blow(np.array([1, 2]), np.repeat(push(50.0), 2, axis=0))
+    assert loads.take_blows(np.array([1])) == pytest.approx([0.0, 0.0, 150.0])
+    assert loads.take_blows(np.array([1])) == pytest.approx(np.zeros(3))
+    loads.end_blows()
+    loads.apply(solver, _DT, _DT)
+    assert solver.given[-1][:, 2] == pytest.approx([0.0, 0.0, 50.0])

@@ -101,7 +101,7 @@ def scraped(simulation):
 
 
 def test_a_slow_ball_bounces_off():
-    """Throw a ball back with the stated restitution; the wall loses nothing."""
+    """Throw a ball back with the stated restitution; the wall cracks at its foot and stands."""
     simulation = stand(wall(12, 24))
     ball = throw(simulation, 5.0, 3.0)
     simulation.step(60)
@@ -111,6 +111,9 @@ def test_a_slow_ball_bounces_off():
     assert not impact.torn
     assert impact.lost[1] == pytest.approx(1.25 * 5.0 * 3.0, rel=0.01)
     assert simulation.state.standing[:ball].all()
+    graph = simulation.state.solver.graph
+    assert graph.alive.all() and graph.cracked.any()
+    assert simulation.state.solver.converged  # rocking ends, and what was pulled apart closes
 
 
 def test_a_fast_ball_goes_through_and_comes_out_slower():

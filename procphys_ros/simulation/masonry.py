@@ -37,6 +37,8 @@ _PACE = 480.0    # [1/s] iterations of the stress solver per simulated second wh
 #                  changed, whatever the size: cracks run on as fast in long buildings as in short
 _CURVED = 4.0    # times as many as joints open and close, which takes more of them, ...
 _WORK = 45_000   # ... unless parts times iterations, a third of a step of 1/60 s, are more
+_TIPPING = 0.15  # [m/s] of its middle, with which a wall of thickness t and height h tips over:
+#                  √(3·g·t²/(8·h)) is 0.12 for a storey half a brick thick, 0.25 for one brick
 _PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
 #                  periods of walls and floors long
 SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
@@ -119,7 +121,7 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
 def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
                    rate: float = WALL_RATE) -> None:
     """
-    Let what stands feel impulses, until its stresses have been judged.
+    Let what stands feel impulses, until they have broken what they break.
 
     :param parts: (K,) indices.
     :param impulses: at their centres of mass [N·s], world, (K, 3), or with angular impulses
@@ -136,6 +138,8 @@ def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
     """
     Let what stands around parts that come out feel what breaking their bonds gave to it.
 
+    What struck these parts before, they have passed on by then, too.
+
     :param bonds: around the parts, rows of the graph, (B,).
     :param parts: that leave, (K,).
     :param impulse: on all neighbours together [N·s], world, (3,).
@@ -144,6 +148,7 @@ def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
     near = np.concatenate([graph.first[bonds], graph.second[bonds]])
     near = np.setdiff1d(near[near < graph.count], parts)
     if len(near):
+        impulse = impulse + state.loads.take_blows(parts) / WALL_RATE
         apply_impulses(state, near, np.tile(impulse / len(near), (len(near), 1)))
 
 
@@ -184,8 +189,10 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
     if broke or is_stable(state):
         state.unjudged = 0.0
     _let_go(model, state, pieces)
-    if broke or is_stable(state):
+    if is_stable(state):
         state.loads.end_blows()
+    elif rounds:
+        state.loads.take_more(state.time, broke)
 
 
 def _advance(model: Model, state: State,
@@ -193,7 +200,8 @@ def _advance(model: Model, state: State,
     """Work on the stresses; give the pieces that lost the ground, and what failed."""
     if is_stable(state):
         return [], []
-    rounds = state.fracture.advance(iterations)
+    rounds = state.fracture.advance(
+        iterations, (lambda: _ride_out(state)) if state.loads.struck else None)
     standing = state.standing[:model.masonry.graph.count]
     loose = standing & ~state.solver.supported
     pieces = groups(state.solver.labels, loose) if loose.any() else []
@@ -212,6 +220,30 @@ def _advance(model: Model, state: State,
         state.log.record(state.time, source.bond_frame[rows, :3], rows, source.bonds[rows],
                          cause, load, ~broken)
     return pieces, rounds
+
+
+def _ride_out(state: State) -> bool:
+    """
+    End blows under which a cracked wall rocks without being thrown over; say whether it does.
+
+    The steady force of the same effect is that on a wall that swings elastically. A mechanism has
+    no such period: there the momentum counts. What is thrown over gets it, and becomes no faster
+    than the fastest thing there is.
+    """
+    moved = state.solver.in_motion()
+    waves = state.blasts.momentum[moved]  # which `_let_go` hands over
+    blows = state.loads.blows_on(moved) / WALL_RATE
+    mass = float(state.parts.mass[moved].sum())
+    size = float(np.linalg.norm(blows))
+    if max(size, float(np.linalg.norm(waves.sum(axis=0)))) > _TIPPING * mass:
+        bodies = state.world.bodies.velocities[state.world.awake, :3]
+        fastest = float(np.linalg.norm(bodies, axis=1).max(initial=0.0))
+        velocity = min(1.0, fastest * mass / max(size, 1e-12)) * blows / mass
+        state.parts.velocities[moved[~waves.any(axis=1)], :3] = velocity
+        return False
+    state.loads.end_blows()
+    state.loads.apply(state.solver, state.time, 0.0)
+    return True
 
 
 def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:

@@ -25,6 +25,9 @@ _TOGETHER = 0.1  # [s] loads that change within this act together: about two per
 #                  storey-high wall, which has not answered to the first of them before
 _FADING = 0.5    # [s] time constant of blows that wait: walls have swung out by then, and blows
 #                  of many seconds must not act as one
+_LONGEST = 0.3   # [s] that a blow acts from the first failure on, six rounds at their pace
+#                  (decision 24): cracks run through a panel while it swings out, but what crumbles
+#                  on must not feel it for ever
 
 
 class StandingLoads:
@@ -35,8 +38,8 @@ class StandingLoads:
     changes while it works on earlier loads waits until these have been judged: loads that never
     stay the same, such as of moving rubble, would keep it from ever finding a stress.
 
-    Blows act until they have been judged once. Of blows that follow each other on one part only
-    the strongest counts, since a part feels them one after the other. Those that wait fade.
+    Blows act until nothing fails under them any more. Of blows that follow each other on one part
+    only the strongest counts, since a part feels them one after the other. Those that wait fade.
 
     :param count: number of parts in all buildings and elsewhere.
     """
@@ -50,6 +53,7 @@ class StandingLoads:
         self._changed = False
         self._open = True
         self._opened = 0.0
+        self._since = math.inf  # when blows made something fail first
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -92,12 +96,45 @@ class StandingLoads:
 
     def add_blow(self, parts: np.ndarray, wrenches: np.ndarray) -> None:
         """
-        Let blows act until the stresses under them have been judged.
+        Let blows act until the stresses under them have broken what they break.
 
         :param parts: indices; one that stands twice gets both, (K,).
         :param wrenches: force at the centre of mass and moment [N], [N·m], world, (K, 6).
         """
         self._struck.append((np.asarray(parts, np.intp), np.asarray(wrenches, float)))
+
+    @property
+    def struck(self) -> bool:
+        """Whether blows act at present."""
+        return self._blows is not None
+
+    def blows_on(self, parts: np.ndarray) -> np.ndarray:
+        """Give the force of all blows that act on parts [N], (3,)."""
+        return np.zeros(3) if self._blows is None else self._blows[parts, :3].sum(axis=0)
+
+    def take_blows(self, parts: np.ndarray) -> np.ndarray:
+        """Take the blows off parts that leave; give the force that they passed on [N], (3,)."""
+        total = np.zeros(3)
+        for struck, wrenches in self._struck:
+            leaves = np.isin(struck, parts)
+            total += wrenches[leaves, :3].sum(axis=0)
+            wrenches[leaves] = 0.0
+        for column in (self._waiting, self._blows):
+            if column is not None:
+                total += column[parts, :3].sum(axis=0)
+                column[parts] = 0.0
+        self._changed |= self._blows is not None
+        return total
+
+    def take_more(self, time: float, broke: bool) -> None:
+        """
+        Take note that something failed under the loads handed over.
+
+        :param time: [s].
+        :param broke: whether anything is gone, and not just cracked: then other loads may follow.
+        """
+        self._since = min(self._since, time)
+        self._open |= broke
 
     def end_blows(self) -> None:
         """Take note that the loads handed over have broken what they break."""
@@ -119,6 +156,8 @@ class StandingLoads:
         if self._struck:
             self._waiting = _strongest(self._waiting, self._total(self._struck))
             self._struck.clear()
+        if self._blows is not None and time > self._since + _LONGEST:
+            self.end_blows()
         if not self._changed and self._waiting is None:
             return
         if self._open:
@@ -127,7 +166,7 @@ class StandingLoads:
             return
         if self._waiting is not None:
             self._blows = _strongest(self._blows, self._waiting)
-            self._waiting = None
+            self._waiting, self._since = None, math.inf
         total = self._total(list(self._layers.values()))
         if self._blows is not None:
             total += self._blows

@@ -22,6 +22,8 @@ from procphys_ros.physics.masonry import components, links, pcg
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.joints import CrackedJoints
 
+_IN_MOTION = 1e-3  # [m] further than that, parts are moved by a mechanism and not bent
+
 
 class Equilibrium:
     """
@@ -153,6 +155,11 @@ class Equilibrium:
         self.residual[:-1][~self.supported] = 0.0
         self.residual[-1] = 0.0
         self.joints.soften(rows)
+
+    def moved_from(self, displacement: np.ndarray) -> np.ndarray:
+        """List the parts that are no longer where they were, displacements (N + 1, 6)."""
+        way = np.abs(self.displacement - displacement)[:-1, :3].max(axis=1)
+        return np.flatnonzero(self.supported & (way > _IN_MOTION))
 
     @property
     def sudden(self) -> bool:

@@ -15,6 +15,7 @@
 
 """Progressive failure: solve, crack or break the worst bonds, solve again, until none fails."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,11 +82,15 @@ class Fracture:
         """Whether the present loads are carried and the last judgement broke nothing."""
         return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
-    def advance(self, iterations: int) -> list[Failures]:
+    def advance(self, iterations: int,
+                relieve: Callable[[], bool] | None = None) -> list[Failures]:
         """
         Spend some iterations; fail what is overloaded each time that equilibrium is reached.
 
         :param iterations: largest number, over all rounds.
+        :param relieve: given while loads act that are soon over, such as blows: what they pull
+            apart closes again, and is not gone. Asked before what no equilibrium holds is let go;
+            takes these loads away if they do not throw it over, and says whether it has.
         :returns: one entry per round in which something cracked or broke.
         """
         solver, graph, rounds = self.solver, self.solver.graph, []
@@ -93,6 +98,11 @@ class Fracture:
             before = solver.spent
             solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
             iterations -= max(solver.spent - before, 1)
+            if relieve is not None and len(solver.in_motion()):
+                relieved, relieve = relieve(), None
+                if relieved:
+                    solver.rewind()
+                    continue
             if not solver.converged and len(solver.part_hinges()):
                 continue
             adrift = solver.mechanisms()
@@ -102,7 +112,7 @@ class Fracture:
             self._glanced = solver.problem
             if not solver.converged and self._straighten(adrift):
                 continue
-            failures = self._judge(adrift, 1.0 if settled else _CLEARLY)
+            failures = self._judge(adrift, 1.0 if settled else _CLEARLY, relieve is not None)
             if len(failures.bond):
                 rounds.append(failures)
             elif not settled:
@@ -129,8 +139,12 @@ class Fracture:
         """Say whether the problem is to be glanced at; what is adrift is solved to the end."""
         return self._glanced != self.solver.problem and not len(self.solver.adrift())
 
-    def _judge(self, adrift: np.ndarray, least: float) -> Failures:
-        """Fail what fails, if anything does; the worst bond must carry `least` its strength."""
+    def _judge(self, adrift: np.ndarray, least: float, brief: bool) -> Failures:
+        """
+        Fail what fails, if anything does; the worst bond must carry `least` its strength.
+
+        :param brief: whether the loads are soon over.
+        """
         solver = self.solver
         graph = solver.graph
         wrench = solver.wrenches()
@@ -144,7 +158,7 @@ class Fracture:
         moving = (moving[graph.first] | moving[graph.second]) & (share > 1.0)
         cause[moving] = Cause.TENSION  # nothing to redistribute to: all around it go at once
         bonds = np.flatnonzero(chosen | moving)
-        gone = ~(strength.opening(graph, bonds, wrench[bonds])[0] | self._dry[bonds])
+        gone = ~(strength.opening(graph, bonds, wrench[bonds])[0] | self._dry[bonds] | brief)
         gone |= moving[bonds] | (cause[bonds] == Cause.COMPRESSION) | graph.narrowed(bonds)
         had_cracked = graph.cracked[bonds]
         solver.crack(bonds[~gone])

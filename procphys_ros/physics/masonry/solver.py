@@ -30,14 +30,12 @@ from procphys_ros.physics.masonry.superposition import Superposition
 
 _AGGREGATE = 8       # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
+_STALE_AFTER = 120   # iterations since a change until the coarse space is renewed, for some 35
 _CURVED_STALE = 40   # the same while joints open: tangents change by more than a cut does
-_STALE_AFTER = 120   # iterations since a change after which the coarse space is renewed: it costs
-#                      as much as about 35 iterations, and most changes are answered sooner
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
 _FURTHEST = 0.25     # [m] displacement at which a part counts as a mechanism: more than a brick,
-#                      so bonds are no longer where linear theory has them; sound masonry moves
-#                      by less than a millimetre, timber floors by a few
+#                      beyond linear theory; sound masonry moves by < 1 mm, floors by a few
 
 
 class StressSolver:
@@ -252,8 +250,7 @@ class StressSolver:
         self._patience = self._worked = 0
         self._past.forget(self.labels, self.equilibrium.linear())
         self._moved()
-        self.state += 1
-        self.problem += 1
+        self.state, self.problem = self.state + 1, self.problem + 1
 
     def _moved(self) -> None:
         """Take note that loads or bonds have changed: a step that was under way is over."""
@@ -420,6 +417,18 @@ class StressSolver:
         if len(rows):
             self.equilibrium.rewind(self._calm)
         return rows
+
+    def in_motion(self) -> np.ndarray:
+        """List the parts that a mechanism moves away from where they were in equilibrium last."""
+        moves = len(self._hinges()) or len(self.mechanisms())
+        return self.equilibrium.moved_from(self._calm) if moves else np.zeros(0, np.intp)
+
+    def rewind(self) -> None:
+        """Go back to where all was in equilibrium last; loads and bonds stay as they are."""
+        self.equilibrium.rewind(self._calm)
+        self._patience = self._worked = 0
+        self._moved()
+        self.state, self.problem = self.state + 1, self.problem + 1
 
     def _hinges(self) -> np.ndarray:
         """List the joints that `part_hinges` would cut; none while a step is under way."""
