@@ -34,6 +34,7 @@ from procphys_ros.compilation.overloads import GROUPS, SHIPPED
 from procphys_ros.compilation.signatures import to_text
 from procphys_ros.errors import CommandError
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
+from procphys_ros.physics.world import installed_engines
 from procphys_ros.recording.marker_state import find_markers
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
@@ -79,6 +80,10 @@ _HILL: dict[str, Any] = {
     'wall': _CRACKED['wall'],
     'sapling': {'origin': [3.0, 0.0, 0.0],
                 'grammar_text': _CULLED['sapling']['grammar_text']}}
+
+# What only the other engine calls.
+_RAPIER: dict[str, Any] = {'scene': {'objects': ['wall']}, 'engine': 'rapier',
+                           'wall': _CRACKED['wall']}
 
 
 def publish(simulation: Simulation) -> list[bytes]:
@@ -165,7 +170,17 @@ def exercise(share: float) -> Iterator[None]:
     for simulation, steps in zip(simulations, _SCENES.values()):
         simulation.step(int(steps * share))
         damage(simulation)
+    if 'rapier' in installed_engines():
+        strike_twice(Simulation(Scene.from_parameters(_RAPIER)))
     yield
+
+
+def strike_twice(simulation: Simulation) -> None:
+    """Knock bricks out of a wall, and hit them again where they lie."""
+    for height in (1.0, 0.4):
+        simulation.launch(Projectile('sphere', (0.4,), 60.0, (1.0, -2.0, height),
+                                     (0.0, 10.0, 0.0)))
+        simulation.step(100)
 
 
 class Recorder(event.Listener):

@@ -58,13 +58,16 @@ def add_branch(model: Model, state: State, row: int) -> None:
 
     :param row: of the forest, the first one of the branch.
     """
-    forest = state.forest
+    forest, plan = state.forest, state.forest.plan
     rows = forest.subtree(row)
-    root, roots = int(forest.roots(rows[:1])[0]), forest.roots(forest.plan.row)
+    root, roots = forest.roots(rows[:1]), plan.row[plan.start[:-1]]
     passed = roots == root
-    if not forest.is_free(np.array([root]))[0]:
+    if not forest.is_free(root)[0]:
         passed |= ~forest.is_free(roots)
-    others = np.setdiff1d(forest.plan.row[passed], rows)
+    meets = np.zeros(len(forest.active), bool)
+    meets[plan.row[np.repeat(passed, np.diff(plan.start))]] = True
+    meets[rows] = False
+    others = np.flatnonzero(meets)
     sizes, still = model.trees.sizes, np.zeros_like(forest.velocities)
     bounds = [capsule_bounds(some, forest.poses, sizes, still, 0.0, 0.0)
               for some in (rows, others)]

@@ -128,7 +128,8 @@ def _spent(model: Model, state: State, watch: dict[str, np.ndarray],
     hit = watch['fast'] & (lost > _FREE_LOSS * watch['energy']) & ~watch['spared']
     if not hit.any():
         return _NOWHERE
-    others = np.setdiff1d(state.world.awake, ids[same])
+    others = state.world.awake
+    others = others[~np.isin(others, ids[same])]
     gained = float(np.sum(motion_energy(bodies.mass[others], bodies.inertia[others],
                                         bodies.poses[others, 3:], bodies.velocities[others])))
     energy = lost_energy(watch['energy'], now, gained)[hit]

@@ -64,6 +64,24 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, column_out
     return found
 
 
+@kernel
+def carried_rows(row, end, active, parents):
+    """
+    List the active rows that a row carries, itself included and first.
+
+    :param row: the row.
+    :param end: behind the last row that it carried when the tree was whole.
+    :param active: (S,) bool.
+    :param parents: rows of the parents, which stand first, (S,).
+    """
+    carried = np.zeros(end - row, np.bool_)
+    carried[0] = True
+    for i in range(row + 1, end):
+        parent = parents[i] - row
+        carried[i - row] = active[i] and parent >= 0 and carried[parent]
+    return row + np.flatnonzero(carried)
+
+
 def section_modulus(width: np.ndarray) -> np.ndarray:
     """Give Z = π·d³/32 of round sections of diameter d [m³]."""
     return np.pi / 32.0 * width ** 3

@@ -241,13 +241,7 @@ class Forest:
 
     def subtree(self, row: int) -> np.ndarray:
         """Give the active rows that a row carries, itself included and first."""
-        rows = np.arange(row, self.ends[row])
-        rows = rows[self.active[rows]]
-        root = {row}
-        for i in rows[1:]:
-            if self.parents[i] in root:
-                root.add(i)
-        return np.array([i for i in rows if i in root], np.int64)
+        return breaks.carried_rows(int(row), int(self.ends[row]), self.active, self.parents)
 
     def detach(self, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """

@@ -18,9 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.compilation import kernel
-from procphys_ros.rotation_kernels import matrix
+from procphys_ros.rotation_kernels import matrix, matrix_rows
 
 
 @dataclass(frozen=True)
@@ -59,13 +58,23 @@ def rigid_sum(mass: np.ndarray, inertia: np.ndarray, poses: np.ndarray,
         velocities = np.zeros((len(poses), 6))
     mass, inertia, poses, velocities = (np.ascontiguousarray(column, float) for column in
                                         (mass, inertia, poses, velocities))
+    return RigidSum(*_rigid_sum(mass, inertia, poses, velocities))
+
+
+@kernel
+def _rigid_sum(mass, inertia, poses, velocities):
+    """Give the values of `RigidSum`."""
     total, centre, drift, tensor, spin = _collect(mass, inertia, poses, velocities)
     moments, principal = np.linalg.eigh(tensor)
-    if np.linalg.det(principal) < 0.0:
-        principal[:, 0] *= -1.0
-    pose = np.concatenate([centre, rotation.from_matrix(principal)])
-    velocity = np.concatenate([drift, np.linalg.solve(tensor, spin)])
-    return RigidSum(total, moments, pose, velocity, relative_rows(pose, poses))
+    first, second = principal[:, 1], principal[:, 2]
+    principal[0, 0] = first[1] * second[2] - first[2] * second[1]  # right-handed
+    principal[1, 0] = first[2] * second[0] - first[0] * second[2]
+    principal[2, 0] = first[0] * second[1] - first[1] * second[0]
+    pose, velocity = np.empty(7), np.empty(6)
+    pose[:3], pose[3:] = centre, quaternion(principal)
+    velocity[:3] = drift
+    velocity[3:] = principal @ ((principal.T @ spin) / moments)
+    return total, moments, pose, velocity, relative_rows(pose, poses)
 
 
 @kernel
@@ -101,6 +110,26 @@ def _collect(mass, inertia, poses, velocities):
 
 
 @kernel
+def quaternion(m):
+    """Turn a rotation matrix, (3, 3), into a quaternion as `rotation.from_matrix` does, (4,)."""
+    trace = m[0, 0] + m[1, 1] + m[2, 2]
+    choice, most = 3, trace
+    for i in range(3):
+        if m[i, i] > most:
+            choice, most = i, m[i, i]
+    q = np.empty(4)
+    if choice == 3:
+        q[0], q[1], q[2] = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
+        q[3] = 1.0 + trace
+    else:
+        i, j, k = choice, (choice + 1) % 3, (choice + 2) % 3
+        q[i] = 1.0 - trace + 2.0 * m[i, i]
+        q[j], q[k] = m[j, i] + m[i, j], m[k, i] + m[i, k]
+        q[3] = m[k, j] - m[j, k]
+    return q / (q * q).sum() ** 0.5
+
+
+@kernel
 def relative_rows(frame, poses):
     """
     Express many poses in one frame: `rotation.relative`, ten times faster for a few dozen rows.
@@ -121,6 +150,32 @@ def relative_rows(frame, poses):
         out[p, 5] = aw * bz + ax * by - ay * bx + az * bw
         out[p, 6] = aw * bw - ax * bx - ay * by - az * bz
     return out
+
+
+@kernel
+def placed(points, inner, inner_poses, outer, outer_poses):
+    """
+    Give points that lie in one frame within another in the world [m], (C, 3).
+
+    :param points: in the inner frames [m], (C, 3).
+    :param inner: row of the inner frame of each, (C,).
+    :param inner_poses: in the outer frames, (I, 7).
+    :param outer: row of the outer frame of each, (C,).
+    :param outer_poses: in the world, (O, 7).
+    """
+    out = np.empty((len(points), 3))
+    for n in range(len(points)):
+        between = _at(inner_poses[inner[n]], (points[n, 0], points[n, 1], points[n, 2]))
+        out[n, 0], out[n, 1], out[n, 2] = _at(outer_poses[outer[n]], between)
+    return out
+
+
+@kernel
+def _at(pose, point):
+    axes, (x, y, z) = matrix_rows(pose[3:]), point
+    return (pose[0] + axes[0][0] * x + axes[0][1] * y + axes[0][2] * z,
+            pose[1] + axes[1][0] * x + axes[1][1] * y + axes[1][2] * z,
+            pose[2] + axes[2][0] * x + axes[2][1] * y + axes[2][2] * z)
 
 
 @kernel

@@ -285,8 +285,8 @@ class BodyTable:
         columns = dict(_ROWS)[kind]
         if self._used_rows[kind] + len(rows[0]) > len(getattr(self, next(iter(columns)))):
             self._compact()
+            self._reserve(columns, 2 * (self._used_rows[kind] + len(rows[0])))  # not soon again
         first = self._used_rows[kind]
-        self._reserve(columns, first + len(rows[0]))
         for name, values in zip(columns, rows):
             getattr(self, name)[first:first + len(values)] = values
         self._used_rows[kind] = first + len(rows[0])
@@ -315,6 +315,6 @@ class BodyTable:
                 setattr(self, name, column)
             starts[ids] = ends - counts[ids]
             self._used_rows[kind] = len(rows)
-        gone = np.setdiff1d(np.arange(len(self.state)), ids)
+        gone = self.state == BodyState.GONE
         for kind, _ in _ROWS:
             getattr(self, f'first_{kind}')[gone] = getattr(self, f'{kind}_count')[gone] = 0

@@ -36,9 +36,13 @@ from procphys_ros.hexahedron import inset
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
-from procphys_ros.physics.world.pieces import Pieces, solid_inertia
+from procphys_ros.physics.world.first_turn import (
+    turn_as_their_shapes,
+    turns_as_the_box_about_it,
+)
+from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.stderr_filter import drop_stderr_lines
-from procphys_ros.physics.world.urdf import write_hulls, write_urdf
+from procphys_ros.physics.world.urdf import SHORTEST, write_hulls, write_urdf
 
 with drop_stderr_lines('pybullet build time'):
     import pybullet
@@ -64,7 +68,7 @@ _SLEEPING = pybullet.URDF_ENABLE_SLEEPING  # without it even resting bodies cost
 _SIZES = itemgetter(1, 2, 8, 9, 10, 12)  # of a contact: bodies, distance, forces along ...
 _WAYS = itemgetter(6, 7, 11, 13)  # ... normal and two tangents; point, normal and tangents
 _MEMORY_FOLDER = '/dev/shm'  # a folder in memory, where there is one
-_AS_SOLID = 2.0  # times the inertia of a solid: a plain body with more is made as a compound
+_MOST_SHAPES = 16  # of a list that PyBullet makes a compound of
 _ROUND = 6  # decimals of sizes and quaternions up to which plain bodies are added together
 _FILTERS = {int(state): filters for state, filters in COLLISION_FILTERS.items()}
 _HELD = {'mass': 0.0, 'activationState': pybullet.ACTIVATION_STATE_SLEEP}
@@ -136,7 +140,7 @@ class BulletEngine:
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids; plain ones of one shape, size and attitude at once."""
         plain = table.least[ids] > 0.0
-        plain[plain] = _turn_as_their_shapes(table, ids[plain])
+        plain[plain] = turn_as_their_shapes(table, ids[plain])
         alone = ~plain | (table.hexahedron_count[ids] > 0)
         ground = table.state[ids] == BodyState.GROUND
         for place in np.flatnonzero(alone).tolist():
@@ -201,7 +205,7 @@ class BulletEngine:
 
         Bullet keeps the inverse inertia along world axes with which a body was created, that of
         its shape, until the end of the next step, whatever mass it is given in between: see
-        `_turn_as_their_shapes`.
+        `first_turn`.
         """
         return int(pybullet.createMultiBody(
             float(table.mass[ids[0]]), self._shape(table.pieces(int(ids[0]))), self._visual,
@@ -235,10 +239,34 @@ class BulletEngine:
         """
         Create a rigid body made of many shapes.
 
-        PyBullet's own compounds stop at 16 shapes, a URDF link does not. It never gives back the
-        shapes of a URDF, 1 to 5 kB, before the world is closed.
+        PyBullet's own compounds stop at 16 shapes, a URDF link does not, but takes three times as
+        long. PyBullet gives back the shapes of neither, 1 to 5 kB, before the world is closed.
         """
-        pieces, pose = table.pieces(body), table.poses[body]
+        pieces = table.pieces(body)
+        if (len(pieces.shapes) <= _MOST_SHAPES and not len(pieces.hexahedra)
+                and turns_as_the_box_about_it(table, body)):
+            return self._create_list(table, body, pieces)
+        return self._create_from_file(table, body, pieces)
+
+    def _create_list(self, table: BodyTable, body: int, pieces: Pieces) -> int:
+        """Create a compound whose first contacts may turn it as the box about its shapes."""
+        box = pieces.shapes == Shape.BOX
+        size = pieces.sizes
+        shape = pybullet.createCollisionShapeArray(
+            shapeTypes=np.where(box, pybullet.GEOM_BOX, pybullet.GEOM_CAPSULE).tolist(),
+            halfExtents=(0.5 * size).tolist(), radii=(0.5 * size[:, 0]).tolist(),
+            lengths=np.maximum(size[:, 2] - size[:, 0], SHORTEST).tolist(),
+            collisionFramePositions=pieces.local_poses[:, :3].tolist(),
+            collisionFrameOrientations=pieces.local_poses[:, 3:].tolist(),
+            physicsClientId=self._client)
+        pose = table.poses[body].tolist()
+        return pybullet.createMultiBody(
+            float(table.mass[body]), shape, self._visual, pose[:3], pose[3:],
+            useMaximalCoordinates=1, flags=_SLEEPING, physicsClientId=self._client)
+
+    def _create_from_file(self, table: BodyTable, body: int, pieces: Pieces) -> int:
+        """Create a compound with all shapes there are, and its own inertia from the start."""
+        pose = table.poses[body]
         handle, path = tempfile.mkstemp('.urdf', 'procphys_', self._folder)
         mesh = path + '.obj' if len(pieces.hexahedra) else ''
         try:
@@ -352,17 +380,11 @@ class BulletEngine:
         return (_table([pose(handle, client) for handle in handles], 7),
                 _table([velocity(handle, client) for handle in handles], 6))
 
-    def bounds(self, ids: np.ndarray) -> np.ndarray:
-        """Read axis-aligned bounds [m], (K, 6); those of turned compounds are loose."""
-        client = self._client
-        return _table([pybullet.getAABB(handle, -1, client)
-                       for handle in self._handles[ids].tolist()], 6)
-
-    def within(self, body: int, other: int, distance: float) -> bool:
-        """Tell whether the shapes of two bodies are less than a distance [m] apart."""
-        return bool(pybullet.getClosestPoints(
-            int(self._handles[body]), int(self._handles[other]), distance,
-            physicsClientId=self._client))
+    def are_near(self, table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        """Tell which pairs of bodies are less than a distance apart, (P,) bool."""
+        closest, client = pybullet.getClosestPoints, self._client
+        return np.array([bool(closest(one, other, far, physicsClientId=client)) for one, other, far
+                         in zip(*self._handles[pairs].T.tolist(), distance.tolist())], bool)
 
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
@@ -400,25 +422,6 @@ def _free(table: BodyTable, body: int) -> dict[str, Any]:
     """Say how a body moves; Bullet's own sleeping stays off, it misses lost supports."""
     return {'mass': float(table.mass[body]), 'localInertiaDiagonal': table.inertia[body].tolist(),
             'activationState': pybullet.ACTIVATION_STATE_DISABLE_SLEEPING}
-
-
-def _turn_as_their_shapes(table: BodyTable, ids: np.ndarray) -> np.ndarray:
-    """
-    Tell of which plain bodies the inertia is about that of their shapes, (K,) bool.
-
-    That of a disc of wood is not, whose shape is the sphere inside of it. The first contact would
-    turn it as that sphere, thousands of times too fast, and its own inertia would then make energy
-    of that spin.
-    """
-    piece = table.first_piece[ids]
-    round_ = np.flatnonzero(table.piece_shape[piece] != Shape.BOX)
-    turns = np.ones(len(ids), bool)
-    for place in round_.tolist():
-        body = ids[place]
-        solid = solid_inertia(Shape.CAPSULE, table.piece_size[piece[place]],
-                              float(table.mass[body]))
-        turns[place] = (table.inertia[body] < _AS_SOLID * solid).all()
-    return turns
 
 
 def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:

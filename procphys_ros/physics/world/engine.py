@@ -107,17 +107,18 @@ class Engine(Protocol):
         """Read poses (K, 7) and velocities (K, 6), world axes."""
         raise NotImplementedError
 
-    def bounds(self, ids: np.ndarray) -> np.ndarray:
-        """Read axis-aligned bounds [m], (K, 6): three minima, three maxima; may be loose."""
-        raise NotImplementedError
+    def are_near(self, table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.ndarray:
+        """
+        Tell which pairs of bodies have shapes that are less than a distance apart, (P,) bool.
 
-    def within(self, body: int, other: int, distance: float) -> bool:
-        """Tell whether the shapes of two bodies are less than a distance [m] apart."""
+        :param pairs: ids, (P, 2).
+        :param distance: [m], (P,).
+        """
         raise NotImplementedError
 
     def contacts(self) -> np.ndarray:
         """
-        Read the contact points of the last step.
+        Read the contact points of the last step; what is near without force may be left out.
 
         :returns: (C, 13): two ids, point on the second, unit normal towards the first, distance,
             force on the first in world axes [N], (3,), and its normal part [N].

@@ -21,6 +21,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyTable
+from procphys_ros.physics.world.clearance import clearances
 from procphys_ros.physics.world.ground_points import resolve_ground_contacts
 
 OVERLAP = 1e-3  # [m] left when a body is lifted out: boxes that only touch have no contact
@@ -122,10 +123,9 @@ def touch_with_points(table: BodyTable, awake: np.ndarray, friction: float,
                     < _reach(terrain, place, table.radius[chosen])]
     if not len(chosen):
         return _NOTHING
-    points = [table.pieces(body).ground_points for body in chosen.tolist()]
-    start = np.cumsum([0, *(len(own) for own in points)])
     poses, velocities = table.poses[chosen], table.velocities[chosen]
-    contacts = resolve_ground_contacts(start, np.concatenate(points), poses, velocities,
+    contacts = resolve_ground_contacts(table.first_point[chosen], table.point_count[chosen],
+                                       table.ground_point, poses, velocities,
                                        table.mass[chosen], table.inertia[chosen], friction,
                                        time_step, terrain)
     if not len(contacts):
@@ -152,5 +152,8 @@ def lift_settled(table: BodyTable, ids: np.ndarray,
 
 def lowest(table: BodyTable, ids: np.ndarray, terrain: Terrain = FLAT) -> np.ndarray:
     """Give the heights over the ground of the lowest points of bodies [m], (K,)."""
-    return np.array([table.pieces(body).lowest(table.poses[body], terrain)
-                     for body in ids.tolist()])
+    return clearances(
+        terrain, ids, table.poses, table.first_piece, table.piece_count, table.piece_shape,
+        table.piece_size, table.piece_pose, table.first_point, table.point_count,
+        table.ground_point, table.first_hexahedron, table.hexahedron_count,
+        table.hexahedron_piece, table.hexahedron_corners)

@@ -23,7 +23,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.terrain import height_at, normal_at
-from procphys_ros.rotation_kernels import matrix
+from procphys_ros.rotation_kernels import matrix, matrix_rows
 
 _OUT = 0.01  # [m] by which a corner must stick out to be kept
 _SLOP = 0.002  # [m] that a point at rest may sink, so that it stays in touch
@@ -55,9 +55,10 @@ def _corners_outside(poses, sizes, merged_poses, merged_sizes, found):
         axes[k] = matrix(merged_poses[k, 3:])
         reach[k] = _diagonal(merged_sizes[k]) + 2.0 * _OUT
     near = np.empty(len(merged_poses), np.int64)
+    point = np.empty(3)
     count = 0
     for p in range(len(poses)):
-        own = matrix(poses[p, 3:])
+        own = matrix_rows(poses[p, 3:])
         far = _diagonal(sizes[p])
         many = 0
         for k in range(len(merged_poses)):
@@ -68,10 +69,12 @@ def _corners_outside(poses, sizes, merged_poses, merged_sizes, found):
                 near[many] = k
                 many += 1
         for corner in range(8):
-            point = poses[p, :3].copy()
-            for axis in range(3):
-                point += own[:, axis] * sizes[p, axis] * (0.5 - ((corner >> axis) & 1))
-            if not _is_inside(point, near[:many], merged_poses, merged_sizes, axes):
+            x = sizes[p, 0] * (0.5 - (corner & 1))
+            y = sizes[p, 1] * (0.5 - ((corner >> 1) & 1))
+            z = sizes[p, 2] * (0.5 - ((corner >> 2) & 1))
+            for c in range(3):
+                point[c] = poses[p, c] + own[c][0] * x + own[c][1] * y + own[c][2] * z
+            if not _is_inside(point, near, many, merged_poses, merged_sizes, axes):
                 found[count] = point
                 count += 1
     return count
@@ -84,8 +87,10 @@ def _diagonal(size):
 
 
 @kernel
-def _is_inside(point, near, poses, sizes, axes):
-    for k in near:
+def _is_inside(point, near, many, poses, sizes, axes):
+    """Tell whether a point is in one of the boxes, which becomes the first that is looked into."""
+    for n in range(many):
+        k = near[n]
         inside = True
         for c in range(3):
             arm = 0.0
@@ -95,20 +100,22 @@ def _is_inside(point, near, poses, sizes, axes):
                 inside = False
                 break
         if inside:
+            near[n], near[0] = near[0], k
             return True
     return False
 
 
 @kernel
-def resolve_ground_contacts(start, points, poses, velocities, mass, inertia, friction, time_step,
-                            terrain):
+def resolve_ground_contacts(first, number, points, poses, velocities, mass, inertia, friction,
+                            time_step, terrain):
     """
     Stop the points that penetrate the ground, and move them out of it.
 
     Perfectly plastic impulses with Coulomb friction at all points of a body in the ground
     together, by projected Gauss-Seidel; then the same in displacements for the depth that is left.
 
-    :param start: first point of each body, one more at the end, (B + 1,) int.
+    :param first: row of the first point of each body, (B,) int.
+    :param number: of points of each body, (B,) int.
     :param points: in the bodies' frames [m], (Q, 3).
     :param poses: (B, 7), changed in place.
     :param velocities: world axes, (B, 6), changed in place.
@@ -119,54 +126,94 @@ def resolve_ground_contacts(start, points, poses, velocities, mass, inertia, fri
     :param terrain: the surface of the ground.
     :returns: contacts as of `Engine.contacts`, with the row of the body for its id, (C, 13).
     """
-    table = np.zeros((len(points), _COLUMNS))
+    table = np.zeros((number.sum(), _COLUMNS))
+    level = len(terrain.heights) == 0
     count = 0
     for b in range(len(poses)):
-        axes = matrix(poses[b, 3:])
-        first = count
-        for t in range(start[b], start[b + 1]):
-            arm = axes @ points[t]
-            x, y = poses[b, 0] + arm[0], poses[b, 1] + arm[1]
-            height = poses[b, 2] + arm[2] - height_at(terrain, x, y)
+        axes = matrix_rows(poses[b, 3:])
+        begin = count
+        for t in range(first[b], first[b] + number[b]):
+            x, y, z = points[t, 0], points[t, 1], points[t, 2]
+            up = axes[2][0] * x + axes[2][1] * y + axes[2][2] * z
+            if level and poses[b, 2] + up >= 0.0:
+                continue
+            along = axes[0][0] * x + axes[0][1] * y + axes[0][2] * z
+            across = axes[1][0] * x + axes[1][1] * y + axes[1][2] * z
+            x, y = poses[b, 0] + along, poses[b, 1] + across
+            height = poses[b, 2] + up - height_at(terrain, x, y)
             if height < 0.0:
                 normal = normal_at(terrain, x, y)
                 table[count, 0] = b
-                table[count, 2:5] = arm
+                table[count, 2], table[count, 3], table[count, 4] = along, across, up
                 table[count, 5], table[count, 6], table[count, 7] = normal
                 table[count, 8] = height * normal[2]
                 count += 1
-        if count > first:
-            compliance = (axes / inertia[b]) @ axes.T
-            rows, where = table[first:count], poses[b, :3].copy()
-            _solve_velocities(rows, velocities[b], mass[b], compliance, friction)
-            _solve_positions(rows, poses[b], mass[b], compliance)
+        if count > begin:
+            turn = matrix(poses[b, 3:])
+            compliance = (turn / inertia[b]) @ turn.T
+            rows, where = table[begin:count], poses[b, :3].copy()
+            effects = _effects(rows, mass[b], compliance)
+            _solve_velocities(rows, effects, velocities[b], mass[b], friction)
+            _solve_positions(rows, effects[:, 2], poses[b], mass[b])
             rows[:, 2:5] += where
             rows[:, 9:] /= time_step
     return table[:count]
 
 
 @kernel
-def _solve_velocities(rows, velocity, mass, compliance, friction):
+def _effects(rows, mass, compliance):
+    """
+    Work out what unit impulses at points do: along the ground, in two directions, and upwards.
+
+    :returns: for each way its direction, the spin that it gives, its moment, and the change of
+        speed at the point, (C, 3, 10).
+    """
+    out = np.empty((len(rows), 3, 10))
+    for i in range(len(rows)):
+        arm, ways = rows[i, 2:5], _ways(rows[i, 5:8])
+        for axis in range(3):
+            push = ways[axis]
+            moment = np.cross(arm, push)
+            turn = compliance @ moment
+            out[i, axis, :3], out[i, axis, 3:6], out[i, axis, 6:9] = push, turn, moment
+            out[i, axis, 9] = 1.0 / mass + (turn * moment).sum()
+    return out
+
+
+@kernel
+def _speed(motion, effect):
+    """Give the speed that a motion, (6,), has at a point along its direction [m/s]."""
+    return (motion[0] * effect[0] + motion[1] * effect[1] + motion[2] * effect[2]
+            + motion[3] * effect[6] + motion[4] * effect[7] + motion[5] * effect[8])
+
+
+@kernel
+def _add(motion, effect, mass, impulse):
+    """Add to a motion, (6,), what an impulse does."""
+    for c in range(3):
+        motion[c] += effect[c] * impulse / mass
+        motion[3 + c] += effect[3 + c] * impulse
+
+
+@kernel
+def _solve_velocities(rows, effects, velocity, mass, friction):
     """Bring the points to rest; impulses go to columns 9 to 12."""
     for _ in range(_ITERATIONS):
-        for row in rows:
-            arm = row[2:5]
-            ways = _ways(row[5:8])
+        for i in range(len(rows)):
             for axis in (2, 0, 1):
-                push = ways[axis].copy()
-                turn = compliance @ np.cross(arm, push)
-                softness = 1.0 / mass + (np.cross(turn, arm) * push).sum()
-                slip = ((velocity[:3] + np.cross(velocity[3:], arm)) * push).sum()
-                before = row[9 + axis]
-                most = friction * row[11]
-                after = before - slip / softness
+                effect = effects[i, axis]
+                before = rows[i, 9 + axis]
+                most = friction * rows[i, 11]
+                after = before - _speed(velocity, effect) / effect[9]
                 after = max(after, 0.0) if axis == 2 else min(max(after, -most), most)
-                row[9 + axis] = after
-                velocity[:3] += push * ((after - before) / mass)
-                velocity[3:] += turn * (after - before)
-    for row in rows:
-        row[12] = row[11]
-        row[9:12] = row[9:12].copy() @ _ways(row[5:8])
+                rows[i, 9 + axis] = after
+                _add(velocity, effect, mass, after - before)
+    for i in range(len(rows)):
+        rows[i, 12] = rows[i, 11]
+        along, across, up = rows[i, 9], rows[i, 10], rows[i, 11]
+        for c in range(3):
+            rows[i, 9 + c] = (along * effects[i, 0, c] + across * effects[i, 1, c]
+                              + up * effects[i, 2, c])
 
 
 @kernel
@@ -181,24 +228,18 @@ def _ways(normal):
 
 
 @kernel
-def _solve_positions(rows, pose, mass, compliance):
+def _solve_positions(rows, effects, pose, mass):
     """Shift and turn the body until its points have recovered their share of the depth."""
-    shift, turned = np.zeros(3), np.zeros(3)
-    given = np.zeros(len(rows))
+    moved, given = np.zeros(6), np.zeros(len(rows))
     for _ in range(_ITERATIONS):
         for i in range(len(rows)):
-            arm = rows[i, 2:5]
             wanted = _RECOVERY * (-rows[i, 8] - _SLOP)
-            normal = rows[i, 5:8]
-            turn = compliance @ np.cross(arm, normal)
-            softness = 1.0 / mass + (np.cross(turn, arm) * normal).sum()
-            got = ((shift + np.cross(turned, arm)) * normal).sum()
-            more = max(given[i] + (wanted - got) / softness, 0.0) - given[i]
+            got = _speed(moved, effects[i])
+            more = max(given[i] + (wanted - got) / effects[i, 9], 0.0) - given[i]
             given[i] += more
-            shift += normal * (more / mass)
-            turned += turn * more
-    pose[:3] += shift
-    half = 0.5 * turned
+            _add(moved, effects[i], mass, more)
+    pose[:3] += moved[:3]
+    half = 0.5 * moved[3:]
     x, y, z, w = pose[3:]
     pose[3] += half[0] * w + half[1] * z - half[2] * y
     pose[4] += half[1] * w + half[2] * x - half[0] * z

@@ -16,9 +16,9 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.assembly import aligned_extents, relative_rows
+from procphys_ros.rotation_kernels import matrix_rows
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
 TOOTHING = 0.12  # [m], half a brick and a joint: how far courses of a bond stick out
@@ -42,41 +42,76 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = TOOTHIN
         taken. Toothed ends, if kept, interlock and never come to rest.
     :returns: poses (K, 7) and sizes (K, 3), K ≤ P.
     """
+    return _merge(np.ascontiguousarray(poses, float), np.ascontiguousarray(sizes, float),
+                  tolerance)
+
+
+@kernel
+def _merge(poses, sizes, tolerance):
     frame = poses[0].copy()
     inside = relative_rows(frame, poses)
     aligned, extent = aligned_extents(inside, sizes, _ALIGNED)
-    centre, extent = inside[aligned, :3], extent[aligned]
-    bounds = np.stack([centre - 0.5 * extent, centre + 0.5 * extent], axis=1)
-    for axis in (0, 1):
-        bounds = _merge_along(bounds, axis)
-    bounds = _stack(bounds[np.argsort(bounds[:, 0, 2], kind='stable')], tolerance)
+    rows, others = np.flatnonzero(aligned), np.flatnonzero(~aligned)
+    bounds = np.empty((len(rows), 2, 3))
+    for k in range(len(rows)):
+        for c in range(3):
+            bounds[k, 0, c] = inside[rows[k], c] - 0.5 * extent[rows[k], c]
+            bounds[k, 1, c] = inside[rows[k], c] + 0.5 * extent[rows[k], c]
+    bounds = _merge_along(_merge_along(bounds, 0), 1)
+    bounds = _stack(bounds[np.argsort(bounds[:, 0, 2], kind='mergesort')], tolerance)
     _close_joints(bounds)
-    centres = frame[:3] + bounds.mean(axis=1) @ rotation.to_matrix(frame[3:]).T
-    merged = np.column_stack([centres, np.tile(frame[3:], (len(bounds), 1))])
-    return (np.concatenate([merged, poses[~aligned]]),
-            np.concatenate([bounds[:, 1] - bounds[:, 0], sizes[~aligned]]))
+    axes = matrix_rows(frame[3:])
+    merged, extents = np.empty((len(bounds), 7)), np.empty((len(bounds), 3))
+    for k in range(len(bounds)):
+        middle = 0.5 * (bounds[k, 0] + bounds[k, 1])
+        for c in range(3):
+            merged[k, c] = (frame[c] + middle[0] * axes[c][0] + middle[1] * axes[c][1]
+                            + middle[2] * axes[c][2])
+        merged[k, 3:] = frame[3:]
+        extents[k] = bounds[k, 1] - bounds[k, 0]
+    return np.concatenate((merged, poses[others])), np.concatenate((extents, sizes[others]))
 
 
-def _merge_along(bounds: np.ndarray, axis: int) -> np.ndarray:
+@kernel
+def _merge_along(bounds, axis):
     """Join neighbours along one axis whose faces across are flush, (K, 2, 3) -> fewer."""
-    across = [a for a in range(3) if a != axis]
-    # Sort into lanes of equal faces; lanes are told apart by neighbouring values, not by
-    # rounding, so that values at the edge of a rounding cell stay together.
-    lanes = [_clusters(bounds[:, side, a], _FLUSH) for a in across for side in (0, 1)]
-    order = np.lexsort([bounds[:, 0, axis], *lanes])
-    bounds = bounds[order]
-    breaks = np.zeros(len(bounds), bool)
-    for lane in lanes:
-        breaks[1:] |= np.diff(lane[order]) != 0
-    gap = bounds[1:, 0, axis] - bounds[:-1, 1, axis]
-    breaks[1:] |= (gap > JOINT) | (gap < -JOINT)
-    breaks[0] = True
-    start = np.flatnonzero(breaks)
-    count = np.diff(np.append(start, len(bounds)))
-    merged = np.add.reduceat(bounds, start, axis=0) / count[:, None, None]
-    merged[:, 0, axis] = np.minimum.reduceat(bounds[:, 0, axis], start)
-    merged[:, 1, axis] = np.maximum.reduceat(bounds[:, 1, axis], start)
-    return merged
+    lane = _lanes(bounds, axis)
+    order = np.argsort(bounds[:, 0, axis], kind='mergesort')
+    order = order[np.argsort(lane[order], kind='mergesort')]
+    merged = np.empty_like(bounds)
+    found = count = 0
+    for n in range(len(order)):
+        box = bounds[order[n]]
+        if n > 0:
+            before = bounds[order[n - 1]]
+            gap = box[0, axis] - before[1, axis]
+            if lane[order[n]] == lane[order[n - 1]] and -JOINT <= gap <= JOINT:
+                last = merged[found - 1]
+                low, high = min(last[0, axis], box[0, axis]), max(last[1, axis], box[1, axis])
+                last += (box - last) / (count + 1)
+                last[0, axis], last[1, axis] = low, high
+                count += 1
+                continue
+        merged[found] = box
+        found += 1
+        count = 1
+    return merged[:found].copy()
+
+
+@kernel
+def _lanes(bounds, axis):
+    """
+    Give each box the number of its lane: of those with the same four faces across, (K,).
+
+    Faces are told apart by neighbouring values, not by rounding, so that values at the edge of a
+    rounding cell stay together.
+    """
+    lane = np.zeros(len(bounds), np.int64)
+    for across in range(2, -1, -1):
+        if across != axis:
+            for side in (1, 0):
+                lane = lane * len(bounds) + _clusters(bounds[:, side, across], _FLUSH)
+    return lane
 
 
 @kernel
@@ -117,23 +152,34 @@ def _stack(bounds, tolerance):
     return stacked[:stacks].copy()
 
 
-def _close_joints(bounds: np.ndarray) -> None:
+@kernel
+def _close_joints(bounds):
     """
     Stretch boxes over the joints to their neighbours, (K, 2, 3), in place.
 
     The edge of another body that gets into an open joint would be caught there.
     """
+    reach = np.empty(len(bounds))
     for axis in range(3):
-        low, high = bounds[:, 0], bounds[:, 1]
-        facing = np.ones((len(bounds), len(bounds)), bool)
-        for across in range(3):
-            if across != axis:
-                facing &= (high[:, None, across] > low[None, :, across] + _FLUSH)
-                facing &= (low[:, None, across] < high[None, :, across] - _FLUSH)
-        gap = low[None, :, axis] - high[:, None, axis]
-        facing &= (gap > 0.0) & (gap < JOINT)
-        reach = np.where(facing, gap, np.inf).min(axis=1, initial=np.inf)
-        high[:, axis] += np.where(np.isfinite(reach), reach, 0.0)
+        for k in range(len(bounds)):
+            reach[k] = np.inf
+            for other in range(len(bounds)):
+                gap = bounds[other, 0, axis] - bounds[k, 1, axis]
+                if 0.0 < gap < min(JOINT, reach[k]) and _face(bounds[k], bounds[other], axis):
+                    reach[k] = gap
+        for k in range(len(bounds)):
+            if reach[k] < np.inf:
+                bounds[k, 1, axis] += reach[k]
+
+
+@kernel
+def _face(box, other, axis):
+    """Tell whether two boxes overlap when looked at along an axis."""
+    for across in range(3):
+        if across != axis and not (box[1, across] > other[0, across] + _FLUSH
+                                   and box[0, across] < other[1, across] - _FLUSH):
+            return False
+    return True
 
 
 @kernel

@@ -31,7 +31,7 @@ _BOX = _ORIGIN + '<box size="%.9g %.9g %.9g"/></geometry></collision>'
 _CAPSULE = _ORIGIN + '<capsule radius="%.9g" length="%.9g"/></geometry></collision>'
 _MESH = '<collision><geometry><mesh filename="%s"/></geometry></collision>'
 _TAIL = '\n</link>\n</robot>\n'
-_SHORTEST = 1e-4  # [m], cylinder between the round ends of a capsule that is nearly a sphere
+SHORTEST = 1e-4  # [m], cylinder between the round ends of a capsule that is nearly a sphere
 
 
 def write_urdf(mass: float, inertia: np.ndarray, pieces: Pieces, mesh: str = '') -> str:
@@ -55,7 +55,7 @@ def write_urdf(mass: float, inertia: np.ndarray, pieces: Pieces, mesh: str = '')
         if shape == Shape.BOX:
             lines.append(_BOX % (*row, *size))
         else:
-            lines.append(_CAPSULE % (*row, 0.5 * size[0], max(size[2] - size[0], _SHORTEST)))
+            lines.append(_CAPSULE % (*row, 0.5 * size[0], max(size[2] - size[0], SHORTEST)))
     return _HEAD % (mass, *inertia) + '\n'.join(lines) + _TAIL
 
 

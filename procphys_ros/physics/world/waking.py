@@ -19,6 +19,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import Engine
+from procphys_ros.physics.world.extents import bounds
 from procphys_ros.physics.world.settling import TREMBLE_TIME
 
 WAKE_SPEED = 0.6  # [m/s], speed change by a hit that thaws a resting body: a fall of 2 cm
@@ -44,13 +45,9 @@ def about_to_be_hit(engine: Engine, bodies: BodyTable, time_step: float) -> np.n
                         & (rim_speed(bodies, moving) > WAKE_SPEED)]
     if not len(resting) or not len(moving):
         return np.zeros(0, np.intp)
-    pairs = reached_pairs(bodies, resting, moving, engine.bounds(moving), time_step)
+    pairs = reached_pairs(bodies, resting, moving, bounds(bodies, moving), time_step)
     reach = rim_speed(bodies, pairs[:, 1]) * time_step + _NEAR
-    hit: set[int] = set()
-    for (body, mover), far in zip(pairs.tolist(), reach.tolist()):
-        if body not in hit and engine.within(body, mover, far):
-            hit.add(body)
-    return np.array(sorted(hit), np.intp)
+    return np.unique(pairs[engine.are_near(bodies, pairs, reach), 0])
 
 
 def sweep_fast(engine: Engine, bodies: BodyTable, awake: np.ndarray, time_step: float) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Hexahedra
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.world import admission, kinematic, settling
+from procphys_ros.physics.world import admission, extents, kinematic, settling
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, make_engine
@@ -105,10 +105,8 @@ class World:
         return self._supports
 
     def bounds(self, ids: np.ndarray) -> np.ndarray:
-        """Give axis-aligned bounds, three minima, three maxima [m], (K, 6); loose if turned."""
-        ids = np.atleast_1d(ids)
-        self._queue.admit_among(ids)
-        return self._engine.bounds(ids)
+        """Give axis-aligned bounds, three minima, three maxima [m], (K, 6); hexahedra as boxes."""
+        return extents.bounds(self._bodies, np.atleast_1d(ids))
 
     def pieces(self, body: int) -> Pieces:
         """Give the collision shapes of a body."""
@@ -266,7 +264,7 @@ class World:
         self._bodies.state[ids] = state
         self._bodies.velocities[ids] = 0.0
         self._engine.freeze(ids)
-        self._bodies.bounds[ids] = self._engine.bounds(ids)
+        self._bodies.bounds[ids] = self.bounds(ids)
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set the velocities of loose bodies, world axes, (K, 6)."""
