@@ -22,8 +22,8 @@ matrix is assembled from links as K itself would be.
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.masonry import links
 from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.links import add_stiffness, cross
 
 
 class CoarseMatrix:
@@ -39,38 +39,86 @@ class CoarseMatrix:
     """
 
     def __init__(self, graph: BondGraph, owner: np.ndarray, middle: np.ndarray):
-        n = len(middle)
-        ends = owner.astype(np.int64)
-        a, b = ends[graph.first], ends[graph.second]
-        bonds = np.flatnonzero(graph.alive & (a != b))
-        a, b = a[bonds], b[bonds]
-        both = (a >= 0) & (b >= 0)
-        key = np.concatenate([a * n + a, b * n + b, a * n + b, b * n + a])
-        places = np.unique(np.concatenate(
-            [key[np.concatenate([a >= 0, b >= 0, both, both])], np.arange(n) * (n + 1)]))
-        slot = np.ascontiguousarray(np.searchsorted(places, key).reshape(4, -1).T)
-        self.start, self.column = np.searchsorted(places, np.arange(n + 1) * n), places % n
-        self.blocks = np.zeros((len(places), 6, 6))
-        _assemble(bonds, graph.links, graph.first, graph.second, graph.centroid,
-                  graph.centre, a, b, middle, slot, self.blocks)
+        bonds = np.flatnonzero(graph.alive & (owner[graph.first] != owner[graph.second]))
+        one, other = owner[graph.first[bonds]], owner[graph.second[bonds]]
+        low, high, pair = _pairs(np.minimum(one, other), np.maximum(one, other), len(middle))
+        springs = np.zeros((len(low), 6, 6))
+        _sum_springs(bonds, pair, graph.links, graph.first, graph.second, graph.centre,
+                     middle[high], springs)
+        own = np.zeros((len(middle), 6, 6))
+        _spread(low, high, middle, springs, own)
+        tied = low >= 0
+        low, high, springs = low[tied], high[tied], springs[tied]
+        here = np.arange(len(middle))
+        row, column = np.concatenate([here, high, low]), np.concatenate([here, low, high])
+        order = np.lexsort((column, row))
+        self.start = np.searchsorted(row[order], np.arange(len(middle) + 1))
+        self.column = column[order]
+        self.blocks = np.concatenate([own, springs, springs.transpose(0, 2, 1)])[order]
 
 
 @kernel
-def _assemble(bonds, all_links, first, second, centroid, centre, left, right, middle, slot,
-              blocks):
-    """Add the links that cross between aggregates; slot: four blocks per bond."""
-    here, there = np.empty((2, 3, 6))
-    at_a, at_b = np.zeros((2, 3))
+def _pairs(low, high, count):
+    """
+    List the pairs of aggregates that bonds join.
+
+    :param low: the lower one of each bond, -1 is the ground, (K,).
+    :param high: the other one, (K,).
+    :returns: low and high of each pair (P,), and the pair of each bond (K,).
+    """
+    last = np.full(count, -1)  # pair found last, of those with the same `high`
+    previous, a, b, pair = np.empty((4, len(low)), np.int64)
+    made = 0
+    for k in range(len(low)):
+        p = last[high[k]]
+        while p >= 0 and a[p] != low[k]:
+            p = previous[p]
+        if p < 0:
+            p = made
+            a[p], b[p] = low[k], high[k]
+            previous[p], last[b[p]] = last[b[p]], p
+            made += 1
+        pair[k] = p
+    return a[:made].copy(), b[:made].copy(), pair
+
+
+@kernel
+def _sum_springs(bonds, pair, links, first, second, centre, point, out):
+    """Add up the stiffness of the bonds of each pair, about a point of each [m], (P, 3)."""
     for k in range(len(bonds)):
-        m, a, b = bonds[k], left[k], right[k]
-        link = all_links[m]
-        if a >= 0:
-            # A cracked joint is tied where it presses, all others at their centroids.
-            at_a = centroid[m] - middle[a] + (link[0:3] - (centroid[m] - centre[first[m]]))
-            links.add_block(blocks[slot[k, 0]], link, at_a, at_a, 1.0, here, there)
-        if b >= 0:
-            at_b = centroid[m] - middle[b] + (link[3:6] - (centroid[m] - centre[second[m]]))
-            links.add_block(blocks[slot[k, 1]], link, at_b, at_b, 1.0, here, there)
-        if a >= 0 and b >= 0:
-            links.add_block(blocks[slot[k, 2]], link, at_a, at_b, -1.0, here, there)
-            links.add_block(blocks[slot[k, 3]], link, at_b, at_a, -1.0, here, there)
+        m, p = bonds[k], pair[k]
+        i, side = (first[m], 0) if first[m] < len(centre) else (second[m], 3)
+        arm = (centre[i, 0] + links[m, side] - point[p, 0],
+               centre[i, 1] + links[m, side + 1] - point[p, 1],
+               centre[i, 2] + links[m, side + 2] - point[p, 2])
+        add_stiffness(out[p], links[m], arm)
+
+
+@kernel
+def _spread(low, high, middle, springs, own):
+    """
+    Let the springs of pairs resist the motions of both aggregates.
+
+    :param springs: about the reference point of the higher aggregate; of pairs that do not end on
+        the ground, turned into the block in its row and the column of the lower one, (P, 6, 6).
+    :param own: blocks on the diagonal, to be added to, (n, 6, 6).
+    """
+    for p in range(len(low)):
+        spring, a, b = springs[p], low[p], high[p]
+        own[b] += spring
+        if a < 0:
+            continue
+        arm = (middle[b, 0] - middle[a, 0], middle[b, 1] - middle[a, 1],
+               middle[b, 2] - middle[a, 2])
+        for r in range(6):
+            turned = cross(arm, spring[r])
+            for c in range(3):
+                spring[r, 3 + c] += turned[c]
+        for c in range(6):
+            moment = cross(arm, spring[:, c])
+            for r in range(3):
+                own[a, r, c] += spring[r, c]
+                own[a, 3 + r, c] += spring[3 + r, c] + moment[r]
+        for r in range(6):
+            for c in range(6):
+                spring[r, c] = -spring[r, c]

@@ -37,9 +37,11 @@ _SHARE = 1e-3        # of the whole stiffness: what tangents of open joints keep
 _LEAST_SHARE = 1e-7  # ... and at last
 _SHORT, _LONG = 0.3, 0.9         # reach of steps that promised too much, and that were right
 _STIFFEST, _SOFTER = 1e4, 0.1    # change of the share after these
-_STUCK = 1e12  # [N] friction that nothing overcomes
-_PLAY = 2e-3         # [m] that joints open or slide at most in equilibrium: walls 3 % short of
+_STUCK = 1e12        # [N] friction that nothing overcomes
+PLAY = 2e-3          # [m] that joints open or slide at most in equilibrium: walls 3 % short of
 #                      overturning open by far less, and what moves further goes on moving
+CREEP = 1e-5         # [m] that hinges have moved at least where no balance is found: ten times
+#                      what a brick that hangs on a joint moves by in a step of Newton's method
 _HINGE = 0.5         # of the fastest relative motion: joints that move as fast are hinges
 
 
@@ -148,17 +150,21 @@ class CrackedJoints:
             self._bound, self._bias, self.graph.links, start, step, reach, out)
         return out
 
-    def hinges(self, rows: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    def hinges(self, rows: np.ndarray, motion: np.ndarray, least: float = PLAY) -> np.ndarray:
         """
         Choose the joints that open or slide without end, in a motion of the parts.
 
         :param motion: of the parts since they were in equilibrium [m, rad], (N + 1, 6).
-        :returns: rows; none if no joint has moved further than any does in equilibrium.
+        :param least: what a hinge has opened or slid by at least [m]; by default further than any
+            joint does in equilibrium.
+        :returns: rows, those that moved fastest.
         """
+        if not len(rows):
+            return rows  # nothing to compile for
         gap, slid = np.empty((2, len(rows)))
         joint_kernels.motions(rows, *self._geometry, motion, gap, slid)
         relative = np.maximum(gap, slid)
-        return rows[relative > max(_PLAY, _HINGE * relative.max(initial=0.0))]
+        return rows[relative > max(least, _HINGE * relative.max(initial=0.0))]
 
     def openings(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Give how far joints are open at their widest corner [m], (K,)."""

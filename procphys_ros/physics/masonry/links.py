@@ -143,41 +143,31 @@ def pulls(bonds, links, axes, first, second, q, out):
 
 
 @kernel(inline='always')
-def _lever(arm, jacobian):
-    """Write the 3x6 map from (u, φ) of a body to the motion of its point at arm."""
-    for r in range(3):
-        for c in range(6):
-            jacobian[r, c] = 0.0
-        jacobian[r, r] = 1.0
-    jacobian[0, 4], jacobian[0, 5] = arm[2], -arm[1]
-    jacobian[1, 3], jacobian[1, 5] = -arm[2], arm[0]
-    jacobian[2, 3], jacobian[2, 4] = arm[1], -arm[0]
+def cross(a, b):
+    """Give the cross product of two vectors, anything that has three numbers first."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
-def add_block(block, link, left, right, sign, jacobian_left, jacobian_right):
+def add_stiffness(block, link, arm):
     """
-    Add sign·(J_leftᵀ K J_right), one 6x6 coupling of a link, to block.
+    Add what a link resists the motion of a body with, about a point of that body.
 
-    :param left, right: arms of the two bodies [m], (3,).
-    :param jacobian_left, jacobian_right: scratch, (3, 6).
+    :param block: (6, 6).
+    :param arm: from the point to the patch [m], world axes, a tuple of three.
     """
-    _lever(left, jacobian_left)
-    _lever(right, jacobian_right)
-    k = ((link[6], link[7], link[8]), (link[7], link[9], link[10]), (link[8], link[10], link[11]))
-    t = ((link[12], link[13], link[14]), (link[13], link[15], link[16]),
-         (link[14], link[16], link[17]))
-    for c in range(6):
-        x, y, z = jacobian_right[0, c], jacobian_right[1, c], jacobian_right[2, c]
-        f = (k[0][0] * x + k[0][1] * y + k[0][2] * z,
-             k[1][0] * x + k[1][1] * y + k[1][2] * z,
-             k[2][0] * x + k[2][1] * y + k[2][2] * z)
-        for r in range(6):
-            block[r, c] += sign * (jacobian_left[0, r] * f[0] + jacobian_left[1, r] * f[1]
-                                   + jacobian_left[2, r] * f[2])
-    for r in range(3):
-        for c in range(3):
-            block[3 + r, 3 + c] += sign * t[r][c]
+    against = ((link[6], link[7], link[8]), (link[7], link[9], link[10]),
+               (link[8], link[10], link[11]))
+    twist = ((link[12], link[13], link[14]), (link[13], link[15], link[16]),
+             (link[14], link[16], link[17]))
+    turned = (cross(arm, against[0]), cross(arm, against[1]), cross(arm, against[2]))
+    for c in range(3):
+        moment = cross(arm, (turned[0][c], turned[1][c], turned[2][c]))
+        for r in range(3):
+            block[r, c] += against[r][c]
+            block[r, 3 + c] += turned[r][c]
+            block[3 + c, r] += turned[r][c]
+            block[3 + r, 3 + c] += moment[r] + twist[r][c]
 
 
 @kernel
@@ -187,8 +177,6 @@ def diagonal_inverses(parts, start, incident, alive, links, first, out):
 
     Parts without a living bond get zeros: they take no part in the solution.
     """
-    left = np.empty((3, 6))
-    right = np.empty((3, 6))
     for k in range(len(parts)):
         i = parts[k]
         block = np.zeros((6, 6))
@@ -197,8 +185,8 @@ def diagonal_inverses(parts, start, incident, alive, links, first, out):
             m = incident[n]
             if alive[m]:
                 held = True
-                arm = links[m, 0:3] if first[m] == i else links[m, 3:6]
-                add_block(block, links[m], arm, arm, 1.0, left, right)
+                a = 0 if first[m] == i else 3
+                add_stiffness(block, links[m], (links[m, a], links[m, a + 1], links[m, a + 2]))
         if held:
             out[i] = np.linalg.inv(block)
         else:

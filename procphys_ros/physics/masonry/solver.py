@@ -25,17 +25,17 @@ from procphys_ros.physics.masonry.coarse import CoarseSpace
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.islands import out_of_balance
+from procphys_ros.physics.masonry.joints import CREEP, PLAY
 from procphys_ros.physics.masonry.newton import Step
 from procphys_ros.physics.masonry.superposition import Superposition
 
 _AGGREGATE = 8       # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
-_STALE_AFTER = 120   # iterations since a change until the coarse space is renewed, for some 35
 _CURVED_STALE = 40   # the same while joints open: tangents change by more than a cut does
+_STALE_AFTER = 120   # iterations since a change until the coarse space is renewed (decision 24)
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
-_FURTHEST = 0.25     # [m] displacement at which a part counts as a mechanism: more than a brick,
-#                      beyond linear theory; sound masonry moves by < 1 mm, floors by a few
+_FURTHEST = 0.25     # [m] displacement at which a part counts as a mechanism; sound ones: < 1 cm
 
 
 class StressSolver:
@@ -433,9 +433,8 @@ class StressSolver:
     def _hinges(self) -> np.ndarray:
         """List the joints that `part_hinges` would cut; none while a step is under way."""
         rows = np.flatnonzero(self.graph.cracked) if self.known else np.zeros(0, np.intp)
-        if not len(rows):
-            return rows
-        return self.equilibrium.joints.hinges(rows, self.displacement - self._calm)
+        least = CREEP if self._exhausted else PLAY
+        return self.equilibrium.joints.hinges(rows, self.displacement - self._calm, least)
 
     def unbalanced(self) -> np.ndarray:
         """List the parts whose nodal residual exceeds the tolerance."""
@@ -467,4 +466,4 @@ class StressSolver:
     @property
     def _exhausted(self) -> bool:
         """Whether the iterations since the last change have run out of patience."""
-        return self._patience >= _PATIENCE
+        return self._patience >= _PATIENCE and self.known
