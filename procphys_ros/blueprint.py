@@ -121,6 +121,8 @@ class Mortar(_Table):
     :ivar compression: compressive strength [Pa], (K,).
     :ivar normal_stiffness: spring normal to the patch [Pa/m], (K,).
     :ivar shear_stiffness: spring along the patch [Pa/m], (K,).
+    :ivar reinforcement: force at which the steel near one face of the section yields, over the
+        area of the section [Pa], (K,); 0 = none.
     """
 
     tension: np.ndarray = _column()
@@ -129,6 +131,11 @@ class Mortar(_Table):
     compression: np.ndarray = _column()
     normal_stiffness: np.ndarray = _column()
     shear_stiffness: np.ndarray = _column()
+    reinforcement: np.ndarray = _column()
+
+    def __post_init__(self) -> None:
+        if len(self.reinforcement) < len(self.tension):
+            object.__setattr__(self, 'reinforcement', np.zeros(len(self.tension)))
 
 
 @dataclass(frozen=True)

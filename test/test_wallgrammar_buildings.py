@@ -131,7 +131,7 @@ def test_partitions_make_rooms():
                         extra='partitions: halves(2.8)').replace('1.8', '2.7')
     blueprint = WallGrammar.parse(text).build()
     kind = np.array(blueprint.kinds)[blueprint.kind]
-    assert np.count_nonzero(kind == 'lintel') == 7
+    assert np.count_nonzero(kind == 'lintel') == 14  # of two pieces each
     inside = blueprint.poses[kind == 'partition']
     assert np.abs(inside[:, 0] - 6.0).min() < 0.01
     assert not ((np.abs(inside[:, 0] - 6.0) < 0.06) & (np.abs(inside[:, 1] - 2.25) < 0.4)

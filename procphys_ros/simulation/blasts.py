@@ -270,7 +270,7 @@ def _loosen(model: Model, state: State, parts: np.ndarray) -> None:
     cut = touching[cell[graph.first[touching]] != cell[graph.second[touching]]]
     kept = np.maximum(1.0 - 1.0 / np.maximum(surplus, 1.0), 0.0)
     own.momentum[parts] *= np.sqrt(kept)[:, None]
-    rows = graph.rows[cut[~graph.cracked[cut]]]
+    rows = graph.rows[cut[~graph.has_cracked(cut)]]
     state.solver.cut(cut)
     state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
                      model.blueprint.bonds[rows], Cause.BLAST,

@@ -111,7 +111,7 @@ def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float
         owner = np.full(graph.count + 1, -1, np.intp)
         owner[parts] = piece
         bonds = bonds[owner[graph.first[bonds]] != owner[graph.second[bonds]]]
-    rows = graph.rows[bonds[~graph.cracked[bonds]]]
+    rows = graph.rows[bonds[~graph.has_cracked(bonds)]]
     state.solver.cut(bonds, _SUDDEN)
     state.loose_bonds.graph.cut(graph.rows[bonds])
     state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,

@@ -15,7 +15,7 @@
 """Assembly: boxes and their contacts become the parts and bonds of a blueprint."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -32,11 +32,11 @@ from procphys_ros.blueprint import (
 from procphys_ros.hexahedron import box_corners, solids
 from procphys_ros.wallgrammar.boxes import Boxes, Joint, MICRO
 from procphys_ros.wallgrammar.contacts import Contacts
-from procphys_ros.wallgrammar.materials import Material, weakest
+from procphys_ros.wallgrammar.materials import Material, NAIL_AREA, weakest
 
 _SHEAR_SHARE = 0.4     # of the normal stiffness: G/E = 1/(2(1+ν)) of masonry, EN 1996-1-1 3.7.3
 _THINNEST = 0.001      # [m] joint taken for dry contacts, which are never perfectly even
-_STRENGTHS = ('tension', 'cohesion', 'friction', 'compression')
+_STRENGTHS = ('tension', 'cohesion', 'friction', 'compression', 'reinforcement')
 
 # Turn from the part (x along its length) to the frame, for a length along x, y, z of the frame.
 _TURNS = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)],
@@ -76,7 +76,23 @@ def from_contacts(contacts: Contacts, boxes: Boxes, frames: np.ndarray) -> Patch
     :param frames: pose of each frame in the building [m], (f, 7).
     """
     pair = np.column_stack([contacts.first, contacts.second])
-    return _patches(pair, contacts.axis, contacts.low, contacts.high, boxes, frames)
+    found = _patches(pair, contacts.axis, contacts.low, contacts.high, boxes, frames)
+    return _nailed(found, _by_one_nail(pair, boxes))
+
+
+def fastened(patches: Patches, boxes: Boxes) -> Patches:
+    """Leave out where rafters, battens and tiles meet masonry: nothing nails them to it."""
+    joint = np.sort(boxes.joint[patches.pair], axis=1)
+    rows = (joint != [Joint.MORTAR, Joint.NAIL]).any(axis=1)
+    return Patches(**{f.name: getattr(patches, f.name)[rows] for f in fields(Patches)})
+
+
+def _nailed(patches: Patches, rows: np.ndarray) -> Patches:
+    """Leave of some patches, a mask, what a single nail in their middle holds."""
+    narrow = np.minimum(patches.extent.min(axis=1), np.sqrt(NAIL_AREA))
+    extent = np.minimum(patches.extent, (NAIL_AREA / narrow)[:, None])
+    extent = np.where(rows[:, None], extent, patches.extent)
+    return replace(patches, extent=extent, area=extent.prod(axis=1))
 
 
 def on_ground(boxes: Boxes, frames: np.ndarray, upright: int) -> Patches:
@@ -189,14 +205,28 @@ def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mor
 
 def _joiners(pair: np.ndarray, boxes: Boxes, names: list[str]) -> np.ndarray:
     """Name what joins each pair: mortar, fixings, a bearing, or for one member its own grain."""
-    mortar, fixing, bearing = (names.index(n) for n in ('mortar', 'fixing', 'bearing'))
+    mortar, fixing, nail, lap, bearing = (
+        names.index(n) for n in ('mortar', 'fixing', 'nail', 'lap', 'bearing'))
     first = np.where(pair[:, 0] == GROUND, pair[:, 1], pair[:, 0])
     second = pair[:, 1]
     joints = np.sort(np.column_stack([boxes.joint[first], boxes.joint[second]]), axis=1)
     joiner = np.full(len(pair), mortar)
     joiner[joints[:, 1] != Joint.MORTAR] = fixing
     joiner[(joints[:, 1] == Joint.BEARING) & (joints[:, 0] == Joint.MORTAR)] = bearing
-    grain = ((boxes.member[first] >= 0) & (boxes.member[first] == boxes.member[second])
-             & (pair[:, 0] != GROUND))
+    joiner[(joints[:, 1] == Joint.LAP) & (joints[:, 0] != Joint.MORTAR)] = lap
+    joiner[_by_one_nail(pair, boxes)] = nail
+    grain = _grain(pair, boxes)
     joiner[grain] = boxes.material[first][grain]
     return joiner
+
+
+def _by_one_nail(pair: np.ndarray, boxes: Boxes) -> np.ndarray:
+    """Tell which pairs a single nail joins, (m,) bool."""
+    nailed = (boxes.joint[pair] == Joint.NAIL).all(axis=1) & (pair[:, 0] != GROUND)
+    return nailed & ~_grain(pair, boxes)
+
+
+def _grain(pair: np.ndarray, boxes: Boxes) -> np.ndarray:
+    """Tell which pairs are pieces of one member, (m,) bool."""
+    first, second = boxes.member[pair[:, 0]], boxes.member[pair[:, 1]]
+    return (first >= 0) & (first == second) & (pair[:, 0] != GROUND)

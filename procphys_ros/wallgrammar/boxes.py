@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 MICRO = 1_000_000  # micrometres per metre
+SPAN = 2  # pieces of what spans come in pairs: it breaks in the middle, where it bends most
 
 
 class Joint(IntEnum):
@@ -30,6 +31,8 @@ class Joint(IntEnum):
     MORTAR = 0   # laid in mortar
     FIXING = 1   # nailed, screwed, puttied
     BEARING = 2  # rests on masonry, is nailed to timber
+    NAIL = 3     # like FIXING, but to its like by a single nail: tiles, battens, rafters
+    LAP = 4      # lapped over other timber and nailed
 
 
 def micro(metres: float) -> int:
@@ -113,17 +116,18 @@ def stack(pieces: Sequence[Boxes]) -> Boxes:
                     for f in fields(Boxes)})
 
 
-def split_along(boxes: Boxes, longest: int, first_member: int) -> Boxes:
+def split_along(boxes: Boxes, longest: int, first_member: int, multiple: int = 1) -> Boxes:
     """
     Cut boxes along their length into equal pieces that stay one member, so that they can splinter.
 
     :param boxes: uncut members.
     :param longest: greatest length of a piece [µm].
     :param first_member: number of the first member; they are counted up from it.
+    :param multiple: of which the number of pieces is one; 2 = what spans can break in the middle.
     """
     rows = np.arange(len(boxes))
     start, end = boxes.low[rows, boxes.axis], boxes.high[rows, boxes.axis]
-    count = np.maximum(-(-(end - start) // longest), 1)
+    count = np.maximum(-(-(end - start) // (longest * multiple)), 1) * multiple
     owner = np.repeat(rows, count)
     step = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
     pieces = boxes.take(owner)

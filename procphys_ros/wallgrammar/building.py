@@ -24,7 +24,13 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.language import check_length, read_text, resolve_defines
 from procphys_ros.wallgrammar import bodies, contacts, corners, polygons, references
-from procphys_ros.wallgrammar.assembly import assemble, corners_of, from_contacts, on_ground
+from procphys_ros.wallgrammar.assembly import (
+    assemble,
+    corners_of,
+    fastened,
+    from_contacts,
+    on_ground,
+)
 from procphys_ros.wallgrammar.bodies import Body
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Joint, MICRO
@@ -127,7 +133,8 @@ def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:
     solids = corners_of(boxes, site.forms, frames) if cut.any() else np.zeros((0, 8, 3))
     if cut.any():
         reach = max(body.layout.joint for body in found) / MICRO + _JOINT_SLACK
-        patches.append(polygons.meet(solids, cut, reach, boxes.joint == Joint.FIXING))
+        nailed = np.isin(boxes.joint, (Joint.FIXING, Joint.NAIL, Joint.LAP))
+        patches.append(fastened(polygons.meet(solids, cut, reach, nailed), boxes))
         solids = solids[cut]
     check_connected(boxes, patches, frames, site)
     return assemble(boxes, patches, frames, grammar.materials, site.kinds, solids)

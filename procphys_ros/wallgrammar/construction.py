@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar.assembly import Patches
-from procphys_ros.wallgrammar.boxes import Boxes, split_along, stack
+from procphys_ros.wallgrammar.boxes import Boxes, SPAN, split_along, stack
 from procphys_ros.wallgrammar.materials import Material
 
 
@@ -75,16 +75,17 @@ class Site:
                 f'{self.count + parts:.0f}); make it smaller, its units larger, or raise '
                 f'most_parts')
 
-    def add(self, boxes: Boxes, longest: int = 0) -> slice:
+    def add(self, boxes: Boxes, longest: int = 0, multiple: int = 1) -> slice:
         """
         Add parts.
 
         :param boxes: the parts; pieces of one member carry numbers from `next_member` on.
         :param longest: when given, members are cut into pieces of at most this length [µm].
+        :param multiple: of which the number of pieces of each is one, see `split_along`.
         :returns: rows of the parts.
         """
         if longest:
-            boxes = split_along(boxes, longest, self._members)
+            boxes = split_along(boxes, longest, self._members, multiple)
         self.expect(len(boxes))
         self._members = max(self._members, int(boxes.member.max(initial=-1)) + 1)
         self._boxes.append(boxes)
@@ -92,15 +93,15 @@ class Site:
         self.count += len(boxes)
         return rows
 
-    def add_members(self, boxes: Boxes, longest: int) -> tuple[np.ndarray, np.ndarray]:
+    def add_spans(self, boxes: Boxes, longest: int) -> tuple[np.ndarray, np.ndarray]:
         """
-        Add members, cut into pieces.
+        Add members that span, cut into an even number of pieces.
 
         :param boxes: uncut members.
         :param longest: greatest length of a piece [µm].
         :returns: part at the low and part at the high end of each member, (n,) each.
         """
-        rows = self.add(boxes, longest)
+        rows = self.add(boxes, longest, SPAN)
         member = self._boxes[-1].member
         first = rows.start + np.flatnonzero(np.diff(member, prepend=-1))
         return first, np.append(first[1:], rows.stop) - 1

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, SPAN, stack
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.contacts import spread
 from procphys_ros.wallgrammar.footprint import Facade, Footprint
@@ -73,7 +73,7 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
     if joists:
         boxes = stack(joists)
         boxes.kind[:], boxes.material[:] = site.kind('joist'), site.material('timber')
-        site.add(boxes, _JOIST_PIECE)
+        site.add_spans(boxes, _JOIST_PIECE)
         _boards(site, rooms, 1 - axis, level)
 
 
@@ -167,7 +167,7 @@ def slab_floor(site: Site, plan: Footprint, level: int, depth: int,
         wall.cut(0, bottom, wall.facade.length, level)
     low, high = [], []
     for bay in bays(plan, span_axis(plan), layout.thickness):
-        counts = [-(-s // _SLAB_PIECE) for s in bay.outer.size]
+        counts = [max(SPAN, -(-s // _SLAB_PIECE)) for s in bay.outer.size]
         site.expect(counts[0] * counts[1])
         lines = [np.rint(np.linspace(a, b, n + 1)).astype(int) for a, b, n in
                  zip(bay.outer.low, bay.outer.high, counts)]

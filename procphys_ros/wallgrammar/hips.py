@@ -200,7 +200,7 @@ class HipRoof(Roof):
         top = depth + COVER / np.cos(self.pitch) * np.cos(slope) + self._lift
         strip = from_cells(
             micros([start, -0.5 * _STRIP, depth]), micros([stop, 0.5 * _STRIP, top]), frame=frame,
-            joint=Joint.FIXING, kind=self.site.kind('batten'),
+            joint=Joint.NAIL, kind=self.site.kind('batten'),
             material=self.site.material('timber'))
         self.site.add(strip, PIECE)
         count = max(round((stop - start) / _CAP[0]), 1)
@@ -209,7 +209,7 @@ class HipRoof(Roof):
                                np.full(count, top)])
         high = np.column_stack([lines[1:] - 0.001, np.full(count, 0.5 * _CAP[1]),
                                 np.full(count, top + _CAP[2])])
-        self.site.add(from_cells(micros(low), micros(high), frame=frame, joint=Joint.FIXING,
+        self.site.add(from_cells(micros(low), micros(high), frame=frame, joint=Joint.NAIL,
                                  kind=self.site.kind('tile'),
                                  material=self.site.material('tile')))
 

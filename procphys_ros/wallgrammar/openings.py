@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, SPAN, stack
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Piece
 from procphys_ros.wallgrammar.footprint import Facade
@@ -48,9 +48,9 @@ class Wall(NamedTuple):
     thickness: int
     joint: int
 
-    def add(self, boxes: Boxes, longest: int = 0) -> None:
-        """Add parts given in the frame of the facade, cut where they are longer than given."""
-        self.site.add(self.facade.place(boxes), longest)
+    def add(self, boxes: Boxes, longest: int = 0, multiple: int = 1) -> None:
+        """Add parts given in the frame of the facade, cut into pieces, see `Site.add`."""
+        self.site.add(self.facade.place(boxes), longest, multiple)
 
 
 def glazing(wall: Wall, piece: Piece, frame: str, glass: str) -> None:
@@ -121,7 +121,7 @@ def beam(wall: Wall, piece: Piece, material: str, kind: str) -> None:
                       [scope.right, scope.depth + wall.thickness, scope.top],
                       [half, 0, wall.joint], [wall.joint - half, 0, 0],
                       kind=wall.site.kind(kind), material=wall.site.material(material))
-    wall.add(cell, _BEAM_PIECE)
+    wall.add(cell, _BEAM_PIECE, SPAN if kind == 'lintel' else 1)
 
 
 def _check_room(piece: Piece, left: int, right: int, bottom: int, top: int) -> None:

@@ -150,7 +150,8 @@ class Roof:
         low[1 - axis], high[1 - axis] = across
         low[2], high[2] = bottom, top
         margin[axis] = joint
-        return from_cells(low, high, margin, margin, axis=axis, joint=Joint.FIXING,
+        return from_cells(low, high, margin, margin, axis=axis,
+                          joint=Joint.LAP if kind == 'tie' else Joint.FIXING,
                           kind=self.site.kind(kind), material=self.site.material('timber'))
 
     def _opposite(self, axis: int, span: float, length: float, hipped: bool) -> list[Slope]:

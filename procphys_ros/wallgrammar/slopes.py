@@ -135,9 +135,9 @@ class Slope:
         low = np.column_stack([np.full(len(place), -OVERHANG / np.cos(self.pitch)),
                                -place - 0.5 * RAFTER, np.zeros(len(place))])
         high = np.column_stack([reach, -place + 0.5 * RAFTER, np.full(len(place), self.depth)])
-        boxes = from_cells(micros(low), micros(high), frame=frame, axis=0, joint=Joint.FIXING,
+        boxes = from_cells(micros(low), micros(high), frame=frame, axis=0, joint=Joint.NAIL,
                            kind=site.kind('rafter'), material=site.material('timber'))
-        foot, head = site.add_members(boxes, PIECE)
+        foot, head = site.add_spans(boxes, PIECE)
         return Ends(foot, head, place, reach)
 
     def cover(self, site: Site, frame: int, rafters: Ends) -> None:
@@ -164,12 +164,14 @@ class Slope:
             lines.append(x + 0.5 * BATTEN[0])
         tiles = [tile for low, high in zip(lines, lines[1:])
                  for tile in self._tiles(low, high, frame)]
-        tiles += self._ridge_tiles(lines[-1], frame)
-        for boxes, kind, material, longest in ((battens, 'batten', 'timber', PIECE),
-                                               (tiles, 'tile', 'tile', 0)):
+        ridge = self._ridge_tiles(lines[-1], frame)
+        for boxes, kind, material, longest, joint in (
+                (battens, 'batten', 'timber', PIECE, Joint.NAIL),
+                (tiles, 'tile', 'tile', 0, Joint.NAIL), (ridge, 'tile', 'tile', 0, Joint.FIXING)):
             if boxes:
                 column = stack(boxes)
                 column.kind[:], column.material[:] = site.kind(kind), site.material(material)
+                column.joint[:] = joint
                 site.add(column, longest)
 
     def verges(self, site: Site, frame: int,

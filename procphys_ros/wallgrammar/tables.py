@@ -34,8 +34,10 @@ _RANGES = {
     'tension': (0.0, 1e12), 'cohesion': (0.0, 1e12), 'compression': (1.0, 1e12),  # [Pa] 0: dry
     'friction': (0.0, 10.0),
     'modulus': (1e3, 2e12),     # [Pa] gel to diamond
+    'reinforcement': (0.0, 1e12),  # [Pa]
 }
-_NO_STONE = ('timber', 'oak', 'glass', 'fixing', 'bearing', 'mortar')  # no arches are built of
+# What no arches are built of.
+_NO_STONE = ('timber', 'oak', 'glass', 'fixing', 'nail', 'lap', 'bearing', 'mortar')
 _SMALLEST = 0.01  # [m] smallest extent of a unit
 _LARGEST = 20.0   # [m] largest
 _JOINT = 0.01     # [m] when a layout names none

@@ -21,6 +21,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry import cells, components, links, pcg
 from procphys_ros.physics.masonry.strength import stays_closed
+from procphys_ros.physics.masonry.ties import tie_stress
 
 _ROUNDS = 12       # of stress and breaking per blow; what still cracks does so at the next blow
 _BAND = 0.4        # a blow breaks all that is loaded above this share of the worst at once: the
@@ -39,8 +40,8 @@ def strike(topology, masses, joints, strength, wood, scratch, blows):
 
     :param topology: start, incident, first, second, alive, cracked, links of the bond graph.
     :param masses: mass, centre, reach of the parts, and their inertia in world axes, (N, 3, 3).
-    :param joints: centroid, axes, spring, area, extent and whole extent of the bonds.
-    :param strength: tension, cohesion, friction and compression of the bonds.
+    :param joints: centroid, axes, spring, area, extent, whole extent of the bonds, and `held`.
+    :param strength: tension, cohesion, friction, compression and reinforcement of the bonds.
     :param wood: row of each bond in the table of hinges, -1 for mortar, and of that table
         force, torque and stress at which joints break.
     :param scratch: rank of the parts, see `cells.grow`, and what `cells.inside` needs.
@@ -245,16 +246,17 @@ def _overloads(wrench, rows, alive, joints, strength, wood, gentler, load):
 
     :returns: the largest.
     """
-    area, extent, whole_extent = joints[3], joints[4], joints[5]
-    tension, cohesion, friction, compression = strength
+    area, extent, whole_extent, held = joints[3], joints[4], joints[5], joints[6]
+    tension, cohesion, friction, compression, reinforcement = strength
     most = 0.0
     for k in range(len(rows)):
         load[k] = 0.0
         if not alive[k]:
             continue
         m = rows[k]
-        share, opens = _demand(wrench[k], area[m], extent[m], tension[m], cohesion[m],
-                               friction[m], compression[m])
+        concrete = tension[m] if held[m] == 1.0 else 0.0
+        share, opens = _demand(wrench[k], area[m], extent[m], concrete, cohesion[m],
+                               friction[m], compression[m], reinforcement[m])
         if wood[0][m] >= 0:
             share = _wood_demand(wrench[k], area[m], wood, wood[0][m])
         share *= gentler
@@ -265,18 +267,21 @@ def _overloads(wrench, rows, alive, joints, strength, wood, gentler, load):
 
 
 @kernel
-def _demand(wrench, area, extent, tension, cohesion, friction, compression):
+def _demand(wrench, area, extent, tension, cohesion, friction, compression, reinforcement):
     """
     Tell how many times the load that breaks a bond the load is, and whether the bond opens.
 
     The bonds carry nothing before the blow, so all stresses grow in proportion; the limits are
-    those of `strength.utilisation`, solved for the share of the load at which they are met.
+    those of `strength.utilisation`, solved for the share of the load at which they are met. What
+    is reinforced hangs together until its steel yields, too.
     """
     pull = wrench[2] / area
     bending = 6.0 / area * (abs(wrench[3]) / extent[1] + abs(wrench[4]) / extent[0])
     across = (extent[0] ** 2 + extent[1] ** 2) ** 0.5
     shear = ((wrench[0] ** 2 + wrench[1] ** 2) ** 0.5 + 6.0 * abs(wrench[5]) / across) / area
     opening = (bending + pull) / max(tension, _LEAST)
+    if reinforcement > 0.0:
+        opening = min(opening, tie_stress(pull, bending) / reinforcement)
     other = max((shear + friction * pull) / max(cohesion, _LEAST), (bending - pull) / compression)
     return max(opening, other, 0.0), opening > other
 

@@ -37,7 +37,8 @@ def as_mortar(blueprint: Blueprint) -> Blueprint:
         return blueprint
     columns = {}
     values = {'normal_stiffness': np.full(int(hinge.sum()), _STIFFNESS),
-              'shear_stiffness': np.full(int(hinge.sum()), _STIFFNESS)}
+              'shear_stiffness': np.full(int(hinge.sum()), _STIFFNESS),
+              'reinforcement': np.zeros(int(hinge.sum()))}
     for f in fields(Mortar):
         columns[f.name] = np.zeros(len(hinge))
         columns[f.name][~hinge] = getattr(blueprint.mortar, f.name)

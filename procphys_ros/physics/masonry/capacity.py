@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
+from procphys_ros.physics.masonry.ties import ELONGATION
 
 # Work to separate a mortar joint, per area: Lourenço 1996, Computational Strategies for Masonry
 # Structures (Delft), parameters of the shear walls with f_t = 0.25 MPa, c = 0.35 MPa.
@@ -74,7 +75,9 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
     friction = mortar.friction[bonds]
     whole = ~graph.cracked[bonds]  # cracked joints only rub, and have taken their work already
     shear = np.maximum(whole * mortar.cohesion[bonds] + friction * pressure, 0.0)
-    tension = np.maximum(whole * mortar.tension[bonds] + pressure, 0.0)
+    steel = 2.0 * mortar.reinforcement[bonds]
+    concrete = (graph.held[bonds] == 1.0) * mortar.tension[bonds]
+    tension = np.maximum(whole * np.maximum(concrete, steel) + pressure, 0.0)
     crush = np.maximum(mortar.compression[bonds] - pressure, 0.0)
     with np.errstate(divide='ignore', invalid='ignore'):
         limits = np.array([
@@ -83,7 +86,8 @@ def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
             np.where(slide > friction * push - friction * pull + 1e-9,
                      shear / (slide - friction * push + friction * pull), np.inf)])
     work = (FRACTURE_ENERGY_TENSION * pull ** 2
-            + FRACTURE_ENERGY_SHEAR * (slide ** 2 + push ** 2))
+            + FRACTURE_ENERGY_SHEAR * (slide ** 2 + push ** 2)
+            + steel * ELONGATION * (pull ** 2 + slide ** 2))
     along = np.asarray(direction, float)[..., None]
     reach = np.abs((graph.axes[bonds, :, :2] * along).sum(axis=1))
     length = np.einsum('bi,bi->b', reach, graph.extent[bonds])

@@ -32,7 +32,7 @@ class Equilibrium:
     Every change of bonds or loads keeps the residual exact, so what is left to be solved is always
     known. Parts without a path of bonds to the ground are falling: excluded, all their rows zero.
 
-    :param graph: the bonds; they are changed by `cut`, `narrow` and `crack` alone.
+    :param graph: the bonds; `cut`, `narrow`, `weaken` and `crack` alone change them.
     :param gravity: [m/s²], (3,).
 
     :ivar joints: those of the bonds that have cracked.
@@ -112,6 +112,12 @@ class Equilibrium:
         """Open bonds partly and for good, see `BondGraph.narrow`."""
         self.joints.add_pulls(bonds, self.displacement, self.residual, -1.0)
         self.graph.narrow(bonds, low, high)
+        self.joints.add_pulls(bonds, self.displacement, self.residual, 1.0)
+
+    def weaken(self, bonds: np.ndarray, share: np.ndarray) -> None:
+        """Take stiffness from reinforced bonds, see `BondGraph.weaken`."""
+        self.joints.add_pulls(bonds, self.displacement, self.residual, -1.0)
+        self.graph.weaken(bonds, share)
         self.joints.add_pulls(bonds, self.displacement, self.residual, 1.0)
 
     def linearise(self, rows: np.ndarray, renew: bool = True) -> None:

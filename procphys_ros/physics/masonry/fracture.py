@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.masonry import strength
+from procphys_ros.physics.masonry import strength, ties
 from procphys_ros.physics.masonry.solver import StressSolver
 
 _BAND = 0.7  # of the worst utilisation
@@ -38,7 +38,8 @@ class Failures:
     :ivar cause: `causes.Cause`, (K,) uint8.
     :ivar utilisation: demand over capacity at failure, (K,).
     :ivar broken: True where the bond is gone, False where it only cracked, (K,) bool.
-    :ivar had_cracked: True where it is gone after it had cracked in an earlier round, (K,) bool.
+    :ivar had_cracked: True where it had cracked in an earlier round, and now is gone or, if it is
+        reinforced, yields, (K,) bool.
     """
 
     bond: np.ndarray
@@ -55,8 +56,9 @@ class Fracture:
     A bond pulled or sheared beyond its strength cracks where it is still pressed over a part of
     its patch (`strength.opening`): from then on it presses and rubs, opens and closes (`joints`).
     One that is pulled apart or crushed is gone. Bonds without any strength always crack, and all
-    at once: they lose nothing by it. What no equilibrium holds is parted at the joints that open
-    or slide in its motion, and falls if that leaves it loose.
+    at once: they lose nothing by it. Reinforced ones hang on by their steel (`ties`). What no
+    equilibrium holds is parted at the joints that open or slide in its motion, and falls if that
+    leaves it loose.
 
     The last stretch to equilibrium takes nearly half of the iterations, and matters to bonds near
     their limit alone. So each problem is glanced at once on the way: if its worst bond carries
@@ -159,9 +161,13 @@ class Fracture:
         cause[moving] = Cause.TENSION  # nothing to redistribute to: all around it go at once
         bonds = np.flatnonzero(chosen | moving)
         gone = ~(strength.opening(graph, bonds, wrench[bonds])[0] | self._dry[bonds] | brief)
-        gone |= moving[bonds] | (cause[bonds] == Cause.COMPRESSION) | graph.narrowed(bonds)
-        had_cracked = graph.cracked[bonds]
-        solver.crack(bonds[~gone])
+        gone |= (cause[bonds] == Cause.COMPRESSION) | graph.narrowed(bonds)
+        tied = (graph.mortar.reinforcement[bonds] > 0.0) & (cause[bonds] == Cause.TENSION)
+        keeps, torn = ties.give_way(graph, bonds, wrench[bonds])
+        gone = np.where(tied, torn, gone) | moving[bonds]
+        had_cracked = graph.has_cracked(bonds)
+        solver.crack(bonds[~gone & ~tied])
+        solver.weaken(bonds[~gone & tied], keeps[~gone & tied])
         solver.cut(bonds[gone], self.dynamic_factor)
         return Failures(bonds, cause[bonds], share[bonds], gone, had_cracked)
 

@@ -84,7 +84,8 @@ class FreeBodies:
         graph = self.graph
         mortar = graph.mortar
         self._strength = tuple(np.array(column, float) for column in (
-            mortar.tension, mortar.cohesion, mortar.friction, mortar.compression))
+            mortar.tension, mortar.cohesion, mortar.friction, mortar.compression,
+            mortar.reinforcement))
         force = np.minimum(mortar.tension, mortar.cohesion) * graph.area
         self.weakest = _least(graph, force)
         side = graph.extent.min(axis=1, initial=np.inf)
@@ -151,7 +152,7 @@ class FreeBodies:
              graph.links),
             (graph.mass, graph.centre, graph.reach, self._inertia),
             (graph.centroid, graph.axes, graph.spring, graph.area, graph.extent,
-             graph.whole_extent),
+             graph.whole_extent, graph.held),
             self._strength, self._wood, (self._rank, self._place),
             (parts, start, np.ascontiguousarray(wrenches, float), np.array(wanted, np.intp),
              np.array(energies, float)))

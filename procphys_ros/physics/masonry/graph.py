@@ -41,6 +41,8 @@ class BondGraph:
     :ivar alive: bonds that still carry something, (M,) bool.
     :ivar cracked: of these the ones that only press and rub, see `joints`, (M,) bool.
     :ivar grip: share of its stiffness that a bond has at the moment, (M,).
+    :ivar held: share of its stiffness that a reinforced bond has kept since it cracked; 1 where it
+        has not, and in all others, (M,).
     :ivar centroid: middle of the patch [m], (M, 3).
     :ivar axes: bond frame, columns are x, y along the patch and z the normal, (M, 3, 3).
     :ivar area: of the patch [m²], (M,).
@@ -111,6 +113,7 @@ class BondGraph:
         self.alive = np.ones(len(self), bool)
         self.cracked = np.zeros(len(self), bool)
         self.grip = np.ones(len(self))
+        self.held = np.ones(len(self))
         self._rest = (self.centroid.copy(), self.area.copy())
         self.whole_extent = self.extent.copy()
 
@@ -122,7 +125,7 @@ class BondGraph:
         normal = self.mortar.normal_stiffness[bonds] * self.area[bonds]
         shear = self.mortar.shear_stiffness[bonds] * self.area[bonds]
         x_square, y_square = (self.extent[bonds] ** 2 / 12.0).T
-        self.spring[bonds] = np.column_stack([
+        self.spring[bonds] = self.held[bonds, None] * np.column_stack([
             shear, shear, normal, normal * y_square, normal * x_square,
             shear * (x_square + y_square)])
         self.links[bonds] = links.build(self.first[bonds], self.second[bonds],
@@ -150,9 +153,18 @@ class BondGraph:
         self.grip[bonds] = 1.0
         self._spread(bonds)
 
+    def weaken(self, bonds: np.ndarray, share: np.ndarray) -> None:
+        """Leave reinforced bonds, (K,) rows, so much of the stiffness they have, (K,)."""
+        self.held[bonds] *= share
+        self._spread(bonds)
+
     def narrowed(self, bonds: np.ndarray) -> np.ndarray:
         """Say which bonds have been narrowed, (K,) bool."""
         return np.any(self.extent[bonds] != self.whole_extent[bonds], axis=1)
+
+    def has_cracked(self, bonds: np.ndarray) -> np.ndarray:
+        """Say which bonds have cracked, reinforced ones included, (K,) bool."""
+        return self.cracked[bonds] | (self.held[bonds] < 1.0)
 
     def adopt(self, other: 'BondGraph', theirs: np.ndarray, mine: np.ndarray) -> None:
         """
@@ -161,18 +173,20 @@ class BondGraph:
         :param theirs: rows there, (K,).
         :param mine: rows here, (K,).
         """
-        for name in ('alive', 'cracked', 'grip', 'centroid', 'area', 'extent'):
+        for name in ('alive', 'cracked', 'grip', 'held', 'centroid', 'area', 'extent'):
             getattr(self, name)[mine] = getattr(other, name)[theirs]
-        opened = mine[self.narrowed(mine)]
+        opened = mine[self.narrowed(mine) | (self.held[mine] < 1.0)]
         self._spread(opened)
         self.links[mine[~self.alive[mine]], 6:] = 0.0
 
     def restore(self) -> None:
         """Make every bond whole again."""
-        changed = ~self.alive | self.cracked | self.narrowed(np.arange(len(self)))
+        changed = ~self.alive | self.cracked | (self.held < 1.0)
+        changed |= self.narrowed(np.arange(len(self)))
         self.alive[:] = True
         self.cracked[:] = False
         self.grip[:] = 1.0
+        self.held[:] = 1.0
         self.centroid, self.area = (a.copy() for a in self._rest)
         self.extent = self.whole_extent.copy()
         self._spread(np.flatnonzero(changed))

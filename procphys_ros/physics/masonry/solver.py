@@ -201,6 +201,12 @@ class StressSolver:
         self.equilibrium.narrow(bonds, low, high)
         self._after_change(bonds)
 
+    def weaken(self, bonds: np.ndarray, share: np.ndarray) -> None:
+        """Leave reinforced bonds so much of the stiffness they have, see `ties`."""
+        if len(bonds):
+            self.equilibrium.weaken(bonds, share)
+            self._after_change(bonds)
+
     def crack(self, bonds: np.ndarray) -> None:
         """
         Let bonds pull and stick together no more; they press and rub on, see `joints`.

@@ -27,7 +27,8 @@ counts as capacity, so that it stays finite and equals 1 exactly on the limit:
     compression  (p + bending stress) / f_c
 
 With f_t = 0 the first is eccentricity over kern: a dry bed opens once the resultant leaves the
-middle third. What a bond does when its tension limit is passed is said in `opening`.
+middle third. What a bond does when its tension limit is passed is said in `opening`, and of
+reinforced ones in `ties`, whose steel takes the place of the first limit once they have cracked.
 """
 
 import numpy as np
@@ -35,6 +36,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
+from procphys_ros.physics.masonry.ties import tie_stress
 
 _TENSION, _COMPRESSION = int(Cause.TENSION), int(Cause.COMPRESSION)  # for kernels
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
@@ -59,8 +61,8 @@ def _crush(wrench, extent, compression):
 
 
 @kernel
-def _utilise(alive, cracked, wrench, area, extent, tension, cohesion, friction, compression, out,
-             cause):
+def _utilise(alive, cracked, held, wrench, area, extent, tension, cohesion, friction, compression,
+             reinforcement, out, cause):
     for m in range(len(alive)):
         out[m] = 0.0
         cause[m] = _TENSION
@@ -77,8 +79,11 @@ def _utilise(alive, cracked, wrench, area, extent, tension, cohesion, friction, 
         across = (extent[m, 0] ** 2 + extent[m, 1] ** 2) ** 0.5
         shear = ((wrench[m, 0] ** 2 + wrench[m, 1] ** 2) ** 0.5
                  + 6.0 * abs(wrench[m, 5]) / across) / area[m]
+        opening = (bending + max(pull, 0.0)) / max(tension[m] + press, _LEAST)
+        if held[m] < 1.0:
+            opening = tie_stress(max(pull, 0.0), bending) / (reinforcement[m] + 0.5 * press)
         share = (
-            (bending + max(pull, 0.0)) / max(tension[m] + press, _LEAST),
+            opening,
             shear / max(cohesion[m] - friction[m] * min(pull, tension[m]), _LEAST),
             (press + bending) / compression[m],
         )
@@ -100,8 +105,9 @@ def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.nd
     share = np.empty(len(graph))
     cause = np.empty(len(graph), np.uint8)
     mortar = graph.mortar
-    _utilise(graph.alive, graph.cracked, wrench, graph.area, graph.extent, mortar.tension,
-             mortar.cohesion, mortar.friction, mortar.compression, share, cause)
+    _utilise(graph.alive, graph.cracked, graph.held, wrench, graph.area, graph.extent,
+             mortar.tension, mortar.cohesion, mortar.friction, mortar.compression,
+             mortar.reinforcement, share, cause)
     return share, cause
 
 
