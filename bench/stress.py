@@ -73,7 +73,7 @@ def jacobi(solver, displacement, load, limit=20000):
     whole = (parts, bonds, np.zeros(1, np.int64), np.array([0, len(parts)]),
              np.array([0, len(bonds)]), np.array([[0, 1]]))
     return pcg.iterate(whole, (graph.links, graph.first, graph.second),
-                       pcg.blocks_alone(solver._blocks), state,
+                       pcg.blocks_alone(solver._gradients.blocks), state,
                        graph.reach, np.zeros(1), solver.tolerance, limit)[0][0]
 
 

@@ -20,8 +20,8 @@ from typing import Self
 
 import numpy as np
 
-from procphys_ros.physics.masonry import links, pcg, strength, tolerances
-from procphys_ros.physics.masonry.coarse import CoarseSpace
+from procphys_ros.physics.masonry import strength, tolerances
+from procphys_ros.physics.masonry.conjugate_gradients import ConjugateGradients
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.islands import out_of_balance
@@ -29,7 +29,6 @@ from procphys_ros.physics.masonry.joints import CREEP, PLAY
 from procphys_ros.physics.masonry.newton import Step
 from procphys_ros.physics.masonry.superposition import Superposition
 
-_AGGREGATE = 8       # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
 _CURVED_STALE = 40   # the same while joints open: tangents change by more than a cut does
 _STALE_AFTER = 120   # iterations since a change until the coarse space is renewed (decision 24)
@@ -84,14 +83,10 @@ class StressSolver:
             equilibrium.adopt(other.equilibrium, first, bonds)
         solver = cls.__new__(cls)
         solver._make_room(equilibrium, None)
-        for other, first, _ in solvers:
-            solver._blocks[first:first + other.graph.count] = other._blocks
+        solver._gradients.adopt([(other._gradients, first) for other, first, _ in solvers])
         cracked = np.flatnonzero(graph.cracked)
         solver._begin_at_displacements()
-        solver._bonds_changed(graph.parts_of(cracked))
-        spaces = [(other._coarse, first) for other, first, _ in solvers if other._coarse]
-        solver._coarse = CoarseSpace.chained(graph.count, spaces) if spaces else None
-        solver._coarse_fresh = all(other._coarse_fresh for other, _, _ in solvers)
+        solver._gradients.invert_blocks(graph.parts_of(cracked))
         solver._look()
         for other, first, _ in solvers:
             solver.iterations[first:first + other.graph.count] = other.iterations
@@ -103,8 +98,7 @@ class StressSolver:
         bonded = np.diff(graph.start) > 0
         weight = graph.mass[bonded] * _STANDARD_GRAVITY
         self.tolerance = tolerance or _TOLERANCE * float(np.median(weight if len(weight) else 1.0))
-        self._search = np.zeros((3, graph.count + 1, 6))  # z, p, q of the conjugate gradients
-        self._blocks = np.empty((graph.count, 6, 6))
+        self._gradients = ConjugateGradients(graph)
         self._past = Superposition()
         self.state = self.problem = 0
 
@@ -117,7 +111,7 @@ class StressSolver:
     def _begin_anew(self) -> None:
         """Work out all that follows from bonds and displacements."""
         self._begin_at_displacements()
-        self._bonds_changed(np.arange(self.graph.count))
+        self._gradients.invert_blocks(np.arange(self.graph.count))
         self._refresh()
 
     def _begin_at_displacements(self) -> None:
@@ -251,8 +245,8 @@ class StressSolver:
 
     def _after_change(self, bonds: np.ndarray) -> None:
         graph = self.graph
-        self._bonds_changed(graph.parts_of(bonds))
-        self._coarse_fresh = False
+        self._gradients.invert_blocks(graph.parts_of(bonds))
+        self._gradients.fresh = False
         self._patience = self._worked = 0
         self._past.forget(self.labels, self.equilibrium.linear())
         self._moved()
@@ -265,30 +259,17 @@ class StressSolver:
         self._begun = False
         self._stale_view = True
 
-    def _bonds_changed(self, parts: np.ndarray) -> None:
-        graph = self.graph
-        if not len(graph):  # trees only: nothing to compile for
-            return
-        links.diagonal_inverses(parts, graph.start, graph.incident, graph.alive, graph.links,
-                                graph.first, self._blocks)
-
     def _look(self) -> None:
         """Find the islands out of equilibrium."""
         self._stale_view = False
-        if self._coarse is None:  # nothing stands, so nothing is loaded
+        if self._gradients.coarse is None:  # nothing stands, so nothing is loaded
             self.residual, self.working = 0.0, 0
             return
         sizes = self.equilibrium.residual_sizes()
         self.residual = float(sizes.max(initial=0.0))
         self._islands = out_of_balance(self.equilibrium, sizes, self.goal)
-        self._reach_columns(self._coarse)
+        self._gradients.begin(self._islands)
         self.working = len(self._islands.parts)
-
-    def _reach_columns(self, coarse: CoarseSpace) -> None:
-        """Find the columns of the coarse factor that belong to the islands; start them anew."""
-        parts, _, part, _ = self._islands
-        self._columns = coarse.reached(parts[part[:-1]])
-        self._products = np.zeros(len(self._columns))
 
     @property
     def converged(self) -> bool:
@@ -328,7 +309,7 @@ class StressSolver:
             step = self._step
             if step.curved and len(self._hinges()):
                 break
-            stale = not self._coarse_fresh
+            stale = not self._gradients.fresh
             after = _CURVED_STALE if step.curved else _STALE_AFTER
             if stale and self._worked >= after:
                 self._refresh()
@@ -367,25 +348,18 @@ class StressSolver:
         """Put the tangents of joints where they are now, see `CrackedJoints.linearise`."""
         graph = self.graph
         self.equilibrium.linearise(rows, renew)
-        self._bonds_changed(graph.parts_of(rows))
-        if self._coarse_fresh:
-            self._coarse_fresh, self._worked = False, 0
+        self._gradients.invert_blocks(graph.parts_of(rows))
+        if self._gradients.fresh:
+            self._gradients.fresh, self._worked = False, 0
         self._look()
         bonds = self._islands.bonds
         self._step = Step(bonds[graph.cracked[bonds]], self.displacement,
                           self.equilibrium.residual, self.residual)
 
     def _run(self, limit: int, target: float) -> int:
-        graph, coarse = self.graph, self._coarse
-        assert coarse is not None
-        preconditioner = (self._blocks, coarse.owner, coarse.arm, coarse.factor.panels,
-                          *np.empty((2, coarse.count, 6)))
-        state = (self.displacement, self.equilibrium.residual, *self._search)
-        parts, bonds, part, bond = self._islands
-        each, left = pcg.iterate(
-            (parts, bonds, coarse.factor.columns, part, bond, self._columns),
-            (graph.links, graph.first, graph.second), preconditioner, state, graph.reach,
-            self._products, target, limit)
+        parts, _, part, _ = self._islands
+        each, left = self._gradients.iterate(self._islands, self.displacement,
+                                             self.equilibrium.residual, target, limit)
         size = np.diff(part)
         self.iterations[parts] += np.repeat(each, size)
         self.residual = float(left.max(initial=0.0))
@@ -401,14 +375,13 @@ class StressSolver:
         return done
 
     def _refresh(self) -> None:
-        """Aggregate anew what is connected now, and factor."""
-        parts = np.flatnonzero(self.supported)
-        self._coarse = CoarseSpace(self.graph, parts, _AGGREGATE) if len(parts) else None
-        self._coarse_fresh, self._worked = True, 0
-        if self.known or self._coarse is None:
+        """Renew the coarse space."""
+        self._gradients.aggregate(np.flatnonzero(self.supported))
+        self._worked = 0
+        if self.known or self._gradients.coarse is None:
             self._look()
         else:  # a step keeps to its islands
-            self._reach_columns(self._coarse)
+            self._gradients.begin(self._islands)
 
     def part_hinges(self) -> np.ndarray:
         """

@@ -1,0 +1,93 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Conjugate gradients on the islands of a bond graph: their preconditioner and search vectors."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from procphys_ros.physics.masonry import links, pcg
+from procphys_ros.physics.masonry.coarse import CoarseSpace
+from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.islands import Islands
+
+_AGGREGATE = 8  # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
+
+
+class ConjugateGradients:
+    """
+    Solve tangents of K·u = f, preconditioned by the blocks of single parts and rigid aggregates.
+
+    :param graph: the bonds.
+
+    :ivar blocks: inverses of the diagonal blocks of K, (N, 6, 6).
+    :ivar coarse: aggregates of what stood when they were formed; None where nothing did.
+    :ivar fresh: whether bonds have not changed since then.
+    """
+
+    def __init__(self, graph: BondGraph):
+        self._graph = graph
+        self._search = np.zeros((3, graph.count + 1, 6))  # z, p, q
+        self.blocks = np.empty((graph.count, 6, 6))
+        self.coarse: CoarseSpace | None = None
+        self.fresh = False
+
+    def adopt(self, others: Sequence[tuple['ConjugateGradients', int]]) -> None:
+        """Take over blocks and aggregates of graphs chained here, each with its first part."""
+        for other, first in others:
+            self.blocks[first:first + len(other.blocks)] = other.blocks
+        spaces = [(other.coarse, first) for other, first in others if other.coarse]
+        self.coarse = CoarseSpace.chained(len(self.blocks), spaces) if spaces else None
+        self.fresh = all(other.fresh for other, _ in others)
+
+    def invert_blocks(self, parts: np.ndarray) -> None:
+        """Work out the blocks of parts whose bonds have changed, (K,)."""
+        graph = self._graph
+        if not len(graph):  # trees only: nothing to compile for
+            return
+        links.diagonal_inverses(parts, graph.start, graph.incident, graph.alive, graph.links,
+                                graph.first, self.blocks)
+
+    def aggregate(self, parts: np.ndarray) -> None:
+        """Aggregate anew what is connected now, and factor; (K,), all that stands."""
+        self.coarse = CoarseSpace(self._graph, parts, _AGGREGATE) if len(parts) else None
+        self.fresh = True
+
+    def begin(self, islands: Islands) -> None:
+        """Find the columns of the coarse factor that belong to islands; start these anew."""
+        assert self.coarse is not None
+        self._columns = self.coarse.reached(islands.parts[islands.part[:-1]])
+        self._products = np.zeros(len(self._columns))
+
+    def iterate(self, islands: Islands, displacement: np.ndarray, residual: np.ndarray,
+                target: float, limit: int) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Go on with the islands of the last `begin`.
+
+        :param displacement, residual: [m, rad] and [N, N·m], (N + 1, 6), changed in place.
+        :param target: largest nodal residual to stop at [N].
+        :param limit: largest number of iterations, of each island.
+        :returns: iterations done on each island, and its largest nodal residual [N], (I,) each.
+        """
+        graph, coarse = self._graph, self.coarse
+        assert coarse is not None
+        preconditioner = (self.blocks, coarse.owner, coarse.arm, coarse.factor.panels,
+                          *np.empty((2, coarse.count, 6)))
+        parts, bonds, part, bond = islands
+        return pcg.iterate(
+            (parts, bonds, coarse.factor.columns, part, bond, self._columns),
+            (graph.links, graph.first, graph.second), preconditioner,
+            (displacement, residual, *self._search), graph.reach, self._products, target, limit)
