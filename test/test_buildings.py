@@ -99,7 +99,7 @@ class Scripted:
     def __init__(self, advance):
         self._advance = advance
 
-    def advance(self, iterations):
+    def advance(self, iterations, relieve=None):
         return self._advance()
 
 

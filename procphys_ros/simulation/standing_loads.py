@@ -25,7 +25,7 @@ _TOGETHER = 0.1  # [s] loads that change within this act together: about two per
 #                  storey-high wall, which has not answered to the first of them before
 _FADING = 0.5    # [s] time constant of blows that wait: walls have swung out by then, and blows
 #                  of many seconds must not act as one
-_LONGEST = 0.3   # [s] that a blow acts from the first failure on, six rounds at their pace
+_LONGEST = 0.15  # [s] that a blow acts from the first failure on, three rounds at their pace
 #                  (decision 24): cracks run through a panel while it swings out, but what crumbles
 #                  on must not feel it for ever
 
