@@ -30,6 +30,15 @@ def matrix_rows(q):
 
 
 @subroutine
+def carried(pose, point):
+    """Express a point of a frame where the pose of that frame is given, as a tuple."""
+    axes, x, y, z = matrix_rows(pose[3:]), point[0], point[1], point[2]
+    return (pose[0] + axes[0][0] * x + axes[0][1] * y + axes[0][2] * z,
+            pose[1] + axes[1][0] * x + axes[1][1] * y + axes[1][2] * z,
+            pose[2] + axes[2][0] * x + axes[2][1] * y + axes[2][2] * z)
+
+
+@subroutine
 def matrix(q):
     """Turn a quaternion xyzw into a matrix, (3, 3); its columns are the turned axes."""
     rows = matrix_rows(q)

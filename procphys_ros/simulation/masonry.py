@@ -16,6 +16,7 @@
 """Masonry: what blows and loads do to what stands, whoever strikes."""
 
 from dataclasses import dataclass
+from functools import partial
 import math
 
 import numpy as np
@@ -201,7 +202,7 @@ def _advance(model: Model, state: State,
     if is_stable(state):
         return [], []
     rounds = state.fracture.advance(
-        iterations, (lambda: _ride_out(state)) if state.loads.struck else None)
+        iterations, partial(_ride_out, state) if state.loads.struck else None)
     standing = state.standing[:model.masonry.graph.count]
     loose = standing & ~state.solver.supported
     pieces = groups(state.solver.labels, loose) if loose.any() else []
@@ -222,15 +223,16 @@ def _advance(model: Model, state: State,
     return pieces, rounds
 
 
-def _ride_out(state: State) -> bool:
+def _ride_out(state: State, moved: np.ndarray) -> bool:
     """
     End blows under which a cracked wall rocks without being thrown over; say whether it does.
 
     The steady force of the same effect is that on a wall that swings elastically. A mechanism has
     no such period: there the momentum counts. What is thrown over gets it, and becomes no faster
     than the fastest thing there is.
+
+    :param moved: parts that a mechanism moves, (K,).
     """
-    moved = state.solver.in_motion()
     waves = state.blasts.momentum[moved]  # which `_let_go` hands over
     blows = state.loads.blows_on(moved) / WALL_RATE
     mass = float(state.parts.mass[moved].sum())

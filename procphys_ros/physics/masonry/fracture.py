@@ -85,14 +85,15 @@ class Fracture:
         return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
     def advance(self, iterations: int,
-                relieve: Callable[[], bool] | None = None) -> list[Failures]:
+                relieve: Callable[[np.ndarray], bool] | None = None) -> list[Failures]:
         """
         Spend some iterations; fail what is overloaded each time that equilibrium is reached.
 
         :param iterations: largest number, over all rounds.
         :param relieve: given while loads act that are soon over, such as blows: what they pull
-            apart closes again, and is not gone. Asked before what no equilibrium holds is let go;
-            takes these loads away if they do not throw it over, and says whether it has.
+            apart closes again, and is not gone. Asked before what no equilibrium holds is let go,
+            with these parts; takes the loads away if they do not throw it over, and says whether
+            it has.
         :returns: one entry per round in which something cracked or broke.
         """
         solver, graph, rounds = self.solver, self.solver.graph, []
@@ -100,8 +101,8 @@ class Fracture:
             before = solver.spent
             solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
             iterations -= max(solver.spent - before, 1)
-            if relieve is not None and len(solver.in_motion()):
-                relieved, relieve = relieve(), None
+            if relieve is not None and len(moved := solver.in_motion()):
+                relieved, relieve = relieve(moved), None
                 if relieved:
                     solver.rewind()
                     continue

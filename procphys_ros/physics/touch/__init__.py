@@ -15,10 +15,10 @@
 
 """Touch: where round segments meet other shapes, and the impulses that keep them apart."""
 
-from procphys_ros.physics.touch.broad import capsule_bounds, overlaps, piece_bounds
+from procphys_ros.physics.touch.broad import capsule_bounds, half_extent, overlaps, piece_bounds
 from procphys_ros.physics.touch.depth import overlap
 from procphys_ros.physics.touch.geometry import meet, meet_ground, Meetings
 from procphys_ros.physics.touch.impulses import Partners, resolve
 
-__all__ = ['Meetings', 'Partners', 'capsule_bounds', 'meet', 'meet_ground', 'overlap', 'overlaps',
-           'piece_bounds', 'resolve']
+__all__ = ['Meetings', 'Partners', 'capsule_bounds', 'half_extent', 'meet', 'meet_ground',
+           'overlap', 'overlaps', 'piece_bounds', 'resolve']

@@ -52,6 +52,14 @@ def capsule_bounds(rows, poses, sizes, velocities, reach, margin):
     return out
 
 
+@subroutine
+def half_extent(shape, size, row):
+    """Give half of what a box or capsule extends over along an axis, a row of its matrix [m]."""
+    if shape == _BOX:
+        return 0.5 * (abs(row[0]) * size[0] + abs(row[1]) * size[1] + abs(row[2]) * size[2])
+    return 0.5 * (abs(row[2]) * max(size[2] - size[0], 0.0) + size[0])
+
+
 @kernel
 def piece_bounds(shapes, poses, sizes, velocities, reach, margin):
     """Give the same for boxes and capsules, (P, 6); all columns have P rows."""
@@ -59,12 +67,7 @@ def piece_bounds(shapes, poses, sizes, velocities, reach, margin):
     for p in range(len(shapes)):
         turn = matrix_rows(poses[p, 3:])
         for c in range(3):
-            if shapes[p] == _BOX:
-                room = 0.5 * (abs(turn[c][0]) * sizes[p, 0] + abs(turn[c][1]) * sizes[p, 1]
-                              + abs(turn[c][2]) * sizes[p, 2])
-            else:
-                room = 0.5 * (abs(turn[c][2]) * max(sizes[p, 2] - sizes[p, 0], 0.0)
-                              + sizes[p, 0])
+            room = half_extent(shapes[p], sizes[p], turn[c])
             way = velocities[p, c] * reach
             out[p, c] = poses[p, c] - room - margin + min(way, 0.0)
             out[p, 3 + c] = poses[p, c] + room + margin + max(way, 0.0)

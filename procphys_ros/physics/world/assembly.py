@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.rotation_kernels import matrix, matrix_rows
+from procphys_ros.rotation_kernels import carried, matrix
 
 
 @dataclass(frozen=True)
@@ -165,17 +165,9 @@ def placed(points, inner, inner_poses, outer, outer_poses):
     """
     out = np.empty((len(points), 3))
     for n in range(len(points)):
-        between = _at(inner_poses[inner[n]], (points[n, 0], points[n, 1], points[n, 2]))
-        out[n, 0], out[n, 1], out[n, 2] = _at(outer_poses[outer[n]], between)
+        between = carried(inner_poses[inner[n]], points[n])
+        out[n, 0], out[n, 1], out[n, 2] = carried(outer_poses[outer[n]], between)
     return out
-
-
-@kernel
-def _at(pose, point):
-    axes, (x, y, z) = matrix_rows(pose[3:]), point
-    return (pose[0] + axes[0][0] * x + axes[0][1] * y + axes[0][2] * z,
-            pose[1] + axes[1][0] * x + axes[1][1] * y + axes[1][2] * z,
-            pose[2] + axes[2][0] * x + axes[2][1] * y + axes[2][2] * z)
 
 
 @kernel

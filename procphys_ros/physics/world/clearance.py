@@ -20,7 +20,8 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.terrain import height_at, normal_at
-from procphys_ros.rotation_kernels import matrix, matrix_rows
+from procphys_ros.physics.touch import half_extent
+from procphys_ros.rotation_kernels import carried, matrix, matrix_rows
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 
@@ -47,7 +48,7 @@ def clearance(terrain, pose, shapes, sizes, local, points, cut, corners):
         if hexahedron < len(cut) and cut[hexahedron] == p:
             for corner in range(8):
                 own = corners[hexahedron, 3 * corner:3 * corner + 3]
-                room = min(room, _over(terrain, pose, turn, _placed(local[p], own), 0.0))
+                room = min(room, _over(terrain, pose, turn, carried(local[p], own), 0.0))
             hexahedron += 1
         elif level:
             room = min(room, _low(pose, turn, shapes[p], sizes[p], local[p]))
@@ -83,36 +84,23 @@ def _low(pose, turn, shape, size, local):
         height += turn[2, c] * local[c]
         for k in range(3):
             room[k] += turn[2, c] * axes[c][k]
-    if shape == _BOX:
-        reach = abs(room[0]) * size[0] + abs(room[1]) * size[1] + abs(room[2]) * size[2]
-    else:
-        reach = abs(room[2]) * max(size[2] - size[0], 0.0) + size[0]
-    return height - 0.5 * reach
+    return height - half_extent(shape, size, room)
 
 
 @kernel
 def _over_piece(terrain, pose, turn, shape, size, local):
     """Give the room under a piece [m]."""
-    room = _over(terrain, pose, turn, _placed(local, np.zeros(3)), 0.0)
+    room = _over(terrain, pose, turn, carried(local, np.zeros(3)), 0.0)
     if shape == _BOX:
         for corner in range(8):
             own = size * np.array([0.5 - (corner & 1), 0.5 - ((corner >> 1) & 1),
                                    0.5 - ((corner >> 2) & 1)])
-            room = min(room, _over(terrain, pose, turn, _placed(local, own), 0.0))
+            room = min(room, _over(terrain, pose, turn, carried(local, own), 0.0))
     else:
         end = np.array([0.0, 0.0, 0.5 * max(size[2] - size[0], 0.0)])
         for own in (end, -end):
-            room = min(room, _over(terrain, pose, turn, _placed(local, own), 0.5 * size[0]))
+            room = min(room, _over(terrain, pose, turn, carried(local, own), 0.5 * size[0]))
     return room
-
-
-@kernel
-def _placed(local, point):
-    """Express a point of a piece in the frame of the body."""
-    axes = matrix_rows(local[3:])
-    return (local[0] + axes[0][0] * point[0] + axes[0][1] * point[1] + axes[0][2] * point[2],
-            local[1] + axes[1][0] * point[0] + axes[1][1] * point[1] + axes[1][2] * point[2],
-            local[2] + axes[2][0] * point[0] + axes[2][1] * point[1] + axes[2][2] * point[2])
 
 
 @kernel

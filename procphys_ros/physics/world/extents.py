@@ -19,8 +19,9 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.touch import half_extent
 from procphys_ros.physics.world.body_table import BodyTable
-from procphys_ros.rotation_kernels import matrix_rows
+from procphys_ros.rotation_kernels import carried, matrix_rows
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 _PARALLEL = 1e-6  # length of the product of two unit vectors that span no plane
@@ -54,12 +55,7 @@ def _bounds(ids, poses, first, count, shapes, sizes, local):
         for p in range(first[body], first[body] + count[body]):
             place, turn = _placed(poses[body], local[p])
             for c in range(3):
-                if shapes[p] == _BOX:
-                    room = 0.5 * (abs(turn[c][0]) * sizes[p, 0] + abs(turn[c][1]) * sizes[p, 1]
-                                  + abs(turn[c][2]) * sizes[p, 2])
-                else:
-                    room = 0.5 * (abs(turn[c][2]) * max(sizes[p, 2] - sizes[p, 0], 0.0)
-                                  + sizes[p, 0])
+                room = half_extent(shapes[p], sizes[p], turn[c])
                 out[k, c] = min(out[k, c], place[c] - room)
                 out[k, 3 + c] = max(out[k, 3 + c], place[c] + room)
     return out
@@ -89,9 +85,7 @@ def _are_near(pairs, distance, poses, first, count, shapes, sizes, local):
 def _placed(pose, local):
     """Give the centre of a piece and the rows of its matrix, in the world."""
     a, b = matrix_rows(pose[3:]), matrix_rows(local[3:])
-    place = (pose[0] + _dot(a[0], local), pose[1] + _dot(a[1], local),
-             pose[2] + _dot(a[2], local))
-    return place, (_times(a[0], b), _times(a[1], b), _times(a[2], b))
+    return carried(pose, local), (_times(a[0], b), _times(a[1], b), _times(a[2], b))
 
 
 @kernel
