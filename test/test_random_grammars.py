@@ -180,7 +180,7 @@ def test_twigs_that_break_under_a_ball_give_back_what_they_took():
         ledger.note()
         kinetic.append(ledger.kinetic()[0])
     assert np.diff(kinetic).max() < 0.01 * kinetic[0]
-    assert simulation.velocities[part, 1] > 0.7 * speed  # twigs of a quarter of its mass
+    assert simulation.velocities[part, 1] > speed / 1.25  # takes along a quarter of its mass
 
 
 def test_the_ledger_sees_energy_from_nothing():
