@@ -111,7 +111,7 @@ def test_the_village_stands_the_storm():
 
 
 def test_strokes_of_a_ball_crack_a_wall_and_bring_it_down():
-    """Leave a hole with cracks that reach far from it, then bring down a third of the wall."""
+    """Leave a hole with cracks that reach far from it, then bring the wall down."""
     simulation, causes = run('wrecking_ball', 1.4)
     source, state = simulation.blueprint, simulation.state
     lost = ~state.standing[:len(source)]
@@ -125,7 +125,7 @@ def test_strokes_of_a_ball_crack_a_wall_and_bring_it_down():
     simulation.step(round(6.1 / simulation.time_step))
     bricks = rows(simulation, 'wall')
     moved = np.linalg.norm(simulation.poses[bricks, :3] - source.poses[bricks, :3], axis=1)
-    assert np.mean(moved > 0.2) > 0.3
+    assert np.mean(moved > 0.2) > 0.5
 
 
 @pytest.mark.parametrize('name, seconds, thrown', [('figure_1', 3.0, 3),
