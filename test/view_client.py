@@ -26,6 +26,7 @@ import zstandard
 
 PATIENCE = 120.0  # [s] far more than is ever needed
 _TURN = 0.05  # [s]
+_PLACE = (0, 0, 1000)  # of the eye, in the page's lengths: where no leaf is near
 
 
 class ViewClient:
@@ -40,8 +41,8 @@ class ViewClient:
         self.messages: list[dict[str, Any]] = []
         self._socket = connect(f'ws://localhost:{port}', max_size=None,
                                subprotocols=[f'viser-v{viser.__version__}'])
-        self.send('ViewerCameraMessage', wxyz=(1, 0, 0, 0), position=(0, 0, 0), fov=1.0, near=0.1,
-                  far=100.0, image_height=10, image_width=10, look_at=(0, 0, 1),
+        self.send('ViewerCameraMessage', wxyz=(1, 0, 0, 0), position=_PLACE, fov=1.0, near=0.1,
+                  far=1e4, image_height=10, image_width=10, look_at=(0, 0, 1),
                   up_direction=(0, 0, 1))
 
     def close(self) -> None:
