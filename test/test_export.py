@@ -14,7 +14,6 @@
 
 """The command `export` and what all formats share: times, names, complaints."""
 
-import io
 import xml.etree.ElementTree as ElementTree
 
 from exported import grown, scene_of, small_wall
@@ -22,7 +21,6 @@ import numpy as np
 import pytest
 
 from procphys_ros import export as exporter
-from procphys_ros.command_line.bar import Bar
 from procphys_ros.errors import ExportError
 from procphys_ros.export import command, Content, export, export_animation, formats
 from procphys_ros.export.markup import roll_pitch_yaw
@@ -143,19 +141,6 @@ def test_animation_times_are_checked(tmp_path):
 def test_suffixes_are_those_documented():
     """Offer the formats that the command line names."""
     assert exporter.SUFFIXES == ('.usda', '.usdc', '.xml', '.urdf', '.sdf', '.glb')
-
-
-def test_bar_draws_on_terminals_only():
-    """Draw a share on a terminal and clean up; stay silent elsewhere."""
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-    terminal, file = Terminal(), io.StringIO()
-    for stream in (terminal, file):
-        with Bar('export', stream) as bar:
-            bar.show(1.0, 4.0)
-    assert '25 %' in terminal.getvalue() and terminal.getvalue().endswith('\x1b[K')
-    assert file.getvalue() == ''
 
 
 def test_roll_pitch_yaw_turn_as_the_quaternion():

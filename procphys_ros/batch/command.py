@@ -30,8 +30,9 @@ from typing import NoReturn
 from procphys_ros.batch.sweep import Sweep
 from procphys_ros.batch.table import check_format, Table
 from procphys_ros.batch.workers import dask_cluster, processes, Workers
-from procphys_ros.command_line.bar import Bar
+from procphys_ros.command_line.parser import OneLineParser
 from procphys_ros.errors import ProcPhysError
+from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.warning_lines import print_warning, told_to
 
 _EXAMPLES = """\
@@ -41,13 +42,6 @@ examples:
   batch config/demo.yaml --vary 'wind.velocity=[[8, 0, 0], [16, 0, 0]]' --out wind.parquet
 A run that was killed goes on when it is said again: finished rows stay.
 """
-
-
-class _Parser(argparse.ArgumentParser):
-    """Parser whose complaints are one line and exit code 1, as all of ours are."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(1, f'{self.prog}: {message}\n')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -74,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     failed: list[str] = []
     code = 0
     try:
-        with workers as work, Bar(f'batch {options.out.name}', sys.stderr) as bar:
+        with workers as work, ProgressBar(f'batch {options.out.name}', sys.stderr) as bar:
             failed = _work(sweep, table, work, bar, warn)
     except ProcPhysError as error:
         failed.append(str(error))
@@ -89,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code or int(bool(failed))
 
 
-def _work(sweep: Sweep, table: Table, work: Workers, bar: Bar,
+def _work(sweep: Sweep, table: Table, work: Workers, bar: ProgressBar,
           warn: Callable[[str], None]) -> list[str]:
     """Have the runs that are missing carried out, and give why some could not be."""
     missing = {run.number: (values, run) for values, run in sweep.runs()
@@ -111,11 +105,11 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
 
 
-def _parser() -> _Parser:
-    parser = _Parser(prog='batch', epilog=_EXAMPLES,
-                     formatter_class=argparse.RawDescriptionHelpFormatter,
-                     description='Simulate a scene many times with varied parameters, without '
-                                 'anyone watching, and write a row of a table for each run.')
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog='batch', epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Simulate a scene many times with varied parameters, without anyone '
+                    'watching, and write a row of a table for each run.')
     parser.add_argument('scene', type=Path, help='scene file (.yaml)')
     parser.add_argument('--vary', action='append', default=[], metavar='NAME=VALUES',
                         help='values of a parameter; several are combined with each other')

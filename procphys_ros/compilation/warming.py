@@ -37,8 +37,8 @@ from procphys_ros.compilation.overloads import (
     StaleOverload,
 )
 from procphys_ros.program import INTERRUPTED
+from procphys_ros.progress_bar import ProgressBar
 
-_BAR = 30  # characters
 _LOW_PRIORITY = 10  # 'nice': of a core that a simulation wants too it gets a tenth, not nothing
 
 Done = tuple[str, bool, str]
@@ -86,11 +86,14 @@ def warm(work: Iterable[Done], count: int, out: TextIO) -> bool:
     :returns: whether every overload in the list could be compiled.
     """
     began, compiled, faults = monotonic(), 0, []
-    for done, (name, was_missing, fault) in enumerate(work, 1):
-        compiled += was_missing
-        if fault:
-            faults.append(f'{name} {fault}')
-        _show(done, count, name, out)
+    with ProgressBar('compiling', out) as bar:
+        for done, (name, was_missing, fault) in enumerate(work, 1):
+            compiled += was_missing
+            if fault:
+                faults.append(f'{name} {fault}')
+            bar.show(done, count, name)
+            if not out.isatty():
+                print(f'{done}/{count} {name}', file=out, flush=True)
     for fault in faults:
         print(f'warm: {fault}; it is compiled when it is first called', file=sys.stderr)
     mark_complete()
@@ -141,14 +144,3 @@ def _compile_one(overload: Overload) -> Done:
         return str(overload), overload.compile(), ''
     except StaleOverload as error:
         return str(overload), False, str(error)
-
-
-def _show(done: int, total: int, name: str, out: TextIO) -> None:
-    """Draw a bar on a terminal, else write a line."""
-    if not out.isatty():
-        print(f'{done}/{total} {name}', file=out, flush=True)
-        return
-    full = _BAR * done // total
-    end = '\r\033[K' if done == total else ''
-    print(f'\r\033[Kcompiling [{"#" * full}{"." * (_BAR - full)}] {done}/{total} {name[:40]}',
-          end=end, file=out, flush=True)

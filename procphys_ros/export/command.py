@@ -14,25 +14,17 @@
 
 """Command `export`: a scene as a file that another program reads."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 import sys
-from typing import NoReturn
 
-from procphys_ros.command_line.bar import Bar
+from procphys_ros.command_line.parser import OneLineParser
 from procphys_ros.errors import ProcPhysError
+from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.scene import Scene
 from procphys_ros.warning_lines import print_warning, told_to
 
 _FPS = 30.0
-
-
-class _Parser(argparse.ArgumentParser):
-    """Parser whose complaints are one line and exit code 1, as all of ours are."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(1, f'{self.prog}: {message}\n')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -50,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         check_target(options.out)
         with told_to(print_warning):
             scene = Scene.from_yaml(options.scene)
-            with Bar(f'export {options.out.name}', sys.stderr) as bar:
+            with ProgressBar(f'export {options.out.name}', sys.stderr) as bar:
                 if options.animate is None:
                     export(scene, options.out, options.time, bar.show)
                 else:
@@ -66,10 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _parser() -> _Parser:
-    parser = _Parser(prog='export', description='Write a scene as a file for other programs: '
-                     'USD (.usda, .usdc), MuJoCo (.xml), URDF (.urdf), Gazebo (.sdf), '
-                     'glTF (.glb).')
+def _parser() -> OneLineParser:
+    parser = OneLineParser(prog='export', description=(
+        'Write a scene as a file for other programs: USD (.usda, .usdc), MuJoCo (.xml), '
+        'URDF (.urdf), Gazebo (.sdf), glTF (.glb).'))
     parser.add_argument('scene', help='scene file (.yaml)')
     parser.add_argument('--out', required=True, type=Path,
                         help='file to write; its suffix chooses the format')

@@ -25,12 +25,13 @@ import sys
 from threading import current_thread, main_thread
 from typing import NoReturn
 
+from procphys_ros.command_line.parser import OneLineParser
 from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.render.backend import RenderUnavailableError
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.motion import CameraMotion
 from procphys_ros.render.picture import Renderer, scene_points
-from procphys_ros.render.progress_bar import ProgressBar
 from procphys_ros.render.writers import check_output, FILMS, is_series, open_writer
 from procphys_ros.scene import Scene
 from procphys_ros.scene.scenery import CameraSettings
@@ -42,13 +43,6 @@ _SCENES = ('.yaml', '.yml')
 _LARGEST_SIDE = 8192  # [px], what OpenGL in software still allocates
 _MOST_FRAMES = 100_000
 _INTERRUPTED = 130  # exit code of what SIGINT has ended
-
-
-class _Parser(argparse.ArgumentParser):
-    """Parser whose complaints are one line and exit code 1, as all of ours are."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(1, f'{self.prog}: {message}\n')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -118,23 +112,21 @@ def _film(scene: Scene, camera: CameraSettings, options: argparse.Namespace) -> 
     check_camera(scene, camera)
     shot = Shot(options.start, count, options.fps, options.size, camera)
     writer = open_writer(options.out, options.size, options.fps)
-    bar, done, interrupted = ProgressBar(sys.stderr, count, 'pictures'), 0, False
+    done, interrupted = 0, False
 
     def tell(number: int) -> None:
         nonlocal done
         done = number
-        bar.show(number)
+        bar.show(number, count)
 
     try:
-        with _terminable():
+        with ProgressBar(f'render {options.out.name}', sys.stderr) as bar, _terminable():
             shoot(scene, shot, writer, tell)
     except KeyboardInterrupt:
         interrupted = True
     except BaseException:
         writer.discard()
         raise
-    finally:
-        bar.close()
     if not done:
         writer.discard()
         print('render: interrupted before the first picture', file=sys.stderr)
@@ -168,9 +160,9 @@ def _camera_settings(scene: Scene, options: argparse.Namespace) -> CameraSetting
     return camera if options.view is None else replace(camera, position=options.view)
 
 
-def _parser() -> _Parser:
-    parser = _Parser(prog='render', description='Draw a scene as a picture, a series of '
-                     'pictures or a film, without a display.')
+def _parser() -> OneLineParser:
+    parser = OneLineParser(prog='render', description=(
+        'Draw a scene as a picture, a series of pictures or a film, without a display.'))
     parser.add_argument('scene', help='scene file (.yaml) or grammar (.lsys, .wall)')
     parser.add_argument('--out', required=True, type=Path,
                         help='what to write: picture.png (.jpg), film.mp4, loop.gif, '

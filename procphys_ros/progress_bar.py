@@ -20,11 +20,12 @@ from typing import Self, TextIO
 
 _WIDTH = 30      # characters
 _INTERVAL = 0.1  # [s] between two drawings
+_DETAIL = 40     # characters
 
 
-class Bar:
+class ProgressBar:
     """
-    Draws how far something is; on what is no terminal it stays silent.
+    Draws how much is done, and how long the rest will take; on what is no terminal, nothing.
 
     :param label: what is being done.
     :param stream: where to draw.
@@ -33,31 +34,43 @@ class Bar:
     def __init__(self, label: str, stream: TextIO):
         self._label, self._stream = label, stream
         self._shown = stream.isatty()
-        self._last = float('-inf')
-        self._drawn = False
+        self._drawn_at = float('-inf')
+        self._first: tuple[float, float] | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        if self._drawn:
+        if self._first is not None:
             self._stream.write('\r\x1b[K')
             self._stream.flush()
 
-    def show(self, done: float, whole: float) -> None:
+    def show(self, done: float, whole: float, detail: str = '') -> None:
         """
         Draw the state, at most ten times a second.
 
         :param done: how much has been done, in any unit.
         :param whole: how much there is to do, in the same unit.
+        :param detail: what has been done last.
         """
         now = monotonic()
-        if not self._shown or now - self._last < _INTERVAL:
+        if not self._shown or now - self._drawn_at < _INTERVAL:
             return
-        self._last, self._drawn = now, True
+        self._drawn_at = now
+        self._first = self._first or (now, done)
         share = min(1.0, done / whole) if whole > 0.0 else 1.0
         filled = round(share * _WIDTH)
-        self._stream.write(f'\r\x1b[K{self._label} [{"#" * filled}{"." * (_WIDTH - filled)}] '
-                           f'{100.0 * share:3.0f} %')
+        words = [f'{self._label} [{"#" * filled}{"." * (_WIDTH - filled)}] {100.0 * share:3.0f} %',
+                 self._time_left(now, done, whole), detail[:_DETAIL]]
+        self._stream.write('\r\x1b[K' + '  '.join(word for word in words if word))
         self._stream.flush()
+
+    def _time_left(self, now: float, done: float, whole: float) -> str:
+        """Say how long the rest takes at the speed since the first drawing, once that is known."""
+        assert self._first is not None
+        began, before = self._first
+        if done <= before:
+            return ''
+        left = int((now - began) / (done - before) * max(whole - done, 0.0))
+        return f'{left // 60}:{left % 60:02d} left'
