@@ -25,7 +25,7 @@ from procphys_ros.blueprint import GROUND
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.wind import WindSettings
-from procphys_ros.physics.world import BodyState
+from procphys_ros.physics.world import BodyState, installed_engines
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
@@ -91,11 +91,10 @@ def momentum(simulation):
     return world.mass[bodies] @ world.velocities[bodies, :3]
 
 
-def scraped(simulation):
-    """Give what contacts with standing parts gave to loose ones in the last step [N·s], (3,)."""
-    contacts = simulation.state.world.contacts().both_ways()
-    state = simulation.state.world.bodies.state
-    rows = ((state[contacts.body_b] == BodyState.FIXED)
+def scraped(simulation, contacts):
+    """Give what contacts with the ground and standing parts gave to loose ones [N·s], (3,)."""
+    contacts, state = contacts.both_ways(), simulation.state.world.bodies.state
+    rows = ((state[contacts.body_b] < BodyState.AWAKE)
             & (state[contacts.body_a] == BodyState.AWAKE))
     return contacts.impulse[rows].sum(axis=0)
 
@@ -132,6 +131,31 @@ def test_a_fast_ball_goes_through_and_comes_out_slower():
     assert (events['load'][events['cause'] == Cause.IMPACT] > 1.0).all()
 
 
+@pytest.mark.parametrize('engine', installed_engines())
+def test_momentum_of_a_wall_that_is_thrown_over_is_accounted_for_at_all_times(engine):
+    """
+    Throw a wall over with a box, and follow the momentum for a second.
+
+    What is loose has, in every step, what the box had, less what the ledger knows to be in the
+    ground, plus what contacts with the ground and with standing parts gave.
+    """
+    simulation = stand(wall(12, 24), engine=engine)
+    throw(simulation, 150.0, 4.0, height=0.7, shape='box', size=1.2, start=-0.75)
+    simulation.stages = tuple(stage for stage in simulation.stages
+                              if stage.step is not fragments.apply_drag)
+    start, held = momentum(simulation)[1], 0.0
+    for _ in range(60):
+        simulation.step()
+        world, ledger = simulation.state.world, simulation.state.ledger
+        held += scraped(simulation, world.contacts())[1] + scraped(simulation, world.lifts())[1]
+        assert momentum(simulation)[1] == pytest.approx(start - ledger.grounded[1] + held,
+                                                        abs=0.005 * start)
+    assert (~simulation.state.standing[:300]).sum() > 200
+    assert not any(impact.torn for impact in simulation.impacts)
+    np.testing.assert_allclose(ledger.lost, ledger.carried + ledger.grounded, atol=1e-9)
+    assert ledger.carried[1] > 100.0
+
+
 @pytest.mark.parametrize(('mass', 'speed', 'size', 'shape'), [
     (5.0, 3.0, 0.2, 'sphere'), (20.0, 40.0, 0.2, 'sphere'), (1000.0, 8.0, 0.8, 'box'),
     (2.0, 300.0, 0.1, 'sphere'),
@@ -151,7 +175,8 @@ def test_momentum_is_accounted_for(mass, speed, size, shape):
         simulation.step()
         if simulation.impacts:
             break
-    grounded = sum(i.grounded for i in simulation.impacts) - scraped(simulation)
+    grounded = sum(i.grounded for i in simulation.impacts) - scraped(
+        simulation, simulation.state.world.contacts())
     assert momentum(simulation)[1] + grounded[1] == pytest.approx(total, rel=0.005)
     for impact in simulation.impacts:
         np.testing.assert_allclose(impact.lost, impact.carried + impact.grounded, atol=1e-9)

@@ -57,7 +57,8 @@ class MomentumLedger:
 
     :ivar recent: the last blows, oldest first.
     :ivar count: number of all blows.
-    :ivar lost, carried, grounded: sums over all blows [N·s], (3,); lost = carried + grounded.
+    :ivar lost, carried, grounded: sums over all blows [N·s], (3,); lost = carried + grounded. Of
+        masonry that blows throw over, the momentum is carried, too, from when it comes off.
     :ivar work: of fracture, sum over all blows [J].
     :ivar thrown: momentum of all that charges in walls threw, when they went off [N·s], (3,); what
         stands around the charges got as much the other way.
@@ -81,6 +82,11 @@ class MomentumLedger:
         self.carried = self.carried + impact.carried
         self.grounded = self.grounded + impact.grounded
         self.work += impact.work
+
+    def come_off(self, momentum: np.ndarray) -> None:
+        """Enter the momentum with which masonry comes off that blows throw over [N·s], (3,)."""
+        self.carried = self.carried + momentum
+        self.grounded = self.grounded - momentum
 
     def throw(self, momentum: np.ndarray, energy: float) -> None:
         """Enter what a charge threw: the sum of its momenta [N·s], (3,), and its energy [J]."""

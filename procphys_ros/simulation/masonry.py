@@ -249,8 +249,10 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
 
 
 def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:
-    """Release what lost the ground, with the velocity that a blast wave gave it."""
+    """Release what lost the ground, with the velocity that blows or a blast wave gave it."""
     for parts in pieces:
+        # What stands has no velocity but the one from `_ride_out`.
+        state.ledger.come_off(state.parts.mass[parts] @ state.parts.velocities[parts, :3])
         own = state.blasts.momentum[parts]
         if own.any():
             state.parts.velocities[parts, :3] += own / state.parts.mass[parts][:, None]
