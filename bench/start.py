@@ -40,6 +40,8 @@ _SWAYING = 20.0  # [s] of watching for stops after the first poses
 _AFTERMATH = 3.0  # [s] of watching after the explosion
 os.environ['ROS_DOMAIN_ID'] = str(101 + os.getpid() % 100)
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+# An installed package has its bytecode; modules compiled in each process would cost 0.3 s.
+_ENVIRONMENT = {k: v for k, v in os.environ.items() if k != 'PYTHONDONTWRITEBYTECODE'}
 
 
 class Run:
@@ -62,7 +64,7 @@ class Run:
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'procphys_ros.ros.sim', '--ros-args', '--params-file',
              str(shared_folder() / 'config' / scene)],
-            env={**os.environ, 'NUMBA_CACHE_DIR': str(cache)}, stdout=subprocess.DEVNULL)
+            env={**_ENVIRONMENT, 'NUMBA_CACHE_DIR': str(cache)}, stdout=subprocess.DEVNULL)
 
     def _note(self, _: PoseArray) -> None:
         self._poses.append(monotonic())

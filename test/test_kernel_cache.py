@@ -27,6 +27,7 @@ import pytest
 from procphys_ros.compilation.claims import claim, release
 from procphys_ros.compilation.folders import prepare
 from procphys_ros.compilation.sources import imported_names
+from procphys_ros.language.parsers import make_parser
 
 ROOT = Path(__file__).resolve().parents[1]
 CALLEE = """
@@ -270,6 +271,72 @@ def test_kernels_from_files_do_the_same_to_the_bit(tmp_path):
                              env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
                              capture_output=True).stdout for _ in range(2)]
     assert hashes[0] == hashes[1]
+
+
+LOADING = """
+import numba.core.event as event
+from procphys_ros.compilation.overloads import Overload, shipped
+
+class Compiled(event.Listener):
+    count = 0
+    def on_start(self, _): Compiled.count += 1
+    def on_end(self, _): pass
+
+event.register('numba:compile', Compiled())
+overloads = [overload for group in shipped() for overload in group]
+for overload in overloads:
+    overload.compile()
+print(len(overloads), Compiled.count)
+"""
+
+
+def test_all_kernels_load():
+    """Load each kernel that Python calls; a name that its code lacks would end the process."""
+    for _ in range(2):  # the first one compiles what is not there yet
+        done = subprocess.run([sys.executable, '-c', LOADING], cwd=ROOT, text=True, check=True,
+                              capture_output=True).stdout.split()
+    assert int(done[0]) > 100
+    assert int(done[1]) == 0
+
+
+_SUM = """
+start: NUMBER ("+" NUMBER)*
+NUMBER: /[0-9]+/
+"""
+
+
+@pytest.fixture
+def tables(tmp_path, monkeypatch) -> Path:
+    """Keep tables of parsers in a folder of the test's own, and say which."""
+    monkeypatch.setattr('procphys_ros.language.parsers.environment_folder',
+                        lambda: tmp_path / 'numba')
+    return tmp_path
+
+
+def test_tables_of_parsers_are_kept(tables, monkeypatch):
+    """Read again what the first parser wrote, places included; make another language's anew."""
+    first = make_parser('sum', _SUM).parse('1+23')
+    monkeypatch.setattr('lark.Lark.__init__', None)  # nothing is made any more
+    again = make_parser('sum', _SUM).parse('1+23')
+    assert again == first and again.meta.end_column == first.meta.end_column == 5
+    with pytest.raises(TypeError):
+        make_parser('sum', _SUM.replace('"+"', '"-"'))
+
+
+def test_damaged_tables_are_replaced(tables, monkeypatch):
+    """Make a parser whose file was cut short, and write it anew."""
+    make_parser('sum', _SUM)
+    file, = (path for path in tables.rglob('*') if path.is_file())
+    file.write_bytes(file.read_bytes()[:100])
+    assert make_parser('sum', _SUM).parse('1+2').children == ['1', '2']
+    monkeypatch.setattr('lark.Lark.__init__', None)
+    assert make_parser('sum', _SUM).parse('1+2').children == ['1', '2']
+
+
+def test_parsers_need_no_folder(tables):
+    """Make them in every process where nothing can be written."""
+    (tables / 'numba').write_text('a file is in the way', 'utf-8')
+    assert make_parser('sum', _SUM).parse('1+2').children == ['1', '2']
 
 
 def test_imports_are_found():

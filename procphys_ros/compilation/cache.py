@@ -18,25 +18,23 @@
 from collections.abc import Callable
 from functools import cache
 import hashlib
-import os
 from pathlib import Path
 import pickle
-from tempfile import NamedTemporaryFile
 from typing import Any
 import warnings
 
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
 from procphys_ros.compilation.claims import claim, release
+from procphys_ros.compilation.files import read, write
 from procphys_ros.compilation.folders import cache_folder, module_folder, prepare
-from procphys_ros.compilation.linking import restore_subroutine
+from procphys_ros.compilation.linking import restore_kernel, restore_subroutine
 from procphys_ros.compilation.progress import COMPILING
 from procphys_ros.progress import stage
-
-_CHECKSUM = 32  # [B] of SHA-256, at the head of each file
 
 
 class KernelCache(_Cache):
@@ -62,13 +60,13 @@ class KernelCache(_Cache):
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """Give what was compiled for a signature, None when there is nothing."""
-        target_context.refresh()
+        rtsys.initialize(target_context)  # what machine code calls; numba's compiler needs more
         path = self._file(sig, target_context.codegen())
-        payload = _read(path)
+        payload = read(path)
         if payload is None:
             with stage(COMPILING, self._function.__name__.lstrip('_')):
                 claim(path)
-            payload = _read(path)  # if another process was at it
+            payload = read(path)  # if another process was at it
         if not self._enabled or payload is None:
             return None
         release(path)
@@ -81,7 +79,7 @@ class KernelCache(_Cache):
             if self._enabled and not data.lifted and not data.library.has_dynamic_globals:
                 prepare(path.parent)
                 payload = dumps(data._reduce())
-                _write(path, hashlib.sha256(payload).digest() + payload)
+                write(path, payload)
         except OSError as error:
             _warn_once(error.strerror)
         finally:
@@ -101,7 +99,7 @@ class KernelCache(_Cache):
             path.unlink(missing_ok=True)
 
     def _restore(self, target_context: Any, reduced: tuple) -> CompileResult:
-        return CompileResult._rebuild(target_context, *reduced)
+        return restore_kernel(target_context, reduced)
 
     @property
     def _name(self) -> str:
@@ -124,28 +122,6 @@ class SubroutineCache(KernelCache):
 
     def _restore(self, target_context: Any, reduced: tuple) -> CompileResult:
         return restore_subroutine(target_context, reduced)
-
-
-def _read(path: Path) -> bytes | None:
-    """Read what `_write` wrote; None when it is not there, or was cut short by a power failure."""
-    try:
-        content = path.read_bytes()
-    except OSError:
-        return None
-    payload = content[_CHECKSUM:]
-    return payload if hashlib.sha256(payload).digest() == content[:_CHECKSUM] else None
-
-
-def _write(path: Path, content: bytes) -> None:
-    """Write a file such that a reader sees all of it or none."""
-    with NamedTemporaryFile(dir=path.parent, prefix='.', delete=False) as file:
-        try:
-            file.write(content)
-            file.close()
-            os.replace(file.name, path)
-        except OSError:
-            os.unlink(file.name)
-            raise
 
 
 @cache

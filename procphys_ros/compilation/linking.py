@@ -36,16 +36,38 @@ class _Library(JITCodeLibrary):
     """Code that others link as it is read back from a file, so that a file changes nothing."""
 
     _shared_module: binding.ModuleRef | None
+    _bitcode: bytes | None = None
 
     def _get_module_for_linking(self) -> binding.ModuleRef:
         if self._shared_module is None:
-            shared = super()._get_module_for_linking()
-            self._shared_module = binding.parse_bitcode(shared.as_bitcode())
+            if self._bitcode is None:
+                self._bitcode = super()._get_module_for_linking().as_bitcode()
+            self._shared_module = binding.parse_bitcode(self._bitcode)
         return self._shared_module
 
 
 class KernelLibrary(_Library):
     """Machine code that contains all of its callees."""
+
+    @classmethod
+    def restored(cls, codegen: Any, name: str, machine_code: bytes,
+                 bitcode: bytes) -> 'KernelLibrary':
+        """
+        Give the library whose parts `serialize_using_object_code` wrote.
+
+        The intermediate code is not read until something links it.
+        """
+        library = cls(codegen, name)
+        library.enable_object_caching()
+        library._set_compiled_object(machine_code)
+        library._bitcode = bitcode
+        JITCodeLibrary._finalize_final_module(library)
+        return library
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Give the address of a function, which must be there."""
+        self._ensure_finalized()
+        return self._codegen._engine.get_function_address(name)
 
     def _finalize_final_module(self) -> None:
         self._finalized = True  # no link changes it any more: it can be shared from here on
@@ -106,22 +128,46 @@ class Subroutine(CPUDispatcher):
                         'call; what Python calls is a kernel')
 
 
+def restore_kernel(target_context: Any, reduced: tuple) -> CompileResult:
+    """Read what numba's `CompileResult._reduce` made of a compiled kernel."""
+    (name, _, code), fndesc, environment = reduced[:3]
+    _initialise(reduced)
+    library = KernelLibrary.restored(target_context.codegen(), name, *code)
+    result = _result(target_context, reduced, library,
+                     target_context.get_executable(library, fndesc, environment))
+    for referenced in result.referenced_envs:
+        library.codegen.set_env(referenced.env_name, referenced)
+    return result
+
+
 def restore_subroutine(target_context: Any, reduced: tuple) -> CompileResult:
     """Read what numba's `CompileResult._reduce` made of a compiled subroutine."""
-    ((name, _, bitcode), fndesc, environment, signature, objectmode, lifted, annotation,
-     reload_init, referenced) = reduced
-    for initialise in reload_init:
-        initialise()
+    (name, _, bitcode), fndesc, environment = reduced[:3]
+    _initialise(reduced)
     library = SubroutineLibrary(target_context.codegen(), name)
     library._final_module = library._shared_module = binding.parse_bitcode(bitcode)
-    library._reload_init.update(reload_init)
     library._finalize_final_module()
+    return _result(target_context, reduced, library,
+                   _not_executable(library, fndesc, environment))
+
+
+def _initialise(reduced: tuple) -> None:
+    """Do what a function's callees in other languages ask for before it is restored."""
+    for initialise in reduced[-2]:
+        initialise()
+
+
+def _result(target_context: Any, reduced: tuple, library: _Library,
+            entry_point: Any) -> CompileResult:
+    """Give what numba keeps of a function, with a library that is restored."""
+    (_, fndesc, environment, signature, objectmode, lifted, annotation, reload_init,
+     referenced) = reduced
+    library._reload_init.update(reload_init)
     return compile_result(
         target_context=target_context, typing_context=target_context.typing_context,
         library=library, environment=environment, fndesc=fndesc, signature=signature,
-        entry_point=_not_executable(library, fndesc, environment), objectmode=objectmode,
-        lifted=lifted, type_annotation=annotation, reload_init=reload_init,
-        referenced_envs=referenced)
+        entry_point=entry_point, objectmode=objectmode, lifted=lifted,
+        type_annotation=annotation, reload_init=reload_init, referenced_envs=referenced)
 
 
 def _not_executable(library: SubroutineLibrary, fndesc: Any, environment: Any) -> Any:

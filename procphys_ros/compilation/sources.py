@@ -17,7 +17,7 @@
 
 from functools import cache
 import hashlib
-from pathlib import Path
+import os
 import re
 import sys
 
@@ -40,18 +40,16 @@ def source_digest(module: str) -> str:
     :param module: dotted name of an imported module; this package is always followed too.
     """
     followed = {HOME, module.partition('.')[0]}
-    sources: dict[str, str] = {}
+    digests: dict[str, str] = {}
     waiting = {HOME, module}
     while waiting:
         name = waiting.pop()
-        source = _source(name) if name.partition('.')[0] in followed else None
-        if source is not None:
-            sources[name] = source
-            waiting |= imported_names(source) - sources.keys()
-    digest = hashlib.sha256()
-    for name in sorted(sources):
-        digest.update(f'{name} {len(sources[name])} {sources[name]}'.encode())
-    return digest.hexdigest()[:16]
+        known = _known(name) if name.partition('.')[0] in followed else None
+        if known is not None:
+            digests[name], imported = known
+            waiting |= imported - digests.keys()
+    lines = '\n'.join(f'{name} {digests[name]}' for name in sorted(digests))
+    return hashlib.sha256(lines.encode()).hexdigest()[:16]
 
 
 def imported_names(source: str) -> set[str]:
@@ -64,6 +62,14 @@ def imported_names(source: str) -> set[str]:
 
 
 @cache
+def _known(module: str) -> tuple[str, set[str]] | None:
+    """Give the hash of a module's source and what that imports; None = there is no module."""
+    source = _source(module)
+    if source is None:
+        return None
+    return hashlib.sha256(source.encode()).hexdigest(), imported_names(source)
+
+
 def _source(module: str) -> str | None:
     """Read the source of a module; None = there is no such module."""
     top, *inner = module.split('.')
@@ -71,12 +77,13 @@ def _source(module: str) -> str | None:
     folders = getattr(package, '__path__', None)
     if folders is None:
         file = getattr(package, '__file__', None)
-        paths = [Path(file)] if file and not inner else []
+        paths = [file] if file and not inner else []
     else:
-        stems = [Path(folder, *inner) for folder in folders]
-        paths = [path for stem in stems for path in (stem.with_name(f'{stem.name}.py'),
-                                                     stem / '__init__.py')]
+        stems = [os.path.join(folder, *inner) for folder in folders]
+        paths = [path for stem in stems
+                 for path in (f'{stem}.py', os.path.join(stem, '__init__.py'))]
     for path in paths:
-        if path.is_file():
-            return path.read_text('utf-8')
+        if os.path.isfile(path):
+            with open(path, encoding='utf-8') as file:
+                return file.read()
     return None

@@ -21,6 +21,7 @@ from lark import Lark, Tree
 from lark.exceptions import UnexpectedInput
 
 from procphys_ros.language import EXPRESSION_GRAMMAR, syntax_error
+from procphys_ros.language.parsers import make_parser
 from procphys_ros.lsystem.statements import Statement
 
 _GRAMMAR = r"""
@@ -65,8 +66,8 @@ _START = {
 
 @cache
 def _parser() -> Lark:
-    return Lark(_GRAMMAR + EXPRESSION_GRAMMAR, parser='lalr', propagate_positions=True,
-                maybe_placeholders=True, start=sorted(set(_START.values())))
+    return make_parser(__name__, _GRAMMAR + EXPRESSION_GRAMMAR,
+                       start=sorted(set(_START.values())))
 
 
 def parse_statement(statement: Statement) -> Tree:

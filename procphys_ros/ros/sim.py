@@ -15,10 +15,13 @@
 
 """Executable `sim`: runs the node."""
 
+from collections.abc import Callable
+import gc
 from importlib import import_module
 import os
 import signal
 import sys
+from typing import Any
 
 from procphys_ros import __version__
 
@@ -55,11 +58,26 @@ def main(args: list[str] | None = None, kind: str = 'procphys_ros.ros.node:SimNo
     # open yet, and an exception might be swallowed by whatever it comes across.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
-    from procphys_ros.ros.running import run
+    run, node = _import(kind)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    return run(args, node)
+
+
+def _import(kind: str) -> tuple[Callable[..., int], Any]:
+    """
+    Import what runs the node, and its class.
+
+    What modules consist of stays: looking for garbage among it would take a tenth of the time, and
+    later some of that of steps.
+    """
+    gc.disable()
+    from procphys_ros.ros.running import run
     module, _, name = kind.partition(':')
-    return run(args, getattr(import_module(module), name))
+    node = getattr(import_module(module), name)
+    gc.freeze()
+    gc.enable()
+    return run, node
 
 
 def _own_words(words: list[str]) -> list[str]:

@@ -19,8 +19,7 @@ from dataclasses import replace
 import math
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, GROUND, Law, Mortar, Shape
@@ -107,8 +106,9 @@ def _of_plants(terrain: Terrain, placed: Blueprint) -> np.ndarray:
     """Give how far each part goes up with the root of its plant [m], (N,)."""
     inner = placed.bonds[placed.bonds[:, 0] != GROUND]
     count = len(placed)
-    links = coo_matrix((np.ones(len(inner)), (inner[:, 0], inner[:, 1])), (count, count))
-    number, plant = connected_components(links, directed=False)
+    links = scipy.sparse.coo_matrix(
+        (np.ones(len(inner)), (inner[:, 0], inner[:, 1])), (count, count))
+    number, plant = scipy.sparse.csgraph.connected_components(links, directed=False)
     root = np.empty(number, np.intp)
     lowest_first = np.argsort(placed.poses[:, 2], kind='stable')
     root[plant[lowest_first[::-1]]] = lowest_first[::-1]

@@ -16,7 +16,7 @@
 """Blasts: what explosions do to all that stands and lies about, as their waves come to it."""
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
 from procphys_ros.errors import CommandError
@@ -179,7 +179,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
     if not len(shaken):
         return loose[0]
     places = model.blueprint.poses[shaken, :3]
-    tree, left = cKDTree(places), np.ones(len(shaken), bool)
+    tree, left = scipy.spatial.cKDTree(places), np.ones(len(shaken), bool)
     momentum = state.blasts.momentum[shaken]
     size = np.linalg.norm(momentum, axis=1)
     speed, way = size / state.parts.mass[shaken], momentum / size[:, None]
@@ -263,7 +263,7 @@ def _loosen(model: Model, state: State, parts: np.ndarray) -> None:
         size = max(_CLUMP, -(-len(clumped) // _MOST_CLUMPS))
         seeds = rng.choice(clumped, -(-len(clumped) // size), replace=False)
         places = model.blueprint.poses[parts, :3]
-        cell[parts[clumped]] = cKDTree(places[seeds]).query(places[clumped])[1]
+        cell[parts[clumped]] = scipy.spatial.cKDTree(places[seeds]).query(places[clumped])[1]
     cell[parts[single]] = len(parts) + np.arange(len(single))
     touching = graph.neighbours(parts)
     touching = touching[graph.alive[touching]]

@@ -22,8 +22,7 @@ let go by an impulse, whose tree answers in another way than it was solved for.
 """
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # its parts are imported by their first use
 
 from procphys_ros.physics.touch import Partners
 from procphys_ros.physics.trees import ContactResponse
@@ -60,8 +59,8 @@ def islands(partners: Partners, look: ContactResponse) -> np.ndarray:
     first = np.concatenate([tree[both], tree[loose]])
     second = np.concatenate([look.tree[partners.other[both]], trees + partners.body[loose]])
     size = trees + len(partners.inverse_mass)
-    joined = coo_array((np.ones(len(first)), (first, second)), shape=(size, size))
-    return connected_components(joined, directed=False)[1][tree]
+    joined = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), shape=(size, size))
+    return scipy.sparse.csgraph.connected_components(joined, directed=False)[1][tree]
 
 
 def too_much(partners: Partners, look: ContactResponse, free: np.ndarray, impulse: np.ndarray,

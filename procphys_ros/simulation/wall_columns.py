@@ -16,7 +16,7 @@
 """Columns: what lies behind the face of a wall and is pushed along when the face is struck."""
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy  # its parts are imported by their first use
 
 from procphys_ros.simulation.state import State
 
@@ -48,13 +48,13 @@ def spread(state: State, impulses: np.ndarray, peaks: np.ndarray) -> np.ndarray:
         return given
     front, back, area = front[pressed], back[pressed], area[pressed]
     held = np.bincount(back, area, count)
-    behind = csr_array((area / held[back], (front, back)), shape=(count, count))
+    behind = scipy.sparse.csr_array((area / held[back], (front, back)), shape=(count, count))
     mass = state.parts.mass[:count]
     column = mass
     for _ in range(_DEEPEST):
         column = mass + behind @ column
-    onward = csr_array((area / held[back] * column[back] / column[front], (back, front)),
-                       shape=(count, count))
+    onward = scipy.sparse.csr_array(
+        (area / held[back] * column[back] / column[front], (back, front)), shape=(count, count))
     total, passed = given, given
     for _ in range(_DEEPEST):
         passed = onward @ passed

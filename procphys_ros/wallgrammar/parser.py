@@ -31,6 +31,7 @@ from procphys_ros.language import (
     shorten,
     syntax_error,
 )
+from procphys_ros.language.parsers import make_parser
 from procphys_ros.wallgrammar import arches
 from procphys_ros.wallgrammar.grammar import WALL_GRAMMAR, WALL_WORDS
 from procphys_ros.wallgrammar.spec import (
@@ -60,7 +61,7 @@ _PANEL_KINDS = {'boards': 1, 'glazing': 2, 'beam': 1, 'none': 0, 'arch': 3}
 
 @cache
 def _lark() -> Lark:
-    return Lark(WALL_GRAMMAR, parser='lalr', propagate_positions=True, maybe_placeholders=True)
+    return make_parser(__name__, WALL_GRAMMAR)
 
 
 def parse(text: str, source: str, folder: Path | None = None) -> Spec:

@@ -21,7 +21,7 @@ A room is what is connected of the cells of a lattice that are enclosed, see `la
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
 from procphys_ros.physics.loads.lattice import heading, Lattice
@@ -73,7 +73,7 @@ class Room:
 
     def encloses(self, points: np.ndarray) -> np.ndarray:
         """Say which places lie in the walls around the room, (K,) bool; points (K, 3), world."""
-        around = ndimage.binary_dilation(self.inside, iterations=_WALL) & ~self.inside
+        around = scipy.ndimage.binary_dilation(self.inside, iterations=_WALL) & ~self.inside
         return self.lattice.holds(around, points)
 
 
@@ -101,7 +101,7 @@ def find_room(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray, sight: Si
     shape = np.ceil((_REACH - low) / _CELL).astype(np.intp)
     lattice = Lattice.draw(poses[near], sizes[near], point + rotation.rotate(turn, low), turn,
                            _CELL, shape)
-    labels, _ = ndimage.label(lattice.enclosed(ground))
+    labels, _ = scipy.ndimage.label(lattice.enclosed(ground))
     number = _label_near(labels, tuple(lattice.cells(point[None])[0]))
     return _measure(labels == number, lattice) if number else None
 

@@ -24,9 +24,7 @@ from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
-from scipy.sparse import csc_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import splu
+import scipy  # its parts are imported by their first use
 
 from procphys_ros.compilation import kernel
 
@@ -51,8 +49,10 @@ class Factor:
 
     def __init__(self, start: np.ndarray, column: np.ndarray, blocks: np.ndarray):
         count = len(start) - 1
-        pattern = csc_matrix((np.ones(len(column)), column, start), shape=(count, count))
-        made, self._component = connected_components(pattern, directed=False)
+        pattern = scipy.sparse.csc_matrix((np.ones(len(column)), column, start),
+                                          shape=(count, count))
+        made, self._component = scipy.sparse.csgraph.connected_components(pattern,
+                                                                          directed=False)
         order = _ordering(pattern)
         self.columns = np.argsort(self._component[order], kind='stable')
         self._start = np.searchsorted(self._component[order[self.columns]], np.arange(made + 1))
@@ -98,14 +98,14 @@ def _shifted(columns: Sequence[np.ndarray], before: np.ndarray) -> np.ndarray:
     return np.concatenate([column + start for column, start in zip(columns, before)])
 
 
-def _ordering(pattern: csc_matrix) -> np.ndarray:
+def _ordering(pattern: 'scipy.sparse.csc_matrix') -> np.ndarray:
     """Give the block that each column of the factor stands for: little fill, (n,)."""
     count = pattern.shape[0]
     pattern = pattern.copy()
     pattern.data[:] = -1.0
     pattern.setdiag(2.0 * count)
-    lu = splu(pattern, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
-              options={'SymmetricMode': True})
+    lu = scipy.sparse.linalg.splu(pattern, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
+                                  options={'SymmetricMode': True})
     return np.argsort(lu.perm_c)
 
 

@@ -32,7 +32,7 @@ The boxes move past the scene on a slant that returns none of them to where it w
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+import scipy  # its parts are imported by their first use
 
 from procphys_ros.physics.wind.spectra import Spectrum
 
@@ -137,7 +137,7 @@ def _cross_wind_shares(rates: np.ndarray, counts: tuple[int, ...],
             for n, step in zip(counts, spacing))
     distance = np.hypot(y[:, None], z[None, :]).astype(np.float32)
     coherence = np.exp(-rates.astype(np.float32)[:, None, None] * distance)
-    shares = np.maximum(fft.fft2(coherence).real, 0.0)
+    shares = np.maximum(scipy.fft.fft2(coherence).real, 0.0)
     return shares / shares.sum(axis=(1, 2), keepdims=True)
 
 
@@ -151,8 +151,8 @@ def _transform(variances: np.ndarray, shares: np.ndarray, used: np.ndarray,
     if used[-1] == shape[0] // 2:
         # A real field keeps the real part of its Nyquist wave, and that only once.
         waves[-1] *= 2.0
-    plane = fft.ifft2(waves, norm='forward')
-    return fft.irfft(plane, shape[0], axis=0, norm='forward')
+    plane = scipy.fft.ifft2(waves, norm='forward')
+    return scipy.fft.irfft(plane, shape[0], axis=0, norm='forward')
 
 
 def _lag_table(variances: np.ndarray, shares: np.ndarray, used: np.ndarray,

@@ -18,8 +18,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
@@ -114,8 +113,8 @@ def _islands(bodies: BodyTable, ids: np.ndarray,
     touched = touched[(touched >= 0).all(axis=1)]
     pairs = index[touched]
     both = pairs[(pairs >= 0).all(axis=1)]
-    count, island = connected_components(
-        coo_array((np.ones(len(both)), both.T), shape=(len(ids), len(ids))), directed=False)
+    joined = scipy.sparse.coo_array((np.ones(len(both)), both.T), shape=(len(ids), len(ids)))
+    count, island = scipy.sparse.csgraph.connected_components(joined, directed=False)
     drives = bodies.state[touched] == BodyState.KINEMATIC
     driven = np.zeros(count, bool)
     for one, other in ((0, 1), (1, 0)):

@@ -1,0 +1,49 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Files of the cache: whole, or as if they were not there."""
+
+import hashlib
+import os
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+
+_CHECKSUM = 32  # [B] of SHA-256, at the head of each file
+
+
+def read(path: Path) -> bytes | None:
+    """Read what `write` wrote; None when it is not there, or was cut short by a power failure."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    payload = content[_CHECKSUM:]
+    return payload if hashlib.sha256(payload).digest() == content[:_CHECKSUM] else None
+
+
+def write(path: Path, payload: bytes) -> None:
+    """
+    Write a file such that a reader sees all of it or none.
+
+    :raises OSError: when that is not possible.
+    """
+    with NamedTemporaryFile(dir=path.parent, prefix='.', delete=False) as file:
+        try:
+            file.write(hashlib.sha256(payload).digest() + payload)
+            file.close()
+            os.replace(file.name, path)
+        except OSError:
+            os.unlink(file.name)
+            raise

@@ -1,0 +1,53 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Parsers made by lark, whose tables are kept beside the compiled kernels."""
+
+import hashlib
+from io import BytesIO
+from typing import Any
+
+import lark
+
+from procphys_ros.compilation.files import read, write
+from procphys_ros.compilation.folders import environment_folder, prepare
+
+
+def make_parser(name: str, grammar: str, **options: Any) -> lark.Lark:
+    """
+    Make an LALR parser that knows the place of each node, or take it from the user's cache.
+
+    Nothing that goes wrong with files keeps it from being made.
+
+    :param name: dotted name of the module whose parser it is.
+    :param grammar: in lark's own language.
+    :param options: of `lark.Lark`.
+    """
+    facts = repr((grammar, sorted(options.items()), lark.__version__))
+    digest = hashlib.sha256(facts.encode()).hexdigest()[:16]
+    path = environment_folder() / f'{name}-{digest}' / 'tables'
+    tables = read(path)
+    if tables is not None:
+        return lark.Lark.load(BytesIO(tables))
+    made = lark.Lark(grammar, parser='lalr', propagate_positions=True, maybe_placeholders=True,
+                     **options)
+    made_tables = BytesIO()
+    made.save(made_tables)
+    try:
+        prepare(path.parent)
+        write(path, made_tables.getvalue())
+    except OSError:
+        pass  # what keeps kernels has said so
+    return made
