@@ -46,7 +46,11 @@ class Event(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """One object: its language, 'lsys' or 'wall', its text, the seed, and what hits it."""
+    """
+    One object: its kind, its text, the seed, and what hits it.
+
+    The kind is 'lsys', 'wall', or 'house': a wall grammar that may have no room for what it asks.
+    """
 
     language: str
     text: str
@@ -178,6 +182,12 @@ panel window: glazing(timber, glass)
 panel lintel: beam(concrete)
 """
     return Sample('wall', text, int(rng.integers(100)), _event(rng))
+
+
+def draw_house(seed: int) -> tuple[Sample, float]:
+    """Draw a house, what hits it, and its wind [m/s]."""
+    rng = np.random.default_rng(seed)
+    return Sample('house', house(rng), seed, _event(rng)), rng.uniform(0.0, 50.0)
 
 
 _HOUSES = {

@@ -75,6 +75,31 @@ def beam(material, reinforcement=None):
                                         reinforcement=np.array([steel, 0.0, 0.0])))
 
 
+def in_pieces(lengths, fixed=False):
+    """
+    Lay a reinforced beam, of pieces that are so long [m], on knife edges at its ends.
+
+    :param fixed: whether it is built in at its first end instead.
+    """
+    concrete = DEFAULTS['concrete']
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    count = len(lengths)
+    between = [[x, 0.0, 1.0, *_ALONG] for x in ends[1:-1]]
+    first = [0.0, 0.0, 1.0, *(_ALONG if fixed else _UP)]
+    plan = blueprint(
+        [[x, 0.0, 1.0] for x in 0.5 * (ends[1:] + ends[:-1])],
+        [[length, WIDTH, DEPTH] for length in lengths],
+        [*([i, i + 1] for i in range(count - 1)), [GROUND, 0], [GROUND, count - 1]],
+        [*between, first, [ends[-1], 0.0, 1.0, *_UP]],
+        [*([[DEPTH, WIDTH]] * (count - 1)), [DEPTH if fixed else _KNIFE, WIDTH], [_KNIFE, WIDTH]],
+        concrete.density)
+    inside = np.arange(len(plan.bonds)) < count - 1
+    columns = {name: np.where(inside, getattr(concrete, name), 1e9)
+               for name in ('tension', 'cohesion', 'compression')}
+    steel = np.where(inside, concrete.reinforcement, 0.0)
+    return replace(plan, mortar=replace(plan.mortar, **columns, reinforcement=steel))
+
+
 def loaded(plan, moment):
     """Load a beam evenly, by a moment w·l²/8; give the fracture, and what fails."""
     fracture = Fracture(StressSolver(BondGraph(plan), gravity=(0.0, 0.0, 0.0), tolerance=1e-3))
@@ -120,6 +145,44 @@ def test_a_reinforced_beam_cracks_and_hangs_on_until_its_steel_tears():
     assert not fracture.solver.supported.any()
     bare, failed = loaded(beam('concrete', 0.0), 1.03 * cracking)
     assert (0, True) in failed and not bare.solver.supported.any()
+
+
+def evenly(solver, lengths, load):
+    """Load each piece by so much per length [N/m], downwards."""
+    force = np.zeros((len(lengths), 3))
+    force[:, 2] = -load * np.asarray(lengths)
+    solver.set_loads(force)
+
+
+@pytest.mark.parametrize('lengths', [(0.4, 0.4, 0.4), (0.3, 0.5, 0.4), (0.24,) * 5,
+                                     (0.1, 0.9, 0.2)], ids=str)
+def test_a_beam_of_any_pieces_cracks_at_its_largest_moment(lengths):
+    """Compare with w·l²/8 = f_t·b·h²/6 within 2 %, where no joint is in the middle."""
+    cracking = DEFAULTS['concrete'].tension * WIDTH * DEPTH ** 2 / 6.0
+    fracture = Fracture(StressSolver(BondGraph(in_pieces(lengths)), gravity=(0.0, 0.0, 0.0),
+                                     tolerance=1e-3))
+    for ratio in (0.98, 1.02):
+        evenly(fracture.solver, lengths, 8.0 * ratio * cracking / SPAN ** 2)
+        rounds = fracture.advance(5000)
+        assert fracture.stable and bool(rounds) == (ratio > 1.0)
+    assert not any(r.broken.any() for r in rounds)
+
+
+def test_a_continuous_beam_is_judged_where_its_shear_changes_sign():
+    """Compare the span of a propped cantilever with R²/(2·w), R the reaction of the prop."""
+    lengths = (0.3, 0.3, 0.45, 0.15)
+    solver = StressSolver(BondGraph(in_pieces(lengths, fixed=True)), gravity=(0.0, 0.0, 0.0),
+                          tolerance=1e-6)
+    load = 2000.0
+    evenly(solver, lengths, load)
+    solver.iterate(5000)
+    reaction = -solver.wrenches(np.array([4]))[0, 2]
+    assert 0.3 * load * SPAN < reaction < 0.45 * load * SPAN
+    assert sum(lengths[:2]) < SPAN - reaction / load < sum(lengths[:3])
+    concrete = DEFAULTS['concrete']
+    share = solver.utilisation()[0][1:3].max()
+    moment = share * concrete.tension * WIDTH * DEPTH ** 2 / 6.0
+    assert moment == pytest.approx(reaction ** 2 / (2.0 * load), rel=0.01)
 
 
 def test_a_crack_softens_a_reinforced_beam():

@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law
-from procphys_ros.physics.masonry import links
+from procphys_ros.physics.masonry import links, members
 
 HUB = 24  # bonds; a part with more of them (a slab) is long compared with what it ties together
 
@@ -54,6 +54,7 @@ class BondGraph:
     :ivar centre: centres of mass [m], (N, 3).
     :ivar reach: half of the longest side of a part, the lever that makes its residual moment
         comparable to a force [m], (N,).
+    :ivar pieces: parts between two reinforced bonds, see `members`.
     :ivar start, incident: bonds of part i are incident[start[i]:start[i + 1]].
     """
 
@@ -116,6 +117,9 @@ class BondGraph:
         self.held = np.ones(len(self))
         self._rest = (self.centroid.copy(), self.area.copy())
         self.whole_extent = self.extent.copy()
+        self.pieces = members.pieces(np.flatnonzero(self.mortar.reinforcement > 0.0),
+                                     (self.first, self.second), self.count, self.centroid,
+                                     self.axes)
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -36,6 +36,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
+from procphys_ros.physics.masonry.members import with_largest_moments
 from procphys_ros.physics.masonry.ties import tie_stress
 
 _TENSION, _COMPRESSION = int(Cause.TENSION), int(Cause.COMPRESSION)  # for kernels
@@ -97,11 +98,14 @@ def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.nd
     """
     Compare what bonds carry with what they can.
 
+    Joints of reinforced members answer for the moments within the pieces beside them (`members`).
+
     :param graph: areas, extents and strengths.
     :param wrench: force and moment in the bond frame, tension positive [N, N·m], (M, 6).
     :returns: utilisation, 1 at the limit, 0 for dead bonds, (M,), and what governs,
         `causes.Cause`, (M,) uint8.
     """
+    wrench = with_largest_moments(graph.pieces, graph.alive, graph.centroid, graph.axes, wrench)
     share = np.empty(len(graph))
     cause = np.empty(len(graph), np.uint8)
     mortar = graph.mortar
