@@ -25,9 +25,9 @@ G = 9.81  # [m/s²]
 THICKNESS = 0.1025  # [m]
 
 
-def pushed(tension=0.0):
+def pushed(tension=0.0, length=8):
     """Stand a wall in a simulation; give it, and how to push it by a share of what tips it."""
-    plan = wall(8, 20, tension=tension, cohesion=1.5 * tension)
+    plan = wall(length, 20, tension=tension, cohesion=1.5 * tension)
     simulation = standing(plan)
     face = plan.size[:, 0] * plan.size[:, 2]
     force = np.zeros((len(plan), 6))
@@ -49,6 +49,15 @@ def test_a_dry_wall_pushed_to_and_fro_and_let_go_stands_closed(share):
     assert push(0.0) < 0.02 * widest
     assert simulation.state.standing.all() and simulation.state.fracture.stable
     push(1.1)
+    assert not simulation.state.standing.any()
+
+
+def test_a_short_wall_that_leans_falls_under_the_little_that_it_lacks():
+    """Push a dry wall two bricks long to 0.97 of what tips it, then a twentieth more: it falls."""
+    simulation, push = pushed(length=2)
+    push(0.97)
+    assert simulation.state.standing.all()
+    push(1.03)
     assert not simulation.state.standing.any()
 
 

@@ -20,7 +20,9 @@ import numpy as np
 from procphys_ros.physics.masonry import pcg
 
 _COHERENT = 0.3  # tolerances times the root of the number of parts: largest sum of what is left
-#                  unbalanced in an island; gentle loads on all of a wall together tip it
+#                  unbalanced in an island; gentle loads on all of a wall together tip it, ...
+_WEIGHT = 0.015  # tolerances times the number of parts: likewise for small islands; a tolerance of
+#                  a tenth of a weight makes it 3 % of what tips a wall 20 times as high as thick
 _SHARPER = 0.05  # of gentle loads on each part: what may be left of them
 
 
@@ -37,7 +39,8 @@ def sharpened(tolerance: float, residual: np.ndarray, labels: np.ndarray,
     """
     total = np.column_stack([np.bincount(labels, residual[:-1, c], len(labels)) for c in range(3)])
     parts = np.bincount(labels, minlength=len(labels))
-    pushed = np.linalg.norm(total, axis=1) > _COHERENT * np.sqrt(parts) * tolerance
+    most = np.minimum(_COHERENT * np.sqrt(parts), _WEIGHT * parts) * tolerance
+    pushed = np.linalg.norm(total, axis=1) > most
     if not pushed.any():
         return tolerance
     return min(tolerance, _SHARPER * float(
