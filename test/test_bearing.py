@@ -71,7 +71,9 @@ def test_what_stands_on_another_comes_down_with_it():
 @pytest.mark.parametrize(('changes', 'message'), [
     ({'on': 'lowr'}, 'upper.on: there is no object "lowr" before it; did you mean lower?'),
     ({'origin': [0.6, 5.0, 0.0]}, 'upper.on: nothing of "lower" is under it'),
-    ({'origin': [0.6, 0.0, 0.5]}, 'whose top is at 0.60 m there; set the z of upper.origin to 0'),
+    ({'origin': [0.6, 0.0, 0.5]}, 'above the top of "lower", which is at 0.60 m there; set the z '
+                                  'of upper.origin to 0'),
+    ({'origin': [0.6, 0.0, -0.1]}, 'its feet are more than 0.02 m below the top of "lower"'),
 ])
 def test_what_has_nothing_under_it_is_refused(changes, message):
     """Name the key and what is allowed."""

@@ -132,3 +132,15 @@ def test_what_is_put_above_the_ground_is_told_and_falls():
     start = simulation.poses[:, 2].max()
     simulation.step(60)
     assert simulation.poses[:, 2].max() < start - 0.3
+
+
+def test_what_a_program_puts_above_the_ground_falls_too():
+    """Add a wall at a metre to a scene, and another while it runs: none hangs on the ground."""
+    scene = Scene()
+    scene.add(wall(3, 2), (0, 0, 1.0), 0.0, 'one')
+    simulation = Simulation(scene)
+    simulation.add(wall(3, 2), (0, 3, 1.0), name='two')
+    for name, line in zip(('one', 'two'), simulation.warnings, strict=True):
+        assert line.startswith(f'{name} stands 1.00 m above the ground, so nothing holds it')
+    simulation.step(60)
+    assert not simulation.state.standing.any() and simulation.poses[:, 2].max() < 0.3

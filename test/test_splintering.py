@@ -171,7 +171,7 @@ def test_a_beam_breaks_where_its_concrete_does(share, breaks):
     capacity = CONCRETE['tension'] * 0.1025 * 0.14 ** 2 / 6.0
     force = share * capacity / 0.3725 - 9.81 * beam.mass[1]
     scene = Scene()
-    scene.add(beam, (0.0, 0.0, 1.0))
+    scene.add(beam.placed((0.0, 0.0, 1.0), 0.0))
     simulation = Simulation(scene)
     simulation.apply_wrench(1, (0.0, 0.0, -force))
     simulation.step(10)

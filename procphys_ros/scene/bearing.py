@@ -58,8 +58,10 @@ def bear(base: Blueprint, placed: Blueprint, name: str, on: str) -> tuple[Bluepr
             if abs(float(tops[top][0, 2]) - raised.bond_frame[feet[foot], 2]) < _REACH
             and (patch := _patch(outlines[foot], tops[top])) is not None]
     if not made:
-        raise SceneError(f'{name}.on: its feet are more than {_REACH:g} m above "{on}", whose top '
-                         f'is at {level:.2f} m there; set the z of {name}.origin to 0')
+        side = 'below' if raised.bond_frame[feet, 2].min() < level else 'above'
+        raise SceneError(f'{name}.on: its feet are more than {_REACH:g} m {side} the top of '
+                         f'"{on}", which is at {level:.2f} m there; set the z of {name}.origin '
+                         f'to 0')
     kept = int(np.count_nonzero(~ground))
     rows = np.concatenate([np.flatnonzero(~ground), feet[[foot for foot, _, _ in made]]])
     carriers = np.full(len(rows), -1)

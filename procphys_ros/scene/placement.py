@@ -43,7 +43,7 @@ def unbonded(blueprint: Blueprint, height: float) -> Blueprint:
     """
     Take the bonds to the ground away from what is built, and put above the ground.
 
-    :param blueprint: the object, its origin on the ground.
+    :param blueprint: the object.
     :param height: where its origin goes above the ground [m].
     """
     held = (blueprint.bonds[:, 0] == GROUND) & (blueprint.bond_law == Law.MORTAR)

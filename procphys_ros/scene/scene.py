@@ -134,7 +134,7 @@ class Scene:
     def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
             yaw: float = 0.0, name: str = '', on: str = '') -> SceneObject:
         """
-        Place a blueprint.
+        Place a blueprint; what is built is bonded to the ground where it stands on it.
 
         :param blueprint: what to place; it is not changed.
         :param position: where its origin goes [m], (3,), world frame; z counts from the ground.
@@ -155,7 +155,7 @@ class Scene:
         if on:
             standing, carriers = self._bear(placed_at, name, on)
         else:
-            standing = stand_on(self.settings.terrain, placed_at, name)
+            standing = stand_on(self.settings.terrain, unbonded(placed_at, position[2]), name)
             carriers = np.full(len(standing.bonds), -1)
         placed = SceneObject(name, first, len(standing))
         self._blueprints.append(standing)
@@ -196,8 +196,7 @@ class Scene:
         built = {}
         for i in sorted({i % variants for i in mine}):
             with stage('growing objects', f'{names[i]}, {i + 1} of {variants}'):
-                plan = grammar.build(seed=seed + i, **spec.numbers)
-                built[i] = plan if spec.on else unbonded(plan, spec.origin[2])
+                built[i] = grammar.build(seed=seed + i, **spec.numbers)
         check_capacity(self._parts + sum(len(built[i % variants]) for i in mine), self._memory)
         turn = np.array([[np.cos(spec.yaw), np.sin(spec.yaw)],
                          [-np.sin(spec.yaw), np.cos(spec.yaw)]])

@@ -22,7 +22,6 @@ import re
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.scene.objects import read_defines
-from procphys_ros.scene.placement import unbonded
 from procphys_ros.scene.sources import load_grammar, parse_grammar
 from procphys_ros.schema import check, declared, short
 
@@ -76,7 +75,7 @@ class Spawn:
 
     def build(self) -> Blueprint:
         """
-        Derive the grammar; what is built is bonded to the ground where it stands on it.
+        Derive the grammar.
 
         :raises SceneError: when there is no one grammar, or a define makes no sense.
         :raises GrammarError: when it cannot be read or derived.
@@ -87,4 +86,4 @@ class Spawn:
         numbers = read_defines(self.defines, 'spawn.defines')
         grammar = (load_grammar(self.grammar, 'spawn.grammar') if self.grammar
                    else parse_grammar(self.grammar_text, 'spawn.grammar_text'))
-        return unbonded(grammar.build(seed=self.seed, **numbers), self.position[2])
+        return grammar.build(seed=self.seed, **numbers)

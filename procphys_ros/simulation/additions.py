@@ -27,7 +27,7 @@ from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.capacity import available_memory, check_addition
-from procphys_ros.scene.placement import stand_on
+from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.simulation import fragments, load_checks, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
@@ -55,7 +55,8 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
         raise CommandError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
     try:
         check_addition(name, len(blueprint), available_memory())
-        placed = stand_on(model.terrain, blueprint.placed(position, yaw), name)
+        placed = stand_on(model.terrain, unbonded(blueprint.placed(position, yaw), position[2]),
+                          name)
     except SceneError as error:
         raise CommandError(str(error)) from None
     added = SceneObject(name, len(state.parts), len(placed))
