@@ -14,6 +14,9 @@
 
 """Substeps: where few bodies lean on each other, they are worth a finer solution."""
 
+from collections.abc import Callable
+from functools import cache, partial
+
 import numpy as np
 
 from procphys_ros.physics.world import kinematic
@@ -42,14 +45,15 @@ def are_dense(bodies: BodyTable, awake: np.ndarray) -> bool:
 
 
 def move(engine: Engine, bodies: BodyTable, awake: np.ndarray, gravity: np.ndarray,
-         time_step: float) -> tuple[np.ndarray, int]:
+         time_step: float) -> tuple[np.ndarray, Callable[[], np.ndarray]]:
     """
     Step an engine, in substeps where bodies lean on each other; writes poses and velocities.
 
     :param awake: ids of the bodies that move freely, (K,).
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
-    :returns: contacts of all substeps but the last as in `mean_contacts`, and their number.
+    :returns: contacts of all substeps but the last as in `mean_contacts`, and what reads those of
+        the last, once, when it is asked for them.
     """
     substeps = engine.refine(are_dense(bodies, awake))
     early = [np.zeros((0, 13))]
@@ -68,7 +72,7 @@ def move(engine: Engine, bodies: BodyTable, awake: np.ndarray, gravity: np.ndarr
         engine.set_poses(flying, poses)
         engine.set_velocities(flying, bodies.velocities[flying])  # Bullet resets them
     bodies.pushed[awake] = False
-    return np.concatenate(early), substeps
+    return np.concatenate(early), cache(partial(mean_contacts, engine, substeps))
 
 
 def mean_contacts(engine: Engine, substeps: int) -> np.ndarray:

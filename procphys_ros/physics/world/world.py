@@ -14,7 +14,7 @@
 
 """The world in which everything that is loose collides, falls and comes to rest."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Self
 
 import numpy as np
@@ -25,6 +25,7 @@ from procphys_ros.physics.world import admission, extents, kinematic, settling
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, make_engine
+from procphys_ros.physics.world.gain import limit_gain
 from procphys_ros.physics.world.ground import (
     Correction,
     lift_fallen,
@@ -34,8 +35,8 @@ from procphys_ros.physics.world.ground import (
 from procphys_ros.physics.world.merging import TOOTHING
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
 from procphys_ros.physics.world.rolling import resist_rolling
-from procphys_ros.physics.world.spin import limit_gain, limit_spin
-from procphys_ros.physics.world.substeps import mean_contacts, move
+from procphys_ros.physics.world.spin import limit_spin
+from procphys_ros.physics.world.substeps import move
 from procphys_ros.physics.world.waking import about_to_be_hit, sweep_fast
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
@@ -69,8 +70,8 @@ class World:
         self._supports = settling.Supports()
         self._contacts: Contacts | None = None
         self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
-        self._places, self._substeps = np.zeros((0, 3)), 1
-        self._excluded = np.zeros((0, 2), np.intp)
+        self._places, self._excluded = np.zeros((0, 3)), np.zeros((0, 2), np.intp)
+        self._late_contacts: Callable[[], np.ndarray] = lambda: np.zeros((0, 13))
         self._time_step, self._since_check = 1.0 / 60.0, 0.0
         self._engine.add(self._bodies, self._bodies.add_ground(friction))
 
@@ -316,7 +317,7 @@ class World:
         if self._contacts is None:
             tables = [self._early_contacts, self._point_contacts]
             if (self._bodies.state >= BodyState.AWAKE).any():
-                tables.insert(1, mean_contacts(self._engine, self._substeps))
+                tables.insert(1, self._late_contacts())
             self._contacts = Contacts.of(np.concatenate(tables), self._time_step)
         return self._contacts
 
@@ -357,7 +358,7 @@ class World:
         kinematic.set_out(bodies, time_step)
         awake = self.awake
         poses, before = bodies.poses[awake], bodies.velocities[awake]
-        self._early_contacts, self._substeps = move(
+        self._early_contacts, self._late_contacts = move(
             self._engine, bodies, awake, self._gravity, time_step)
         kinematic.arrive(self._engine, bodies)
         if len(awake):
@@ -365,7 +366,7 @@ class World:
             self.set_velocities(*limit_spin(bodies, awake, poses, before[:, 3:], time_step))
             self.set_velocities(*limit_gain(
                 bodies, awake, poses, before, time_step, np.asarray(self._gravity),
-                lambda: np.vstack([self._early_contacts, self._engine.contacts()])[:, :2]))
+                lambda: np.vstack([self._early_contacts, self._late_contacts()])[:, :2]))
         self._lifts = self._correct(lift_fallen(
             bodies, awake, self._places[awake], self._gravity, time_step, self._terrain))
         self._point_contacts = self._correct(touch_with_points(

@@ -1,0 +1,110 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Gain: what bodies win in a step without contacts that account for it, they give back."""
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy  # its parts are imported by their first use
+
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.spin import FAST, rotational_energy
+
+_LEAP = 1.0  # [m/s] by which a body has become faster in a step that is looked at; falls give 0.16
+_SLACK = 1.01  # share of its energy that a body may have won by rounding
+
+
+def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
+               time_step: float, gravity: np.ndarray,
+               touching: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Slow down what turns very fast or leaps, and won energy that none of those it touches has lost.
+
+    An engine meets the same contact point all along a step, while the body turns several times: a
+    twig that spins on the ground was thrown off with twenty times its energy. What is wedged into
+    others is pushed out at some speed: a batten at rest in a heap was thrown off at 59 m/s. What
+    bodies that touch each other win together, the fast ones among them give back; what is moved
+    along a prescribed path may give any energy.
+
+    :param ids: bodies that move, (K,).
+    :param poses: theirs before the step, (K, 7).
+    :param velocities: likewise, (K, 6).
+    :param time_step: [s].
+    :param gravity: [m/s²], (3,).
+    :param touching: gives pairs of bodies that touched, (C, 2); called where it matters.
+    :returns: bodies, and their velocities, (M, 6).
+    """
+    fast = _fast(bodies, ids, velocities, time_step)
+    most, now = _energies(bodies, ids[fast], poses[fast], velocities[fast], gravity)
+    fast = fast[now > _SLACK * most]
+    if not len(fast):
+        return ids[:0], velocities[:0]
+    island, driven = _islands(bodies, ids, touching())
+    most, now = _energies(bodies, ids, poses, velocities, gravity)
+    won = np.bincount(island, now - most)
+    won[(won <= (_SLACK - 1.0) * np.bincount(island, most)) | driven] = 0.0
+    theirs = np.bincount(island[fast], now[fast] - most[fast], len(won))
+    back = np.minimum(won / np.maximum(theirs, 1e-300), 1.0)[island[fast]]
+    gained = back > 0.0
+    fast = fast[gained]
+    share = np.sqrt(1.0 - back[gained] * (1.0 - most[fast] / now[fast]))
+    return ids[fast], share[:, None] * bodies.velocities[ids[fast]]
+
+
+def _fast(bodies: BodyTable, ids: np.ndarray, velocities: np.ndarray,
+          time_step: float) -> np.ndarray:
+    """List the bodies that turn very fast or leap, rows of the ids, (M,)."""
+    before, after = (np.linalg.norm(table.reshape(-1, 2, 3), axis=2)
+                     for table in (velocities, bodies.velocities[ids]))
+    leap = after - before
+    leap[:, 1] *= bodies.radius[ids]
+    spins = np.maximum(before[:, 1], after[:, 1]) * time_step > FAST
+    return np.flatnonzero(spins | (leap > _LEAP).any(axis=1))
+
+
+def _energies(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
+              gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give the energies that bodies may have without contacts, and that they have [J], (K,)."""
+    way = bodies.poses[ids, :3] - poses[:, :3]
+    most = (_energy(bodies, ids, poses, velocities)
+            + np.maximum(bodies.mass[ids] * (way @ gravity), 0.0))
+    return most, _energy(bodies, ids, bodies.poses[ids], bodies.velocities[ids])
+
+
+def _islands(bodies: BodyTable, ids: np.ndarray,
+             touched: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Label bodies by what touches, (K,); say which labels touch what is driven, (L,) bool."""
+    index = np.full(len(bodies.state), -1)
+    index[ids] = np.arange(len(ids))
+    touched = touched.astype(np.intp)
+    touched = touched[(touched >= 0).all(axis=1)]
+    pairs = index[touched]
+    both = pairs[(pairs >= 0).all(axis=1)]
+    joined = scipy.sparse.coo_array((np.ones(len(both)), both.T), shape=(len(ids), len(ids)))
+    count, island = scipy.sparse.csgraph.connected_components(joined, directed=False)
+    drives = bodies.state[touched] == BodyState.KINEMATIC
+    driven = np.zeros(count, bool)
+    for one, other in ((0, 1), (1, 0)):
+        moved = pairs[drives[:, one], other]
+        driven[island[moved[moved >= 0]]] = True
+    return island, driven
+
+
+def _energy(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray,
+            velocities: np.ndarray) -> np.ndarray:
+    """Give kinetic energies [J], (K,)."""
+    return (0.5 * bodies.mass[ids] * (velocities[:, :3] ** 2).sum(axis=1)
+            + rotational_energy(bodies, ids, poses, velocities[:, 3:]))
