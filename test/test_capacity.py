@@ -75,3 +75,17 @@ def test_a_running_scene_takes_in_what_is_free_beside_it(monkeypatch, tmp_path):
     with pytest.raises(CommandError, match=f'third has {len(palm)} parts, .* hold 25 more'):
         simulation.add(palm, (18.0, 0.0, 0.0), name='third')
     assert [known.name for known in simulation.objects] == ['first', 'second']
+
+
+def test_what_memory_cannot_hold_is_refused_before_it_is_grown(monkeypatch, tmp_path):
+    """Ask for ten thousand different trees: the first few say that they do not fit."""
+    table = tmp_path / 'meminfo'
+    monkeypatch.setattr(capacity, '_MEMORY', table)
+    table.write_text('MemAvailable:     50000 kB\n', 'ascii')
+    grown = []
+    build = LSystem.build
+    monkeypatch.setattr(LSystem, 'build', lambda self, **values: (
+        grown.append(values['seed']), build(self, **values))[1])
+    with pytest.raises(SceneError, match='parts or more.*hold 2,560;'):
+        Scene.from_parameters({**STAND, 'palm': {'grammar': 'palm.lsys', 'count': 10_000}})
+    assert len(grown) == 1

@@ -95,6 +95,7 @@ def test_defines_reach_the_grammar():
     ({'scene': {'objects': ['pole', 'pole']}, 'pole': {}}, ['pole', 'twice']),
     ({'scene': {'objects': ['a b']}}, ['a b', 'letters']),
     ({'scene': {'objects': 'oak'}}, ['scene.objects', 'list']),
+    ({'scene': {'object': ['oak']}}, ['scene.object: there is no such key', 'mean objects?']),
     (parameters(pole={}), ['pole.grammar', 'pole.grammar_text']),
     (parameters(pole={'grammer': 'oak.lsys'}), ['pole.grammer', 'did you mean grammar']),
     (parameters(pole={'grammar': 'aok.lsys'}), ['pole.grammar', 'aok.lsys', 'oak.lsys']),

@@ -24,6 +24,7 @@ from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.scene.layout import LAYOUTS
 from procphys_ros.schema import check, declared
 
+_SCENE_KEYS = ('objects', 'cues')
 MAX_COUNT = 100_000  # instances of one object; beyond it no machine would hold the parts
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
 _DEFINE = re.compile(r'\s*([A-Za-z_]\w*)\s*=\s*([-+0-9.eE]+)\s*\Z')
@@ -124,6 +125,12 @@ def read_objects(parameters: Mapping[str, Any]) -> list[ObjectSpec]:
     :raises SceneError: naming the key, the value and what is allowed.
     """
     scene = parameters.get('scene', {})
+    if isinstance(scene, Mapping):
+        for key in scene:
+            if key not in _SCENE_KEYS:
+                raise SceneError(f'scene.{key}: there is no such key'
+                                 f'{nearest_names(str(key), _SCENE_KEYS)} '
+                                 f'(known: {", ".join(_SCENE_KEYS)})')
     names = scene.get('objects', []) if isinstance(scene, Mapping) else None
     if not isinstance(names, (list, tuple)) or not all(isinstance(n, str) for n in names):
         raise SceneError(f'scene.objects: {names!r} is not a list of names')

@@ -41,6 +41,8 @@ from procphys_ros.scene.terrain import make_terrain
 from procphys_ros.scene.wind_record import read_wind_record
 from procphys_ros.scene.yaml_file import read_yaml
 
+_SMALLEST = 0.5  # of the mean number of parts of the individuals so far: those to come have more
+
 
 @dataclass(frozen=True)
 class SceneObject:
@@ -193,10 +195,14 @@ class Scene:
         variants = min(spec.variants or len(names), len(names))
         mine = self.shard.members(self._instances, len(names))
         self._instances += len(names)
-        built = {}
+        built: dict[int, Blueprint] = {}
+        grown = 0
         for i in sorted({i % variants for i in mine}):
             with stage('growing objects', f'{names[i]}, {i + 1} of {variants}'):
                 built[i] = grammar.build(seed=seed + i, **spec.numbers)
+            grown += len(built[i])
+            foreseen = _SMALLEST * len(mine) * grown / len(built)
+            check_capacity(self._parts + max(grown, int(foreseen)), self._memory)
         check_capacity(self._parts + sum(len(built[i % variants]) for i in mine), self._memory)
         turn = np.array([[np.cos(spec.yaw), np.sin(spec.yaw)],
                          [-np.sin(spec.yaw), np.cos(spec.yaw)]])
