@@ -20,7 +20,15 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.world import BodyState, merge_boxes, rigid_sum, World
+from procphys_ros.physics.world import (
+    BodyState,
+    installed_engines,
+    merge_boxes,
+    rigid_sum,
+    World,
+)
+
+engines = pytest.mark.parametrize('engine', installed_engines())
 
 
 def bricks(world, *poses):
@@ -160,6 +168,29 @@ def test_what_passes_around_a_resting_body_does_not_wake_it():
         for _ in range(20):
             world.step(DT)
         assert world.bodies.state[brick] == BodyState.AWAKE
+
+
+@engines
+def test_a_long_body_wakes_what_it_hits_fast_only(engine):
+    """Lay a bar that turns on two bricks: the one at its tip is hit, the one by its hub is not."""
+    with World(engine=engine) as world:
+        low = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(x, 0, 0.0335)) for x in (0.1, 1.8)]
+        rest(world)
+        world.add_body(Shape.BOX, [4.0, 0.1, 0.1], 90.0, at(0, 0, 0.114),
+                       np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
+        world.step(DT)
+        assert world.bodies.state[low].tolist() == [BodyState.RESTING, BodyState.AWAKE]
+
+
+@engines
+def test_what_is_clamped_comes_to_rest_beside_its_support(engine):
+    """Put a plank into a slot, its centre outside of it: it lies still after little over 1 s."""
+    with World(engine=engine) as world:
+        world.add_bricks(np.array([at(0, 0, 0.5), at(0, 0, 1.6005)]),
+                         np.tile([0.4, 0.4, 1.0], (2, 1)), np.full(2, 400.0))
+        plank = world.add_body(Shape.BOX, [1.2, 0.2, 0.1], 15.0, at(0.27, 0, 1.05))
+        assert rest(world) < 1.5
+        np.testing.assert_allclose(world.poses([plank])[0, :3], [0.27, 0.0, 1.05], atol=3e-3)
 
 
 def test_resting_body_falls_when_its_support_is_removed():

@@ -33,6 +33,9 @@ REST_TIME = 0.5  # [s], how long a body is quiet before it comes to rest
 CHECK_INTERVAL = 0.1  # [s] between looks at the quiet bodies: reading contacts is expensive
 STAY_REACH = 0.02  # [m], a body whose farthest point keeps within this stays where it is
 STAY_TIME = 1.0  # [s], how long a body stays, though it trembles, before it comes to rest
+STILL_SPEED = 0.005  # [m/s] at the rim of a body that has stayed for `STAY_TIME`: it is held, by
+#                      friction at its sides where not from below. What is out of balance by more
+#                      than `_STANCE` is faster by then
 STUCK_TIME = 4.0  # [s], a body that stays for so long is held by more than the check sees
 TREMBLE_TIME = 0.1  # [s], a body that stays for so long trembles and hits nothing; one that was
 #                     thawed counts as such until it leaves, or wedged heaps wake each other
@@ -161,7 +164,8 @@ def at_rest(bodies: BodyTable, quiet: np.ndarray, contacts: Contacts) -> np.ndar
     Choose the quiet bodies that can stand where they are.
 
     A body stands when its centre of mass lies over the polygon of what it touches; a slab that
-    starts to topple is slow, too, but does not.
+    starts to topple is slow, too, but does not. What is clamped may stand beside that polygon: it
+    counts when it has stayed where it is, see `STILL_SPEED` and `STUCK_TIME`.
 
     :param quiet: ids from `count_quiet`, (K,).
     :param contacts: of the last step, each listed both ways.
@@ -176,7 +180,11 @@ def at_rest(bodies: BodyTable, quiet: np.ndarray, contacts: Contacts) -> np.ndar
     start = np.searchsorted(candidate[row], np.arange(len(quiet) + 1))
     stands = _stands(start, contacts.point[row], contacts.normal[row],
                      bodies.poses[quiet, :2])
-    return quiet[stands | ((bodies.stay[quiet] > STUCK_TIME) & (np.diff(start) > 0))]
+    velocity = bodies.velocities[quiet]
+    rim = (np.linalg.norm(velocity[:, :3], axis=1)
+           + np.linalg.norm(velocity[:, 3:], axis=1) * bodies.radius[quiet])
+    held = np.where(rim < STILL_SPEED, STAY_TIME, STUCK_TIME)
+    return quiet[stands | ((bodies.stay[quiet] > held) & (np.diff(start) > 0))]
 
 
 def _touching(contacts: Contacts) -> np.ndarray:

@@ -46,6 +46,7 @@ def about_to_be_hit(engine: Engine, bodies: BodyTable, time_step: float) -> np.n
     if not len(resting) or not len(moving):
         return np.zeros(0, np.intp)
     pairs = reached_pairs(bodies, resting, moving, bounds(bodies, moving), time_step)
+    pairs = pairs[_local_speed(bodies, pairs) > _least_hit(bodies, pairs)]
     reach = rim_speed(bodies, pairs[:, 1]) * time_step + _NEAR
     return np.unique(pairs[engine.are_near(bodies, pairs, reach), 0])
 
@@ -98,6 +99,24 @@ def rim_speed(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
     velocity = bodies.velocities[ids]
     return (np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
             + np.sqrt((velocity[:, 3:] ** 2).sum(axis=1)) * bodies.radius[ids])
+
+
+def _local_speed(bodies: BodyTable, pairs: np.ndarray) -> np.ndarray:
+    """Give the speed that no point of a moving body exceeds next to a resting one [m/s], (P,)."""
+    resting, moving = pairs.T
+    velocity = bodies.velocities[moving]
+    arm = bodies.poses[resting, :3] - bodies.poses[moving, :3]
+    there = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
+    near = (np.linalg.norm(there, axis=1)
+            + np.linalg.norm(velocity[:, 3:], axis=1) * (bodies.radius[resting] + _NEAR))
+    return np.minimum(near, rim_speed(bodies, moving))
+
+
+def _least_hit(bodies: BodyTable, pairs: np.ndarray) -> np.ndarray:
+    """Give the speed of the moving body at which a hit changes the other's by `WAKE_SPEED`."""
+    resting, moving = pairs.T
+    mass = np.where(bodies.state[moving] == BodyState.KINEMATIC, np.inf, bodies.mass[moving])
+    return WAKE_SPEED * (1.0 + bodies.mass[resting] / mass)
 
 
 @kernel
