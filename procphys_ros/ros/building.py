@@ -19,6 +19,8 @@ from concurrent.futures import ThreadPoolExecutor
 from threading import Lock, Thread
 from typing import Any
 
+import scipy
+
 from procphys_ros import progress
 from procphys_ros.compilation.progress import COMPILING
 from procphys_ros.errors import CommandError
@@ -144,8 +146,16 @@ class _Job:
             return
         if self.abandon():
             self._done(simulation)
+            _prepare(simulation)
         else:
             simulation.close()
+
+
+def _prepare(simulation: Simulation) -> None:
+    """Compute beside the first steps what a first explosion near buildings would wait for."""
+    masonry = simulation.model.masonry
+    if masonry.members.any():
+        _ = masonry.skin, scipy.ndimage, scipy.spatial
 
 
 def _draw_eddies(parameters: Mapping[str, Any]) -> None:

@@ -18,22 +18,19 @@
 import numpy as np
 import scipy  # its parts are imported by their first use
 
-from procphys_ros import rotation
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import air_blast
 from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation import blast_loads, glass, masonry
+from procphys_ros.simulation.blast_patches import Patches
 from procphys_ros.simulation.masonry import WALL_RATE
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State, Wave
 
 _LEAST = 1e-3        # [m/s] a wave that gives a body less than this has passed it by
-_STOREY = 2.7        # [m] height of the wall whose rate is `masonry.WALL_RATE`, ...
-_LEAF = 0.1025       # [m] ... and its thickness
-_BRICK = 0.225       # [m] smallest piece of wall that comes out as one
 _AFTERMATH = 0.3     # [s] after which what falls out of a wall owes nothing to the blast
 _PATCHES = (3.0, 2.4, 1.9, 1.5, 1.2, 0.9, 0.6, 0.3)  # [m] radii of pieces of wall, tried in turn
 _MOST_PATCHES = 60   # in one step, ...
@@ -41,7 +38,6 @@ _MOST_FAILED = 150   # ... and places where none comes out, ...
 _APART = 0.6         # [m] ... that are tried so far apart
 _ALIKE = 0.7         # cosine between impulses on what comes out as one piece
 _DEEPEST = 0.35      # [m] before and behind its middle that a piece reaches
-_BENDING = 5.0       # strength in bending over that in shear, times span over thickness
 _SURPLUS = 4.0       # energy over the work of its bonds that makes a brick fly on its own
 _MOST_SINGLE = 250   # such bricks per explosion, the fastest; more could not be simulated in time
 _CLUMP = 12          # parts to a piece of what comes out but does not fly singly, ...
@@ -183,6 +179,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
     momentum = state.blasts.momentum[shaken]
     size = np.linalg.norm(momentum, axis=1)
     speed, way = size / state.parts.mass[shaken], momentum / size[:, None]
+    judge = Patches(model, state, shaken)
     torn = failed = 0
     while torn < _MOST_PATCHES and failed < _MOST_FAILED and (speed > 0.0).any():
         seed = int(np.argmax(speed))
@@ -199,54 +196,14 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
             if len(patch) == tried:
                 continue  # the same as within the radius before
             tried = len(patch)
-            if _comes_out(model, state, shaken[patch]):
+            if judge.comes_out(patch):
                 _loosen(model, state, shaken[patch])
+                judge.refresh()
                 loose.append(shaken[patch])
                 left[patch], speed[patch] = False, 0.0
                 torn, failed = torn + 1, failed - 1
                 break
     return np.concatenate(loose)
-
-
-def _comes_out(model: Model, state: State, parts: np.ndarray) -> bool:
-    """
-    Say whether a piece of wall is torn from what surrounds it.
-
-    The steady force of the same effect as a short pulse is the impulse times the angular
-    frequency of what it hits, at most twice the mean force of the pulse (Biggs 1964,
-    Introduction to Structural Dynamics, 2.5); that of a plate goes with its thickness over its
-    span squared.
-
-    What is short for its thickness is sheared off all around; a plate of span a and thickness t
-    bends, and arches between what surrounds it. A square one bears 8·f·t² by yield lines and
-    0.72·f_c·t² by arching (EN 1996-1-1, 6.3.2; f_c is some 17 times f), over 4·a·t·f in shear.
-
-    What rubs in a wall that is shaken as a whole is not pressed as before: no work is counted for
-    that, with which the damage to houses is as published (decision 33).
-    """
-    momentum = state.blasts.momentum[parts].sum(axis=0)
-    size = float(np.linalg.norm(momentum))
-    if size == 0.0:
-        return False
-    resistance = masonry.resist(state, parts, momentum / size)
-    if not float(_energy(state, parts).sum()) > resistance.energy - resistance.rubbing:
-        return False
-    span = max(float(np.sort(np.ptp(model.blueprint.poses[parts, :3], axis=0))[1]), _BRICK)
-    thickness = _thickness(model, parts, momentum / size)
-    rate = WALL_RATE * thickness / _LEAF * (_STOREY / span) ** 2
-    rate = min(rate, 2.0 / float(np.median(state.blasts.pulse[parts])))
-    bends = min(_BENDING * thickness / span, 1.0)
-    return size * rate > bends * resistance.force
-
-
-def _thickness(model: Model, parts: np.ndarray, way: np.ndarray) -> float:
-    """Give how thick most of a piece of wall is along a direction [m]."""
-    source = model.blueprint
-    depth = np.sort(source.poses[parts, :3] @ way)
-    most = len(depth) - 1
-    low, high = np.interp((0.1 * most, 0.9 * most), np.arange(len(depth)), depth)
-    local = rotation.rotate(rotation.conjugate(source.poses[parts, 3:]), way)
-    return float(high - low + np.median((np.abs(local) * source.size[parts]).sum(axis=1)))
 
 
 def _loosen(model: Model, state: State, parts: np.ndarray) -> None:

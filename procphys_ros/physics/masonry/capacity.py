@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
 from procphys_ros.physics.masonry.ties import ELONGATION
@@ -49,50 +50,78 @@ class Resistance:
     rubbing: float = 0.0
 
 
-def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
-                direction: np.ndarray, wrench: np.ndarray
-                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@subroutine
+def fails(m, sign, direction, wrench, joints, strength):
     """
-    Give the force and the work at which bonds fail when one side is driven along a direction.
+    Give the force and the work at which a bond fails when one side is driven along a direction.
 
     The drive splits into pulling apart, pushing together and sliding; each meets its own limit
     (`strength`), with the pressure that is already there, and pushing together raises friction.
     What slides on rubs with that pressure over the length of its patch, which shrinks meanwhile:
     half of friction times length is spent.
 
-    :param bonds: rows, (K,).
-    :param inside: whether the driven side is the first part, (K,) bool.
-    :param direction: unit vectors, world, (3,), or one for each bond, (K, 3).
-    :param wrench: what the bonds carry now, bond frame, (K, 6).
-    :returns: force [N], work of fracture and of rubbing [J], (K,) each.
+    :param m: row of the bond.
+    :param sign: 1 where the driven side is the first part, else -1.
+    :param direction: unit vector, world, (3,).
+    :param wrench: what the bond carries now, bond frame, (6,).
+    :param joints, strength: as `joints_of` gives them.
+    :returns: force [N], work of fracture and of rubbing [J].
     """
-    mortar, area = graph.mortar, graph.area[bonds]
-    outward = np.where(inside[:, None], graph.axes[bonds, :, 2], -graph.axes[bonds, :, 2])
-    ahead = np.clip((outward * np.asarray(direction, float)).sum(axis=1), -1.0, 1.0)
-    push, pull = np.maximum(ahead, 0.0), np.maximum(-ahead, 0.0)
+    axes, area, extent, cracked, held = joints
+    tension, cohesion, friction, compression, reinforcement = strength
+    ahead = sign * (axes[m, 0, 2] * direction[0] + axes[m, 1, 2] * direction[1]
+                    + axes[m, 2, 2] * direction[2])
+    ahead = min(max(ahead, -1.0), 1.0)
+    push, pull = max(ahead, 0.0), max(-ahead, 0.0)
     slide = np.sqrt(1.0 - ahead ** 2)
-    pressure = -wrench[:, 2] / area
-    friction = mortar.friction[bonds]
-    whole = ~graph.cracked[bonds]  # cracked joints only rub, and have taken their work already
-    shear = np.maximum(whole * mortar.cohesion[bonds] + friction * pressure, 0.0)
-    steel = 2.0 * mortar.reinforcement[bonds]
-    concrete = (graph.held[bonds] == 1.0) * mortar.tension[bonds]
-    tension = np.maximum(whole * np.maximum(concrete, steel) + pressure, 0.0)
-    crush = np.maximum(mortar.compression[bonds] - pressure, 0.0)
-    with np.errstate(divide='ignore', invalid='ignore'):
-        limits = np.array([
-            np.where(pull > 1e-9, tension / pull, np.inf),
-            np.where(push > 1e-9, crush / push, np.inf),
-            np.where(slide > friction * push - friction * pull + 1e-9,
-                     shear / (slide - friction * push + friction * pull), np.inf)])
+    pressure = -wrench[2] / area[m]
+    whole = 0.0 if cracked[m] else 1.0  # cracked joints only rub, and have taken their work
+    steel = 2.0 * reinforcement[m]
+    concrete = tension[m] if held[m] == 1.0 else 0.0
+    limit = np.inf
+    if pull > 1e-9:
+        limit = max(whole * max(concrete, steel) + pressure, 0.0) / pull
+    if push > 1e-9:
+        limit = min(limit, max(compression[m] - pressure, 0.0) / push)
+    against = friction[m] * (push - pull)
+    if slide > against + 1e-9:
+        shear = max(whole * cohesion[m] + friction[m] * pressure, 0.0)
+        limit = min(limit, shear / (slide - against))
     work = (FRACTURE_ENERGY_TENSION * pull ** 2
             + FRACTURE_ENERGY_SHEAR * (slide ** 2 + push ** 2)
             + steel * ELONGATION * (pull ** 2 + slide ** 2))
-    along = np.asarray(direction, float)[..., None]
-    reach = np.abs((graph.axes[bonds, :, :2] * along).sum(axis=1))
-    length = np.einsum('bi,bi->b', reach, graph.extent[bonds])
-    rubbing = 0.5 * friction * np.maximum(pressure, 0.0) * slide ** 2 * length
-    return limits.min(axis=0) * area, whole * work * area, rubbing * area
+    length = 0.0
+    for c in range(2):
+        length += extent[m, c] * abs(axes[m, 0, c] * direction[0] + axes[m, 1, c] * direction[1]
+                                     + axes[m, 2, c] * direction[2])
+    rubbing = 0.5 * friction[m] * max(pressure, 0.0) * slide ** 2 * length
+    return limit * area[m], whole * work * area[m], rubbing * area[m]
+
+
+@kernel
+def _fail(bonds, inside, directions, wrench, joints, strength, out):
+    for k in range(len(bonds)):
+        sign = 1.0 if inside[k] else -1.0
+        out[0, k], out[1, k], out[2, k] = fails(bonds[k], sign, directions[k], wrench[k], joints,
+                                                strength)
+
+
+def joints_of(graph: BondGraph) -> tuple[tuple, tuple]:
+    """Give bonds and their strengths as kernels take them."""
+    mortar = graph.mortar
+    return ((graph.axes, graph.area, graph.extent, graph.cracked, graph.held),
+            (mortar.tension, mortar.cohesion, mortar.friction, mortar.compression,
+             mortar.reinforcement))
+
+
+def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
+                directions: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+    """Give what `fails` says of some bonds, (3, K)."""
+    out = np.empty((3, len(bonds)))
+    _fail(np.asarray(bonds, np.int64), inside,
+          np.ascontiguousarray(np.broadcast_to(directions, (len(bonds), 3)), float), wrench,
+          *joints_of(graph), out)
+    return out
 
 
 def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -> Resistance:
