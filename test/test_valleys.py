@@ -164,6 +164,20 @@ def test_girders_carry_the_roof_over_the_mouths():
     assert {'girder', 'padstone', 'sleeper'} <= set(kinds)
 
 
+def test_tiles_hang_on_their_battens_by_single_nails():
+    """Pull off tiles, whole and cut ones: each nail holds 0.3 kN (EN 1995-1-1)."""
+    house, _ = built('L')
+    tile, batten = (house.kind == house.kinds.index(name) for name in ('tile', 'batten'))
+    pair = house.bonds
+    nail = ((tile[pair].any(axis=1) & batten[pair].any(axis=1)) & (pair >= 0).all(axis=1))
+    cut = np.isin(pair, house.hexahedra.part).any(axis=1)
+    holds = house.bond_area * house.mortar.tension
+    for some in (nail & cut, nail & ~cut):
+        assert some.sum() > 50
+        np.testing.assert_allclose(np.median(holds[some]), 300.0)
+        assert holds[some].max() < 300.1
+
+
 @pytest.mark.parametrize(('plan', 'pitch', 'height', 'message'), [
     ([(0, 0), (6, 0), (6, 4), (3.7, 4), (3.7, 7), (0, 7)], 40, 2,
      'is 3.7 m wide, the bar that it joins 4 m: under a gable roof it must be as wide, or at '),

@@ -81,10 +81,11 @@ def from_contacts(contacts: Contacts, boxes: Boxes, frames: np.ndarray) -> Patch
 
 
 def fastened(patches: Patches, boxes: Boxes) -> Patches:
-    """Leave out where rafters, battens and tiles meet masonry: nothing nails them to it."""
+    """Leave out where timber and tiles meet masonry, and what single nails do not hold."""
     joint = np.sort(boxes.joint[patches.pair], axis=1)
     rows = (joint != [Joint.MORTAR, Joint.NAIL]).any(axis=1)
-    return Patches(**{f.name: getattr(patches, f.name)[rows] for f in fields(Patches)})
+    kept = Patches(**{f.name: getattr(patches, f.name)[rows] for f in fields(Patches)})
+    return _nailed(kept, _by_one_nail(kept.pair, boxes))
 
 
 def _nailed(patches: Patches, rows: np.ndarray) -> Patches:

@@ -192,7 +192,7 @@ class ValleySlope(Slope):
         high = np.column_stack([np.full(len(place), head), -place + 0.5 * RAFTER,
                                 np.full(len(place), self.depth)])
         pieces = split_along(from_cells(
-            micros(low), micros(high), frame=frame, axis=0, joint=Joint.FIXING,
+            micros(low), micros(high), frame=frame, axis=0, joint=Joint.NAIL,
             kind=site.kind('rafter'), material=site.material('timber')), PIECE, site.next_member)
         first = np.flatnonzero(np.diff(pieces.member, prepend=-1))
         for row in first[over].tolist():
@@ -219,18 +219,18 @@ class ValleySlope(Slope):
         starts = np.where(self.beyond(rafters.place) > 0.5 * RAFTER,
                           self.foot(rafters.place, self.depth), -1.0)
         battens = [(x, *ends) for x in lines for ends in self._battens(x, rafters, starts)]
-        site.add(_boxes(site, [((x - 0.5 * BATTEN[0], -b, self.depth),
-                                (x + 0.5 * BATTEN[0], -a, self.depth + BATTEN[1]))
-                               for x, a, b in battens], frame, 'batten', 'timber'), PIECE)
+        ends = [((x - 0.5 * BATTEN[0], -b, self.depth),
+                 (x + 0.5 * BATTEN[0], -a, self.depth + BATTEN[1])) for x, a, b in battens]
+        site.add(_boxes(site, ends, frame, 'batten', 'timber', Joint.NAIL), PIECE)
         level = self.depth + BATTEN[1]
         rows = [row for field in self.fields for row in self._rows(field, lines, battens)]
-        self._hang(site, frame, rows, level, TILE[0])
+        self._hang(site, frame, rows, level, TILE[0], Joint.NAIL)
         low, (_, high) = lines[-1] - LAP, self._ridge_levels()
         level = self.depth + COVER
         cut = level + 2.0 * TILE[1] if self.yields else level
         top = [self._cut_row(field, low, high, cut) for field in self.fields
                if field.low <= self._plan(low, level) < field.high]
-        self._hang(site, frame, top, level, RIDGE_TILE)
+        self._hang(site, frame, top, level, RIDGE_TILE, Joint.FIXING)
 
     def _lines(self, top: float) -> list[float]:
         """Place battens: evenly between the eaves, the feet and tops of valleys, and the ridge."""
@@ -286,7 +286,7 @@ class ValleySlope(Slope):
         return rows
 
     def _hang(self, site: Site, frame: int, rows: Sequence[Row], level: float,
-              width: float) -> None:
+              width: float, joint: Joint) -> None:
         """Divide rows into tiles; the first and the last of each are cut to its ends."""
         whole, cut = [], []
         for low, high, start, end in rows:
@@ -307,11 +307,13 @@ class ValleySlope(Slope):
                     cut.append(np.array([[low + APART, -b[0]], [high - APART, -b[1]],
                                          [low + APART, -a[0]], [high - APART, -a[1]]]))
         if whole:
-            boxes = _boxes(site, whole, frame, 'tile', 'tile')
+            boxes = _boxes(site, whole, frame, 'tile', 'tile', joint)
             boxes.axis[:] = 1
             site.add(boxes)
         if cut:
-            site.add(prisms(site, np.array(cut), level, level + TILE[1], frame, 'tile', 'tile'))
+            tiles = prisms(site, np.array(cut), level, level + TILE[1], frame, 'tile', 'tile')
+            tiles.joint[:] = joint
+            site.add(tiles)
 
     def sleepers(self, site: Site, frame: int) -> None:
         """Lay boards along the valleys onto the rafters of a bar, for the rafters of its stems."""
@@ -379,7 +381,8 @@ def shape(site: Site, boxes: Boxes, row: int, axis: int, upper: bool,
     site.forms.append(corners)
 
 
-def _boxes(site: Site, ends: Sequence[tuple], frame: int, kind: str, material: str) -> Boxes:
+def _boxes(site: Site, ends: Sequence[tuple], frame: int, kind: str, material: str,
+           joint: Joint) -> Boxes:
     low, high = (np.array(side) for side in zip(*ends))
-    return from_cells(micros(low), micros(high), frame=frame, axis=1, joint=Joint.FIXING,
+    return from_cells(micros(low), micros(high), frame=frame, axis=1, joint=joint,
                       kind=site.kind(kind), material=site.material(material))
