@@ -82,10 +82,3 @@ def groups(labels: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:
     order = np.argsort(labels[parts], kind='stable')
     parts = parts[order]
     return np.split(parts, np.flatnonzero(np.diff(labels[parts])) + 1) if len(parts) else []
-
-
-def grouped(rows: np.ndarray, labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sort rows by their labels, and give the start of each label's rows, with the end."""
-    order = np.argsort(labels, kind='stable')
-    cuts = np.flatnonzero(np.diff(labels[order])) + 1
-    return rows[order], np.concatenate([[0], cuts, [len(rows)]] if len(rows) else [[0]])

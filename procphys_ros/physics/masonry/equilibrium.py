@@ -197,7 +197,7 @@ class Equilibrium:
 
     def residual_sizes(self) -> np.ndarray:
         """Give the nodal residuals [N], (N,): force, or moment over the part's reach."""
-        return pcg.residual_sizes(self.residual[:-1], self.graph.reach)
+        return pcg.residual_sizes(self.residual, self.graph.reach)
 
     def settle(self) -> None:
         """Make lasting what has slid in cracked joints, once the present loads are carried."""

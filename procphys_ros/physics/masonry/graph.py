@@ -203,8 +203,9 @@ class BondGraph:
 
     def parts_of(self, bonds: np.ndarray) -> np.ndarray:
         """Give the parts that some bonds join, sorted."""
-        touched = np.unique(np.concatenate([self.first[bonds], self.second[bonds]]))
-        return touched[touched < self.count]
+        touched = np.zeros(self.count + 1, bool)  # the last entry is the ground
+        touched[self.first[bonds]] = touched[self.second[bonds]] = True
+        return np.flatnonzero(touched[:-1])
 
     def boundary(self, parts: np.ndarray) -> np.ndarray:
         """Give the living bonds that tie a set of parts to anything outside it."""

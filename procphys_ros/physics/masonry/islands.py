@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.physics.masonry import components
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
 
 
@@ -44,15 +44,43 @@ def out_of_balance(equilibrium: Equilibrium, sizes: np.ndarray, goal: float) -> 
     :param sizes: nodal residuals [N], (N,).
     :param goal: largest one that is left alone [N].
     """
-    graph, labels = equilibrium.graph, equilibrium.labels
-    active = np.zeros(graph.count + 1, bool)
-    if sizes.max(initial=0.0) > goal:
-        restless = np.zeros(graph.count, bool)
-        restless[labels[sizes > goal]] = True
-        active[:-1] = restless[labels] & equilibrium.supported
-    parts = np.flatnonzero(active)
-    bonds = np.flatnonzero(graph.alive & (active[graph.first] | active[graph.second]))
-    ends = np.minimum(graph.first[bonds], graph.second[bonds])  # never the ground
-    parts, part = components.grouped(parts, labels[parts])
-    bonds, bond = components.grouped(bonds, labels[ends])
-    return Islands(parts, bonds, part, bond)
+    graph = equilibrium.graph
+    return Islands(*_gather(sizes, goal, equilibrium.labels, equilibrium.supported, graph.first,
+                            graph.second, graph.alive))
+
+
+@kernel
+def _gather(sizes, goal, labels, supported, first, second, alive):
+    """List parts and bonds island by island, these in the order of their labels."""
+    count = len(sizes)
+    island = np.full(count, -1)  # by label, 0 where one is restless, then its number
+    for i in range(count):
+        if sizes[i] > goal:
+            island[labels[i]] = 0
+    part, bond = np.zeros(count + 2, np.int64), np.zeros(count + 2, np.int64)
+    found = 0
+    for i in range(count):
+        if island[i] == 0:
+            island[i] = found if supported[i] else -1
+            found += supported[i]
+    for i in range(count):
+        part[island[labels[i]] + 2] += 1
+    for m in range(len(first)):
+        if alive[m]:
+            bond[island[labels[min(first[m], second[m])]] + 2] += 1
+    part[1], bond[1] = 0, 0  # those of no island
+    for k in range(1, found + 2):
+        part[k] += part[k - 1]
+        bond[k] += bond[k - 1]
+    parts, bonds = np.empty(part[found + 1], np.int64), np.empty(bond[found + 1], np.int64)
+    for i in range(count):
+        k = island[labels[i]] + 1
+        if k > 0:
+            parts[part[k]] = i
+            part[k] += 1
+    for m in range(len(first)):
+        k = island[labels[min(first[m], second[m])]] + 1 if alive[m] else 0
+        if k > 0:
+            bonds[bond[k]] = m
+            bond[k] += 1
+    return parts, bonds, part[:found + 1], bond[:found + 1]

@@ -33,10 +33,15 @@ def residual_size(parts, residual, reach):
     return worst ** 0.5
 
 
-def residual_sizes(residual: np.ndarray, reach: np.ndarray) -> np.ndarray:
+@kernel
+def residual_sizes(residual, reach):
     """Give the nodal residuals [N], (N,): force, or moment over the part's reach."""
-    force = np.linalg.norm(residual[:, :3], axis=1)
-    return np.maximum(force, np.linalg.norm(residual[:, 3:], axis=1) / reach)
+    sizes = np.empty(len(reach))
+    for i in range(len(reach)):
+        r = residual[i]
+        force = (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) ** 0.5
+        sizes[i] = max(force, (r[3] * r[3] + r[4] * r[4] + r[5] * r[5]) ** 0.5 / reach[i])
+    return sizes
 
 
 @kernel(fastmath=True)

@@ -44,4 +44,4 @@ def sharpened(tolerance: float, residual: np.ndarray, labels: np.ndarray,
     if not pushed.any():
         return tolerance
     return min(tolerance, _SHARPER * float(
-        pcg.residual_sizes(residual[:-1], reach)[pushed[labels]].max()))
+        pcg.residual_sizes(residual, reach)[pushed[labels]].max()))
