@@ -67,11 +67,13 @@ def add_branch(model: Model, state: State, row: int) -> None:
     meets = np.zeros(len(forest.active), bool)
     meets[plan.row[np.repeat(passed, np.diff(plan.start))]] = True
     meets[rows] = False
-    others = np.flatnonzero(meets)
     sizes, still = model.trees.sizes, np.zeros_like(forest.velocities)
-    bounds = [capsule_bounds(some, forest.poses, sizes, still, 0.0, 0.0)
-              for some in (rows, others)]
-    own, other = overlaps(*bounds)
+    bounds = capsule_bounds(rows, forest.poses, sizes, still, 0.0, 0.0)
+    room, place = sizes.max(), forest.poses[:, :3]
+    meets &= ((place > bounds[:, :3].min(axis=0) - room)
+              & (place < bounds[:, 3:].max(axis=0) + room)).all(axis=1)
+    others = np.flatnonzero(meets)
+    own, other = overlaps(bounds, capsule_bounds(others, forest.poses, sizes, still, 0.0, 0.0))
     found = _overlapping(state, forest.parts[rows[own]], forest.parts[others[other]])
     state.excluded = np.concatenate([state.excluded, found])
 
