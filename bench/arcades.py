@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Time from cause to collapse: the pier in the middle of an arcade goes, and what it bore comes down.
+Time from cause to collapse: a pier in the middle of an arcade goes, and what it bore comes down.
 
 For arcades of 4, 16 and 64 bays, whose joints lie alike, the simulated time until the wall above
 the pier has lost the ground and until it has fallen by 10 cm, the iterations of the stress solver,
@@ -30,7 +30,8 @@ from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, fragments, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
-SPAN, PIER, SPRING = 0.9, 0.45, 0.8  # [m] four bricks and two with their joints: bays are alike
+SPAN, PIER, SPRING = 1.125, 0.45, 0.8  # [m] five bricks and two with their joints: bays are alike
+HOLE = 1.15  # [m] height of what is knocked out: the pier and what springs from it
 SECONDS = 5.0  # to wait for the fall at most
 
 
@@ -47,8 +48,8 @@ def knocked_out(bays, wall_height=1.9):
     simulation = Simulation(scene)
     x, z = blueprint.poses[:, 0], blueprint.poses[:, 2]
     left = bays // 2 * (SPAN + PIER)
-    pier = np.flatnonzero((x > left) & (x < left + PIER) & (z < SPRING))
-    above = np.flatnonzero((x > left) & (x < left + PIER) & (z > SPRING))
+    pier = np.flatnonzero((x > left) & (x < left + PIER) & (z < HOLE))
+    above = np.flatnonzero((x > left) & (x < left + PIER) & (z > HOLE))
     fragments.destroy(simulation.model, simulation.state, pier, Cause.DEMOLITION, 1.0)
     return simulation, above
 

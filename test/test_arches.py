@@ -18,12 +18,14 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from procphys_ros import rotation
 from procphys_ros.errors import GrammarError
-from procphys_ros.hexahedron import are_convex
+from procphys_ros.hexahedron import are_convex, box_corners
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import WallGrammar
 from procphys_ros.wallgrammar.arches import Curve, voussoirs
+from procphys_ros.wallgrammar.cutting import rectangles
 from procphys_ros.wallgrammar.polygons import clip, moments
 
 WALL = """
@@ -58,10 +60,18 @@ def built(arch='round, 1', height=1.1, below='opening'):
     return WallGrammar.parse(WALL.format(arch=arch, height=height, below=below)).build()
 
 
+def extents(blueprint):
+    """Give the ends of the boxes of all parts [m], two of (N, 3)."""
+    turned = rotation.rotate(blueprint.poses[:, None, 3:], box_corners(
+        -0.5 * blueprint.size, 0.5 * blueprint.size))
+    return (blueprint.poses[:, :3] + turned.min(axis=1),
+            blueprint.poses[:, :3] + turned.max(axis=1))
+
+
 def outlines(blueprint):
     """Give the outlines of all parts in the plane of the wall, counter-clockwise, (N, 4, 2)."""
-    flat = blueprint.poses[:, None, [0, 2]] + 0.5 * blueprint.size[:, None, [0, 2]] * np.array(
-        [[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    low, high = extents(blueprint)
+    flat = rectangles(low[:, [0, 2]], high[:, [0, 2]])
     solids = blueprint.hexahedra
     for part, points in zip(solids.part, solids.points(blueprint.poses)[..., [0, 2]]):
         middle = points.mean(axis=0)
@@ -116,8 +126,13 @@ def test_rings_of_wide_stones_without_joints_do_not_reach_into_each_other(shape)
             assert len(shared) < 3 or moments(shared)[0] < 1e-9
 
 
-def widest_gaps(wall, grain=0.003):
-    """Give the diameters of the largest circles between parts, above 16 mm and below 0.4 m."""
+def rooms(wall, grain=0.003):
+    """
+    Measure between the parts, seen from the front, in squares of a grain.
+
+    :returns: diameters of the largest circles in holes, where openings count as none, and the
+        share of the wall that lies in holes: further than 0.85 joints of 1 cm from all parts.
+    """
     flat = outlines(wall)
     low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
     x, z = (np.arange(a, b, grain) + 0.5 * grain for a, b in zip(low, high))
@@ -130,19 +145,64 @@ def widest_gaps(wall, grain=0.003):
             side &= ((b - a)[0] * (z[near[0], None] - a[1])
                      - (b - a)[1] * (x[None, near[1]] - a[0])) >= 0.0
         full[tuple(near)] |= side
-    room = 2.0 * grain * ndimage.distance_transform_edt(~full)
-    label, count = ndimage.label(room > 0.016)
-    widest = np.atleast_1d(ndimage.maximum(room, label, np.arange(1, count + 1)))
-    return widest[widest < 0.4]
+    room = grain * (2.0 * ndimage.distance_transform_edt(~full) - 1.0)
+    label, count = ndimage.label(room > 0.017)
+    index = np.arange(1, count + 1)
+    widest = np.atleast_1d(ndimage.maximum(room, label, index))
+    squares = np.bincount(label.ravel(), minlength=count + 1)[1:]
+    return widest[widest < 0.4], float(squares[widest < 0.4].sum()) / full.size
 
 
-@pytest.mark.parametrize(('arch', 'height', 'most'), [
-    ('round, 1', 1.1, 0.028), ('segmental(0.15), 2', 0.7, 0.025),
-    ('segmental(0.3), 1', 0.7, 0.031), ('pointed, 1', 1.6, 0.041), ('flat, 1', 0.3, 0.025)])
-def test_bricks_close_up_to_arches(arch, height, most):
-    """Leave no wider circle between bricks and voussoirs than three joints, four at a point."""
-    widest = widest_gaps(built(arch, height, below='wall'))
-    assert len(widest) > 2 and widest.max() < most
+RANDOM = """
+building wall
+  footprint: (0, 0) ({length}, 0)
+  facades: front
+  storey_height: {top}
+rule front -> split(x) {{ ~1: wall | {span}: bay | ~1: wall }}
+rule bay -> split(y) {{ {spring}: {below} | {height}: arch | ~1: wall }}
+layout brick {{ bond: {bond}  unit: {unit}  material: brick }}
+panel wall: brick
+panel opening: none
+panel arch: arch({shape}, {rings})
+"""
+LAYOUTS = [('running', '0.215 0.1025 0.065', 0.215), ('english', '0.215 0.1025 0.065', 0.215),
+           ('flemish', '0.215 0.1025 0.065', 0.215), ('running', '0.40 0.30 0.20', 0.4)]
+
+
+def drawn(shape, seed):
+    """Build a wall with an arch whose sizes, rings, bond and filling are drawn."""
+    draw = np.random.default_rng(seed)
+    span, rings = float(np.exp(draw.uniform(np.log(0.8), np.log(6.0)))), int(draw.integers(1, 4))
+    bond, unit, depth = LAYOUTS[int(draw.integers(len(LAYOUTS)))]
+    rise = {'round': 0.5 * span, 'pointed': 0.866 * span, 'flat': 0.0}.get(
+        shape, span * float(draw.uniform(0.06, 0.45)))
+    height = rise + rings * (depth + 0.012) * (1.5 if shape == 'pointed' else 1.05) + 0.1
+    spring = float(draw.uniform(0.3, 0.8))
+    return WallGrammar.parse(RANDOM.format(
+        length=span + 2.0 * rings * (depth + 0.02) + 1.0, top=spring + height + 0.4, span=span,
+        spring=spring, below=draw.choice(['opening', 'wall']), height=height, bond=bond,
+        unit=unit, rings=rings,
+        shape=f'segmental({rise})' if shape == 'segmental' else shape)).build()
+
+
+@pytest.mark.parametrize('seed', [0, 1])
+@pytest.mark.parametrize('shape', ['round', 'segmental', 'pointed', 'flat'])
+def test_masonry_closes_up_to_arches(shape, seed):
+    """Find no room for two joints between any bricks, and nothing thin, beside drawn arches."""
+    wall = drawn(shape, seed)
+    widest, share = rooms(wall)
+    assert widest.max(initial=0.0) < 0.021 and share < 0.002
+    assert are_convex(wall.hexahedra.corners.reshape(-1, 8, 3)).all()
+    flat = outlines(wall)[wall.hexahedra.part]
+    across = np.roll(flat, -1, axis=1) - flat
+    length = np.hypot(*np.moveaxis(across, 2, 0))
+    normal = np.stack([-across[..., 1], across[..., 0]], axis=2) / np.maximum(
+        length, 1e-9)[..., None]
+    width = np.ptp(np.einsum('nik,njk->nij', normal, flat), axis=2)
+    assert np.where(length > 1e-6, width, 1.0).min() > 0.0049
+    joined = np.zeros(len(wall), bool)
+    joined[wall.bonds[wall.bonds >= 0]] = True
+    assert joined.all()
 
 
 def test_arches_over_walls_are_filled():
@@ -182,8 +242,9 @@ def test_an_arch_carries_the_wall_above_it_until_a_pier_goes():
     stone = np.array(wall.kinds)[wall.kind] == 'voussoir'
     pier = np.flatnonzero((wall.poses[:, 0] < 1.0) & (wall.poses[:, 2] < 0.6))
     found.solver.remove_parts(pier)
-    found.advance(20_000)
-    assert not found.solver.supported[stone].all()
+    for _ in range(10):  # which may stop for a breath before all is at rest
+        found.advance(20_000)
+    assert found.stable and not found.solver.supported[stone].all()
 
 
 @pytest.mark.parametrize(('change', 'message'), [

@@ -22,12 +22,13 @@ from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, fragments, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
-SPAN, PIER, SPRING = 0.9, 0.45, 0.8  # [m] four bricks and two with their joints: bays are alike
+SPAN, PIER, SPRING = 1.125, 0.45, 0.8  # [m] five bricks and two with their joints: bays are alike
+HOLE = 1.15  # [m] without its pier alone an arcade may stand: its bays arch over the gap (ADR 44)
 FRAME = 1.0 / 60.0  # [s]
 
 
 def fall(bays, time_step=FRAME):
-    """Take the middle pier of an arcade away; give when the wall above it has come down [s]."""
+    """Knock out a pier with the springings on it; give when the wall above has come down [s]."""
     blueprint = WallGrammar.load(shared_folder() / 'grammars' / 'arcade.wall').build(
         seed=0, bays=bays, span=SPAN, pier=PIER, spring=SPRING, wall_height=1.9)
     scene = Scene()
@@ -35,7 +36,7 @@ def fall(bays, time_step=FRAME):
     simulation = Simulation(scene, time_step=time_step)
     x, z = blueprint.poses[:, 0], blueprint.poses[:, 2]
     over = (x > bays // 2 * (SPAN + PIER)) & (x < bays // 2 * (SPAN + PIER) + PIER)
-    pier, above = np.flatnonzero(over & (z < SPRING)), np.flatnonzero(over & (z > SPRING))
+    pier, above = np.flatnonzero(over & (z < HOLE)), np.flatnonzero(over & (z > HOLE))
     fragments.destroy(simulation.model, simulation.state, pier, Cause.DEMOLITION, 1.0)
     while np.median(z[above] - simulation.poses[above, 2]) < 0.1:
         simulation.step()
@@ -48,5 +49,5 @@ def fall(bays, time_step=FRAME):
 def test_an_arcade_falls_as_fast_however_long_it_is():
     """Take a pier out of 4 and of 24 bays, and step finely: what it bore falls after the same."""
     short = fall(4)
-    assert fall(24) == pytest.approx(short, rel=0.12)  # 4 to 64 bays take 1.13 to 1.33 s
-    assert fall(4, FRAME / 4.0) == pytest.approx(short, abs=2.0 * FRAME)
+    assert fall(24) == pytest.approx(short, rel=0.12)  # 4, 8, 12, 24: 1.78 to 1.57 s
+    assert fall(4, FRAME / 4.0) == pytest.approx(short, abs=3.0 * FRAME)

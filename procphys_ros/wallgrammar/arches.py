@@ -23,6 +23,7 @@ SHAPES = {'round': 0, 'segmental': 1, 'pointed': 0, 'flat': 0}  # and how many n
 _SKEW = np.sqrt(0.75)  # height over span of the triangle whose tip the joints of flat arches meet
 _SHALLOWEST = 0.02  # of the span: least rise of a segmental arch
 _MOST = 400  # voussoirs in a ring
+_TAPER = 0.3  # of a joint: by how much it may grow along a brick
 
 
 class Line(NamedTuple):
@@ -196,15 +197,45 @@ def extrados(lines: list[Line], joint: float) -> np.ndarray:
     :param lines: of the outermost ring, and the inner ends of the first and last of the innermost.
     :returns: half planes whose intersection is the outline: a·x + b·y <= c, rows a b c, (n, 3).
     """
-    points = [lines[0].inner, *(line.outer for line in lines), lines[-1].inner]
-    rooms = [0.5 * joint, *[joint] * (len(lines) - 1), 0.5 * joint, 0.0]
-    return _half_planes(points, rooms)
+    points, rooms = _joined(np.array([line.outer for line in lines]), joint)
+    return _half_planes([lines[0].inner, *points, lines[-1].inner],
+                        [0.5 * joint, *(joint + room for room in rooms), 0.5 * joint,
+                         0.5 * joint])
 
 
 def intrados(lines: list[Line], joint: float) -> np.ndarray:
     """Give the outline of what fills an arch, as `extrados` does."""
-    points = [line.inner for line in lines]
-    return _half_planes(points, [*[-joint] * (len(points) - 1), 0.0])
+    points, rooms = _joined(np.array([line.inner for line in lines]), joint)
+    return _half_planes(list(points), [*(room - joint for room in rooms), 0.5 * joint])
+
+
+def _joined(points: np.ndarray, joint: float) -> tuple[np.ndarray, list[float]]:
+    """
+    Join sides of an outline, from the middle outwards, where a tapering joint makes up for it.
+
+    :param points: of the outline, symmetric, (n, 2).
+    :returns: those that are kept, and how far each side between them moves outwards [m].
+    """
+    last = len(points) - 1
+    start = last - (last - 1) // 2 if last % 2 else last // 2  # right end of the keystone, or apex
+    kept = [start]
+    if last % 2:
+        while kept[0] < last and _bulge(points[last - kept[0] - 1:kept[0] + 2]) < _TAPER * joint:
+            kept[0] += 1
+    while kept[-1] < last:
+        end = kept[-1] + 1
+        while end < last and _bulge(points[kept[-1]:end + 2]) < _TAPER * joint:
+            end += 1
+        kept.append(end)
+    rows = sorted({*kept, *(last - k for k in kept)})
+    return points[rows], [0.5 * _bulge(points[a:b + 1]) for a, b in zip(rows, rows[1:])]
+
+
+def _bulge(points: np.ndarray) -> float:
+    """Give how far points stand out of the chord from the first to the last [m]."""
+    way = points[-1] - points[0]
+    off = (points - points[0]) @ np.array([-way[1], way[0]]) / np.hypot(*way)
+    return float(np.abs(off).max())
 
 
 def _half_planes(points: list[np.ndarray], rooms: list[float]) -> np.ndarray:

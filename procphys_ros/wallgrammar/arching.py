@@ -25,12 +25,13 @@ from procphys_ros.wallgrammar.arches import Curve, Line
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, MICRO, micros, stack
 from procphys_ros.wallgrammar.construction import Site
+from procphys_ros.wallgrammar.courses import Courses
 from procphys_ros.wallgrammar.derivation import Piece
+from procphys_ros.wallgrammar.fitting import Fit
 from procphys_ros.wallgrammar.footprint import Facade
 from procphys_ros.wallgrammar.spec import Panel
 
 _MOST_RINGS = 10
-_STEEP = 1.0  # rise over run of an outline beyond which bricks over it are not parted
 
 
 @dataclass(frozen=True)
@@ -98,13 +99,9 @@ def _placed(piece: Piece, panel: Panel, rings: list[list[Line]], layout: Layout,
                                 f'the panel has only {room:.3f} m')
     side = points[np.abs(points[:, 0]) >= 0.5 * (scope.right - scope.left) / MICRO - 1e-9]
     shoulder = scope.bottom + int(MICRO * (float(side[:, 1].max()) + joint))
-    ways = np.diff(points, axis=0)
-    level = np.abs(ways[:, 1]) < _STEEP * np.abs(ways[:, 0])
-    lines_at = points[np.append(level, False) | np.insert(level, 0, False), 0]
-    gap = cutting.Gap(
-        _moved(arches.extrados(outer, joint), origin),
-        _moved(arches.intrados(rings[0], joint), origin) if filled else None,
-        np.sort(lines_at) + origin[0])
+    inside = cutting.polygon(arches.intrados(rings[0], joint)) if filled else np.zeros((0, 2))
+    gap = cutting.Gap(cutting.polygon(arches.extrados(outer, joint)) + origin,
+                      inside + origin if len(inside) > 2 else None)
     stones = np.concatenate([arches.voussoirs(ring, joint) for ring in rings]) + origin
     reach = int(MICRO * (float(np.abs(points[:, 0]).max()) + joint))
     middle = (scope.left + scope.right) // 2
@@ -113,12 +110,8 @@ def _placed(piece: Piece, panel: Panel, rings: list[list[Line]], layout: Layout,
                  scope.bottom + int(MICRO * top)), shoulder)
 
 
-def _moved(planes: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """Move half planes, rows a b c of a·x + z·b <= c."""
-    return np.column_stack([planes[:, :2], planes[:, 2] + planes[:, :2] @ origin])
-
-
-def cut_bricks(site: Site, facade: Facade, boxes: Boxes, found: Sequence[Arch]) -> Boxes:
+def cut_bricks(site: Site, facade: Facade, boxes: Boxes, found: Sequence[Arch],
+               layout: Layout) -> Boxes:
     """
     Cut bricks to the arches among them; pieces of one brick stay one member.
 
@@ -126,30 +119,55 @@ def cut_bricks(site: Site, facade: Facade, boxes: Boxes, found: Sequence[Arch]) 
     :param facade: in whose frame the bricks are.
     :param boxes: bricks.
     :param found: arches of the facade.
+    :param layout: of the bricks.
     """
     if not found or not len(boxes):
         return boxes
-    outlines = cutting.rectangles(boxes.low[:, [0, 2]] / MICRO, boxes.high[:, [0, 2]] / MICRO)
-    near = np.array([cutting.touched(outlines, arch.gap) for arch in found])
-    rows, pieces = [], []
-    whole = np.ones(len(boxes), bool)
-    for row in np.flatnonzero(near.any(axis=0)).tolist():
-        parts, changed = [outlines[row]], False
-        for arch in np.flatnonzero(near[:, row]).tolist():
-            cuts = [cutting.cut(part, found[arch].gap) for part in parts]
-            changed |= any(cut is not None for cut in cuts)
-            parts = [quad for part, cut in zip(parts, cuts)
-                     for quad in ([part] if cut is None else cut)]
-        if changed:
-            whole[row] = False
-            rows += [row] * len(parts)
-            pieces += parts
+    courses = Courses(boxes.low[:, [0, 2]] / MICRO, boxes.high[:, [0, 2]] / MICRO,
+                      layout.joint / MICRO, layout.unit[0] / MICRO)
+    rows, pieces, whole = _pieces(courses, [arch.gap for arch in found])
     if not rows:
         return boxes.take(whole)
     some = boxes.take(np.array(rows))
     member = site.next_member + np.unique(rows, return_inverse=True)[1].reshape(-1)
     return stack([boxes.take(whole), replace(
         _shaped(site, facade, some, np.array(pieces)), member=member)])
+
+
+def _pieces(courses: Courses, gaps: Sequence[cutting.Gap]
+            ) -> tuple[list[int], list[np.ndarray], np.ndarray]:
+    """Cut the bricks of a wall: brick and outline of each piece, and which stay as they are."""
+    fits = [Fit.of(courses, gap) for gap in gaps]
+    left, right = courses.low[:, 0].copy(), courses.high[:, 0].copy()
+    for fit in fits:  # a brick between two arches may end elsewhere at both of its ends
+        left = np.where(fit.left != courses.low[:, 0], fit.left, left)
+        right = np.where(fit.right != courses.high[:, 0], fit.right, right)
+    near = np.array([fit.touched for fit in fits])
+    rows: list[int] = []
+    pieces: list[np.ndarray] = []
+    changed = near.any(axis=0) | (left != courses.low[:, 0]) | (right != courses.high[:, 0])
+    for row in np.flatnonzero(changed).tolist():
+        mine = [fits[k] for k in np.flatnonzero(near[:, row])]
+        found = [] if left[row] >= right[row] else [cutting.rectangles(
+            np.array([[left[row], courses.low[row, 1]]]),
+            np.array([[right[row], courses.high[row, 1]]]))[0]]
+        for fit in mine:
+            found = [piece for outline in found for piece in fit.around(courses, row, outline)]
+        for fit in mine:
+            found += fit.inside(courses, row)
+        found = [quad for outline in found for quad in cutting.quads(outline)]
+        if len(found) == 1 and _is_box(found[0], courses.low[row], courses.high[row]):
+            changed[row] = False
+            continue
+        rows += [row] * len(found)
+        pieces += found
+    return rows, pieces, ~changed
+
+
+def _is_box(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
+    """Say whether nothing has been cut off."""
+    same = np.abs(np.concatenate([outline.min(axis=0) - low, outline.max(axis=0) - high])) < 1e-7
+    return bool(same.all()) and cutting.area(outline) > (1.0 - 1e-6) * float((high - low).prod())
 
 
 def stones(site: Site, facade: Facade, arch: Arch, layout: Layout) -> Boxes:

@@ -36,6 +36,9 @@ from procphys_ros.wallgrammar.materials import Material, NAIL_AREA, weakest
 
 _SHEAR_SHARE = 0.4     # of the normal stiffness: G/E = 1/(2(1+ν)) of masonry, EN 1996-1-1 3.7.3
 _THINNEST = 0.001      # [m] joint taken for dry contacts, which are never perfectly even
+# [Pa] tension and cohesion inside a brick or stone: a tenth of the compressive strength of bricks
+# of 20 MPa, as good as sandstone of low strength.
+_UNIT = (2e6, 3e6)
 _STRENGTHS = ('tension', 'cohesion', 'friction', 'compression', 'reinforcement')
 
 # Turn from the part (x along its length) to the frame, for a length along x, y, z of the frame.
@@ -199,6 +202,10 @@ def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mor
     strengths = np.array([[getattr(m, name) for name in _STRENGTHS]
                           for m in materials.values()])
     lowest = weakest(strengths, np.column_stack([material, joiner]))
+    # What a grammar says of bricks is the strength of their joints; pieces of one are stronger.
+    cut = _grain(pair, boxes) & (boxes.form[pair] >= 0).all(axis=1)
+    cut &= (boxes.joint[pair] == Joint.MORTAR).all(axis=1)
+    lowest[cut, :2] = np.maximum(lowest[cut, :2], _UNIT)
     return Mortar(**{name: lowest[:, i] for i, name in enumerate(_STRENGTHS)},
                   normal_stiffness=1.0 / compliance,
                   shear_stiffness=_SHEAR_SHARE / compliance)

@@ -20,27 +20,35 @@ import numpy as np
 
 from procphys_ros.wallgrammar.polygons import moments
 
-_LOSS = 0.06     # of a piece: what may be lost so that it has four corners
-_CLOSE = 0.10    # of what a brick keeps: what may be lost so that it is cut only once
-_GAP = 0.001     # [m²] of gaps that large stones may leave: what a brick would
-_NARROW = 0.010  # [m] thinner pieces are left out: mortar fills their place
-_LEAST = 0.04    # [m] width of pieces that a brick is parted into
+_ROUND = 0.0015  # [m] by which a corner may be cut off, so that a piece has four
+_NARROW = 0.005  # [m] thinner pieces are left out: mortar fills their place
 _NOTHING = 1e-7  # [m²] smaller overlaps are none
+_STEEP = 1.0     # rise over run beyond which a side is fitted sideways, not up and down
+
+
+class Zone(NamedTuple):
+    """
+    What lies outside one side of a convex outline; zones of an outline fill all around it.
+
+    :ivar planes: half planes whose intersection it is, rows a b c of a·x + z·b <= c [m], (3, 3);
+        the first one is the side.
+    :ivar outwards: unit normal of the side, (2,).
+    """
+
+    planes: np.ndarray
+    outwards: np.ndarray
 
 
 class Gap(NamedTuple):
     """
     A place that bricks make room for.
 
-    :ivar keep_out: half planes whose intersection stays clear, rows a b c of a·x + z·b <= c [m],
-        (n, 3).
-    :ivar keep_in: half planes that bricks inside of it stay in, (m, 3); None = there are none.
-    :ivar lines: where bricks over it are parted [m], (k,).
+    :ivar outline: what stays clear of them, convex, counter-clockwise [m], (n, 2).
+    :ivar inside: what bricks inside of it stay in, likewise; None = there are none.
     """
 
-    keep_out: np.ndarray
-    keep_in: np.ndarray | None
-    lines: np.ndarray
+    outline: np.ndarray
+    inside: np.ndarray | None
 
 
 def rectangles(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -49,57 +57,59 @@ def rectangles(low: np.ndarray, high: np.ndarray) -> np.ndarray:
                      np.column_stack([low[:, 0], high[:, 1]])], axis=1)
 
 
-def touched(outlines: np.ndarray, gap: Gap) -> np.ndarray:
-    """Say which outlines (n, 4, 2) a gap may change, (n,) bool; never less than all of them."""
-    side = outlines @ gap.keep_out[:, :2].T - gap.keep_out[:, 2]
-    return ~(side.min(axis=1) > -1e-9).any(axis=1)
+def polygon(planes: np.ndarray) -> np.ndarray:
+    """Give the corners, counter-clockwise, of what half planes have in common, (n, 2)."""
+    far = 2.0 * float(np.abs(planes[:, 2]).max()) + 1e3
+    return without(within(far * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
+                          planes), 1e-6)
 
 
-def cut(outline: np.ndarray, gap: Gap) -> list[np.ndarray] | None:
+def is_steep(way: np.ndarray) -> bool:
+    """Say whether a side, (2,), is fitted sideways."""
+    return bool(abs(way[1]) > _STEEP * abs(way[0]))
+
+
+def zones(outline: np.ndarray) -> list[Zone]:
     """
-    Cut the outline of a brick, (4, 2), to a gap.
+    Part what is outside of a convex outline, counter-clockwise, by level and upright rays.
 
-    :returns: pieces with four corners each (some may coincide), or None if it stays as it is.
+    Rays go out from its corners: upright ones where it is shallow, level ones where it is steep.
     """
-    inside = _within(outline, gap.keep_out)
-    if _area(inside) < _NOTHING:
-        return None
-    pieces = _outside(outline, gap, _area(outline) - _area(inside))
-    if gap.keep_in is not None:
-        pieces.append(_within(outline, gap.keep_in))
-    return [quad for piece in pieces for quad in quads(piece)]
+    ways = np.roll(outline, -1, axis=0) - outline
+    normals = np.column_stack([ways[:, 1], -ways[:, 0]]) / np.hypot(*ways.T)[:, None]
+    rays = []
+    for before, after in zip(np.roll(normals, 1, axis=0), normals):
+        out = before + after
+        level = abs(out[0]) > 0.999 * abs(out[1])
+        rays.append(np.array([np.sign(out[0]), 0.0]) if level
+                    else np.array([0.0, np.sign(out[1])]))
+    found = []
+    for i, normal in enumerate(normals):
+        j = (i + 1) % len(outline)
+        # Counter-clockwise, the zone lies to the left of its first ray and right of its second.
+        planes = [[*-normal, -float(normal @ outline[i])]]
+        for corner, ray, sign in ((outline[i], rays[i], 1.0), (outline[j], rays[j], -1.0)):
+            across = sign * np.array([ray[1], -ray[0]])
+            planes.append([*across, float(across @ corner)])
+        found.append(Zone(np.array(planes), normal))
+    return found
 
 
-def _outside(outline: np.ndarray, gap: Gap, free: float) -> list[np.ndarray]:
-    """Keep what lies outside, cut once, or parted first where that keeps more."""
-    if free < _NOTHING:
-        return []
-    whole = _best(outline, gap.keep_out)
-    if _area(whole) > free - min(_CLOSE * free, _GAP):
-        return [whole]
-    low, high = outline[:, 0].min(), outline[:, 0].max()
-    lines = [low]
-    for line in np.sort(gap.lines):
-        if line - lines[-1] > _LEAST and high - line > _LEAST:
-            lines.append(float(line))
-    lines.append(high)
-    strips = []
-    for a, b in zip(lines, lines[1:]):
-        strip = _within(outline, np.array([[-1.0, 0.0, -a], [1.0, 0.0, b]]))
-        inside = _area(_within(strip, gap.keep_out)) >= _NOTHING
-        strips.append(_best(strip, gap.keep_out) if inside else strip)
-    return strips if sum(map(_area, strips)) > _area(whole) else [whole]
+def half_planes(outline: np.ndarray) -> np.ndarray:
+    """Give the half planes of a convex outline, counter-clockwise, (n, 3)."""
+    ways = np.roll(outline, -1, axis=0) - outline
+    normals = np.column_stack([ways[:, 1], -ways[:, 0]]) / np.hypot(*ways.T)[:, None]
+    return np.column_stack([normals, (normals * outline).sum(axis=1)])
 
 
-def _best(outline: np.ndarray, planes: np.ndarray) -> np.ndarray:
-    """Cut an outline along the one plane that leaves most of it outside."""
-    return max((_within(outline, -plane[None]) for plane in planes), key=_area)
-
-
-def _within(outline: np.ndarray, planes: np.ndarray) -> np.ndarray:
-    """Clip a convex outline by half planes, (n, 2)."""
+def within(outline: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    """Clip a convex outline by half planes, rows a b c of a·x + z·b <= c, (n, 2)."""
     for a, b, c in planes:
         side = outline @ np.array([a, b]) - c
+        if not (side > 0.0).any():
+            continue
+        if not (side < 0.0).any():
+            return np.zeros((0, 2))
         points = []
         for i, point in enumerate(outline):
             j = (i + 1) % len(outline)
@@ -107,14 +117,64 @@ def _within(outline: np.ndarray, planes: np.ndarray) -> np.ndarray:
                 points.append(point)
             if (side[i] < 0.0 < side[j]) or (side[i] > 0.0 > side[j]):
                 points.append(point + (outline[j] - point) * side[i] / (side[i] - side[j]))
-        if len(points) < 3:
-            return np.zeros((0, 2))
         outline = np.array(points)
     return outline
 
 
-def _area(outline: np.ndarray) -> float:
+def area(outline: np.ndarray) -> float:
+    """Give the area of an outline, counter-clockwise [m²]."""
     return moments(outline)[0] if len(outline) > 2 else 0.0
+
+
+def overlaps(outline: np.ndarray, planes: np.ndarray) -> bool:
+    """Say whether a convex outline reaches into an intersection of half planes."""
+    return area(within(outline, planes)) >= _NOTHING
+
+
+def strip(outline: np.ndarray, left: float, right: float) -> np.ndarray:
+    """Cut an outline between two upright lines."""
+    return within(outline, np.array([[-1.0, 0.0, -left], [1.0, 0.0, right]]))
+
+
+def around(outline: np.ndarray, sides: list[Zone], least: float, joint: float
+           ) -> list[np.ndarray]:
+    """
+    Part the outline of a brick into what lies in each zone; slivers go to the piece beside them.
+
+    :param sides: zones in their order around the gap.
+    :param least: width below which a piece is a sliver [m].
+    :param joint: [m]; an eighth of it may be lost on an average where slivers are given away.
+    """
+    pieces: list[np.ndarray] = []
+    last: Zone | None = None
+    for zone in sides:
+        piece = within(outline, zone.planes)
+        if area(piece) < _NOTHING:
+            last = None
+            continue
+        if pieces and last is not None:
+            merged = _merged(outline, (last, zone), (pieces[-1], piece), least, joint)
+            if merged is not None:
+                pieces[-1], last = merged
+                continue
+        pieces.append(piece)
+        last = zone
+    return pieces
+
+
+def _merged(outline: np.ndarray, pair: tuple[Zone, Zone], pieces: tuple[np.ndarray, np.ndarray],
+            least: float, joint: float) -> tuple[np.ndarray, Zone] | None:
+    """Go on with the side of one of two zones, if nothing is lost, or the other is a sliver."""
+    along = np.abs(pair[0].planes[2, :2])
+    thin = min(float(np.ptp(piece @ along)) for piece in pieces)
+    most = _NOTHING + (0.125 * joint * thin if thin < least else 0.0)
+    whole = sum(map(area, pieces))
+    for zone in pair:
+        planes = np.array([zone.planes[0], pair[0].planes[1], pair[1].planes[2]])
+        both = within(outline, planes)
+        if abs(whole - area(both)) < most:
+            return both, Zone(planes, zone.outwards)
+    return None
 
 
 def quads(outline: np.ndarray) -> list[np.ndarray]:
@@ -124,24 +184,40 @@ def quads(outline: np.ndarray) -> list[np.ndarray]:
     :param outline: counter-clockwise, (n, 2).
     :returns: outlines of four corners each; the last one twice for a triangle.
     """
-    outline = _without(outline, 1e-6)
-    area = _area(outline)
-    if not area or 2.0 * area / _girth(outline) < 0.5 * _NARROW or _thinnest(outline) < _NARROW:
+    outline = without(outline, 1e-6)
+    if not area(outline) or _thinnest(outline) < _NARROW:
         return []
     if len(outline) == 3:
         return [np.concatenate([outline, outline[-1:]])]
     if len(outline) == 4:
         return [outline]
-    lost = [area - _area(np.delete(outline, i, axis=0)) for i in range(len(outline))]
-    if min(lost) < min(_LOSS * area, _GAP):
-        return quads(np.delete(outline, int(np.argmin(lost)), axis=0))
-    inner = np.sort(outline[:, 0])[1:-1]
-    middle = inner[np.argmin(np.abs(inner - 0.5 * (outline[:, 0].min() + outline[:, 0].max())))]
-    return [quad for way in (1.0, -1.0)
-            for quad in quads(_within(outline, np.array([[way, 0.0, way * middle]])))]
+    before, after = np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0)
+    way = after - before
+    off = np.abs(way[:, 0] * (outline - before)[:, 1] - way[:, 1] * (outline - before)[:, 0])
+    off /= np.hypot(*way.T)
+    if off.min() < _ROUND:
+        return quads(np.delete(outline, int(np.argmin(off)), axis=0))
+    parted = [[_half(outline, axis, sign, line) for sign in (1.0, -1.0)]
+              for axis in (0, 1) for line in np.sort(outline[:, axis])[1:-1]]
+    best = max(parted, key=_worth)
+    return [quad for half in best for quad in quads(half)]
 
 
-def _without(outline: np.ndarray, distance: float) -> np.ndarray:
+def _worth(halves: list[np.ndarray]) -> tuple[int, float]:
+    """Rate a way to part an outline: few corners, and no half thin."""
+    halves = [without(half, 1e-6) for half in halves]
+    if min(map(len, halves)) < 3:
+        return (-100, 0.0)
+    return (-max(4, *map(len, halves)), min(map(_thinnest, halves)))
+
+
+def _half(outline: np.ndarray, axis: int, sign: float, line: float) -> np.ndarray:
+    plane = np.zeros(3)
+    plane[axis], plane[2] = sign, sign * line
+    return within(outline, plane[None])
+
+
+def without(outline: np.ndarray, distance: float) -> np.ndarray:
     """Drop corners that lie on others, or on the line between their neighbours."""
     kept = outline
     changed = True
@@ -154,10 +230,6 @@ def _without(outline: np.ndarray, distance: float) -> np.ndarray:
         changed = bool(flat.any())
         kept = np.delete(kept, np.flatnonzero(flat)[:1], axis=0)
     return kept
-
-
-def _girth(outline: np.ndarray) -> float:
-    return float(np.hypot(*(np.roll(outline, -1, axis=0) - outline).T).sum())
 
 
 def _thinnest(outline: np.ndarray) -> float:

@@ -27,7 +27,7 @@ _FACING = -0.94    # largest cosine between normals of faces that look at each o
 _INSIDE = 0.004    # [m] by which such faces may lie in each other
 _TOUCHING = 0.0015  # [m] between what is nailed to each other; tiles lie further apart
 _LEAST = 4e-4      # [m²] smaller patches hold nothing
-_THINNEST = 0.008  # [m] narrower ones neither
+_THINNEST = 0.012  # [m] narrower ones neither
 _AT_ONCE = 64      # solids compared with all others at a time
 
 

@@ -216,7 +216,7 @@ class Elevation:
         kind, joint = unit_of(layout, self.unit)
         bricks = arching.cut_bricks(site, self.facade, lay(
             runs, layout, site.kind(kind), joint, site.next_member, site.generator, leaf),
-            self._arches)
+            self._arches, layout)
         rows = site.add(self.facade.place(bricks))
         self.rows += range(rows.start, rows.stop)
 

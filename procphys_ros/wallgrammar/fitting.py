@@ -1,0 +1,177 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Fitting: where bricks beside an arch end, so that none of them is a sliver."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.wallgrammar import cutting, ledges
+from procphys_ros.wallgrammar.courses import Courses, Ledge
+from procphys_ros.wallgrammar.cutting import Gap, Zone
+
+_LONGEST = 1.3   # of the longest unit: what a brick may reach that takes in a sliver beside it
+_EVEN = 1e-6     # [m]
+_MISSED = 0.004  # [m] of a course that the side of a gap may not reach along
+
+
+def ends(courses: Courses, outline: np.ndarray, inside: bool) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Move perpends away from the steep sides of a gap, so that no narrow pieces are beside it.
+
+    :param outline: of the gap, convex, counter-clockwise [m], (n, 2).
+    :param inside: whether bricks stand inside of it, or around it.
+    :returns: left and right ends of all bricks [m], (n,), ends beyond each other for those that
+        their neighbours take in.
+    """
+    left, right = courses.low[:, 0].copy(), courses.high[:, 0].copy()
+    foot, head = outline[:, 1].min(), outline[:, 1].max()
+    bands = np.column_stack([courses.low[:, 1], courses.high[:, 1]])
+    near = (bands[:, 1] < head + _EVEN) & (bands[:, 0] > foot - courses.joint - _EVEN)
+    for band in np.unique(bands[near], axis=0):
+        rows = np.flatnonzero((bands == band).all(axis=1))
+        for sign in (1.0, -1.0):
+            found = _side(outline, band, sign, inside)
+            if found is None:
+                continue
+            starts, stops = ((left, right) if sign > 0.0 else (-right, -left))
+            starts, stops = starts[rows], stops[rows]
+            _move(starts, stops, *found, courses)
+            if sign > 0.0:
+                left[rows], right[rows] = starts, stops
+            else:
+                left[rows], right[rows] = -stops, -starts
+    return left, right
+
+
+def _side(outline: np.ndarray, band: np.ndarray, sign: float, inside: bool
+          ) -> tuple[float, float, float] | None:
+    """Say from where to where the side of masonry runs in a course, masonry on its left."""
+    flipped = outline * [sign, 1.0]
+    if sign < 0.0:
+        flipped = flipped[::-1]
+    low = max(band[0], float(flipped[:, 1].min()) + _EVEN)
+    high = min(band[1], float(flipped[:, 1].max()) - _EVEN)
+    if high - low < band[1] - band[0] - _MISSED:
+        return None
+    part = cutting.within(flipped, np.array([[0.0, -1.0, -low], [0.0, 1.0, high]]))
+    if len(part) < 3:
+        return None
+    reach = [part[np.abs(part[:, 1] - level) < _EVEN, 0] for level in (low, high)]
+    if inside:
+        at = [float(xs.max()) for xs in reach]
+        near, far = min(at), float(part[:, 0].max())
+    else:
+        at = [float(xs.min()) for xs in reach]
+        near, far = float(part[:, 0].min()), max(at)
+    if far - near > high - low:
+        return None
+    return near, far, float(band[1] - band[0])
+
+
+def _move(left: np.ndarray, right: np.ndarray, near: float, far: float, height: float,
+          courses: Courses) -> None:
+    """Move the last perpend before a side of the gap, in place."""
+    narrow = float(np.clip(0.35 * height, 0.02, 0.06))
+    for edge in np.unique(left[(left > near - narrow) & (left < far + courses.joint)]):
+        before = np.abs(right + courses.joint - edge) < 2e-6
+        if not before.any():
+            continue
+        start = float(left[before].max())
+        if edge >= far or far - start < _LONGEST * courses.longest or (
+                near - narrow - start < 2.0 * narrow):
+            taken = (left > edge - _EVEN) & (left < far)
+            right[before], left[taken] = far, right[taken]
+        else:
+            left[np.abs(left - edge) < _EVEN] = near - narrow
+            right[before] = near - narrow - courses.joint
+        return
+
+
+@dataclass(frozen=True)
+class Fit:
+    """
+    How the bricks of a wall meet one gap.
+
+    :ivar gap: what they make room for.
+    :ivar left, right: where bricks around it end [m], (n,).
+    :ivar inner_left, inner_right: where bricks inside of it end [m], (n,).
+    :ivar above, aside, within: ledges over it, under its skewbacks, and inside.
+    :ivar sides: zones around it, and which of them the ledges belong to.
+    :ivar touched: which bricks it may change, (n,) bool.
+    """
+
+    gap: Gap
+    left: np.ndarray
+    right: np.ndarray
+    inner_left: np.ndarray
+    inner_right: np.ndarray
+    above: list[Ledge]
+    aside: list[Ledge]
+    within: list[Ledge]
+    sides: list[tuple[list[Zone], list[Ledge]]]
+    touched: np.ndarray
+
+    @classmethod
+    def of(cls, courses: Courses, gap: Gap) -> 'Fit':
+        """Fit bricks to a gap."""
+        left, right = ends(courses, gap.outline, False)
+        above = ledges.over(courses, left, right, gap.outline, True)
+        aside, inside = [], []
+        inner = (left, right)
+        if gap.inside is None:
+            aside = ledges.over(courses, left, right, gap.outline, False)
+        else:
+            inner = ends(courses, gap.inside, True)
+            inside = ledges.under(courses, *inner, gap.inside)
+        foot = gap.outline[:, 1].min()
+        groups: list[tuple[list[Zone], list[Ledge]]] = []
+        for zone, start in zip(cutting.zones(gap.outline), gap.outline):
+            base = zone.outwards[1] < -0.999 and start[1] < foot + _EVEN
+            mine = above if zone.outwards[1] > 0.0 else [] if base else aside
+            if groups and groups[-1][1] is mine:
+                groups[-1][0].append(zone)
+            else:
+                groups.append(([zone], mine))
+        planes = cutting.half_planes(gap.outline)
+        boxes = cutting.rectangles(np.column_stack([left, courses.low[:, 1]]),
+                                   np.column_stack([right, courses.high[:, 1]]))
+        clear = boxes @ planes[:, :2].T - planes[:, 2]
+        touched = ~(clear.min(axis=1) > -1e-9).any(axis=1)
+        for ledge in above + aside + inside:
+            level = round(1e6 * ledge.level)
+            touched |= (((courses.bottoms == level) | (courses.tops == level))
+                        & (left < ledge.right) & (right > ledge.left))
+        return cls(gap, left, right, *inner, above, aside, inside, groups, touched)
+
+    def around(self, courses: Courses, row: int, outline: np.ndarray) -> list[np.ndarray]:
+        """Part the outline of a brick, or of a piece of one, that lies around the gap."""
+        least = courses.least(np.array([row]))
+        found = []
+        for sides, its_ledges in self.sides:
+            for part in courses.stretches(row, outline, its_ledges):
+                found += cutting.around(part, sides, least, courses.joint)
+        return found
+
+    def inside(self, courses: Courses, row: int) -> list[np.ndarray]:
+        """Give the pieces of a brick that lie inside of the gap."""
+        if self.gap.inside is None or self.inner_left[row] >= self.inner_right[row]:
+            return []
+        outline = cutting.rectangles(
+            np.array([[self.inner_left[row], courses.low[row, 1]]]),
+            np.array([[self.inner_right[row], courses.high[row, 1]]]))[0]
+        planes = cutting.half_planes(self.gap.inside)
+        return [cutting.within(part, planes)
+                for part in courses.stretches(row, outline, self.within)]
