@@ -33,6 +33,7 @@ import numpy as np
 import pytest
 
 import procphys_ros
+from procphys_ros.compilation import warming
 from procphys_ros.compilation.decorator import KERNELS
 from procphys_ros.compilation.linking import Subroutine
 from procphys_ros.compilation.overloads import shipped
@@ -163,6 +164,14 @@ def test_complete_cache_needs_no_child(monkeypatch):
     background = BackgroundCompilation(said.append)
     background.close()
     assert (background.progress, said) == ('', [])
+
+
+@pytest.mark.parametrize('number', ['-1', '1.5', 'all'])
+def test_jobs_are_a_whole_number(number, capsys):
+    """Refuse other numbers of processes in one line."""
+    with pytest.raises(SystemExit):
+        warming.main(['--jobs', number])
+    assert f'"{number}" is not a whole number' in capsys.readouterr().err
 
 
 def test_overload_compiles_once(tmp_path, monkeypatch):

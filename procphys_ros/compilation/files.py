@@ -16,9 +16,9 @@
 """Files of the cache: whole, or as if they were not there."""
 
 import hashlib
-import os
 from pathlib import Path
-from tempfile import NamedTemporaryFile
+
+from procphys_ros.whole_files import write_whole
 
 _CHECKSUM = 32  # [B] of SHA-256, at the head of each file
 
@@ -39,11 +39,4 @@ def write(path: Path, payload: bytes) -> None:
 
     :raises OSError: when that is not possible.
     """
-    with NamedTemporaryFile(dir=path.parent, prefix='.', delete=False) as file:
-        try:
-            file.write(hashlib.sha256(payload).digest() + payload)
-            file.close()
-            os.replace(file.name, path)
-        except OSError:
-            os.unlink(file.name)
-            raise
+    write_whole(path, hashlib.sha256(payload).digest() + payload)

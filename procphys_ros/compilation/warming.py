@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(
         prog='warm', description='Compile all kernels, so that no simulation waits for them.')
-    parser.add_argument('--jobs', type=int, default=0, metavar='N',
+    parser.add_argument('--jobs', type=_whole, default=0, metavar='N',
                         help='processes that compile at once; 0 = one per core')
     parser.add_argument('--background', action='store_true',
                         help='help a node that is starting: one process compiles what that '
@@ -144,3 +144,9 @@ def _compile_one(overload: Overload) -> Done:
         return str(overload), overload.compile(), ''
     except StaleOverload as error:
         return str(overload), False, str(error)
+
+
+def _whole(text: str) -> int:
+    if not text.isascii() or not text.isdigit():
+        raise argparse.ArgumentTypeError(f'"{text}" is not a whole number')
+    return int(text)

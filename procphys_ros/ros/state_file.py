@@ -15,12 +15,11 @@
 
 """Files of saved states: written whole or not at all, read only when they are plain files."""
 
-import os
 from pathlib import Path
 import stat
-from tempfile import NamedTemporaryFile
 
 from procphys_ros.errors import CommandError
+from procphys_ros.whole_files import write_whole
 
 _LARGEST = 2 << 30  # [bytes] of a file that is read
 
@@ -32,14 +31,7 @@ def write_state(path: Path, data: bytes) -> None:
     :raises CommandError: when it cannot be written; nothing has changed then.
     """
     try:
-        with NamedTemporaryFile(dir=path.parent, prefix='.', delete=False) as file:
-            try:
-                file.write(data)
-                file.close()
-                os.replace(file.name, path)
-            except OSError:
-                os.unlink(file.name)
-                raise
+        write_whole(path, data)
     except (OSError, ValueError) as error:
         raise CommandError(f'state.file: {path} cannot be written: {_reason(error)}') from error
 
