@@ -27,7 +27,8 @@ _FACING = -0.94    # largest cosine between normals of faces that look at each o
 _INSIDE = 0.004    # [m] by which such faces may lie in each other
 _TOUCHING = 0.0015  # [m] between what is nailed to each other; tiles lie further apart
 _LEAST = 4e-4      # [m²] smaller patches hold nothing
-_THINNEST = 0.012  # [m] narrower ones neither
+_THINNEST = 0.008  # [m] narrower ones neither,
+_NARROW = 0.012    # [m] nor do these, unless a solid has no other
 _AT_ONCE = 64      # solids compared with all others at a time
 
 
@@ -66,7 +67,18 @@ def meet(corners: np.ndarray, chosen: np.ndarray, reach: float,
     for patch in found:
         if patch is not None and (patch[0] not in widest or widest[patch[0]][3] < patch[3]):
             widest[patch[0]] = patch
-    return _table(list(widest.values()), corners)
+    return _table(_wide(list(widest.values()), chosen), corners)
+
+
+def _wide(found: Sequence[tuple], chosen: np.ndarray) -> list[tuple]:
+    """Leave out narrow patches but those of solids that have no others."""
+    wide = [bool(patch[2].min() >= _NARROW) for patch in found]
+    held = ~chosen
+    for patch, is_wide in zip(found, wide):
+        if is_wide:
+            held[[part for part in patch[0] if part != GROUND]] = True
+    return [patch for patch, is_wide in zip(found, wide)
+            if is_wide or not all(held[part] for part in patch[0] if part != GROUND)]
 
 
 def _near(corners: np.ndarray, chosen: np.ndarray, reach: float) -> np.ndarray:
