@@ -94,6 +94,25 @@ def test_what_joins_answers_by_its_name_and_leaves_by_it():
     assert simulation.awake_bodies == 0 and not simulation.velocities.any()
 
 
+def test_what_was_one_piece_with_a_removed_object_falls_on():
+    """Drop a wall with another on it and take the lower away: the upper one lands, and blows."""
+    scene = Scene()
+    scene.add(wall(4, 4, tension=1e7, cohesion=1e7), (0.0, 0.0, 2.0), 0.0, 'carrier')
+    scene.add(wall(4, 3, tension=1e7, cohesion=1e7), (0.0, 0.0, 0.0), 0.0, 'load', on='carrier')
+    simulation = Simulation(scene)
+    simulation.step(5)
+    body = simulation.state.parts.body
+    assert len(np.unique(body)) == 1 and body[0] >= 0  # both are one piece
+    simulation.remove('carrier')
+    own = simulation.exists
+    low = simulation.poses[own, 2].copy()
+    simulation.step(30)
+    assert (simulation.poses[own, 2] < low - 0.5).all()
+    simulation.explode((0.4, -2.0, 0.5), 1.0)
+    simulation.step(10)
+    assert (np.linalg.norm(simulation.velocities[own, :3], axis=1) > 0.1).all()
+
+
 def test_names_do_not_collide_and_bad_objects_change_nothing():
     """Refuse a name that is or was taken, and a place that is none."""
     simulation = stand(wall(4, 4))

@@ -92,7 +92,7 @@ def remove(model: Model, state: State, name: str) -> None:
     for root in rows[state.forest.parents[rows] < 0].tolist():
         state.forest.detach(root)
     for body in np.unique(state.parts.body[parts[owner == Owner.BODY]]).tolist():
-        fragments.split(model, state, body, [])
+        fragments.take_out(model, state, body, parts)
     fragments.vanish(state, parts)
     state.added.pop(name, None)
     state.removed.append(name)

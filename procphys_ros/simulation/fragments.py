@@ -177,6 +177,17 @@ def split(model: Model, state: State, body: int, pieces: Sequence[np.ndarray]) -
     return [make_body(model, state, whole[row], poses[row], velocities[row]) for row in rows]
 
 
+def take_out(model: Model, state: State, body: int, parts: np.ndarray) -> None:
+    """
+    Take parts out of a body, which have none then; the rest of it goes on as it did.
+
+    :param body: id.
+    :param parts: (K,) indices; those that the body does not carry do not count.
+    """
+    rest = np.setdiff1d(state.bodies.members[body], parts)
+    split(model, state, body, state.loose_bonds.pieces(rest) if len(rest) else [])
+
+
 def part_states(state: State, body: int) -> tuple[np.ndarray, np.ndarray]:
     """Give present poses (P, 7) and velocities (P, 6) of the parts that a body carries."""
     bodies, parts = state.world.bodies, state.bodies.members[body]

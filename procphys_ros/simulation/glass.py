@@ -313,8 +313,7 @@ def _take_out(model: Model, state: State, body: int, rows: np.ndarray) -> None:
     poses = fragments.part_states(state, body)[0][np.searchsorted(members, parts)]
     for part, pose, load in zip(parts.tolist(), poses, state.glass.load[rows].tolist()):
         _break_out_of_frame(model, state, part, pose, members, load)
-    rest = np.setdiff1d(members, parts)
-    fragments.split(model, state, body, state.loose_bonds.pieces(rest) if len(rest) else [])
+    fragments.take_out(model, state, body, parts)
 
 
 def _break_out_of_frame(model: Model, state: State, part: int, pose: np.ndarray,
