@@ -112,4 +112,4 @@ def test_collapse_runs_through_a_house_with_slabs():
 def test_collapse_stops_where_floors_do_not_tie():
     """Take half of the ground floor: most of what stood on it falls, the far end stays up."""
     x, stands = house_without('timber', lambda p: p[:, 0] > 2.0)
-    assert stands[x > 2.0].mean() < 0.6 < stands[x < 0.5].mean()
+    assert stands[x > 2.0].mean() < 0.6 and stands[x < 0.5].mean() > 0.9

@@ -162,6 +162,16 @@ def test_worst_first_takes_peaks_that_are_far_apart():
     assert not len(worst_first(graph, np.minimum(share, 1.0), 0.7))
 
 
+def test_what_is_overloaded_waits_for_the_worst_but_under_blows():
+    """Spare what carries four times its strength while another bond carries eighteen times."""
+    graph = BondGraph(wall(20, 10))
+    share = np.zeros(len(graph))
+    worst, other = graph.neighbours([60])[0], graph.neighbours([75])[0]
+    share[worst], share[other] = 18.0, 4.0
+    assert worst_first(graph, share, 0.7).tolist() == [worst]
+    assert worst_first(graph, share, 0.7, hopeless=3.0).tolist() == sorted([worst, other])
+
+
 def test_dead_bonds_carry_and_count_nothing():
     """Give a broken bond no utilisation."""
     graph = BondGraph(wall(5, 5))

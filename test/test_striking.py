@@ -134,10 +134,11 @@ def test_a_fast_ball_goes_through_and_comes_out_slower():
 @pytest.mark.parametrize('engine', installed_engines())
 def test_momentum_of_a_wall_that_is_thrown_over_is_accounted_for_at_all_times(engine):
     """
-    Throw a wall over with a box, and follow the momentum for a second.
+    Throw a wall over with a box, and follow the momentum until it lies still, a second at most.
 
     What is loose has, in every step, what the box had, less what the ledger knows to be in the
-    ground, plus what contacts with the ground and with standing parts gave.
+    ground, plus what contacts with the ground and with standing parts gave. Rest takes what is
+    left in the end, some centimetres per second, and enters it nowhere.
     """
     simulation = stand(wall(12, 24), engine=engine)
     throw(simulation, 150.0, 4.0, height=0.7, shape='box', size=1.2, start=-0.75)
@@ -147,9 +148,12 @@ def test_momentum_of_a_wall_that_is_thrown_over_is_accounted_for_at_all_times(en
     for _ in range(60):
         simulation.step()
         world, ledger = simulation.state.world, simulation.state.ledger
+        if not simulation.awake_bodies:
+            break
         held += scraped(simulation, world.contacts())[1] + scraped(simulation, world.lifts())[1]
         assert momentum(simulation)[1] == pytest.approx(start - ledger.grounded[1] + held,
                                                         abs=0.005 * start)
+    assert simulation.time > 0.5
     assert (~simulation.state.standing[:300]).sum() > 200
     assert not any(impact.torn for impact in simulation.impacts)
     np.testing.assert_allclose(ledger.lost, ledger.carried + ledger.grounded, atol=1e-9)
@@ -187,10 +191,14 @@ def test_momentum_is_accounted_for(mass, speed, size, shape):
     (5.0, 3.0, 0.2, 'sphere'), (20.0, 40.0, 0.3, 'sphere'), (1000.0, 8.0, 0.8, 'box'),
 ])
 def test_energy_is_never_gained(mass, speed, size, shape):
-    """Let the energy of all that is loose only fall, but for the height of what falls out."""
+    """
+    Let the energy of all that is loose only fall, but for the height of what falls out.
+
+    Masonry that a blow throws over comes off later, with energy that was lost to it before.
+    """
     simulation = stand(wall(12, 24))
     throw(simulation, mass, speed, size=size, shape=shape)
-    last, height = energy(simulation), 0.0
+    last, lost = energy(simulation), 0.0
     for _ in range(60):
         stood = simulation.state.standing.copy()
         simulation.step()
@@ -198,8 +206,10 @@ def test_energy_is_never_gained(mass, speed, size, shape):
         height = GRAVITY * (simulation.blueprint.mass[:len(fresh)][fresh]
                             @ simulation.blueprint.poses[:len(fresh)][fresh, 2])
         now = energy(simulation)
-        assert now < last + height + 0.002 * last + 0.5
-        last = now
+        gain = now - last - height
+        assert gain < (lost if fresh.any() else 0.0) + 0.002 * last + 0.5
+        last, lost = now, max(lost - gain, 0.0)
+    assert simulation.ledger.carried[1] <= simulation.ledger.lost[1] + 1e-9  # no blow twice
 
 
 def test_the_work_of_fracture_slows_what_goes_through():

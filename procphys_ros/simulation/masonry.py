@@ -34,9 +34,10 @@ WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick w
 #                    a blow much shorter than T stresses a wall as the steady force rate·impulse
 
 NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
-_PACE = 480.0    # [1/s] iterations of the stress solver per simulated second while something
-#                  changed, whatever the size: cracks run on as fast in long buildings as in short
-_CURVED = 4.0    # times as many as joints open and close, which takes more of them, ...
+_ROUNDS = 60.0   # [1/s] of failures under lasting loads: the speed of cracks (decision 39)
+_PACE = 1200.0   # [1/s] iterations of the stress solver per simulated second under blows; ...
+_ROUND = 6.0     # ... times as many under lasting loads, enough for a round in a step of 1/60 s
+_CURVED = 1.6    # times as many as joints open and close, which takes more of them, ...
 _WORK = 45_000   # ... unless parts times iterations, a third of a step of 1/60 s, are more
 _TIPPING = 0.15  # [m/s] of its middle, with which a wall of thickness t and height h tips over:
 #                  √(3·g·t²/(8·h)) is 0.12 for a storey half a brick thick, 0.25 for one brick
@@ -178,12 +179,13 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
 
     Writes bonds and stresses of what stands, and releases what lost the ground.
     """
+    settled = is_stable(state)
     state.unjudged += dt
-    iterations = max(round(_PACE * dt), 1)
-    if state.solver.curved:
-        most = _WORK // max(state.solver.working, 1)
-        iterations = max(min(round(_CURVED * _PACE * dt), most), iterations)
-    pieces, rounds = _advance(model, state, iterations)
+    if not state.loads.struck and state.time + 0.5 * dt < state.next_round:
+        return
+    pieces, rounds = _advance(model, state, _iterations(state, dt), max(round(_ROUNDS * dt), 1))
+    if rounds:
+        state.next_round = state.time + 1.0 / _ROUNDS
     broke = any(failures.broken.any() for failures in rounds)
     if broke:  # a building that crumbles on must not feel released forces for ever
         state.solver.forget_sudden(-math.expm1(-state.unjudged / _PEAK))
@@ -191,18 +193,34 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
         state.unjudged = 0.0
     _let_go(model, state, pieces)
     if is_stable(state):
+        if not settled:
+            state.parts.velocities[state.standing] = 0.0  # of what blows did not throw over
         state.loads.end_blows()
     elif rounds:
         state.loads.take_more(state.time, broke)
 
 
-def _advance(model: Model, state: State,
-             iterations: int) -> tuple[list[np.ndarray], list[Failures]]:
-    """Work on the stresses; give the pieces that lost the ground, and what failed."""
+def _iterations(state: State, dt: float) -> int:
+    """Give the largest number of iterations in a step."""
+    each = max(round(_PACE * dt), 1)
+    if state.solver.curved:
+        most = _WORK // max(state.solver.working, 1)
+        return max(min(round(_CURVED * _PACE * dt), most), each)
+    return each if state.loads.struck else round(_ROUND * each)
+
+
+def _advance(model: Model, state: State, iterations: int,
+             most: int | None = None) -> tuple[list[np.ndarray], list[Failures]]:
+    """
+    Work on the stresses; give the pieces that lost the ground, and what failed.
+
+    :param most: rounds of failures under lasting loads; None = until nothing fails.
+    """
     if is_stable(state):
         return [], []
-    rounds = state.fracture.advance(
-        iterations, partial(_ride_out, state) if state.loads.struck else None)
+    struck = state.loads.struck
+    rounds = state.fracture.advance(iterations, partial(_ride_out, state) if struck else None,
+                                    None if struck else most)
     standing = state.standing[:model.masonry.graph.count]
     loose = standing & ~state.solver.supported
     pieces = groups(state.solver.labels, loose) if loose.any() else []
@@ -250,6 +268,12 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
 
 def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:
     """Release what lost the ground, with the velocity that blows or a blast wave gave it."""
+    if pieces and state.loads.struck:
+        thrown = np.flatnonzero(state.standing & state.parts.velocities.any(axis=1))
+        mass = state.parts.mass
+        leaves = np.intersect1d(thrown, np.concatenate(pieces))
+        # What leaves takes its share of the blows along.
+        state.loads.scale_blows(thrown, 1.0 - mass[leaves].sum() / max(mass[thrown].sum(), 1e-9))
     for parts in pieces:
         # What stands has no velocity but the one from `_ride_out`.
         state.ledger.come_off(state.parts.mass[parts] @ state.parts.velocities[parts, :3])

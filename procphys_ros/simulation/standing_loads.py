@@ -25,7 +25,7 @@ _TOGETHER = 0.1  # [s] loads that change within this act together: about two per
 #                  storey-high wall, which has not answered to the first of them before
 _FADING = 0.5    # [s] time constant of blows that wait: walls have swung out by then, and blows
 #                  of many seconds must not act as one
-_LONGEST = 0.15  # [s] that a blow acts from the first failure on, three rounds at their pace
+_LONGEST = 0.06  # [s] that a blow acts from the first failure on, three rounds at their pace
 #                  (decision 24): cracks run through a panel while it swings out, but what crumbles
 #                  on must not feel it for ever
 
@@ -125,6 +125,12 @@ class StandingLoads:
                 column[parts] = 0.0
         self._changed |= self._blows is not None
         return total
+
+    def scale_blows(self, parts: np.ndarray, share: float) -> None:
+        """Leave a share of the blows that act on parts."""
+        if self._blows is not None:
+            self._blows[parts] *= share
+            self._changed = True
 
     def take_more(self, time: float, broke: bool) -> None:
         """

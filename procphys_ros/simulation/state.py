@@ -285,6 +285,7 @@ class State:
     :ivar loose_bonds: bonds of what has left its wall or tree.
     :ivar solver, fracture: stresses in what stands.
     :ivar unjudged: time since the stresses were last judged [s].
+    :ivar next_round: when masonry may fail again [s].
     :ivar loads: on what stands.
     :ivar charges: armed: time [s], place [m] and radius [m] of each, by time.
     :ivar wrenches: lasting force and torque per part [N], [N·m].
@@ -315,6 +316,7 @@ class State:
     time: float = 0.0
     cue: int = 0
     unjudged: float = 0.0
+    next_round: float = 0.0
     observer: Observer | None = None
     log: EventLog = field(default_factory=EventLog)
     ledger: MomentumLedger = field(default_factory=MomentumLedger)

@@ -22,11 +22,12 @@ import numpy as np
 
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import strength, ties
-from procphys_ros.physics.masonry.solver import StressSolver
+from procphys_ros.physics.masonry.solver import DRIFT, StressSolver, SWAY
 
 _BAND = 0.7  # of the worst utilisation
 _ROUGH = 10.0  # tolerances of the solver, at which utilisations are right to 0.1 or so (test), ...
 _CLEARLY = 2.0  # ... and from which utilisation on bonds may break so early
+_HOPELESS = 3.0  # utilisation under a blow that others do not relieve before it is over
 
 
 @dataclass(frozen=True)
@@ -84,8 +85,8 @@ class Fracture:
         """Whether the present loads are carried and the last judgement broke nothing."""
         return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
-    def advance(self, iterations: int,
-                relieve: Callable[[np.ndarray], bool] | None = None) -> list[Failures]:
+    def advance(self, iterations: int, relieve: Callable[[np.ndarray], bool] | None = None,
+                most: int | None = None) -> list[Failures]:
         """
         Spend some iterations; fail what is overloaded each time that equilibrium is reached.
 
@@ -94,10 +95,12 @@ class Fracture:
             apart closes again, and is not gone. Asked before what no equilibrium holds is let go,
             with these parts; takes the loads away if they do not throw it over, and says whether
             it has.
+        :param most: rounds in which something cracks or breaks; None = as many as there are.
         :returns: one entry per round in which something cracked or broke.
         """
-        solver, graph, rounds = self.solver, self.solver.graph, []
-        while iterations > 0 and not self.stable:
+        solver, graph = self.solver, self.solver.graph
+        rounds: list[Failures] = []
+        while iterations > 0 and not self.stable and len(rounds) != most:
             before = solver.spent
             solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
             iterations -= max(solver.spent - before, 1)
@@ -108,11 +111,14 @@ class Fracture:
                     continue
             if not solver.converged and len(solver.part_hinges()):
                 continue
-            adrift = solver.mechanisms()
+            furthest = DRIFT if relieve is None else SWAY
+            adrift = solver.mechanisms(furthest)
             settled = solver.converged or len(adrift) > 0
             if not settled and not self._may_glance():
                 break
             self._glanced = solver.problem
+            if not settled and len(solver.adrift(furthest)):
+                continue  # what is adrift is solved to the end
             if not solver.converged and self._straighten(adrift):
                 continue
             failures = self._judge(adrift, 1.0 if settled else _CLEARLY, relieve is not None)
@@ -139,8 +145,8 @@ class Fracture:
         return near and self._glances()
 
     def _glances(self) -> bool:
-        """Say whether the problem is to be glanced at; what is adrift is solved to the end."""
-        return self._glanced != self.solver.problem and not len(self.solver.adrift())
+        """Say whether the problem is to be glanced at."""
+        return self._glanced != self.solver.problem
 
     def _judge(self, adrift: np.ndarray, least: float, brief: bool) -> Failures:
         """
@@ -154,7 +160,8 @@ class Fracture:
         share, cause = strength.utilisation(graph, wrench)
         chosen = np.zeros(len(graph), bool)
         if (solver.converged or not len(adrift)) and share.max(initial=0.0) > least:
-            chosen[strength.worst_first(graph, share, self.band)] = True
+            hopeless = _HOPELESS if brief else np.inf
+            chosen[strength.worst_first(graph, share, self.band, hopeless)] = True
             chosen |= (share > 1.0) & self._dry
         moving = np.zeros(graph.count + 1, bool)
         moving[adrift] = True
@@ -165,7 +172,7 @@ class Fracture:
         gone |= (cause[bonds] == Cause.COMPRESSION) | graph.narrowed(bonds)
         tied = (graph.mortar.reinforcement[bonds] > 0.0) & (cause[bonds] == Cause.TENSION)
         keeps, torn = ties.give_way(graph, bonds, wrench[bonds])
-        gone = np.where(tied, torn, gone) | moving[bonds]
+        gone = np.where(tied, torn, gone | moving[bonds])
         had_cracked = graph.has_cracked(bonds)
         solver.crack(bonds[~gone & ~tied])
         solver.weaken(bonds[~gone & tied], keeps[~gone & tied])

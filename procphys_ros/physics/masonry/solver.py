@@ -31,10 +31,12 @@ from procphys_ros.physics.masonry.superposition import Superposition
 
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
 _CURVED_STALE = 40   # the same while joints open: tangents change by more than a cut does
-_STALE_AFTER = 120   # iterations since a change until the coarse space is renewed (decision 24)
+_STALE_AFTER = 10    # iterations since a change until the coarse space is renewed (decision 24)
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
-_FURTHEST = 0.25     # [m] displacement at which a part counts as a mechanism; sound ones: < 1 cm
+DRIFT = 0.01         # [m] displacement from which on a part counts as a mechanism; sound ones stay
+#                      below, ...
+SWAY = 0.25          # ... but for loads that are soon over
 
 
 class StressSolver:
@@ -399,7 +401,7 @@ class StressSolver:
 
     def in_motion(self) -> np.ndarray:
         """List the parts that a mechanism moves away from where they were in equilibrium last."""
-        moves = len(self._hinges()) or len(self.mechanisms())
+        moves = len(self._hinges()) or len(self.mechanisms(SWAY))
         return self.equilibrium.moved_from(self._calm) if moves else np.zeros(0, np.intp)
 
     def rewind(self) -> None:
@@ -419,22 +421,28 @@ class StressSolver:
         """List the parts whose nodal residual exceeds the tolerance."""
         return np.flatnonzero((self.equilibrium.residual_sizes() > self.goal) & self.supported)
 
-    def adrift(self) -> np.ndarray:
-        """List the parts displaced by more than 25 cm; none while a step is under way."""
+    def adrift(self, furthest: float) -> np.ndarray:
+        """
+        List the parts displaced by more than a mechanism's least; none while a step is under way.
+
+        :param furthest: that least [m], `DRIFT` or `SWAY`.
+        """
         if not self.known:
             return np.zeros(0, np.intp)
-        far = np.abs(self.displacement[:-1, :3]) > _FURTHEST
+        far = np.abs(self.displacement[:-1, :3]) > furthest
         return np.flatnonzero(far.any(axis=1)) if far.any() else np.zeros(0, np.intp)
 
-    def mechanisms(self) -> np.ndarray:
+    def mechanisms(self, furthest: float) -> np.ndarray:
         """
         List the parts that no static equilibrium worth the name holds.
 
-        Converged, these are the parts displaced by more than 25 cm; otherwise the parts still
-        unbalanced when the iterations since the last change have run out of patience.
+        Converged, these are the parts displaced too far; otherwise the parts still unbalanced when
+        the iterations since the last change have run out of patience.
+
+        :param furthest: see `adrift`.
         """
         if self.converged:
-            return self.adrift()
+            return self.adrift(furthest)
         return self.unbalanced() if self._exhausted else np.zeros(0, np.intp)
 
     @property

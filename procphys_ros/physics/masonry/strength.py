@@ -41,7 +41,6 @@ from procphys_ros.physics.masonry.ties import tie_stress
 
 _TENSION, _COMPRESSION = int(Cause.TENSION), int(Cause.COMPRESSION)  # for kernels
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
-_HOPELESS = 3.0     # utilisation that the breaking of others elsewhere will not bring below 1
 _LIGAMENT = 0.05    # least share of the whole side that may stay closed: less crushes away
 _BLOCK = 1e-3       # least side of the block that bears a resultant on the edge, of the patch
 _MARGIN = 0.95      # of the side that balances the resultant: utilisation 0.9 once opened
@@ -176,16 +175,19 @@ def opening(graph: BondGraph, bonds: np.ndarray,
     return stays, low, high
 
 
-def worst_first(graph: BondGraph, share: np.ndarray, band: float) -> np.ndarray:
+def worst_first(graph: BondGraph, share: np.ndarray, band: float,
+                hopeless: float = np.inf) -> np.ndarray:
     """
     Choose the bonds to break before stresses are solved anew.
 
     The worst bond breaks, and with it every bond over its limit that is within `band` of it, or
-    carries thrice its strength, and is worse than all others two bonds away: far enough that
-    breaking the worst relieves it little.
+    hopeless, and is worse than all others two bonds away: far enough that breaking the worst
+    relieves it little. However overloaded, the others wait: lasting loads grow until the first
+    bond breaks, and what carries much less than the worst does so in a state never reached.
 
     :param share: utilisation, (M,).
     :param band: least utilisation relative to the worst; 1 breaks the worst alone.
+    :param hopeless: utilisation that the breaking of others elsewhere will not bring below 1.
     :returns: rows of bonds, ascending.
     """
     over = np.flatnonzero(share > 1.0)
@@ -202,5 +204,5 @@ def worst_first(graph: BondGraph, share: np.ndarray, band: float) -> np.ndarray:
     np.maximum.at(wider, graph.second[over], around)
     wider[far] = 0.0
     around = np.maximum(around, np.maximum(wider[graph.first[over]], wider[graph.second[over]]))
-    least = min(band * share[over].max(), _HOPELESS)
+    least = min(band * share[over].max(), hopeless)
     return over[(share[over] >= around) & (share[over] >= least)]
