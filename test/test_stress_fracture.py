@@ -21,6 +21,7 @@ import pytest
 
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.physics.masonry.solver import DRIFT
 
 G = 9.81  # [m/s²]
 
@@ -60,6 +61,21 @@ def test_sound_wall_breaks_nothing():
     assert not len(bond)
     assert fracture.solver.utilisation()[0].max() < 1.0
     assert fracture.advance(1000) == []
+
+
+def test_what_sags_soundly_is_no_mechanism():
+    """Count from where all held: a wall that gave way by more than a centimetre does not drift."""
+    fracture = start(wall(8, 20, tension=1e12, cohesion=1e12), gravity=(0.0, 0.0, -1e5))
+    fracture.solver.graph.mortar.compression[:] = 1e12
+    settle(fracture)
+    solver = fracture.solver
+    assert fracture.stable and np.abs(solver.displacement[:, 2]).max() > 2.0 * DRIFT
+    assert not len(solver.adrift(DRIFT))
+    load = np.zeros((solver.graph.count, 3))
+    load[:, 0] = 1e-3 * solver.graph.mass
+    solver.set_loads(load)
+    solver.iterate(10000)
+    assert solver.converged and not len(solver.mechanisms(DRIFT))
 
 
 def waiting(ratio):

@@ -111,7 +111,7 @@ class Fracture:
                     continue
             if not solver.converged and len(solver.part_hinges()):
                 continue
-            furthest = DRIFT if relieve is None else SWAY
+            furthest = SWAY if self._judged is None or relieve is not None else DRIFT
             adrift = solver.mechanisms(furthest)
             settled = solver.converged or len(adrift) > 0
             if not settled and not self._may_glance():
@@ -130,6 +130,7 @@ class Fracture:
                 solver.forget_sudden()  # the peak has been survived
             elif solver.converged:
                 solver.equilibrium.settle()
+                solver.hold()
                 self._judged = solver.state
             else:  # out of patience without a weak bond to blame: what has no balance falls
                 solver.cut(graph.boundary(solver.unbalanced()))

@@ -30,13 +30,12 @@ from procphys_ros.physics.masonry.newton import Step
 from procphys_ros.physics.masonry.superposition import Superposition
 
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
-_CURVED_STALE = 40   # the same while joints open: tangents change by more than a cut does
 _STALE_AFTER = 10    # iterations since a change until the coarse space is renewed (decision 24)
+_CURVED_STALE = 40   # the same while joints open: each step changes tangents again
 _PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
-DRIFT = 0.01         # [m] displacement from which on a part counts as a mechanism; sound ones stay
-#                      below, ...
-SWAY = 0.25          # ... but for loads that are soon over
+DRIFT = 0.01         # [m] displacement, since all held, at which a part counts as a mechanism, ...
+SWAY = 0.25          # ... under loads that are soon over, or while nothing has held yet
 
 
 class StressSolver:
@@ -121,6 +120,7 @@ class StressSolver:
         equilibrium, graph = self.equilibrium, self.graph
         self._step, self._begun = Step.straight(), False
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
+        self._sound = self.displacement.copy()
         self.goal = self.tolerance
         self.iterations = np.zeros(graph.count, np.int64)
         self.spent = self._patience = self._worked = 0
@@ -423,14 +423,18 @@ class StressSolver:
 
     def adrift(self, furthest: float) -> np.ndarray:
         """
-        List the parts displaced by more than a mechanism's least; none while a step is under way.
+        List the parts that have drifted since all held; none while a step is under way.
 
-        :param furthest: that least [m], `DRIFT` or `SWAY`.
+        :param furthest: from here on [m]: `DRIFT` or `SWAY`.
         """
         if not self.known:
             return np.zeros(0, np.intp)
-        far = np.abs(self.displacement[:-1, :3]) > furthest
-        return np.flatnonzero(far.any(axis=1)) if far.any() else np.zeros(0, np.intp)
+        way = np.abs(self.displacement - self._sound)[:-1, :3].max(axis=1, initial=0.0)
+        return np.flatnonzero(self.supported & (way > furthest))
+
+    def hold(self) -> None:
+        """Take note that all holds: what drifts, drifts from here on."""
+        self._sound = self.displacement.copy()
 
     def mechanisms(self, furthest: float) -> np.ndarray:
         """
