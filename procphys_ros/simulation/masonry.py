@@ -36,7 +36,7 @@ WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick w
 NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
 _ROUNDS = 60.0   # [1/s] of failures under lasting loads: the speed of cracks (decision 39)
 _PACE = 1200.0   # [1/s] iterations of the stress solver per simulated second under blows; ...
-_ROUND = 6.0     # ... times as many under lasting loads, enough for a round in a step of 1/60 s
+_LASTING = 6.0   # ... times as many under lasting loads, enough for a round in a step of 1/60 s
 _CURVED = 1.6    # times as many as joints open and close, which takes more of them, ...
 _WORK = 45_000   # ... unless parts times iterations, a third of a step of 1/60 s, are more
 _TIPPING = 0.15  # [m/s] of its middle, with which a wall of thickness t and height h tips over:
@@ -206,7 +206,7 @@ def _iterations(state: State, dt: float) -> int:
     if state.solver.curved:
         most = _WORK // max(state.solver.working, 1)
         return max(min(round(_CURVED * _PACE * dt), most), each)
-    return each if state.loads.struck else round(_ROUND * each)
+    return each if state.loads.struck else round(_LASTING * each)
 
 
 def _advance(model: Model, state: State, iterations: int,
