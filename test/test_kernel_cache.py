@@ -63,9 +63,8 @@ blocks = np.ascontiguousarray(matrix.swapaxes(1, 2)).reshape(-1, 6, 6)
 factor = Factor(np.arange(0, count ** 2 + 1, count), np.tile(np.arange(count), count), blocks)
 print(hashlib.sha256(factor.panels[3].tobytes() + factor.panels[4].tobytes()).hexdigest())
 """
-PROGRAM = """
+COUNTING = """
 import numba.core.event as event
-import numpy as np
 
 class Compiled(event.Listener):
     count = 0
@@ -73,6 +72,9 @@ class Compiled(event.Listener):
     def on_end(self, _): pass
 
 event.register('numba:compile', Compiled())
+"""
+PROGRAM = COUNTING + """
+import numpy as np
 from small.caller import total
 print(total(np.array([1.0, 10.0])), Compiled.count)
 """
@@ -273,16 +275,9 @@ def test_kernels_from_files_do_the_same_to_the_bit(tmp_path):
     assert hashes[0] == hashes[1]
 
 
-LOADING = """
-import numba.core.event as event
-from procphys_ros.compilation.overloads import Overload, shipped
+LOADING = COUNTING + """
+from procphys_ros.compilation.overloads import shipped
 
-class Compiled(event.Listener):
-    count = 0
-    def on_start(self, _): Compiled.count += 1
-    def on_end(self, _): pass
-
-event.register('numba:compile', Compiled())
 overloads = [overload for group in shipped() for overload in group]
 for overload in overloads:
     overload.compile()
