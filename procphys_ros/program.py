@@ -40,6 +40,10 @@ COMMANDS = {
     'view': 'procphys_ros.ros.view',
     'warm': 'procphys_ros.compilation.warming',
 }
+NODES = {  # what Ctrl-C ends with code 0
+    'sim': 'procphys_ros.ros.sim',
+    'managed_sim': 'procphys_ros.ros.managed_sim',
+}
 
 
 def run(name: str, words: Sequence[str] | None = None) -> int:
@@ -84,8 +88,11 @@ def main(words: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if words is None else list(words)
     if words and words[0] in COMMANDS:
         return start(words[0], words[1:])
-    print(f'usage: python -m procphys_ros {{{",".join(COMMANDS)}}} ...; each tells more after '
-          '--help', file=sys.stdout if words in (['-h'], ['--help']) else sys.stderr)
+    if words and words[0] in NODES:
+        return import_module(NODES[words[0]]).main(words[1:])
+    names = ','.join(sorted({**COMMANDS, **NODES}))
+    print(f'usage: python -m procphys_ros {{{names}}} ...; each tells more after --help',
+          file=sys.stdout if words in (['-h'], ['--help']) else sys.stderr)
     return 0 if words in (['-h'], ['--help']) else 2
 
 

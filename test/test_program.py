@@ -16,6 +16,7 @@
 """Commands end with one line and exit code 130 on Ctrl-C, whenever it comes."""
 
 from pathlib import Path
+import re
 import signal
 import subprocess
 import sys
@@ -112,9 +113,23 @@ def test_every_command_is_started_so():
 
 
 def test_an_unknown_command_is_told(capsys):
-    """Name the commands there are, on stderr."""
+    """Name the commands there are, those of setup.py and `warm`, on stderr."""
     assert program.main(['rendr']) == 2
-    assert 'render,replay' in capsys.readouterr().err
+    listed = re.search(r'{(.*)}', capsys.readouterr().err)[1].split(',')
+    setup = (ROOT / 'setup.py').read_text('utf-8')
+    assert listed == sorted(['warm', *re.findall(r"'(\w+) = procphys_ros", setup)])
+
+
+@pytest.mark.parametrize('name', [*program.COMMANDS, *program.NODES])
+def test_invalid_usage_ends_with_two(name, capsys):
+    """Say in one line what no command knows; `warm` and the nodes alike."""
+    try:
+        code = program.main([name, '--nothing-like-it'])
+    except SystemExit as end:
+        code = end.code
+    said = capsys.readouterr()
+    assert (code, said.out) == (2, '')
+    assert said.err.startswith(f'{name}: '.removeprefix('managed_')) and said.err.count('\n') == 1
 
 
 def test_ctrl_c_ends_the_compiling_of_kernels(monkeypatch, capsys):

@@ -380,11 +380,11 @@ def test_command_refuses_bad_input_in_one_line(words, said, tmp_path, capsys):
     (['--fps', '0'], 'per second'), (['--to', 'x'], '3.0'), (['--view', '1', '2', 'z'], '20'),
 ])
 def test_command_refuses_bad_options_in_one_line(words, said, tmp_path, capsys):
-    """Exit with 1 and an example of what the option takes."""
+    """Exit with 2 and an example of what the option takes."""
     with pytest.raises(SystemExit) as stop:
         main(['oak.lsys', '--out', str(tmp_path / 'out.png'), *words])
     message = capsys.readouterr().err
-    assert stop.value.code == 1 and said in message and message.count('\n') == 1
+    assert stop.value.code == 2 and said in message and message.count('\n') == 1
 
 
 @pytest.mark.parametrize('name, said', [('out.gifx', '.png'), ('no/out.png', 'no folder')])

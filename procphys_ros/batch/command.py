@@ -19,7 +19,6 @@ import argparse
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
-import math
 import os
 from pathlib import Path
 import signal
@@ -27,10 +26,10 @@ import sys
 from types import FrameType
 from typing import NoReturn
 
+from procphys_ros.argument_parser import count, OneLineParser, positive
 from procphys_ros.batch.sweep import Sweep
 from procphys_ros.batch.table import check_format, Table
 from procphys_ros.batch.workers import dask_cluster, processes, Workers
-from procphys_ros.command_line.parser import OneLineParser
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.warning_lines import print_warning, told_to
@@ -49,7 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Run the command.
 
     :param arguments: words after the command's name; the process's own when not given.
-    :returns: exit code: 0 all rows are there, 1 a mistake or runs that failed, 130 interrupted.
+    :returns: exit code: 0 all rows are there, 1 it cannot be done or runs failed, 2 invalid usage,
+        130 interrupted.
     """
     options = _parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, _interrupt)
@@ -113,32 +113,16 @@ def _parser() -> OneLineParser:
     parser.add_argument('scene', type=Path, help='scene file (.yaml)')
     parser.add_argument('--vary', action='append', default=[], metavar='NAME=VALUES',
                         help='values of a parameter; several are combined with each other')
-    parser.add_argument('--seeds', type=_count, default=1, metavar='N',
+    parser.add_argument('--seeds', type=count, default=1, metavar='N',
                         help='runs of each combination, with seeds that follow that of the scene')
-    parser.add_argument('--duration', type=_positive, default=10.0, metavar='S',
+    parser.add_argument('--duration', type=positive, default=10.0, metavar='S',
                         help='simulated time of each run [s] (default %(default)g)')
     parser.add_argument('--out', required=True, type=Path, help='table: .csv or .parquet')
-    parser.add_argument('--jobs', type=_count, default=len(os.sched_getaffinity(0)), metavar='N',
+    parser.add_argument('--jobs', type=count, default=len(os.sched_getaffinity(0)), metavar='N',
                         help='processes (default: one for each core, %(default)s)')
     parser.add_argument('--dask', nargs='?', const='', default=None, metavar='ADDRESS',
                         help='use a Dask cluster, of that scheduler or a local one')
     return parser
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not int(text):
-        raise argparse.ArgumentTypeError(f'"{text}" is not a whole number above 0')
-    return int(text)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'"{text}" is not a number above 0')
-    return value
 
 
 if __name__ == '__main__':

@@ -17,10 +17,10 @@
 
 import argparse
 from collections.abc import Sequence
-import math
 import re
 
 from procphys_ros import __version__
+from procphys_ros.argument_parser import count, number, OneLineParser, positive, whole
 
 EXIT_CODES = """\
 exit codes: 0 done, 1 refused by the node (it says why), 2 invalid usage,
@@ -53,7 +53,7 @@ def read(words: Sequence[str] | None = None) -> argparse.Namespace:
     return said
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(OneLineParser):
     """Parser for which every number is a value, however it is written, never an option."""
 
     def __init__(self, **keywords):
@@ -80,7 +80,7 @@ def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
     parser.add_argument('--version', action='version', version=f'procphys_ros {__version__}')
     parser.add_argument('--node', type=_node, default='/sim', metavar='NAME',
                         help='the node to talk to (default %(default)s)')
-    parser.add_argument('--timeout', type=_positive, default=5.0, metavar='S',
+    parser.add_argument('--timeout', type=positive, default=5.0, metavar='S',
                         help='how long to look for it [s] (default %(default)s)')
     group = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     _add_loads(group)
@@ -96,8 +96,8 @@ def _add_loads(group) -> None:
                                         '"on" or "off".', epilog='example: command wind 12 0 0')
     wind.add_argument('velocity', type=_wind, nargs='+', metavar='X Y Z|on|off')
     gust = group.add_parser('gust', help='send one gust through the scene')
-    gust.add_argument('--amplitude', type=_number, metavar='M/S', help='change at its peak')
-    gust.add_argument('--duration', type=_positive, metavar='S')
+    gust.add_argument('--amplitude', type=number, metavar='M/S', help='change at its peak')
+    gust.add_argument('--duration', type=positive, metavar='S')
     _vector(gust, '--direction', 'where it blows to; along the wind if not given')
     for verb, what, unit in (('impulse', 'strike a part once', 'N·s'),
                              ('wrench', 'push a part until "clear"', 'N')):
@@ -106,21 +106,21 @@ def _add_loads(group) -> None:
                                 epilog=f'example: command {verb} oak_0/17 0 300 0')
         part.add_argument('part', help='such as oak_0/17, oak_0/segment_17, or an index')
         for axis in 'xyz':
-            part.add_argument(axis, type=_number, help=f'[{unit}]')
+            part.add_argument(axis, type=number, help=f'[{unit}]')
         _vector(part, '--angular', f'about the axes [{unit[0]}·m{unit[1:]}]', (0.0, 0.0, 0.0))
     group.add_parser('clear', help='end all lasting pushes')
     explode = group.add_parser('explode', help='set off a charge',
                                epilog='example: command explode 3 2 0.5 --charge 5')
     for axis in 'xyz':
-        explode.add_argument(axis, type=_number, help='[m]')
-    explode.add_argument('--charge', type=_positive, metavar='KG', help='mass of TNT')
+        explode.add_argument(axis, type=number, help='[m]')
+    explode.add_argument('--charge', type=positive, metavar='KG', help='mass of TNT')
     launch = group.add_parser('launch', help='throw a ball or a block', epilog=(
         'What is not given is as in the last throw.\n'
         'example: command launch --from 0 -20 2 --velocity 0 25 0 --mass 40'))
     launch.add_argument('--shape', choices=('sphere', 'box'))
-    launch.add_argument('--size', type=_positive, nargs='+', metavar='M',
+    launch.add_argument('--size', type=positive, nargs='+', metavar='M',
                         help='diameter of a ball, or the three edges of a block [m]')
-    launch.add_argument('--mass', type=_positive, metavar='KG')
+    launch.add_argument('--mass', type=positive, metavar='KG')
     _vector(launch, '--from', 'where it starts [m]')
     _vector(launch, '--velocity', 'how fast it starts [m/s]')
     group.add_parser('demolish', help='start the timed charges of demolition.*')
@@ -131,7 +131,7 @@ def _add_time(group) -> None:
     group.add_parser('pause', help='let simulated time stand still')
     group.add_parser('resume', help='let it go on')
     step = group.add_parser('step', help='one or more time steps, while paused')
-    step.add_argument('count', type=_count, nargs='?', default=1, metavar='N')
+    step.add_argument('count', type=count, nargs='?', default=1, metavar='N')
     group.add_parser('reset', help='the same scene from the start')
     group.add_parser('reload', help='build the scene anew from the present parameters')
     spawn = group.add_parser('spawn', help='let an object join the scene', epilog=(
@@ -139,10 +139,10 @@ def _add_time(group) -> None:
         'example: command spawn oak.lsys 10 4 0 --seed 7 --define height=6'))
     spawn.add_argument('grammar', help='file in grammars/, or a path')
     for axis in 'xyz':
-        spawn.add_argument(axis, type=_number, nargs='?', default=0.0, help='[m]')
+        spawn.add_argument(axis, type=number, nargs='?', default=0.0, help='[m]')
     spawn.add_argument('--name', default='', help='of the object; a free one if not given')
-    spawn.add_argument('--yaw', type=_number, default=0.0, metavar='RAD')
-    spawn.add_argument('--seed', type=_whole, default=0, metavar='N')
+    spawn.add_argument('--yaw', type=number, default=0.0, metavar='RAD')
+    spawn.add_argument('--seed', type=whole, default=0, metavar='N')
     spawn.add_argument('--define', action='append', default=[], metavar='NAME=NUMBER',
                        help='overrides a value of the grammar; may be given several times')
     remove = group.add_parser('remove', help='take an object out of the scene')
@@ -162,7 +162,7 @@ def _add_looks(group) -> None:
     listing.add_argument('pattern', nargs='?', default='', metavar='OBJECT[/PART]',
                          help='name, with * and ? for anything; a part by kind or index')
     watch = group.add_parser('watch', help='follow time, speed, wind and breaks until Ctrl-C')
-    watch.add_argument('--seconds', type=_positive, metavar='S', help='stop after so long')
+    watch.add_argument('--seconds', type=positive, metavar='S', help='stop after so long')
     group.add_parser('warm', help='compile all kernels of this installation beforehand',
                      description='Compile all kernels beforehand, so that no node of this '
                                  'installation waits for them; needs no running node.')
@@ -173,7 +173,7 @@ def _add_looks(group) -> None:
 
 
 def _vector(parser: argparse.ArgumentParser, name: str, what: str, default=None) -> None:
-    parser.add_argument(name, type=_number, nargs=3, metavar=('X', 'Y', 'Z'), help=what,
+    parser.add_argument(name, type=number, nargs=3, metavar=('X', 'Y', 'Z'), help=what,
                         default=default, dest=name.strip('-') + ('_' if name == '--from' else ''))
 
 
@@ -183,34 +183,5 @@ def _node(text: str) -> str:
     return text
 
 
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f'"{text}" is not a number') from None
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f'"{text}" is not finite')
-    return value
-
-
-def _positive(text: str) -> float:
-    value = _number(text)
-    if value <= 0.0:
-        raise argparse.ArgumentTypeError(f'"{text}" is not above 0')
-    return value
-
-
-def _count(text: str) -> int:
-    if not text.isascii() or not text.isdigit() or not int(text):
-        raise argparse.ArgumentTypeError(f'"{text}" is not a number of steps')
-    return int(text)
-
-
-def _whole(text: str) -> int:
-    if not text.isascii() or not text.isdigit():
-        raise argparse.ArgumentTypeError(f'"{text}" is not a whole number, 0 or more')
-    return int(text)
-
-
 def _wind(text: str) -> float | bool:
-    return text == 'on' if text in ('on', 'off') else _number(text)
+    return text == 'on' if text in ('on', 'off') else number(text)

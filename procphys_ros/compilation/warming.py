@@ -19,7 +19,6 @@ Compile all kernels, so that no simulation has to wait for them.
 `python -m procphys_ros.warm` compiles what the cache of the user lacks, on all cores.
 """
 
-import argparse
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from multiprocessing import active_children, get_context
@@ -29,6 +28,7 @@ import sys
 from time import monotonic
 from typing import TextIO
 
+from procphys_ros.argument_parser import OneLineParser, whole
 from procphys_ros.compilation.overloads import (
     is_complete,
     mark_complete,
@@ -50,11 +50,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Run the command.
 
     :param arguments: words after the command's name; None = the process's own.
-    :returns: exit code: 0 all are there, 1 some could not be compiled, 130 interrupted.
+    :returns: exit code: 0 all are there, 1 some could not be compiled, 2 invalid usage,
+        130 interrupted.
     """
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='warm', description='Compile all kernels, so that no simulation waits for them.')
-    parser.add_argument('--jobs', type=_whole, default=0, metavar='N',
+    parser.add_argument('--jobs', type=whole, default=0, metavar='N',
                         help='processes that compile at once; 0 = one per core')
     parser.add_argument('--background', action='store_true',
                         help='help a node that is starting: one process compiles what that '
@@ -144,9 +145,3 @@ def _compile_one(overload: Overload) -> Done:
         return str(overload), overload.compile(), ''
     except StaleOverload as error:
         return str(overload), False, str(error)
-
-
-def _whole(text: str) -> int:
-    if not text.isascii() or not text.isdigit():
-        raise argparse.ArgumentTypeError(f'"{text}" is not a whole number')
-    return int(text)

@@ -15,18 +15,18 @@
 
 """Command `examples`: list the shipped scenes and programs, and run one."""
 
-import argparse
 from collections.abc import Sequence
 from importlib import import_module
 import shutil
 import sys
 from textwrap import fill
 
+from procphys_ros.argument_parser import OneLineParser
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.examples.catalogue import Example, examples, find
 from procphys_ros.ros import view
 
-_FAILED = 1  # argparse itself ends with 2
+_FAILED = 1  # the parser itself ends with 2
 _WIDEST = 99  # columns
 _NARROWEST = 60
 
@@ -81,8 +81,8 @@ def _run(example: Example, others: Sequence[str]) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
         prog='examples', allow_abbrev=False,
         description='List the scenes and programs that come with procphys_ros, or run one.',
         epilog='Options of `view` may follow the name of a scene, such as --port 9000.')

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from procphys_ros.command_line.parser import OneLineParser
+from procphys_ros.argument_parser import number, OneLineParser
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.scene import Scene
@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Run the command.
 
     :param arguments: words after the command's name; the process's own when not given.
-    :returns: exit code, 1 for a mistake of the user.
+    :returns: exit code: 0 done, 1 it cannot be done, 2 invalid usage, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
     # Late, because PyBullet greets on import, which is noise before a one-line error.
@@ -66,11 +66,11 @@ def _parser() -> OneLineParser:
     parser.add_argument('--out', required=True, type=Path,
                         help='file to write; its suffix chooses the format')
     when = parser.add_mutually_exclusive_group()
-    when.add_argument('--time', type=float, default=0.0,
+    when.add_argument('--time', type=number, default=0.0,
                       help='simulated time to wait before [s]')
-    when.add_argument('--animate', type=float, nargs=2, metavar=('FROM', 'TO'),
+    when.add_argument('--animate', type=number, nargs=2, metavar=('FROM', 'TO'),
                       help='write a simulated run between two times [s], USD only')
-    parser.add_argument('--fps', type=float, default=_FPS,
+    parser.add_argument('--fps', type=number, default=_FPS,
                         help=f'moments per second of a run (default {_FPS:g})')
     return parser
 

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.export.content import Content
 from procphys_ros.palette import look
 from procphys_ros.paving import Paving
@@ -52,6 +53,7 @@ class Surface:
 def surfaces(content: Content) -> Iterator[Surface]:
     """Build the meshes of all that exists, object by object, then the mortar between bricks."""
     blueprint = content.blueprint
+    first = first_pieces(blueprint)
     leaf_owner = content.owner[blueprint.leaves.part]
     twig_owner = content.owner[blueprint.ornaments.part]
     for number, owner in enumerate(content.objects):
@@ -60,7 +62,7 @@ def surfaces(content: Content) -> Iterator[Surface]:
         leaves = np.flatnonzero((leaf_owner == number)
                                 & np.isfinite(content.petioles).all(axis=1))
         twigs = np.flatnonzero((twig_owner == number) & content.exists[blueprint.ornaments.part])
-        yield from _solids(content, owner.name, parts)
+        yield from _solids(content, owner.name, parts, first)
         yield from _leaves(content, owner.name, leaves)
         yield from _twigs(content, owner.name, twigs)
     place, size = joints.standing(blueprint, content.poses, content.exists)
@@ -74,12 +76,14 @@ def surfaces(content: Content) -> Iterator[Surface]:
         yield Surface('paving', one.texture, paved(one), np.ones(len(one.points)))
 
 
-def _solids(content: Content, owner: str, parts: np.ndarray) -> Iterator[Surface]:
+def _solids(content: Content, owner: str, parts: np.ndarray, first: np.ndarray
+            ) -> Iterator[Surface]:
+    """Build parts; each piece of a brick, whose first one `first` tells, has one tone."""
     blueprint = content.blueprint
     for index in np.unique(blueprint.texture[parts]):
         mine = parts[blueprint.texture[parts] == index]
         for rows, built in mesh.solids(blueprint, content.poses, mine):
-            yield _surface(owner, content.textures[index], built, rows)
+            yield _surface(owner, content.textures[index], built, first[rows])
 
 
 def _leaves(content: Content, owner: str, rows: np.ndarray) -> Iterator[Surface]:

@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.hexahedron import FACES
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.foliage import balls, PlacedObject
@@ -155,9 +156,10 @@ def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarra
     kind[solid], size[solid] = Kind.TRIANGLE_LIST, 1.0
     looks = [look(name) for name in blueprint.textures] or [look('')]
     colour = np.array([one.rgba for one in looks])[blueprint.texture]
-    # Neighbouring bricks differ a little, always in the same way.
+    # Neighbouring bricks differ a little, always in the same way; pieces of one brick do not.
     spread = np.array([one.variation for one in looks])[blueprint.texture]
-    shade = 1.0 + spread * np.random.default_rng(0).uniform(-1.0, 1.0, len(blueprint))
+    tone = np.random.default_rng(0).uniform(-1.0, 1.0, len(blueprint))[first_pieces(blueprint)]
+    shade = 1.0 + spread * tone
     colour[:, :3] = np.clip(colour[:, :3] * shade[:, None], 0.0, 1.0)
     return size, kind, colour
 

@@ -20,6 +20,7 @@ import json
 from typing import Any
 
 from procphys_ros.blueprint import Blueprint, Law, Shape
+from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.messages.foliage import PlacedObject
 from procphys_ros.messages.ground import describe_ground
 from procphys_ros.paving import Paving
@@ -48,7 +49,7 @@ class SceneDescription:
         self._lists: dict[str, dict[str, list[str]]] = {
             'parts': {name: [] for name in ('name', 'kind', 'shape', 'size', 'visual_size', 'mass',
                                             'material', 'texture')},
-            'hexahedra': {name: [] for name in ('part', 'corners')},
+            'hexahedra': {name: [] for name in ('part', 'corners', 'first_piece')},
             'bonds': {name: [] for name in ('parts', 'law')}}
         self._owners: list[dict[str, Any]] = []
 
@@ -91,7 +92,8 @@ class SceneDescription:
         solids = blueprint.hexahedra
         solids = solids.take(solids.part >= start)
         self._add('hexahedra', part=solids.part.tolist(),
-                  corners=solids.corners.round(_DIGITS).tolist())
+                  corners=solids.corners.round(_DIGITS).tolist(),
+                  first_piece=first_pieces(blueprint)[solids.part].tolist())
 
     def _add_bonds(self, blueprint: Blueprint) -> None:
         new = slice(self._bonds, None)

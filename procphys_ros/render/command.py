@@ -25,7 +25,7 @@ import sys
 from threading import current_thread, main_thread
 from typing import NoReturn
 
-from procphys_ros.command_line.parser import OneLineParser
+from procphys_ros.argument_parser import OneLineParser
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.render.backend import RenderUnavailableError
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Run the command.
 
     :param arguments: words after the command's name; the process's own when not given.
-    :returns: exit code, 1 for a mistake of the user.
+    :returns: exit code: 0 done, 1 it cannot be done, 2 invalid usage, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
     try:

@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.palette import Look, look
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import joints, light, texture
@@ -161,7 +162,8 @@ class Drawing:
         ball = _balls(blueprint)[new]
         capsule = blueprint.shape[new] == Shape.CAPSULE
         along = _path_lengths(blueprint)
-        grain = 40.0 * np.random.default_rng(0).random(self._parts)
+        first = first_pieces(blueprint)
+        grain = 40.0 * np.random.default_rng(0).random(self._parts)[first]
         solids = blueprint.hexahedra.take(blueprint.hexahedra.part >= new[0])
         box = ~capsule
         box[solids.part - new[0]] = False
@@ -176,7 +178,7 @@ class Drawing:
             for name, rows in _by_texture(blueprint, new[chosen], blueprint.texture):
                 self._add(('part', kind, name), kind, look(name), rows, size[rows],
                           poses[rows, :3], offset[rows],
-                          corners[rows] if kind is Kind.HEXAHEDRON else None)
+                          corners[rows] if kind is Kind.HEXAHEDRON else None, first[rows])
 
     def _append_leaves(self, blueprint: Blueprint, poses: np.ndarray,
                        petioles: np.ndarray) -> None:
@@ -224,13 +226,21 @@ class Drawing:
         self._last = np.full((0, 7), np.nan)
 
     def _add(self, key: tuple, kind: Kind, appearance: Look, rows: np.ndarray, size: np.ndarray,
-             places: np.ndarray, offset: np.ndarray, more: np.ndarray | None = None) -> None:
+             places: np.ndarray, offset: np.ndarray, more: np.ndarray | None = None,
+             first: np.ndarray | None = None) -> None:
+        """
+        Add pieces to a batch, which is made when there is none.
+
+        :param more: what only this kind has, (K, n); None = nothing.
+        :param first: row by which each one is coloured, (K,); None = its own.
+        """
         if key not in self._batches:
             self._batches[key] = Batch(self._context, self._programs, kind, appearance)
             self._rows[key] = np.zeros(0, int)
         self._rows[key] = np.append(self._rows[key], rows)
         more = np.zeros((len(rows), 0)) if more is None else more
-        self._batches[key].append(self._copies(appearance, rows, size, places, offset, more))
+        first = rows if first is None else first
+        self._batches[key].append(self._copies(appearance, first, size, places, offset, more))
 
     def _copies(self, appearance: Look, rows: np.ndarray, size: np.ndarray, places: np.ndarray,
                 offset: np.ndarray, more: np.ndarray) -> Copies:

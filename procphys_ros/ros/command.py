@@ -28,7 +28,7 @@ from procphys_ros.command_line.completion import memory, remember
 from procphys_ros.command_line.values import parse, show
 from procphys_ros.errors import CommandError, nearest_names
 
-_DONE, _REFUSED, _NOT_FOUND = 0, 1, 3  # argparse itself ends with 2
+_DONE, _REFUSED, _NOT_FOUND = 0, 1, 3  # the parser itself ends with 2
 _SENT = 'sent on ~/{topic}, which gives no answer; "watch" shows rejections'
 
 

@@ -256,11 +256,13 @@ def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Conten
         texture = np.zeros(len(shape), int)
     if len(leaves) and leaves.part.max() >= len(shape):
         leaves = Leaves()
+    cut = np.array(solids.get('part', ()), np.int32)
+    first_piece = np.arange(len(shape))
+    first_piece[cut] = solids.get('first_piece', cut)
     return Content(scene, parts['name'].__getitem__, shape,
                    np.where(ball[:, None], size, drawn), np.array(parts['mass'], float), ball,
-                   texture, parts['material'].__getitem__, textures or [''], leaves,
-                   Hexahedra(np.array(solids.get('part', ()), np.int32),
-                             np.array(solids.get('corners', ()), float).reshape(-1, 24)),
+                   texture, parts['material'].__getitem__, textures or [''], leaves, first_piece,
+                   Hexahedra(cut, np.array(solids.get('corners', ()), float).reshape(-1, 24)),
                    terrain, paving)
 
 

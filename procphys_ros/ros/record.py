@@ -14,15 +14,15 @@
 
 """Executable `record`: what a running node publishes, into a file."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 import signal
 import sys
 
+from procphys_ros.argument_parser import OneLineParser, positive
 from procphys_ros.errors import RecordingError
 
-_DONE, _FAILED, _NOT_FOUND = 0, 1, 3  # argparse itself ends with 2
+_DONE, _FAILED, _NOT_FOUND = 0, 1, 3  # the parser itself ends with 2
 _TIMEOUT = 10.0  # [s]
 
 
@@ -55,13 +55,13 @@ def main(words: Sequence[str] | None = None) -> int:
     return _DONE
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
         prog='record', description='Record what a running node publishes, until Ctrl-C.')
     parser.add_argument('--out', required=True, type=Path, help='file to write (.mcap)')
     parser.add_argument('--node', default='/sim', help='the node (default /sim)')
-    parser.add_argument('--seconds', type=float, help='when to stop [s]; not given = never')
-    parser.add_argument('--timeout', type=float, default=_TIMEOUT,
+    parser.add_argument('--seconds', type=positive, help='when to stop [s]; not given = never')
+    parser.add_argument('--timeout', type=positive, default=_TIMEOUT,
                         help=f'how long to look for the node [s] (default {_TIMEOUT:g})')
     return parser
 

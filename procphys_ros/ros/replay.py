@@ -14,15 +14,15 @@
 
 """Executable `replay`: a recording, published again."""
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 import signal
 import sys
 
+from procphys_ros.argument_parser import number, OneLineParser, positive
 from procphys_ros.errors import RecordingError
 
-_DONE, _FAILED = 0, 1  # argparse itself ends with 2
+_DONE, _FAILED = 0, 1  # the parser itself ends with 2
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -44,8 +44,8 @@ def main(words: Sequence[str] | None = None) -> int:
         if not 0.0 <= said.start <= recording.duration:
             raise RecordingError(f'--from is {said.start:g} s, the recording lasts '
                                  f'{recording.duration:.1f} s')
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda signum, _: ended.append(signum))
+        for which in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(which, lambda signum, _: ended.append(signum))
         from procphys_ros.ros import replayer
         replayer.replay(recording, said, others, lambda: bool(ended))
     except RecordingError as error:
@@ -54,21 +54,14 @@ def main(words: Sequence[str] | None = None) -> int:
     return _DONE
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog='replay', description='Publish a recording again.')
+def _parser() -> OneLineParser:
+    parser = OneLineParser(prog='replay', description='Publish a recording again.')
     parser.add_argument('file', type=Path, help='recording (.mcap)')
-    parser.add_argument('--from', dest='start', type=float, default=0.0, metavar='SECONDS',
+    parser.add_argument('--from', dest='start', type=number, default=0.0, metavar='SECONDS',
                         help='where to begin [s]')
-    parser.add_argument('--rate', type=_positive, default=1.0, help='times the speed (default 1)')
+    parser.add_argument('--rate', type=positive, default=1.0, help='times the speed (default 1)')
     parser.add_argument('--loop', action='store_true', help='begin again at the end')
     return parser
-
-
-def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float('inf'):
-        raise argparse.ArgumentTypeError(f'{text} is not above 0')
-    return value
 
 
 if __name__ == '__main__':

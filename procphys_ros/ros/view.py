@@ -24,12 +24,13 @@ from threading import Event
 from typing import Any
 import webbrowser
 
+from procphys_ros.argument_parser import OneLineParser
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.resources import shared_folder
 from procphys_ros.view.page import HOST, Page, PORT
 from procphys_ros.warning_lines import print_warning, told_to
 
-_DONE, _FAILED = 0, 1  # argparse itself ends with 2
+_DONE, _FAILED = 0, 1  # the parser itself ends with 2
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -98,8 +99,8 @@ def _followed(name: str, ros_words: Sequence[str]) -> Iterator[Any]:
         rclpy.try_shutdown()
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
         prog='view', description='Show a scene on a page in the browser, until Ctrl-C.')
     parser.add_argument('scene', nargs='?', help='scene file (.yaml), or the name of a shipped '
                         'scene; none = what a running node publishes')

@@ -166,23 +166,24 @@ def _part_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarra
     kind[cut.part] = _FIRST_SOLID - place.reshape(-1)
     for number, form in enumerate(forms):
         makers[_FIRST_SOLID - number] = partial(shapes.hexahedron, corners=form)
-    for chosen, name, tone, which in _groups(content, rows, content.texture[rows], kind):
+    for chosen, name, tone, which in _groups(content, rows, content.texture[rows], kind,
+                                             content.first_piece[rows]):
         maker = makers.get(which)
         yield chosen, (maker(name, tone) if maker else shapes.branch(name, tone, which))
 
 
 def _leaf_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarray, bytes]]:
     for chosen, name, tone, _ in _groups(content, rows, content.leaves.texture[rows],
-                                         np.zeros(len(rows), int)):
+                                         np.zeros(len(rows), int), rows):
         yield chosen, shapes.leaf(name, tone)
 
 
-def _groups(content: Content, rows: np.ndarray, texture: np.ndarray, kind: np.ndarray
-            ) -> Iterator[tuple[np.ndarray, str, int, int]]:
-    """Give rows of one texture, tone and kind, not too many at a time."""
+def _groups(content: Content, rows: np.ndarray, texture: np.ndarray, kind: np.ndarray,
+            first: np.ndarray) -> Iterator[tuple[np.ndarray, str, int, int]]:
+    """Give rows of one texture, tone (chosen by `first`) and kind, not too many at a time."""
     names = content.textures or ['']
     tones = np.array([shapes.tones(name) for name in names])[texture]
-    keys = np.column_stack([texture, shapes.tone_of(rows, tones), kind])
+    keys = np.column_stack([texture, shapes.tone_of(first, tones), kind])
     distinct, place = np.unique(keys, axis=0, return_inverse=True)
     for number, (index, tone, which) in enumerate(distinct.tolist()):
         mine = rows[place.ravel() == number]

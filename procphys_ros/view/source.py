@@ -22,6 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves, Shape
+from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
@@ -43,6 +44,7 @@ class Content:
     :ivar material: name of the material by the index of a part.
     :ivar textures: names.
     :ivar leaves: leaves on the parts.
+    :ivar first_piece: first piece of the brick that a part was cut from, (N,).
     :ivar hexahedra: corners of boxes that are no rectangular ones.
     :ivar terrain: the surface of the ground.
     :ivar paving: what covers it.
@@ -59,6 +61,7 @@ class Content:
     material: Callable[[int], str]
     textures: Sequence[str]
     leaves: Leaves
+    first_piece: np.ndarray
     hexahedra: Hexahedra = field(default_factory=Hexahedra)
     terrain: Terrain = FLAT
     paving: Sequence[Paving] = ()
@@ -86,8 +89,8 @@ class Content:
                    np.where(ball[:, None], blueprint.size, blueprint.visual_size),
                    blueprint.mass, ball, blueprint.texture,
                    lambda part: blueprint.materials[blueprint.material[part]],
-                   blueprint.textures, blueprint.leaves, blueprint.hexahedra, terrain,
-                   paving, WoodJoints(blueprint))
+                   blueprint.textures, blueprint.leaves, first_pieces(blueprint),
+                   blueprint.hexahedra, terrain, paving, WoodJoints(blueprint))
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros import cut_bricks, rotation
 from procphys_ros.blueprint import (
     Blueprint,
     box_inertia,
@@ -36,9 +36,6 @@ from procphys_ros.wallgrammar.materials import Material, NAIL_AREA, weakest
 
 _SHEAR_SHARE = 0.4     # of the normal stiffness: G/E = 1/(2(1+ν)) of masonry, EN 1996-1-1 3.7.3
 _THINNEST = 0.001      # [m] joint taken for dry contacts, which are never perfectly even
-# [Pa] tension and cohesion inside a brick or stone: a tenth of the compressive strength of bricks
-# of 20 MPa, as good as sandstone of low strength.
-_UNIT = (2e6, 3e6)
 _STRENGTHS = ('tension', 'cohesion', 'friction', 'compression', 'reinforcement')
 
 # Turn from the part (x along its length) to the frame, for a length along x, y, z of the frame.
@@ -205,7 +202,7 @@ def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mor
     # What a grammar says of bricks is the strength of their joints; pieces of one are stronger.
     cut = _grain(pair, boxes) & (boxes.form[pair] >= 0).all(axis=1)
     cut &= (boxes.joint[pair] == Joint.MORTAR).all(axis=1)
-    lowest[cut, :2] = np.maximum(lowest[cut, :2], _UNIT)
+    lowest[cut, :2] = np.maximum(lowest[cut, :2], [cut_bricks.TENSION, cut_bricks.COHESION])
     return Mortar(**{name: lowest[:, i] for i, name in enumerate(_STRENGTHS)},
                   normal_stiffness=1.0 / compliance,
                   shear_stiffness=_SHEAR_SHARE / compliance)

@@ -1,0 +1,62 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parser of a command's words whose complaints are one line, and readers of numbers for it."""
+
+import argparse
+import math
+from typing import NoReturn
+
+_MOST_DIGITS = 18  # what fits into 64 bits
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Parser that answers a mistake with one line and exit code 2, without its usage."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print a complaint and exit."""
+        self.exit(2, f'{self.prog}: {message}\n')
+
+
+def number(text: str) -> float:
+    """Read a finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'"{text}" is not a number') from None
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f'"{text}" is not finite')
+    return value
+
+
+def positive(text: str) -> float:
+    """Read a finite number above 0."""
+    value = number(text)
+    if value <= 0.0:
+        raise argparse.ArgumentTypeError(f'"{text}" is not above 0')
+    return value
+
+
+def whole(text: str) -> int:
+    """Read a whole number, 0 or more."""
+    if not text.isascii() or not text.isdigit() or len(text) > _MOST_DIGITS:
+        raise argparse.ArgumentTypeError(f'"{text[:99]}" is not a whole number, 0 or more')
+    return int(text)
+
+
+def count(text: str) -> int:
+    """Read a whole number above 0."""
+    if not text.strip('0') or not text.isascii() or not text.isdigit() or len(text) > _MOST_DIGITS:
+        raise argparse.ArgumentTypeError(f'"{text[:99]}" is not a whole number above 0')
+    return int(text)
