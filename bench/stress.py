@@ -71,7 +71,7 @@ def jacobi(solver, displacement, load, limit=20000):
     bonds = np.flatnonzero(graph.alive)
     state = (displacement, load, *np.zeros((3, graph.count + 1, 6)))
     whole = (parts, bonds, np.zeros(1, np.int64), np.array([0, len(parts)]),
-             np.array([0, len(bonds)]), np.array([[0, 1]]))
+             np.array([0, len(bonds)]), np.array([0, 1]))
     return pcg.iterate(whole, (graph.links, graph.first, graph.second),
                        pcg.blocks_alone(solver._gradients.blocks), state,
                        graph.reach, np.zeros(1), solver.tolerance, limit)[0][0]
@@ -103,11 +103,12 @@ def coarse_factors(solver):
     load = np.random.default_rng(0).normal(size=(space.count, 6))
     work = np.empty_like(load)
     whole = factor.Factor(matrix.start, matrix.column, matrix.blocks)
-    factor.solve(whole.panels, whole.columns, load.copy(), work)  # compiled
+    every = np.arange(space.count)
+    factor.solve(whole.panels, every, load.copy(), work)  # compiled
     lu = splu(sparse, **_SYMMETRIC)
     makers = {'ours': lambda: factor.Factor(matrix.start, matrix.column, matrix.blocks),
               'splu': lambda: splu(sparse, **_SYMMETRIC)}
-    solvers = {'ours': lambda: factor.solve(whole.panels, whole.columns, load.copy(), work),
+    solvers = {'ours': lambda: factor.solve(whole.panels, every, load.copy(), work),
                'splu': lambda: lu.solve(load.ravel())}
     sizes = {'ours': sum(panel.nbytes for panel in whole.panels),
              'splu': 12 * (lu.L.nnz + lu.U.nnz)}

@@ -148,7 +148,7 @@ def test_supports_share_by_stiffness_times_area():
     """Split the load of a beam that stays level over two feet as their areas, 1 to 3."""
     plan = bonded([[-0.2, 0.0, 0.05], [0.2, 0.0, 0.05], [0.0, 0.0, 0.15]],
                   [[0.1, 0.1, 0.098], [0.1, 0.3, 0.098], [0.6, 0.4, 0.098]], gap=0.003)
-    solver = solved(plan, gravity=(0, 0, 0), force=[[0, 0, 0], [0, 0, 0], [0, 0, -1000.0]],
+    solver = solved(plan, 1e-8, (0, 0, 0), force=[[0, 0, 0], [0, 0, 0], [0, 0, -1000.0]],
                     moment=[[0, 0, 0], [0, 0, 0], [0, 100.0, 0]])
     graph = solver.graph
     top = np.flatnonzero((graph.first < 3) & (graph.second == 2))

@@ -43,10 +43,11 @@ def factored(system):
     return Factor(system.indptr, system.indices, system.data.copy())
 
 
-def island(factor, unknown):
-    """List the columns that an unknown reaches."""
-    (first, end), = factor.reached(np.array([unknown]))
-    return factor.columns[first:end]
+def reached(factor, unknowns):
+    """List the columns that have to do with some unknowns."""
+    columns, start = factor.reached(np.asarray(unknowns), np.array([0, len(unknowns)]))
+    assert start.tolist() == [0, len(columns)]
+    return columns
 
 
 def solved(factor, load, columns=None):
@@ -81,12 +82,26 @@ def test_an_island_is_solved_by_itself():
     both.sort_indices()
     factor = factored(both)
     load = np.arange(1.0, 1.0 + 6 * 32).reshape(-1, 6)
-    found = solved(factor, load, island(factor, 0))
+    found = solved(factor, load, reached(factor, np.arange(12)))
     changed = np.flatnonzero(np.any(found != load, axis=1))
-    assert 0 in changed and np.all(changed < 12)
+    assert changed.tolist() == list(range(12))
     np.testing.assert_allclose(found[changed], solved(factor, load)[changed])
-    clear(factor.panels, island(factor, 0), found)
+    clear(factor.panels, reached(factor, np.arange(12)), found)
     assert not found[changed].any() and found[12:].all()
+
+
+def test_few_columns_have_to_do_with_few_unknowns():
+    """Solve for some unknowns of a chain as with all columns, where nothing else is loaded."""
+    chain = np.diag(np.full(60, 4.0)) - np.eye(60, k=1) - np.eye(60, k=-1)
+    factor = factored(bsr_matrix(np.kron(chain, np.eye(6)), blocksize=(6, 6)))
+    columns, start = factor.reached(np.array([30, 31, 7]), np.array([0, 2, 3]))
+    for begin, end, unknowns in zip(start, start[1:], ([30, 31], [7])):
+        load = np.zeros((60, 6))
+        load[unknowns] = 1.0
+        own = columns[begin:end]
+        assert len(own) < 40 and np.all(np.diff(own) > 0)
+        np.testing.assert_array_equal(solved(factor, load, own)[unknowns],
+                                      solved(factor, load)[unknowns])
 
 
 def test_what_nothing_holds_is_left_out():

@@ -202,7 +202,7 @@ def _solve(cell, node, packed, axes, rows, a, b, alive, incidence, wrenches, wre
     load = balanced(label, node, mass, inertia, middle, centre, wrenches)
     if len(rows) == 0 or _largest(load) < _ROUNDING * _largest(wrenches):
         return -1.0
-    blocks = np.zeros((count, 6, 6))
+    blocks = np.zeros((count, 6, 6), np.float32)
     everything, bonds = np.arange(count), np.arange(len(rows))
     links.diagonal_inverses(everything, incidence[0], incidence[1], alive, packed, a, blocks)
     moved = pcg.relax(a, b, packed, blocks, load, reach, _ACCURACY, _ITERATIONS)

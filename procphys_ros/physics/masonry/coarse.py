@@ -197,10 +197,11 @@ class CoarseSpace:
         space.factor = Factor.chained([known.factor for known, _ in spaces])
         return space
 
-    def reached(self, parts: np.ndarray) -> np.ndarray:
+    def reached(self, parts: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
-        Say which columns of the factor the islands of some parts can reach, see `Factor.reached`.
+        Say which columns of the factor islands need, see `Factor.reached`.
 
-        These are whole components of the factored matrix: an aggregate may lie in two islands.
+        :param parts: of all islands, (P,).
+        :param start: where those of each island start, (I + 1,).
         """
-        return self.factor.reached(self.owner[parts])
+        return self.factor.reached(self.owner[parts], start)

@@ -33,7 +33,8 @@ class ConjugateGradients:
 
     :param graph: the bonds.
 
-    :ivar blocks: inverses of the diagonal blocks of K, (N, 6, 6).
+    :ivar blocks: inverses of the diagonal blocks of K, in single precision as the coarse factor
+        is, (N, 6, 6).
     :ivar coarse: aggregates of what stood when they were formed; None where nothing did.
     :ivar fresh: whether bonds have not changed since then.
     """
@@ -41,7 +42,7 @@ class ConjugateGradients:
     def __init__(self, graph: BondGraph):
         self._graph = graph
         self._search = np.zeros((3, graph.count + 1, 6))  # z, p, q
-        self.blocks = np.empty((graph.count, 6, 6))
+        self.blocks = np.empty((graph.count, 6, 6), np.float32)
         self.coarse: CoarseSpace | None = None
         self.fresh = False
 
@@ -67,10 +68,9 @@ class ConjugateGradients:
         self.fresh = True
 
     def begin(self, islands: Islands) -> None:
-        """Find the columns of the coarse factor that belong to islands; start these anew."""
-        assert self.coarse is not None
-        self._columns = self.coarse.reached(islands.parts[islands.part[:-1]])
-        self._products = np.zeros(len(self._columns))
+        """Start islands anew."""
+        self._columns: tuple[np.ndarray, np.ndarray] | None = None
+        self._products = np.zeros(len(islands.part) - 1)
 
     def iterate(self, islands: Islands, displacement: np.ndarray, residual: np.ndarray,
                 target: float, limit: int) -> tuple[np.ndarray, np.ndarray]:
@@ -87,7 +87,9 @@ class ConjugateGradients:
         preconditioner = (self.blocks, coarse.owner, coarse.arm, coarse.factor.panels,
                           *np.empty((2, coarse.count, 6)))
         parts, bonds, part, bond = islands
+        if self._columns is None:
+            self._columns = coarse.reached(parts, part)
         return pcg.iterate(
-            (parts, bonds, coarse.factor.columns, part, bond, self._columns),
+            (parts, bonds, self._columns[0], part, bond, self._columns[1]),
             (graph.links, graph.first, graph.second), preconditioner,
             (displacement, residual, *self._search), graph.reach, self._products, target, limit)

@@ -41,27 +41,23 @@ class Factor:
     :param blocks: all of the matrix, symmetric, (K, 6, 6).
 
     :ivar panels: arguments of `solve`: unknown of each column, start of its rows in L (n + 1,),
-        these rows, the numbers there in single precision (transposed), and inverses of D. Single
-        precision makes the solution that of another matrix nearby, just as symmetric and positive;
-        half as many bytes are to be moved.
-    :ivar columns: all columns, those of one component of the matrix together and ascending, (n,).
+        these rows, the numbers there in single precision, and inverses of D. The numbers of a
+        column are a matrix of their own, transposed: six rows, as long as the column is high, for
+        processors to work on several at once. Single precision makes the solution that of another
+        matrix nearby, just as symmetric and positive; half as many bytes are to be moved.
     """
 
     def __init__(self, start: np.ndarray, column: np.ndarray, blocks: np.ndarray):
         count = len(start) - 1
         pattern = scipy.sparse.csc_matrix((np.ones(len(column)), column, start),
                                           shape=(count, count))
-        made, self._component = scipy.sparse.csgraph.connected_components(pattern,
-                                                                          directed=False)
         order = _ordering(pattern)
-        self.columns = np.argsort(self._component[order], kind='stable')
-        self._start = np.searchsorted(self._component[order[self.columns]], np.arange(made + 1))
-        rank = np.empty(count, np.int64)
+        self._rank = rank = np.empty(count, np.int64)
         rank[order] = np.arange(count)
         places = start.astype(np.int64), column.astype(np.int64)
         fill = _symbolic(*places, order, rank)
         below, rows = fill[:2]
-        self.panels = (order, below, rows, np.zeros((len(rows), 6, 6), np.float32),
+        self.panels = (order, below, rows, np.zeros(36 * len(rows), np.float32),
                        np.zeros((count, 6, 6)))
         _factor(*places, blocks, rank, fill, self.panels)
 
@@ -69,28 +65,29 @@ class Factor:
     def chained(cls, factors: Sequence['Factor']) -> Self:
         """Put the factors of matrices that have nothing in common behind each other."""
         factor = cls.__new__(cls)
-        size = np.cumsum([0] + [len(each.columns) for each in factors])
+        size = np.cumsum([0] + [len(each._rank) for each in factors])
         filled = np.cumsum([0] + [len(each.panels[2]) for each in factors])
-        made = np.cumsum([0] + [len(each._start) - 1 for each in factors])
         order, below, rows, numbers, inverse = zip(*(each.panels for each in factors))
         starts = _shifted([start[:-1] for start in below], filled)
         factor.panels = (
             _shifted(order, size), np.append(starts, filled[-1]),
             _shifted(rows, size), np.concatenate(numbers), np.concatenate(inverse))
-        factor.columns = _shifted([each.columns for each in factors], size)
-        factor._component = _shifted([each._component for each in factors], made)
-        factor._start = np.append(_shifted([each._start[:-1] for each in factors], size), size[-1])
+        factor._rank = _shifted([each._rank for each in factors], size)
         return factor
 
-    def reached(self, unknowns: np.ndarray) -> np.ndarray:
+    def reached(self, unknowns: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
-        Say which columns each unknown belongs to: its whole component of the matrix.
+        Say which columns have to do with some unknowns: their own and all that these lead to.
 
-        :param unknowns: (U,).
-        :returns: first and last but one place in `columns`, (U, 2).
+        With a right-hand side that is zero elsewhere, `solve` needs no others for their solution
+        (Gilbert 1994, SIAM J. Matrix Anal. Appl. 15(1)).
+
+        :param unknowns: of several sets, one behind the other, (U,).
+        :param start: where those of each set start, (S + 1,).
+        :returns: columns of each set, ascending, and where they start, (S + 1,).
         """
-        component = self._component[unknowns]
-        return np.column_stack([self._start[component], self._start[component + 1]])
+        _, below, rows, _, _ = self.panels
+        return _reached(unknowns, start, self._rank, below, rows)
 
 
 def _shifted(columns: Sequence[np.ndarray], before: np.ndarray) -> np.ndarray:
@@ -169,6 +166,8 @@ def _factor(start, column, blocks, rank, fill, panels):
     total = np.zeros((len(order), 6, 6))
     other, left, at = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
     for j in range(len(order)):
+        begin, height = below[j], below[j + 1] - below[j]
+        panel = single[36 * begin:36 * (begin + height)].reshape((6, 6 * height))
         for k in range(start[order[j]], start[order[j] + 1]):
             i = rank[column[k]]
             if i >= j:
@@ -192,7 +191,7 @@ def _factor(start, column, blocks, rank, fill, panels):
             for r in range(6):
                 for c in range(6):
                     lower[p, r, c] = -left[r, c]
-                    single[p, c, r] = -left[r, c]
+                    panel[c, 6 * (p - begin) + r] = -left[r, c]
 
 
 @kernel(fastmath=True)
@@ -237,6 +236,33 @@ def _invert(matrix, scale, out):
 
 
 @kernel
+def _reached(unknowns, start, rank, below, rows):
+    """List the columns on the ways from unknowns to the roots of the elimination tree."""
+    seen = np.full(len(rank), -1)
+    columns, begin = np.empty(len(rank), np.int64), np.zeros(len(start), np.int64)
+    for s in range(len(start) - 1):
+        found = begin[s]
+        for k in range(start[s], start[s + 1]):
+            j = rank[unknowns[k]]
+            while seen[j] != s:
+                seen[j] = s
+                found += 1
+                if below[j] < below[j + 1]:
+                    j = rows[below[j]]
+        if found > len(columns):
+            more = np.empty(2 * found, np.int64)
+            more[:begin[s]] = columns[:begin[s]]
+            columns = more
+        found = begin[s]
+        for j in range(len(rank)):
+            if seen[j] == s:
+                columns[found] = j
+                found += 1
+        begin[s + 1] = found
+    return columns[:begin[-1]].copy(), begin
+
+
+@kernel
 def clear(panels, columns, b):
     """Zero the unknowns of some columns, see `solve`."""
     order = panels[0]
@@ -250,33 +276,53 @@ def solve(panels, columns, b, work):
     Solve L·D·Lᵀ x = b in place.
 
     :param panels: of `Factor`.
-    :param columns: to work on, ascending: whole islands.
+    :param columns: to work on, ascending, see `Factor.reached`.
     :param b: right-hand side, overwritten by the solution, (n, 6).
     :param work: scratch, (n, 6).
     """
     order, below, rows, lower, inverse = panels
+    highest = 0
     for j in columns:
         work[j] = b[order[j]]
+        highest = max(highest, below[j + 1] - below[j])
+    there = np.empty(6 * highest)
     for j in columns:
+        begin, height = below[j], below[j + 1] - below[j]
+        panel = lower[36 * begin:36 * (begin + height)].reshape((6, 6 * height))
         x0, x1, x2, x3, x4, x5 = work[j]
-        for p in range(below[j], below[j + 1]):
-            i = np.uint64(rows[p])
-            v = lower[p]
+        for k in range(6 * height):
+            there[k] = (panel[0, k] * x0 + panel[1, k] * x1 + panel[2, k] * x2
+                        + panel[3, k] * x3 + panel[4, k] * x4 + panel[5, k] * x5)
+        for p in range(height):
+            i = np.uint64(rows[begin + p])
             for r in range(6):
-                work[i, r] -= (v[0, r] * x0 + v[1, r] * x1 + v[2, r] * x2
-                               + v[3, r] * x3 + v[4, r] * x4 + v[5, r] * x5)
+                work[i, r] -= there[6 * p + r]
     for n in range(len(columns) - 1, -1, -1):
         j = columns[n]
-        x = work[j]
-        y = b[order[j]]
+        begin, height = below[j], below[j + 1] - below[j]
+        panel = lower[36 * begin:36 * (begin + height)].reshape((6, 6 * height))
+        for p in range(height):
+            i = np.uint64(rows[begin + p])
+            for r in range(6):
+                there[6 * p + r] = work[i, r]
+        y0, y1, y2, y3, y4, y5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(6 * height):
+            x = there[k]
+            y0 += panel[0, k] * x
+            y1 += panel[1, k] * x
+            y2 += panel[2, k] * x
+            y3 += panel[3, k] * x
+            y4 += panel[4, k] * x
+            y5 += panel[5, k] * x
+        own, y = work[j], b[order[j]]
         for r in range(6):
             v = inverse[j, r]
-            y[r] = (v[0] * x[0] + v[1] * x[1] + v[2] * x[2]
-                    + v[3] * x[3] + v[4] * x[4] + v[5] * x[5])
-        for p in range(below[j], below[j + 1]):
-            x0, x1, x2, x3, x4, x5 = work[np.uint64(rows[p])]
-            v = lower[p]
-            for r in range(6):
-                y[r] -= (v[r, 0] * x0 + v[r, 1] * x1 + v[r, 2] * x2
-                         + v[r, 3] * x3 + v[r, 4] * x4 + v[r, 5] * x5)
+            y[r] = (v[0] * own[0] + v[1] * own[1] + v[2] * own[2]
+                    + v[3] * own[3] + v[4] * own[4] + v[5] * own[5])
+        y[0] -= y0
+        y[1] -= y1
+        y[2] -= y2
+        y[3] -= y3
+        y[4] -= y4
+        y[5] -= y5
         work[j] = y

@@ -19,6 +19,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.joints import CrackedJoints
 
 _FORCING = 0.1    # of the residual at its start: what a step solves its tangents to
@@ -75,7 +76,7 @@ class Step:
 
     def finish(self, displacement: np.ndarray, residual: np.ndarray, parts: np.ndarray,
                part: np.ndarray, bonds: np.ndarray, bond: np.ndarray,
-               joints: CrackedJoints) -> np.ndarray:
+               joints: CrackedJoints) -> None:
         """
         Move to where the step ends.
 
@@ -83,18 +84,12 @@ class Step:
         :param parts, part: of the islands, and where those of each island start.
         :param bonds, bond: the same for bonds; the cracked ones are `rows`.
         :param joints: laws of the joints.
-        :returns: what the parts have moved by, (N + 1, 6).
         """
         assert self._start is not None
         start, before = self._start
         step = displacement - start
-        count = len(part) - 1
-        owner = np.repeat(np.arange(count), np.diff(part))
-        label = np.repeat(np.arange(count), np.diff(bond))[joints.graph.cracked[bonds]]
-        first = np.bincount(owner, (before[parts] * step[parts]).sum(axis=1), count)
-        last = np.bincount(owner, (residual[parts] * step[parts]).sum(axis=1), count)
-        far = np.full(count, 1e-12)
-        np.maximum.at(far, owner, np.abs(step[parts, :3]).max(axis=1))
+        label = np.repeat(np.arange(len(part) - 1), np.diff(bond))[joints.graph.cracked[bonds]]
+        first, last, far = _measure(parts, part, before, residual, step)
 
         def work(reach: np.ndarray) -> np.ndarray:
             return ((1.0 - reach) * first + reach * last
@@ -102,11 +97,34 @@ class Step:
 
         reach = np.minimum(_reach(work, first, np.maximum(_FURTHEST / far, 1.0)), _FURTHEST / far)
         joints.damp(self.rows, reach[label])
-        each = reach[owner][:, None]
-        step[parts] *= each
-        displacement[parts] = start[parts] + step[parts]
-        residual[parts] += (1.0 - each) * (before[parts] - residual[parts])
-        return step
+        _shorten(parts, part, reach, start, before, step, displacement, residual)
+
+
+@kernel
+def _measure(parts, part, before, residual, step):
+    """Give the power at start and end of a step, and how far a part goes at most, (I,) each."""
+    count = len(part) - 1
+    first, last, far = np.zeros(count), np.zeros(count), np.full(count, 1e-12)
+    for k in range(count):
+        for i in parts[part[k]:part[k + 1]]:
+            here, there = 0.0, 0.0
+            for c in range(6):
+                here += before[i, c] * step[i, c]
+                there += residual[i, c] * step[i, c]
+            first[k] += here
+            last[k] += there
+            far[k] = max(far[k], abs(step[i, 0]), abs(step[i, 1]), abs(step[i, 2]))
+    return first, last, far
+
+
+@kernel
+def _shorten(parts, part, reach, start, before, step, displacement, residual):
+    """Leave a share of the step of each island."""
+    for k in range(len(reach)):
+        for i in parts[part[k]:part[k + 1]]:
+            for c in range(6):
+                displacement[i, c] = start[i, c] + reach[k] * step[i, c]
+                residual[i, c] += (1.0 - reach[k]) * (before[i, c] - residual[i, c])
 
 
 def _reach(work: Callable[[np.ndarray], np.ndarray], first: np.ndarray,

@@ -94,12 +94,18 @@ def _dot(parts, p, q):
 
 
 @kernel(fastmath=True)
-def _go(parts, step, x, residual, p, q):
-    """Move along p."""
+def _go(parts, step, x, residual, p, q, reach):
+    """Move along p; return what `residual_size` gives then."""
+    worst = 0.0
     for i in parts:
+        r = residual[i]
         for c in range(6):
             x[i, c] += step * p[i, c]
-            residual[i, c] -= step * q[i, c]
+            r[c] -= step * q[i, c]
+        force = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+        moment = (r[3] * r[3] + r[4] * r[4] + r[5] * r[5]) / (reach[i] * reach[i])
+        worst = max(worst, force, moment)
+    return worst ** 0.5
 
 
 @kernel
@@ -108,7 +114,7 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
     Run conjugate gradients until the largest nodal residual is small, on each island for itself.
 
     :param islands: parts, bonds, columns of the coarse factor, and where those of each island are:
-        start of its parts (I + 1,), of its bonds (I + 1,), first and last columns (I, 2).
+        start of its parts, of its bonds and of its columns, (I + 1,) each.
     :param graph: links, first, second.
     :param preconditioner: blocks, owner, arm, panels, rigid, work.
     :param state: x, residual, z, p, q, each (N + 1, 6); all but z and q are kept between
@@ -122,7 +128,7 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
     done, worst = np.empty(len(old), np.int64), np.empty(len(old))
     for k in range(len(old)):
         island = (parts[part[k]:part[k + 1]], bonds[bond[k]:bond[k + 1]],
-                  columns[column[k, 0]:column[k, 1]])
+                  columns[column[k]:column[k + 1]])
         done[k], old[k], worst[k] = _iterate(island, graph, preconditioner, state, reach, old[k],
                                              tolerance, limit)
     return done, worst
@@ -147,8 +153,7 @@ def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit)
         bend = _dot(parts, p, q)
         if not bend > 0.0:  # what is left moves parts without straining a bond
             break
-        _go(parts, product / bend, x, residual, p, q)
-        worst = residual_size(parts, residual, reach)
+        worst = _go(parts, product / bend, x, residual, p, q, reach)
         done += 1
     return done, old, worst
 
@@ -158,7 +163,7 @@ def blocks_alone(blocks):
     """Give the preconditioner of `iterate` without a coarse space: one aggregate that is rigid."""
     count = len(blocks)
     rigid = (np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(0, np.int64),
-             np.zeros((0, 6, 6), np.float32), np.zeros((1, 6, 6)))
+             np.zeros(0, np.float32), np.zeros((1, 6, 6)))
     return (blocks, np.zeros(count + 1, np.int32), np.zeros((count, 3)), rigid,
             np.zeros((1, 6)), np.zeros((1, 6)))
 
@@ -170,7 +175,7 @@ def relax(first, second, springs, blocks, load, reach, accuracy, limit):
 
     :param first, second: parts that each bond joins, (M,).
     :param springs: see `links.build`, (M, 18).
-    :param blocks: inverses of the diagonal blocks, (N, 6, 6).
+    :param blocks: inverses of the diagonal blocks, (N, 6, 6) float32.
     :param load: on the parts [N, N·m], (N, 6); its sum vanishes where nothing is held.
     :param reach: of the parts [m], (N,).
     :param accuracy: largest nodal residual at the end, of the largest nodal load.
