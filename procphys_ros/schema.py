@@ -17,7 +17,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-import math
 import numbers
 from typing import Any
 
@@ -98,9 +97,10 @@ class Parameter:
         is_number = isinstance(value, numbers.Integral if whole else numbers.Real)
         if isinstance(value, bool) or not is_number:
             raise SceneError(f'{name} is {short(value)}, it must be a {kind}')
-        if not math.isfinite(value) or not self.low <= value <= self.high:
+        if not self.low <= value <= self.high:
             unit = f' {self.unit}' if self.unit else ''
-            raise SceneError(f'{name} is {float(value):g}, it must be a {kind} from '
+            shown = f'{float(value):g}' if abs(value) < 1e300 else short(value)
+            raise SceneError(f'{name} is {shown}, it must be a {kind} from '
                              f'{self.low:g} to {self.high:g}{unit}')
         return int(value) if whole else float(value)
 

@@ -108,7 +108,10 @@ def test_variations_are_combined(scene):
     ('wind.velocty=[1,0,0]', 'did you mean wind.velocity'), ('wind.velocity', 'name=values'),
     ('wind.velocity=1,2', 'list of 3'), ('post.count=-1', 'post.count'), ('seed=1,2', '--seeds'),
     ('gust.duration=[', 'YAML'), ('gust.duration=1..2', 'no values'), ('elm.count=2', 'elm.count'),
-    ('gust.duration=1..x/3', 'first..last'), ('gust.duration=', 'no values')])
+    ('gust.duration=1..x/3', 'first..last'),
+    ('gust.duration=1..2/1000000000', 'at most 1000000'), ('gust.duration=2026-02-30', 'YAML'),
+    ('gust.duration=' + 3000 * '[', 'YAML'), ('gust.duration=', 'no values')],
+    ids=lambda value: value[:30])
 def test_variations_that_make_no_sense_are_refused(scene, text, reason):
     """Say what is wrong in one line."""
     with pytest.raises(SceneError, match=reason):
@@ -193,6 +196,27 @@ def test_runs_that_fail_are_told_and_done_again(scene, tmp_path, capsys, monkeyp
     said = capsys.readouterr()
     assert 'nothing' in said.err and '1 of 2 runs; say it again' in said.out
     assert len(rows(path)) == 1
+
+
+@pytest.mark.parametrize('content', [b'a note', b'\xff\xfe\n', b'a,b\n1,2\n3', b'run,seed\n4'])
+def test_files_of_others_are_left_as_they_are(scene, tmp_path, content, capsys):
+    """Refuse to go on in a file that no sweep has begun, and take nothing off its end."""
+    path = tmp_path / 'notes.csv'
+    path.write_bytes(content)
+    assert main([str(scene), '--out', str(path), '--duration', '0.1', '--jobs', '1']) == 1
+    assert 'holds another sweep' in capsys.readouterr().err
+    assert path.read_bytes() == content
+
+
+@pytest.mark.parametrize('text, reason', [
+    ('seed: x', "seed is 'x'"), ('scene: hello', 'scene.objects'),
+    ('wind: hello', 'wind'), ('scene: {objects: [post]}\n  post: shrub.lsys', 'post')])
+def test_scenes_are_checked_before_anything_runs(tmp_path, text, reason):
+    """Name the file and the key."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text('/**:\n ros__parameters:\n  ' + text, 'utf-8')
+    with pytest.raises(SceneError, match=rf'scene.yaml: .*{reason}'):
+        Sweep.read(path, [], 1, 1.0)
 
 
 @pytest.mark.parametrize('words', [

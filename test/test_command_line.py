@@ -64,7 +64,7 @@ def test_words_are_read(words, expected):
     ('step ٣', 'whole number above 0'), ('step ' + 5000 * '9', 'whole number above 0'),
     ('spawn oak.lsys --seed ' + 5000 * '9', 'whole number, 0 or more'),
     ('--timeout 0 list', 'above 0'),
-])
+], ids=lambda value: value[:30])
 def test_words_that_make_no_sense_end_with_two(words, complaint, capsys):
     """Say what is wrong, and nothing on standard output."""
     with pytest.raises(SystemExit) as ended:

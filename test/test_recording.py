@@ -286,7 +286,7 @@ def test_cut_file_is_recognised(run, tmp_path):
 
 @pytest.mark.parametrize('path, complaint', [
     ('run.bag', 'must end in .mcap'), ('nowhere/run.mcap', 'there is no folder'),
-    ('folder.mcap', 'Is a directory')])
+    ('folder.mcap', 'it is a folder')])
 def test_places_that_cannot_be_written(tmp_path, path, complaint):
     """Refuse before anything is simulated."""
     (tmp_path / 'folder.mcap').mkdir()

@@ -377,7 +377,8 @@ def test_command_refuses_bad_input_in_one_line(words, said, tmp_path, capsys):
     (['--camera', '1,2,3'], '20,-30,10'), (['--camera', 'orbits'], 'follow=PART'),
     (['--camera', '1,1,1,1,1,1'], 'looks'),
     (['--define', 'height'], 'height=15'), (['--size', 'nanxnan'], '1280x720'),
-    (['--fps', '0'], 'per second'), (['--to', 'x'], '3.0'), (['--view', '1', '2', 'z'], '20'),
+    (['--fps', '0'], 'per second'), (['--seed', '-1'], 'whole number'),
+    (['--to', 'x'], '3.0'), (['--view', '1', '2', 'z'], '20'),
 ])
 def test_command_refuses_bad_options_in_one_line(words, said, tmp_path, capsys):
     """Exit with 2 and an example of what the option takes."""

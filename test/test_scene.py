@@ -139,9 +139,15 @@ def test_yaml_is_a_ros_parameter_file(tmp_path):
 
 @pytest.mark.parametrize(('text', 'words'), [
     ('a: [1', ['scene.yaml:', 'not valid YAML']),
+    ('a\0b: 1', ['scene.yaml:', 'not valid YAML']), ('a: 2026-02-30', ['not valid YAML']),
+    ('/**: {ros__parameters: {a: 1, b: 2, a: 3}}', ['scene.yaml:1:37', '"a" stands there twice']),
+    ('/**: {ros__parameters: &a {b: *a}}', ['scene.yaml', 'contains itself']),
+    ('a: ' + 3000 * '[', ['scene.yaml', 'nested too deep']),
+    ('sim: {ros__parameters: {gravity: 1' + 400 * '0' + '}}', ['scene.yaml', 'gravity is 100']),
+    ('sim: {ros__parameters: {terrain: {file: ' + 300 * 'n' + '.asc}}}', ['no file "nnn']),
     ('hello', ['no parameters', 'ros__parameters']),
     ('sim: {ros__parameters: {seed: x}}', ['scene.yaml', 'seed']),
-])
+], ids=lambda value: str(value)[:30])
 def test_bad_files_are_named(tmp_path, text, words):
     """Name the file and the place in it."""
     path = tmp_path / 'scene.yaml'
@@ -150,5 +156,12 @@ def test_bad_files_are_named(tmp_path, text, words):
         Scene.from_yaml(path)
     for word in words:
         assert word in str(caught.value)
+    assert '\n' not in str(caught.value)
+
+
+def test_files_that_are_no_scene_files_are_refused(tmp_path):
+    """Read neither what never ends nor what is not there."""
+    with pytest.raises(SceneError, match='more than 10000000 characters'):
+        Scene.from_yaml('/dev/zero')
     with pytest.raises(SceneError, match='No such file'):
         Scene.from_yaml(tmp_path / 'none.yaml')

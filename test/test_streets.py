@@ -132,6 +132,11 @@ def test_the_shipped_plan_says_what_it_is():
     ('depth: [2, 3, 0.5]', 'depth: [3, 2]', 'block.plan:6: defines has depth: [3, 2]'),
     ('to: [60, 0]', 'to: [9, 0]', 'of a street that is 9.0 m long'),
     ('spacing: 20', 'spacing: 20, [', 'not valid YAML'),
+    ('width: 6}', 'width: 6, width: 7}', 'block.plan:3: width stands there twice'),
+    ('width: 6}', 'width: 6}\n  high: {from: [0, 0], to: [9, 0]}', 'high stands there twice'),
+    ('to: [60, 0]', 'to: &a [60, *a]', 'to is [60, [...]], it must be two numbers'),
+    ('to: [60, 0]', 'to: [2026-02-30, 0]', 'block.plan:3: to cannot be read'),
+    ('depth: [2, 3, 0.5]', 'depth: 1' + 400 * '0', 'it must be a number, [least'),
     ('shed.wall, box', 'sheds.wall, box', 'there is no grammar "sheds.wall"'),
     (', setback: 3', '', ''),
 ])

@@ -15,6 +15,7 @@
 """Whole buildings: nothing hangs, nothing overlaps, and the work grows with the parts."""
 
 from pathlib import Path
+import re
 
 from building_checks import count_loose, deepest_overlap, OVERLAP
 import numpy as np
@@ -112,6 +113,17 @@ def test_buildings_have_their_parts(shipped):
             'rafter', 'batten', 'tile', 'tie', 'verge'} == set(shipped['cottage'].kinds)
     assert 'slab' in shipped['office'].kinds
     assert 'brick' not in shipped['barn'].kinds
+
+
+def test_the_documentation_tells_their_sizes(shipped):
+    """Find bricks, parts, bonds and mass of each in the table of docs/walls.md."""
+    page = (_GRAMMARS.parent / 'docs' / 'walls.md').read_text('utf-8')
+    for name, built in shipped.items():
+        row = re.search(rf'^\| {name} \|[^|]*\|[^|]*\| (.*) \|[^|]*\|$', page, re.MULTILINE)[1]
+        kind = np.array(built.kinds)[built.kind]
+        bricks = np.isin(kind, ('brick', 'partition')).sum()
+        assert row == (f'{bricks:,} | {len(built):,} | {len(built.bonds):,} | '
+                       f'{built.mass.sum() / 1000.0:.1f}'), name
 
 
 def test_joists_rest_in_pockets_with_little_tension(shipped):

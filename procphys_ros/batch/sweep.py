@@ -30,6 +30,8 @@ import yaml
 from procphys_ros.batch.run import Run
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.ros.parameter_table import find, GLOBAL, OBJECT
+from procphys_ros.scene.objects import read_objects
+from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.yaml_file import read_yaml
 
 _MOST = 1_000_000  # runs
@@ -97,7 +99,11 @@ class Sweep:
         :raises SceneError: when the file cannot be read, or a variation makes no sense.
         """
         parameters = read_yaml(scene)
-        objects = [str(name) for name in parameters.get('scene', {}).get('objects') or []]
+        try:
+            read_settings(parameters)
+            objects = [spec.name for spec in read_objects(parameters)]
+        except SceneError as error:
+            raise SceneError(f'{scene}: {error}') from error
         read = tuple(Variation.read(text, objects) for text in variations)
         names = [variation.name for variation in read]
         for name in names:
@@ -146,11 +152,14 @@ def _values(given: str, text: str) -> list[Any]:
     if dots and not given.startswith('['):
         last, _, number = rest.partition('/')
         try:
-            return [float(v) for v in np.linspace(float(first), float(last), int(number or 0))]
+            count = int(number or 0)
+            if count > _MOST:
+                raise SceneError(f'--vary {text}: at most {_MOST} values are possible')
+            return [float(v) for v in np.linspace(float(first), float(last), count)]
         except ValueError:
             raise SceneError(f'--vary {text}: say first..last/number, as in 0..20/5') from None
     try:
         values = yaml.safe_load(given if given.startswith('[') else f'[{given}]')
-    except yaml.YAMLError as error:
-        raise SceneError(f'--vary {text}: cannot be read as YAML') from error
+    except (yaml.YAMLError, ValueError, RecursionError):
+        raise SceneError(f'--vary {text[:99]}: cannot be read as YAML') from None
     return values if isinstance(values, list) else [values]

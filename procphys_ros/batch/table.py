@@ -58,13 +58,18 @@ class Table:
         if self._path.suffix == '.parquet' and self._path.exists():
             self._check(*_parquet_rows(self._path))
             return
-        text = self._rows.read_text('utf-8') if self._rows.exists() else ''
+        try:
+            text = self._rows.read_text('utf-8') if self._rows.exists() else ''
+        except UnicodeDecodeError:
+            raise self._other_sweep() from None
         whole = text[:text.rfind('\n') + 1]
-        if whole != text:
-            os.truncate(self._rows, len(whole.encode()))
-        read = csv.DictReader(io.StringIO(whole))
         if whole:
+            read = csv.DictReader(io.StringIO(whole))
             self._check(list(read.fieldnames or []), list(read))
+        elif not ','.join(self._columns).startswith(text):
+            raise self._other_sweep()
+        if whole != text:  # half a row of ours
+            os.truncate(self._rows, len(whole.encode()))
         self._file = self._rows.open('a', encoding='utf-8', newline='')
         if not whole:
             self._append(self._columns)
@@ -72,9 +77,12 @@ class Table:
     def _check(self, columns: list[str], rows: list[dict]) -> None:
         """Take over the rows that are there, unless they are those of another sweep."""
         if columns != list(self._columns) or any(row['sweep'] != self._digest for row in rows):
-            raise SceneError(f'--out {self._path}: holds another sweep, or one of another scene; '
-                             'choose another file, or delete it')
+            raise self._other_sweep()
         self.done = {int(row['run']) for row in rows}
+
+    def _other_sweep(self) -> SceneError:
+        return SceneError(f'--out {self._path}: holds another sweep, or one of another scene; '
+                          'choose another file, or delete it')
 
     def add(self, number: int, values: Sequence[Any], measures: Mapping[str, float]) -> None:
         """

@@ -90,7 +90,7 @@ def remember(description: Description, scene: Path) -> None:
 
 def memory(node: str) -> Path:
     """Give the file for the names of a node's scene, one for each ROS domain."""
-    folder = Path(os.environ.get('XDG_CACHE_HOME') or Path.home() / '.cache')
+    folder = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache'))
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
     return folder / 'procphys_ros' / f'{domain}{re.sub(r"[^A-Za-z0-9_]", ".", node)}.json'
 

@@ -16,11 +16,11 @@
 
 from collections.abc import Callable
 from importlib import import_module
-import os
 from pathlib import Path
 
 from procphys_ros.errors import ExportError
 from procphys_ros.export.content import Content, Report
+from procphys_ros.output_files import obstacle
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
@@ -104,12 +104,8 @@ def _writer(path: Path) -> Writer:
     if suffix not in _WRITERS:
         raise ExportError(f'"{path}": the suffix "{path.suffix}" names no format; use one of '
                           f'{", ".join(SUFFIXES)}')
-    if not path.parent.is_dir():
-        raise ExportError(f'"{path}": there is no folder "{path.parent}"')
-    if path.is_dir():
-        raise ExportError(f'"{path}" is a folder')
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise ExportError(f'"{path}" cannot be written: permission denied')
+    if reason := obstacle(path):
+        raise ExportError(f'"{path}" cannot be written: {reason}')
     module, function = _WRITERS[suffix]
     try:
         return getattr(import_module(f'procphys_ros.export.{module}'), function)

@@ -20,6 +20,7 @@ from time import monotonic
 from typing import Self
 
 from procphys_ros.errors import RecordingError
+from procphys_ros.output_files import obstacle
 from procphys_ros.recording.definitions import definition
 from procphys_ros.recording.library import load_mcap
 
@@ -142,8 +143,8 @@ def check_target(path: Path) -> None:
     """
     if path.suffix != '.mcap':
         raise RecordingError(f'"{path}": a recording must end in .mcap')
-    if not path.parent.is_dir():
-        raise RecordingError(f'"{path}": there is no folder "{path.parent}"')
+    if reason := obstacle(path):
+        raise RecordingError(f'"{path}" cannot be written: {reason}')
     _check_room(path)
 
 

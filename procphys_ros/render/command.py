@@ -25,7 +25,7 @@ import sys
 from threading import current_thread, main_thread
 from typing import NoReturn
 
-from procphys_ros.argument_parser import OneLineParser
+from procphys_ros.argument_parser import OneLineParser, whole
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.render.backend import RenderUnavailableError
@@ -183,7 +183,7 @@ def _parser() -> OneLineParser:
     parser.add_argument('--view', type=_coordinate, nargs=3, metavar=('X', 'Y', 'Z'),
                         help='where the camera stands at first [m]; where it sees the whole '
                         'scene when not given')
-    parser.add_argument('--seed', type=int, help='of a grammar, 0 when not given')
+    parser.add_argument('--seed', type=whole, help='of a grammar, 0 when not given')
     parser.add_argument('--define', type=_define, action='append', default=[],
                         metavar='name=value', help='of a grammar, may be repeated')
     return parser

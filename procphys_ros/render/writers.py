@@ -25,6 +25,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from procphys_ros.errors import SceneError
+from procphys_ros.output_files import obstacle
 from procphys_ros.render.backend import RenderUnavailableError
 
 PICTURES = ('.png', '.jpg', '.jpeg')
@@ -70,10 +71,8 @@ def check_output(path: Path) -> None:
                              'series')
         _numbered(path, 0)
         path.parent.mkdir(parents=True, exist_ok=True)
-    if not path.parent.is_dir():
-        raise SceneError(f'--out: there is no folder "{path.parent}"')
-    if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise SceneError(f'--out: "{path}" cannot be written')
+    if reason := obstacle(path):
+        raise SceneError(f'--out: "{path}" cannot be written: {reason}')
     if suffix == '.mp4':
         _load_encoder()
 

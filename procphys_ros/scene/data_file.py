@@ -39,7 +39,14 @@ def find_data_file(key: str, name: str, beside: Path | None) -> Path:
     elif beside is not None:
         candidates.insert(0, beside / name)
     for path in candidates:
-        if path.is_file():
+        if _is_file(path):
             return path
-    raise SceneError(f'{key}: there is no file "{shorten(name)}" (looked for '
-                     f'{" and ".join(map(str, candidates))})')
+    where = ' and '.join(dict.fromkeys(shorten(str(path)) for path in candidates))
+    raise SceneError(f'{key}: there is no file "{shorten(name)}" (looked for {where})')
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long, say
+        return False

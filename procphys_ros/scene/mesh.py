@@ -15,6 +15,7 @@
 
 """Meshes as solids: files of triangles, filled with boxes that everything can collide with."""
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ def read_mesh(name: str, key: str) -> np.ndarray:
     except ImportError as error:
         raise SceneError(f'{key}: meshes need the package trimesh: pip install trimesh') from error
     path = (shared_folder() / name.removeprefix(_PACKAGE) if name.startswith(_PACKAGE)
-            else Path(name).expanduser())
+            else Path(os.path.expanduser(name)))
     try:
         mesh: Any = trimesh.load(path, force='mesh', process=False)
         triangles = np.asarray(mesh.triangles, float)

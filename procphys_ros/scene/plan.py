@@ -26,6 +26,7 @@ import yaml
 
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.palette import is_known, LOOKS
+from procphys_ros.scene.yaml_file import parsed
 
 MOST = 2000  # houses, or trees, of one row
 _STREET = ('from', 'to', 'width', 'surface', 'pavement', 'pavement_surface')
@@ -145,13 +146,7 @@ def read_plan(path: Path) -> Plan:
 
     :raises SceneError: naming file, line, key and what is allowed.
     """
-    try:
-        root = yaml.compose(path.read_text(encoding='utf-8'), yaml.SafeLoader)
-    except (OSError, UnicodeDecodeError) as problem:
-        raise SceneError(f'{path} cannot be read: {problem}') from None
-    except yaml.MarkedYAMLError as problem:
-        line = f':{problem.problem_mark.line + 1}' if problem.problem_mark else ''
-        raise SceneError(f'{path}{line}: not valid YAML: {problem.problem}') from None
+    root = parsed(path, lambda text: yaml.compose(text, yaml.SafeLoader))
     top = _Keys(root, str(path), ('streets', 'plots', 'trees'))
     streets = {name: _street(_Keys(node, str(path), _STREET))
                for name, node in top.mapping('streets')}
@@ -167,7 +162,8 @@ class _Keys:
 
     def __init__(self, node: Any, file: str, known: Sequence[str]):
         self.where = f'{file}:{node.start_mark.line + 1}' if node is not None else file
-        self._file, self._nodes = file, {}
+        self._file = file
+        self._nodes: dict[Any, Any] = {}
         if not isinstance(node, yaml.MappingNode):
             raise SceneError(f'{self.where}: keys with values are expected ({", ".join(known)})')
         for key, value in node.value:
@@ -175,6 +171,9 @@ class _Keys:
                 raise SceneError(f'{file}:{key.start_mark.line + 1}: there is no key '
                                  f'"{key.value}"{nearest_names(str(key.value), known)} (known: '
                                  f'{", ".join(known)})')
+            if key.value in self._nodes:
+                raise SceneError(f'{file}:{key.start_mark.line + 1}: {key.value} stands there '
+                                 'twice')
             self._nodes[key.value] = value
 
     def error(self, key: str, text: str) -> SceneError:
@@ -190,7 +189,7 @@ class _Keys:
         loader = yaml.SafeLoader('')
         try:
             return loader.construct_document(self._nodes[key])
-        except yaml.YAMLError:
+        except (yaml.YAMLError, ValueError, RecursionError):
             raise self.error(key, 'cannot be read') from None
 
     def number(self, key: str, low: float, high: float, default: float | None = None) -> float:
@@ -245,7 +244,12 @@ class _Keys:
         node = self._nodes.get(key)
         if not isinstance(node, yaml.MappingNode) or not node.value:
             raise self.error(key, 'must name streets, as {high: {from: [0, 0], to: [90, 0]}}')
-        return [(str(name.value), value) for name, value in node.value]
+        named = [(str(name.value), value) for name, value in node.value]
+        for place, (name, value) in enumerate(named):
+            if name in dict(named[:place]):
+                raise SceneError(f'{self._file}:{value.start_mark.line + 1}: {name} stands there '
+                                 'twice')
+        return named
 
     def items(self, key: str) -> list[Any]:
         node = self._nodes.get(key)
@@ -258,7 +262,7 @@ class _Keys:
 
 def _are_numbers(value: Any, counts: Sequence[int]) -> bool:
     return isinstance(value, list) and len(value) in counts and all(
-        isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v)
+        isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e300
         for v in value)
 
 

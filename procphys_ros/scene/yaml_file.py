@@ -14,25 +14,40 @@
 
 """Read the parameters of the node from a ROS parameter file, without ROS."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
 
 from procphys_ros.errors import SceneError
+from procphys_ros.language import shorten
 
+_T = TypeVar('_T')
+_LONGEST = 10_000_000  # characters of a file; a scene of 100,000 objects has as many
+_ENDLESS = 'it is nested too deep, or contains itself'
 _NODE_KEYS = ('/**', '/*', 'sim', '/sim')  # sections that apply to a node called sim
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads names of parameters as ROS does: `on` is a name, not a truth value of YAML 1.1."""
+    """
+    Reads names of parameters as ROS does: `on` is a name, not a truth value of YAML 1.1.
+
+    A name that stands twice in a group is refused: one of its values would be lost.
+    """
 
     def construct_mapping(self, node: yaml.MappingNode,
                           deep: bool = False) -> dict[Hashable, Any]:
+        known = set()
         for key, _ in node.value:
             if key.tag == 'tag:yaml.org,2002:bool':
                 key.tag = 'tag:yaml.org,2002:str'
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in known:
+                    raise yaml.MarkedYAMLError(
+                        problem=f'"{shorten(key.value)}" stands there twice',
+                        problem_mark=key.start_mark)
+                known.add(key.value)
         return super().construct_mapping(node, deep)
 
 
@@ -44,19 +59,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     :returns: nested mapping; dotted keys are opened up into nested ones.
     :raises SceneError: when the file is missing, no YAML, or holds nothing for the node.
     """
-    try:
-        text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, 'strerror', None) or 'it is not UTF-8 text'
-        raise SceneError(f'{path}: cannot be read: {reason}') from error
-    try:
-        document = yaml.load(text, _Loader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        place = f':{mark.line + 1}:{mark.column + 1}' if mark else ''
-        raise SceneError(f'{path}{place}: not valid YAML: {error.problem}') from error
-    except yaml.YAMLError as error:
-        raise SceneError(f'{path}: not valid YAML: {error}') from error
+    document = parsed(path, lambda text: yaml.load(text, _Loader))
     sections = [document[key]['ros__parameters'] for key in _NODE_KEYS
                 if isinstance(document, Mapping) and isinstance(document.get(key), Mapping)
                 and isinstance(document[key].get('ros__parameters'), Mapping)]
@@ -64,9 +67,38 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise SceneError(f'{path}: no parameters for the node; the file must begin with '
                          '"/**:" (or "sim:") and "ros__parameters:" below it')
     merged: dict[str, Any] = {}
-    for section in sections:
-        _merge(merged, section)
+    try:
+        for section in sections:
+            _merge(merged, section)
+    except RecursionError:
+        raise SceneError(f'{path}: {_ENDLESS}') from None
     return merged
+
+
+def parsed(path: Path, parse: Callable[[str], _T]) -> _T:
+    """
+    Read a file with a parser of YAML.
+
+    :param parse: makes of its text what it holds.
+    :raises SceneError: when it cannot be read, with the place; so do values that YAML forbids.
+    """
+    try:
+        with path.open(encoding='utf-8') as file:
+            text = file.read(_LONGEST + 1)
+        if len(text) > _LONGEST:
+            raise SceneError(f'{path}: it has more than {_LONGEST} characters')
+        return parse(text)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'it is not UTF-8 text'
+        raise SceneError(f'{path}: cannot be read: {reason}') from error
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f':{mark.line + 1}:{mark.column + 1}' if mark else ''
+        raise SceneError(f'{path}{place}: not valid YAML: {error.problem}') from error
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a day such as 2026-02-30
+        raise SceneError(f'{path}: not valid YAML: {str(error).splitlines()[0]}') from error
+    except RecursionError:
+        raise SceneError(f'{path}: {_ENDLESS}') from None
 
 
 def _merge(into: dict[str, Any], section: Mapping[str, Any]) -> None:
