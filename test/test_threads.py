@@ -64,6 +64,24 @@ def test_scenes_run_alike_on_any_number_of_threads(more):
             np.testing.assert_array_equal(one, same)
 
 
+def test_trees_answer_to_contacts_alike_on_any_number_of_threads():
+    """Compare to the bit what points of eight trees will do that are pushed there."""
+    looks = []
+    for count in COUNTS:
+        simulation, rng = stand(1), np.random.default_rng(3)
+        simulation.step(5)
+        forest = simulation.state.forest
+        rows = np.sort(rng.choice(np.flatnonzero(forest.active), 60, replace=False))
+        points = forest.poses[rows, :3] + rng.normal(0.0, 0.02, (60, 3))
+        looks.append(forest.predict_response(rows, points, 1.0 / 60.0, simulation.state.trees.air,
+                                             rng.normal(0.0, 0.1, (60, 3)), count))
+    alone, *others = (vars(look) for look in looks)
+    assert alone['tree'].max() >= 5
+    for other in others:
+        for name, column in alone.items():
+            np.testing.assert_array_equal(column, other[name], err_msg=name)
+
+
 @pytest.mark.parametrize('number', [0, 1, 127, 128, 1000, 1307])
 def test_wind_is_the_same_on_any_number_of_threads(number):
     """Compare mean, eddies and gusts at points whose number is no multiple of a block."""

@@ -129,8 +129,8 @@ def _solve(model: Model, state: State, pairs: Pairs,
     air = None if state.trees.still else state.trees.air
     problem = _Problem(pairs, partners, partners.motion.copy(), np.zeros((len(end), 3)),
                        np.full(len(end), _FRICTION), _tree_mass(state, pairs),
-                       partial(_look_ahead, state, rows[order], points[order], dt, air, both,
-                               order))
+                       partial(_look_ahead, model, state, rows[order], points[order], dt, air,
+                               both, order))
     least, out = _least_speed(pairs, problem.look, partners,
                               state.world.bodies.velocities[bodies], dt)
     for _ in range(_LOOKS):
@@ -143,12 +143,12 @@ def _solve(model: Model, state: State, pairs: Pairs,
             partners.motion - problem.free, bodies)
 
 
-def _look_ahead(state: State, rows: np.ndarray, points: np.ndarray, dt: float,
+def _look_ahead(model: Model, state: State, rows: np.ndarray, points: np.ndarray, dt: float,
                 air: np.ndarray | None, both: np.ndarray, order: np.ndarray,
                 impulse: np.ndarray) -> ContactResponse:
     """Foresee the step with impulses of the contacts, (C, 3); one of two trees acts on both."""
     signed = np.concatenate([impulse, -impulse[both]])[order] if impulse.any() else None
-    return state.forest.predict_response(rows, points, dt, air, signed)
+    return state.forest.predict_response(rows, points, dt, air, signed, model.threads)
 
 
 class _Problem:

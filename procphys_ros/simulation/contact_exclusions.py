@@ -27,6 +27,7 @@ parts, since engines exclude whole bodies, and a pair is kept as long as any of 
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.touch import capsule_bounds, meet, overlaps, piece_bounds
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -58,24 +59,46 @@ def add_branch(model: Model, state: State, row: int) -> None:
 
     :param row: of the forest, the first one of the branch.
     """
-    forest, plan = state.forest, state.forest.plan
+    forest, sizes = state.forest, model.trees.sizes
     rows = forest.subtree(row)
-    root, roots = forest.roots(rows[:1]), plan.row[plan.start[:-1]]
-    passed = roots == root
-    if not forest.is_free(root)[0]:
-        passed |= ~forest.is_free(roots)
-    meets = np.zeros(len(forest.active), bool)
-    meets[plan.row[np.repeat(passed, np.diff(plan.start))]] = True
-    meets[rows] = False
-    sizes, still = model.trees.sizes, np.zeros_like(forest.velocities)
-    bounds = capsule_bounds(rows, forest.poses, sizes, still, 0.0, 0.0)
-    room, place = sizes.max(), forest.poses[:, :3]
-    meets &= ((place > bounds[:, :3].min(axis=0) - room)
-              & (place < bounds[:, 3:].max(axis=0) + room)).all(axis=1)
-    others = np.flatnonzero(meets)
-    own, other = overlaps(bounds, capsule_bounds(others, forest.poses, sizes, still, 0.0, 0.0))
+    bounds = capsule_bounds(rows, forest.poses, sizes, forest.velocities, 0.0, 0.0)
+    room = sizes.max()
+    others = _passed_near(rows, forest.parents, forest.active,
+                          forest.is_free(np.arange(len(forest))), forest.poses,
+                          bounds[:, :3].min(axis=0) - room, bounds[:, 3:].max(axis=0) + room)
+    own, other = overlaps(bounds, capsule_bounds(others, forest.poses, sizes, forest.velocities,
+                                                 0.0, 0.0))
     found = _overlapping(state, forest.parts[rows[own]], forest.parts[others[other]])
     state.excluded = np.concatenate([state.excluded, found])
+
+
+@kernel
+def _passed_near(branch, parents, active, free, poses, low, high):
+    """
+    List the segments between two corners that a branch has passed through up to now.
+
+    These are the others of its tree and, if that stands, those of all trees that stand.
+
+    :param branch: rows that come off, the first one first, (K,).
+    :param parents: row that each row hangs on, -1 for roots; parents stand first, (S,).
+    :param active: rows that are moved, (S,) bool.
+    :param free: root rows of trees that came off, (S,) bool.
+    :param poses: (S, 7).
+    :param low, high: corners [m], (3,).
+    """
+    root = np.arange(len(parents))
+    mine = branch[0]
+    while parents[mine] >= 0:
+        mine = parents[mine]
+    meets = np.zeros(len(parents), np.bool_)
+    for i in range(len(parents)):
+        if parents[i] >= 0:
+            root[i] = root[parents[i]]
+        if active[i] and (root[i] == mine or not (free[mine] or free[root[i]])):
+            meets[i] = (low[0] < poses[i, 0] < high[0] and low[1] < poses[i, 1] < high[1]
+                        and low[2] < poses[i, 2] < high[2])
+    meets[branch] = False
+    return np.flatnonzero(meets)
 
 
 def add_split(state: State, pieces: list[np.ndarray]) -> None:

@@ -22,9 +22,8 @@ let go by an impulse, whose tree answers in another way than it was solved for.
 """
 
 import numpy as np
-import scipy  # its parts are imported by their first use
 
-from procphys_ros.physics.touch import Partners
+from procphys_ros.physics.touch import islands, Partners
 from procphys_ros.physics.trees import ContactResponse
 
 _ROUNDING = 1e-5  # [J/kg] that a step may give
@@ -49,20 +48,6 @@ def moved(partners: Partners, look: ContactResponse, free: np.ndarray) -> np.nda
     return slip
 
 
-def islands(partners: Partners, look: ContactResponse) -> np.ndarray:
-    """Label the contacts by what trees and bodies that yield connect, (C,)."""
-    tree, trees = look.tree[partners.end], int(look.tree.max()) + 1
-    both = np.flatnonzero(partners.other >= 0)
-    loose = np.flatnonzero((partners.body >= 0)
-                           & (partners.inverse_mass[partners.body] > 0.0)
-                           ) if len(partners.inverse_mass) else np.zeros(0, np.intp)
-    first = np.concatenate([tree[both], tree[loose]])
-    second = np.concatenate([look.tree[partners.other[both]], trees + partners.body[loose]])
-    size = trees + len(partners.inverse_mass)
-    joined = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), shape=(size, size))
-    return scipy.sparse.csgraph.connected_components(joined, directed=False)[1][tree]
-
-
 def too_much(partners: Partners, look: ContactResponse, free: np.ndarray, impulse: np.ndarray,
              normal: np.ndarray, out: np.ndarray, mass: np.ndarray, gain: float) -> np.ndarray:
     """
@@ -78,7 +63,7 @@ def too_much(partners: Partners, look: ContactResponse, free: np.ndarray, impuls
     work = (impulse * moved(partners, look, free)).sum(axis=1)
     if not (work > _ROUNDING * mass).any():
         return np.zeros(len(work), bool)
-    island = islands(partners, look)
+    island = islands(partners, look.place, len(look.velocity))
     total = np.bincount(island, work)
     lifted = np.bincount(island, np.maximum((impulse * normal).sum(axis=1), 0.0) * out)
     heaviest, fastest = np.zeros(len(total)), np.zeros(len(total))

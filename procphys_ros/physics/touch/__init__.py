@@ -18,7 +18,7 @@
 from procphys_ros.physics.touch.broad import capsule_bounds, half_extent, overlaps, piece_bounds
 from procphys_ros.physics.touch.depth import overlap
 from procphys_ros.physics.touch.geometry import meet, meet_ground, Meetings
-from procphys_ros.physics.touch.impulses import Partners, resolve
+from procphys_ros.physics.touch.impulses import islands, Partners, resolve
 
-__all__ = ['Meetings', 'Partners', 'capsule_bounds', 'half_extent', 'meet', 'meet_ground',
-           'overlap', 'overlaps', 'piece_bounds', 'resolve']
+__all__ = ['Meetings', 'Partners', 'capsule_bounds', 'half_extent', 'islands', 'meet',
+           'meet_ground', 'overlap', 'overlaps', 'piece_bounds', 'resolve']

@@ -82,7 +82,7 @@ def resolve(normal, least, mass, friction, partners, velocity, first, place, cou
     for c in range(len(normal)):
         _prepare(c, normal[c], partners, first, place, count, response, 1.0 / mass[c],
                  yielding, sliding, soft, friction)
-    island = _islands(partners, place, len(velocity))
+    island = islands(partners, place, len(velocity))
     order = np.argsort(island, kind='mergesort')
     begin = 0
     for n in range(1, len(order) + 1):
@@ -93,8 +93,13 @@ def resolve(normal, least, mass, friction, partners, velocity, first, place, cou
 
 
 @kernel
-def _islands(partners, place, ends):
-    """Label contacts, (C,): the same for those that trees or yielding bodies connect."""
+def islands(partners, place, ends):
+    """
+    Label contacts, (C,): the same for those that trees or yielding bodies connect.
+
+    :param place: of each point among those on its tree, (E,), as in the `ContactResponse`.
+    :param ends: number of points, E.
+    """
     island = np.arange(len(partners.end))
     last = np.full(ends + len(partners.inverse_mass), -1, np.int64)
     for c in range(len(island)):

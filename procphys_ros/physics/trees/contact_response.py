@@ -27,7 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.physics.trees import integrator, joints, passes
+from procphys_ros.compilation import threads as pool
+from procphys_ros.physics.trees import integrator, joints, parallel, passes
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
@@ -38,7 +39,7 @@ from procphys_ros.physics.trees.layout import (
     STIFFNESS,
 )
 from procphys_ros.physics.trees.spatial import shift_load
-from procphys_ros.physics.trees.state import Joint, Plan, State
+from procphys_ros.physics.trees.state import Joint, Plan, Scratch, State
 
 _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
@@ -83,13 +84,14 @@ class ContactResponse:
 
 
 def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, model: tuple,
-                     state: State, scratch: tuple, wind: np.ndarray, gravity: np.ndarray,
-                     dt: float) -> ContactResponse:
+                     state: State, workspaces: list[Scratch], wind: np.ndarray,
+                     gravity: np.ndarray, dt: float, threads: int) -> ContactResponse:
     """
     Look one step ahead; nothing changes but the workspace and the wrenches of the last step.
 
     :param entry: places of the touched rows in the plan, (E,).
     :param points: on these rows [m], (E, 3), world.
+    :param workspaces, threads: as of `parallel.step`.
     :param wind: as of the step to come, (S, 3).
     """
     owner = np.searchsorted(plan.start, entry, side='right') - 1
@@ -103,14 +105,19 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, model: t
     old_share, energy = np.zeros(len(entry)), np.empty(len(entry))
     held = np.zeros(len(entry), bool)
     response = np.empty((int(base[-1]), 3, 3))
-    _foresee(plan, trees, order, begin, base, entry - plan.start[owner], points, model, state,
-             scratch, wind, gravity, dt, velocity, before, old_share, energy,
-             held, response)
+    within = entry - plan.start[owner]
+
+    def foresee(place: int, first: int, last: int) -> None:
+        _foresee(plan, trees[first:last], order, begin[first:last + 1], base[first:last + 1],
+                 within, points, model, state, workspaces[place], wind, gravity, dt, velocity,
+                 before, old_share, energy, held, response)
+    rows = np.append(0, np.cumsum(np.diff(plan.start)[trees]))
+    parallel.run(foresee, pool.group_ranges(rows, threads), plan, workspaces)
     return ContactResponse(velocity, before, old_share, energy, held, tree, base[tree], place,
                            size[tree], response)
 
 
-@kernel
+@kernel(nogil=True)
 def _foresee(plan, trees, order, begin, base, entry, points, model, state, scratch, wind, gravity,
              dt, velocity, before, old_share, energy, held, response):
     moved = np.empty(3)

@@ -360,8 +360,8 @@ class Forest:
         return self._model.joint[roots] == state.Joint.FREE
 
     def predict_response(self, rows: np.ndarray, points: np.ndarray, dt: float,
-                         wind: np.ndarray | None = None, impulses: np.ndarray | None = None
-                         ) -> contact_response.ContactResponse:
+                         wind: np.ndarray | None = None, impulses: np.ndarray | None = None,
+                         threads: int = 1) -> contact_response.ContactResponse:
         """
         Tell how points will move in the next step, and what impulses would change about it.
 
@@ -370,20 +370,22 @@ class Forest:
         :param dt: of the next step [s].
         :param wind: of the next step, as for `step`.
         :param impulses: at the points, as if they had been pushed [N·s], (E, 3).
+        :param threads: as for `step`.
         """
-        if self._stale:
-            self._replan()
+        plan = self.plan
+        entry = self._entry[rows]
         wind = self._still if wind is None else np.ascontiguousarray(wind, float)
-        kept = () if impulses is None else (self._state.push, self._state.struck,
-                                            self._state.velocities)
-        given = [column.copy() for column in kept]
         if impulses is not None:
+            touched = self.rows_of(np.unique(np.searchsorted(plan.start, entry, 'right') - 1))
+            kept = self._state.push, self._state.struck, self._state.velocities
+            given = [column[touched] for column in kept]
             self.push(rows, points, impulses)
         found = contact_response.predict_response(
-            self._plan, self._entry[rows], np.ascontiguousarray(points), self._model, self._state,
-            self._scratches[0], wind, self._gravity, float(dt))
-        for column, values in zip(kept, given):
-            column[:] = values
+            plan, entry, np.ascontiguousarray(points), self._model, self._state, self._scratches,
+            wind, self._gravity, float(dt), threads)
+        if impulses is not None:
+            for column, values in zip(kept, given):
+                column[touched] = values
         return found
 
     def energy(self) -> float:

@@ -32,7 +32,7 @@ def step(plan: state.Plan, model: state.Model, columns: state.State,
     def advance(place: int, first: int, last: int) -> None:
         integrator.step(plan._replace(start=plan.start[first:last + 1]), model, columns,
                         workspaces[place], wind, gravity, dt)
-    _run(advance, pool.group_ranges(plan.start, threads), plan, workspaces)
+    run(advance, pool.group_ranges(plan.start, threads), plan, workspaces)
 
 
 def step_some(plan: state.Plan, trees: np.ndarray, spans: np.ndarray, model: state.Model,
@@ -43,11 +43,17 @@ def step_some(plan: state.Plan, trees: np.ndarray, spans: np.ndarray, model: sta
         subset.step(plan, trees[first:last], spans[first:last], model, columns,
                     workspaces[place], wind, gravity)
     starts = np.append(0, np.cumsum(np.diff(plan.start)[trees]))
-    _run(advance, pool.group_ranges(starts, threads), plan, workspaces)
+    run(advance, pool.group_ranges(starts, threads), plan, workspaces)
 
 
-def _run(advance: pool.Work, ranges: np.ndarray, plan: state.Plan,
-         workspaces: list[state.Scratch]) -> None:
+def run(work: pool.Work, ranges: np.ndarray, plan: state.Plan,
+        workspaces: list[state.Scratch]) -> None:
+    """
+    Do work on ranges of trees, each with the workspace of its place among them.
+
+    :param ranges: first tree of each, and one past the last.
+    :param workspaces: see `step`.
+    """
     while len(workspaces) < len(ranges) - 1:
         workspaces.append(state.make_scratch(plan))
-    pool.run(advance, ranges)
+    pool.run(work, ranges)
