@@ -24,6 +24,7 @@ from procphys_ros import rotation
 FACES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1],
                   [4, 5, 7, 6]])
 _TRIANGLES = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]])
+_ADJACENT = np.array([np.flatnonzero(np.isin(FACES, corner).any(axis=1)) for corner in range(8)])
 _PARALLEL = 1e-9  # products of inertia over the largest moment that count as none
 _FLAT = 1e-5  # of a solid's size: how far a corner may stick out of a face
 
@@ -171,8 +172,6 @@ def inset(corners: np.ndarray, distance: float) -> np.ndarray:
     :param distance: of each face from where it was.
     """
     normal = faces(corners)[1]
-    adjacent = np.array([np.flatnonzero(np.isin(FACES, corner).any(axis=1))
-                         for corner in range(8)])
-    back = np.linalg.pinv(normal[:, adjacent], rcond=1e-6)
-    real = np.linalg.norm(normal[:, adjacent], axis=3) > 0.5
+    back = np.linalg.pinv(normal[:, _ADJACENT], rcond=1e-6)
+    real = np.linalg.norm(normal[:, _ADJACENT], axis=3) > 0.5
     return corners - distance * np.einsum('ncij,ncj->nci', back, real.astype(float))

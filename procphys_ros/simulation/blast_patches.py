@@ -32,14 +32,16 @@ _BENDING = 5.0       # strength in bending over that in shear, times span over t
 
 class Patches:
     """
-    Judge of pieces of wall, as many as a wave may try.
+    Judge of pieces of wall, as many as a wave may try, by what bonds carried when it came.
 
-    :param model, state: bonds must not change, but for those that `refresh` is told of.
+    :param model, state: stresses must not change meanwhile.
     :param shaken: parts that pieces consist of, (S,).
+    :ivar alive: bonds that hold, (M,) bool; to be updated as pieces come out.
     """
 
     def __init__(self, model: Model, state: State, shaken: np.ndarray):
         self._state = state
+        self.alive = state.solver.graph.alive.copy()
         graph, own = state.solver.graph, state.blasts
         poses, size = model.blueprint.poses[shaken], model.blueprint.size[shaken]
         momentum, mass = own.momentum[shaken], state.parts.mass[shaken]
@@ -47,13 +49,9 @@ class Patches:
         self._bodies = (np.ascontiguousarray(poses[:, :3]),
                         rotation.to_matrix(poses[:, 3:]) * size[:, None, :], momentum,
                         0.5 * (momentum ** 2).sum(axis=1) / mass, own.pulse[shaken])
-        self._topology = (graph.start, graph.incident, graph.first, graph.second, graph.alive)
+        self._topology = (graph.start, graph.incident, graph.first, graph.second, self.alive)
         self._inside = np.zeros(graph.count + 1, bool)
-        self.refresh()
-
-    def refresh(self) -> None:
-        """Look at what bonds carry after some have been cut."""
-        self._wrench = self._state.solver.wrenches()
+        self._wrench = state.solver.wrenches()
 
     def comes_out(self, rows: np.ndarray) -> bool:
         """

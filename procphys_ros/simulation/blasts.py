@@ -22,6 +22,7 @@ from procphys_ros.errors import CommandError
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import air_blast
 from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
+from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation import blast_loads, glass, masonry
 from procphys_ros.simulation.blast_patches import Patches
@@ -125,7 +126,8 @@ def _shake(model: Model, state: State, wave: Wave, rows: np.ndarray) -> None:
     _burst_panes(model, state, parts[model.glass.is_pane[parts]])
     standing = state.standing[:len(model.blueprint)]
     shaken = np.flatnonzero(standing & own.momentum.any(axis=1))
-    work = _bond_work(state)
+    graph = state.solver.graph
+    work = _bond_work(graph, np.flatnonzero(graph.alive))
     shaken = shaken[_energy(state, shaken) > work[shaken]]
     loose = _tear_patches(model, state, shaken)
     holds = np.setdiff1d(parts[standing[parts]], loose)
@@ -151,12 +153,11 @@ def _burst_panes(model: Model, state: State, panes: np.ndarray) -> None:
         for i in breaks], Cause.BLAST)
 
 
-def _bond_work(state: State) -> np.ndarray:
-    """Give the work of fracture of each part's share of its living bonds [J], (N,)."""
-    graph = state.solver.graph
-    work = 0.5 * FRACTURE_ENERGY_SHEAR * graph.area * graph.alive
-    return (np.bincount(graph.first, work, graph.count + 1)
-            + np.bincount(graph.second, work, graph.count + 1))[:-1]
+def _bond_work(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
+    """Give the work of fracture of each part's share of some of its bonds [J], (N,)."""
+    work = 0.5 * FRACTURE_ENERGY_SHEAR * graph.area[bonds]
+    return (np.bincount(graph.first[bonds], work, graph.count + 1)
+            + np.bincount(graph.second[bonds], work, graph.count + 1))[:-1]
 
 
 def _energy(state: State, parts: np.ndarray) -> np.ndarray:
@@ -172,6 +173,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
     :returns: parts that came loose.
     """
     loose: list[np.ndarray] = [np.zeros(0, np.intp)]
+    cut: list[np.ndarray] = [np.zeros(0, np.intp)]
     if not len(shaken):
         return loose[0]
     places = model.blueprint.poses[shaken, :3]
@@ -197,19 +199,26 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
                 continue  # the same as within the radius before
             tried = len(patch)
             if judge.comes_out(patch):
-                _loosen(model, state, shaken[patch])
-                judge.refresh()
+                cut.append(_loosen(model, state, shaken[patch], judge.alive))
                 loose.append(shaken[patch])
                 left[patch], speed[patch] = False, 0.0
                 torn, failed = torn + 1, failed - 1
                 break
+    state.solver.cut(np.concatenate(cut))
     return np.concatenate(loose)
 
 
-def _loosen(model: Model, state: State, parts: np.ndarray) -> None:
-    """Cut a piece of wall out, and into what flies singly and clumps."""
+def _loosen(model: Model, state: State, parts: np.ndarray, alive: np.ndarray) -> np.ndarray:
+    """
+    Cut a piece of wall out, and into what flies singly and clumps.
+
+    :param alive: bonds that nothing has cut yet, (M,) bool; updated.
+    :returns: bonds to cut.
+    """
     own, graph = state.blasts, state.solver.graph
-    surplus = _energy(state, parts) / np.maximum(_bond_work(state)[parts], 1e-9)
+    touching = graph.neighbours(parts)
+    touching = touching[alive[touching]]
+    surplus = _energy(state, parts) / np.maximum(_bond_work(graph, touching)[parts], 1e-9)
     cell = np.full(graph.count + 1, -1)
     single = np.argsort(-surplus, kind='stable')[:min(own.single_left, _MOST_SINGLE // 4)]
     single = single[surplus[single] > _SURPLUS]
@@ -222,13 +231,12 @@ def _loosen(model: Model, state: State, parts: np.ndarray) -> None:
         places = model.blueprint.poses[parts, :3]
         cell[parts[clumped]] = scipy.spatial.cKDTree(places[seeds]).query(places[clumped])[1]
     cell[parts[single]] = len(parts) + np.arange(len(single))
-    touching = graph.neighbours(parts)
-    touching = touching[graph.alive[touching]]
     cut = touching[cell[graph.first[touching]] != cell[graph.second[touching]]]
     kept = np.maximum(1.0 - 1.0 / np.maximum(surplus, 1.0), 0.0)
     own.momentum[parts] *= np.sqrt(kept)[:, None]
     rows = graph.rows[cut[~graph.has_cracked(cut)]]
-    state.solver.cut(cut)
+    alive[cut] = False
     state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
                      model.blueprint.bonds[rows], Cause.BLAST,
                      np.full(len(rows), float(np.median(surplus))))
+    return cut
