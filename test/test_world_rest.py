@@ -22,11 +22,13 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.physics.world import (
     BodyState,
+    Contacts,
     installed_engines,
     merge_boxes,
     rigid_sum,
     World,
 )
+from procphys_ros.physics.world.settling import Supports
 
 engines = pytest.mark.parametrize('engine', installed_engines())
 
@@ -213,6 +215,60 @@ def test_resting_body_falls_when_its_support_moves_away():
         world.set_poses([low], at(1, 0, 0.033)[None])
         rest(world)
         assert world.poses([high])[0, 2] == pytest.approx(0.0325, abs=2e-3)
+
+
+@pytest.mark.parametrize('places, loads, falls', [
+    ([(0.4, 0.4), (0.4, -0.4), (-0.4, 0.4), (-0.4, -0.4)], [1.0] * 4, True),
+    ([(0.4, 0.4), (0.4, -0.4), (-0.4, 0.4), (-0.4, -0.4)], [0.1, 1.0, 1.0, 1.0], False),
+    ([(-0.4, 0.0), (0.02, 0.4), (0.02, -0.4)], [0.05, 0.5, 0.5], True)],
+    ids=['it bore a quarter', 'it bore little', 'it kept the balance'])
+def test_what_loses_a_support_falls_when_it_needs_it(places, loads, falls):
+    """Move one of the bricks away on which a slab rests, the first of those listed."""
+    with World() as world:
+        slab = world.add_body(Shape.BOX, [1.0, 1.0, 0.1], 250.0, at(0, 0, 0.115))
+        ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(x, y, 0.0325)) for x, y in places]
+        count = len(ids)
+        force = np.column_stack([np.zeros((count, 2)), loads])
+        supports = Supports()
+        supports.add(world.bodies, Contacts(
+            np.full(count, slab), np.array(ids), np.insert(places, 2, 0.065, axis=1),
+            np.tile([0.0, 0.0, 1.0], (count, 1)), np.zeros(count), force, force[:, 2]),
+            np.array([slab]))
+        assert not len(supports.lost(world.bodies))
+        world.set_poses(np.array(ids[:1]), world.poses(ids[:1]) + [0, 0, -0.02, 0, 0, 0, 0])
+        for _ in range(2):  # until it is set free
+            assert supports.lost(world.bodies).tolist() == [slab] * falls
+
+
+@engines
+@pytest.mark.parametrize('pull, rests', [(0.0, True), (0.04, False)])
+def test_what_creeps_comes_to_rest_and_what_starts_to_slide_does_not(engine, pull, rests):
+    """Let a plank slip out of a smooth slot, its centre outside, at 1.5 cm/s or ever faster."""
+    with World((pull, 0.0, -G), engine=engine) as world:
+        world.add_bricks(np.array([at(0, 0, 0.5), at(0, 0, 1.6005)]),
+                         np.tile([0.4, 0.4, 1.0], (2, 1)), np.full(2, 400.0), friction=0.0)
+        plank = world.add_body(Shape.BOX, [1.2, 0.2, 0.1], 15.0, at(0.23, 0, 1.05), friction=0.0,
+                               velocity=np.array([0.015 * rests, 0.0, 0.0, 0.0, 0.0, 0.0]))
+        for _ in range(150):
+            world.step(DT)
+        assert (world.bodies.state[plank] == BodyState.RESTING) == rests
+        assert world.poses([plank])[0, 0] > 0.25
+
+
+@engines
+def test_what_is_jammed_pushes_apart_what_rests(engine):
+    """Put a brick 1 cm deep into a wall and into one that rests: this one gives way."""
+    with World(engine=engine) as world:
+        world.add_bricks(at(-0.1, 0, 0.1)[None], np.array([[0.2, 0.3, 0.2]]), np.array([20.0]))
+        out = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.3, 0, 0.0325))
+        rest(world)
+        inner = 0.5 * BRICK[0] - 0.01
+        between = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(inner, 0, 0.0325))
+        world.set_poses([out], at(inner + BRICK[0] - 0.01, 0, 0.0325)[None])
+        rest(world)
+        inside, outside = world.poses([between, out])[:, 0]
+        assert inside > 0.5 * BRICK[0] - 0.005
+        assert outside - inside > BRICK[0] - 0.005
 
 
 def test_a_tower_of_resting_bricks_comes_down_with_its_foot():

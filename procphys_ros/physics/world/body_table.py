@@ -39,9 +39,10 @@ _COLUMNS: dict[str, tuple[type, int]] = {  # type and width; 0 = a single value 
     'restitution': (float, 0), 'radius': (float, 0), 'least': (float, 0),
     'swept_radius': (float, 0), 'pushed': (bool, 0), 'poses': (float, 7), 'velocities': (float, 6),
     'target': (float, 7), 'quiet': (float, 0), 'mark': (float, 7), 'anchor': (float, 7),
-    'stay': (float, 0), 'bounds': (float, 6), 'first_piece': (np.int64, 0),
-    'piece_count': (np.int64, 0), 'first_point': (np.int64, 0), 'point_count': (np.int64, 0),
-    'first_hexahedron': (np.int64, 0), 'hexahedron_count': (np.int64, 0)}
+    'stay': (float, 0), 'stirred': (np.uint8, 0), 'bounds': (float, 6),
+    'first_piece': (np.int64, 0), 'piece_count': (np.int64, 0), 'first_point': (np.int64, 0),
+    'point_count': (np.int64, 0), 'first_hexahedron': (np.int64, 0),
+    'hexahedron_count': (np.int64, 0)}
 _PIECES: dict[str, tuple[type, int]] = {
     'piece_shape': (np.int64, 0), 'piece_size': (float, 3), 'piece_pose': (float, 7)}
 _POINTS: dict[str, tuple[type, int]] = {'ground_point': (float, 3)}
@@ -74,6 +75,7 @@ class BodyTable:
     :ivar mark: pose in which it began to be slow, (B, 7).
     :ivar anchor: pose that the body has stayed near, (B, 7).
     :ivar stay: how long it has [s], (B,).
+    :ivar stirred: how often it has been kept from rest since it was jammed, (B,) uint8.
     :ivar bounds: axis-aligned bounds of immovable bodies [m], (B, 6).
     :ivar first_piece: row of its first collision shape, (B,).
     :ivar piece_count: number of its collision shapes, (B,).
@@ -105,6 +107,7 @@ class BodyTable:
     mark: np.ndarray
     anchor: np.ndarray
     stay: np.ndarray
+    stirred: np.ndarray
     bounds: np.ndarray
     first_piece: np.ndarray
     piece_count: np.ndarray

@@ -36,11 +36,17 @@ STAY_TIME = 1.0  # [s], how long a body stays, though it trembles, before it com
 STILL_SPEED = 0.005  # [m/s] at the rim of a body that has stayed for `STAY_TIME`: it is held, by
 #                      friction at its sides where not from below. What is out of balance by more
 #                      than `_STANCE` is faster by then
-STUCK_TIME = 4.0  # [s], a body that stays for so long is held by more than the check sees
+STUCK_TIME = 3.0  # [s], a body that stays for so long is held by more than the check sees
+CREEP_TIME = 2.0  # [s], a body that is quiet for so long, ...
+CREEP_SPEED = 0.05  # [m/s] ... whose rim is slower in the mean, and which gets no faster, is
+#                     squeezed: what slides or falls does not keep its speed
 TREMBLE_TIME = 0.1  # [s], a body that stays for so long trembles and hits nothing; one that was
 #                     thawed counts as such until it leaves, or wedged heaps wake each other
+JAMMED = 0.007  # [m] of overlap with another from which a body does not rest at once: one that
+#                 rests gives way to nothing, and what is squeezed into it stays so
+STIRRED = 3  # times that a body is kept from rest for this, or sets others free
 SUPPORT_SHIFT = 0.01  # [m], move of a support that sets free what rests on it
-SPARE = 0.1  # share of its contacts that a body may lose before, a large block of many
+SPARE = 0.1  # share of its contacts, or of their forces, that a body may lose before
 _TOUCH = 2e-3  # [m], gap below which a contact counts as touching
 _STANCE = 0.001  # [m], how far the centre of mass may lie outside what carries it
 _BESIDE = -0.5  # least upward part of the normal of a contact that can hold a body up
@@ -55,8 +61,10 @@ class Supports:
     :ivar resting: id of the body that is carried, (E,) int.
     :ivar local: contact point in the axes of the support [m], (E, 3).
     :ivar point: contact point in the world when it was recorded [m], (E, 3).
-    :ivar share: of the weight of the carried body that went this way; the ground bears the rest
-        of one, (E,).
+    :ivar normal: of the contact, towards the carried body, (E, 3).
+    :ivar share: of the weight of the carried body that went this way, (E,).
+    :ivar load: share of the sizes of all forces that carried it, (E,).
+    :ivar gone: whether the support has moved away since, (E,) bool.
     """
 
     def __init__(self) -> None:
@@ -64,48 +72,79 @@ class Supports:
         self.resting = np.zeros(0, np.intp)
         self.local = np.zeros((0, 3))
         self.point = np.zeros((0, 3))
+        self.normal = np.zeros((0, 3))
         self.share = np.zeros(0)
+        self.load = np.zeros(0)
+        self.gone = np.zeros(0, bool)
 
     def add(self, bodies: BodyTable, contacts: Contacts, rests: np.ndarray) -> None:
         """Record what carries the bodies that come to rest now, (K,) ids."""
         chosen = np.zeros(len(bodies.state), bool)
         chosen[rests] = True
-        keep = (chosen[contacts.body_a] & (bodies.state[contacts.body_b] != BodyState.GROUND)
-                & (contacts.normal[:, 2] > _BESIDE) & _touching(contacts))
-        support, point = contacts.body_b[keep], contacts.point[keep]
+        keep = chosen[contacts.body_a] & (contacts.normal[:, 2] > _BESIDE) & _touching(contacts)
+        support, resting = contacts.body_b[keep], contacts.body_a[keep]
+        point, count = contacts.point[keep], len(bodies.state)
         frame = bodies.poses[support]
-        local = rotation.rotate(rotation.conjugate(frame[:, 3:]), point - frame[:, :3])
-        self.support = np.concatenate([self.support, support])
-        self.resting = np.concatenate([self.resting, contacts.body_a[keep]])
-        self.local = np.concatenate([self.local, local])
-        self.point = np.concatenate([self.point, point])
         upward = np.maximum(contacts.impulse[:, 2], 0.0)
-        borne = np.bincount(contacts.body_a, upward, len(bodies.state))[contacts.body_a[keep]]
-        self.share = np.concatenate([self.share, upward[keep] / np.maximum(borne, 1e-12)])
+        borne = np.bincount(contacts.body_a, upward, count)[resting]
+        size = np.linalg.norm(contacts.impulse[keep], axis=1) + 1e-12
+        self._append(
+            support=support, resting=resting, point=point, normal=contacts.normal[keep],
+            local=rotation.rotate(rotation.conjugate(frame[:, 3:]), point - frame[:, :3]),
+            share=upward[keep] / np.maximum(borne, 1e-12),
+            load=size / np.bincount(resting, size, count)[resting],
+            gone=np.zeros(len(support), bool))
+
+    def _append(self, **rows: np.ndarray) -> None:
+        for name, values in rows.items():
+            setattr(self, name, np.concatenate([getattr(self, name), values]))
 
     def drop(self, state: np.ndarray) -> None:
         """Forget what no longer rests."""
         keep = state[self.resting] == BodyState.RESTING
         if not keep.all():
-            self.support, self.resting = self.support[keep], self.resting[keep]
-            self.local, self.point = self.local[keep], self.point[keep]
-            self.share = self.share[keep]
+            for name, column in vars(self).items():
+                setattr(self, name, column[keep])
 
     def carried_by(self, support: np.ndarray) -> np.ndarray:
         """List the bodies that rest on any of the given ids."""
         return np.unique(self.resting[np.isin(self.support, support)])
 
     def lost(self, bodies: BodyTable) -> np.ndarray:
-        """List the bodies whose supports have moved away: for most, any one of them."""
+        """
+        List the bodies whose supports have moved away: for most, any one of them.
+
+        What still stands on the others, and bore little on those that moved, rests on: light
+        pieces that lie beside a heavy one, or that it squeezes, do not hold it up.
+        """
         state = bodies.state[self.support]
-        row = np.flatnonzero((state != BodyState.RESTING) & (state != BodyState.FIXED))
+        row = np.flatnonzero((state != BodyState.RESTING) & (state != BodyState.FIXED)
+                             & (state != BodyState.GROUND) & ~self.gone)
         if not len(row):
             return row
         frame = bodies.poses[self.support[row]]
         now = frame[:, :3] + rotation.rotate(frame[:, 3:], self.local[row])
-        moved = ((now - self.point[row]) ** 2).sum(axis=1) > SUPPORT_SHIFT ** 2
-        lost = np.bincount(self.resting[row[moved]], minlength=len(bodies.state))
-        return np.flatnonzero(lost > SPARE * np.bincount(self.resting, minlength=len(lost)))
+        moved = row[((now - self.point[row]) ** 2).sum(axis=1) > SUPPORT_SHIFT ** 2]
+        if not len(moved):
+            return moved
+        self.gone[moved] = True
+        count, ids = len(bodies.state), np.unique(self.resting[moved])
+        loose = bodies.state[self.support] != BodyState.GROUND
+        bare = (np.bincount(self.resting, self.gone, count)[ids]
+                > SPARE * np.bincount(self.resting, loose, count)[ids])
+        lost = bare & (np.bincount(self.resting, self.gone * self.load, count)[ids] > SPARE)
+        lost[bare & ~lost] = ~self._carry(bodies, ids[bare & ~lost])
+        self.gone[np.isin(self.resting, ids[lost])] = False  # found again until they are free
+        return ids[lost]
+
+    def _carry(self, bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
+        """Tell which bodies stand on the supports that they have left, (K,) bool."""
+        index = np.full(len(bodies.state), -1)
+        index[ids] = np.arange(len(ids))
+        carried = np.where(self.gone, -1, index[self.resting])
+        row = np.argsort(carried, kind='stable')[np.count_nonzero(carried < 0):]
+        start = np.searchsorted(carried[row], np.arange(len(ids) + 1))
+        return _stands(start, self.point[row], self.normal[row], bodies.poses[ids, :2])
 
 
 def count_quiet(bodies: BodyTable, awake: np.ndarray, time_step: float) -> np.ndarray:
@@ -159,17 +198,19 @@ def _moved(start: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return way, 2.0 * np.arccos(np.minimum(same, 1.0))
 
 
-def at_rest(bodies: BodyTable, quiet: np.ndarray, contacts: Contacts) -> np.ndarray:
+def at_rest(bodies: BodyTable, quiet: np.ndarray,
+            contacts: Contacts) -> tuple[np.ndarray, np.ndarray]:
     """
-    Choose the quiet bodies that can stand where they are.
+    Choose the quiet bodies that can stand where they are, and those to set free with them.
 
     A body stands when its centre of mass lies over the polygon of what it touches; a slab that
     starts to topple is slow, too, but does not. What is clamped may stand beside that polygon: it
-    counts when it has stayed where it is, see `STILL_SPEED` and `STUCK_TIME`.
+    counts when it has stayed where it is, see `STILL_SPEED` and `STUCK_TIME`, or creeps, see
+    `CREEP_SPEED`.
 
     :param quiet: ids from `count_quiet`, (K,).
     :param contacts: of the last step, each listed both ways.
-    :returns: ids, (R,).
+    :returns: ids that come to rest, (R,), and that are jammed, resting ones among them, (J,).
     """
     index = np.full(len(bodies.state), -1)
     index[quiet] = np.arange(len(quiet))
@@ -183,8 +224,31 @@ def at_rest(bodies: BodyTable, quiet: np.ndarray, contacts: Contacts) -> np.ndar
     velocity = bodies.velocities[quiet]
     rim = (np.linalg.norm(velocity[:, :3], axis=1)
            + np.linalg.norm(velocity[:, 3:], axis=1) * bodies.radius[quiet])
-    held = np.where(rim < STILL_SPEED, STAY_TIME, STUCK_TIME)
-    return quiet[stands | ((bodies.stay[quiet] > held) & (np.diff(start) > 0))]
+    known = (rim < STILL_SPEED) | (bodies.stirred[quiet] > 0)  # these could rest before
+    held = np.where(known, STAY_TIME, STUCK_TIME)
+    held = (bodies.stay[quiet] > held) | _is_creeping(bodies, quiet, rim)
+    rests = quiet[stands | (held & (np.diff(start) > 0))]
+    jammed = _jammed(bodies, rests, contacts)
+    bodies.stirred[jammed] = np.minimum(bodies.stirred[jammed] + 1, STIRRED)
+    return np.setdiff1d(rests, jammed), jammed
+
+
+def _jammed(bodies: BodyTable, rests: np.ndarray, contacts: Contacts) -> np.ndarray:
+    """List what would come to rest deep in another loose body, and these others, ascending."""
+    still = bodies.state == BodyState.RESTING
+    still[rests] = True
+    pairs = np.column_stack([contacts.body_a, contacts.body_b])[contacts.distance < -JAMMED]
+    pairs = pairs[still[pairs].all(axis=1) & (bodies.stirred[pairs] < STIRRED).any(axis=1)]
+    return np.unique(pairs)
+
+
+def _is_creeping(bodies: BodyTable, ids: np.ndarray, rim: np.ndarray) -> np.ndarray:
+    """Tell which bodies have been too slow for too long to slide or to fall, (K,) bool."""
+    way, turn = _moved(bodies.mark[ids], bodies.poses[ids])
+    creeps = ((bodies.quiet[ids] > CREEP_TIME) & (rim < REST_RIM)
+              & (way + turn * bodies.radius[ids] < CREEP_SPEED * bodies.quiet[ids]))
+    creeps[creeps] = ~_is_starting(bodies, ids[creeps])
+    return creeps
 
 
 def _touching(contacts: Contacts) -> np.ndarray:

@@ -396,10 +396,11 @@ class World:
             self._since_check = 0.0
             if len(candidates):
                 contacts = self.contacts().both_ways()
-                rests = settling.at_rest(bodies, candidates, contacts)
+                rests, jammed = settling.at_rest(bodies, candidates, contacts)
                 self._take_out(rests)
                 self._supports.add(bodies, contacts, rests)
                 self._hold(rests, BodyState.RESTING)
+                self.thaw(jammed)
         self.thaw(self._supports.lost(bodies))
 
     def _take_out(self, rests: np.ndarray) -> None:
