@@ -18,8 +18,8 @@
 from collections.abc import Callable
 
 import numpy as np
-import scipy  # its parts are imported by their first use
 
+from procphys_ros.physics.masonry.components import label
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.spin import FAST, rotational_energy
 
@@ -54,8 +54,8 @@ def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities
         return ids[:0], velocities[:0]
     island, driven = _islands(bodies, ids, touching())
     most, now = _energies(bodies, ids, poses, velocities, gravity)
-    won = np.bincount(island, now - most)
-    won[(won <= (_SLACK - 1.0) * np.bincount(island, most)) | driven] = 0.0
+    won = np.bincount(island, now - most, len(ids))
+    won[(won <= (_SLACK - 1.0) * np.bincount(island, most, len(ids))) | driven] = 0.0
     theirs = np.bincount(island[fast], now[fast] - most[fast], len(won))
     back = np.minimum(won / np.maximum(theirs, 1e-300), 1.0)[island[fast]]
     gained = back > 0.0
@@ -86,17 +86,17 @@ def _energies(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities:
 
 def _islands(bodies: BodyTable, ids: np.ndarray,
              touched: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Label bodies by what touches, (K,); say which labels touch what is driven, (L,) bool."""
+    """Label bodies by what touches, (K,); say which labels touch what is driven, (K,) bool."""
     index = np.full(len(bodies.state), -1)
     index[ids] = np.arange(len(ids))
     touched = touched.astype(np.intp)
     touched = touched[(touched >= 0).all(axis=1)]
     pairs = index[touched]
     both = pairs[(pairs >= 0).all(axis=1)]
-    joined = scipy.sparse.coo_array((np.ones(len(both)), both.T), shape=(len(ids), len(ids)))
-    count, island = scipy.sparse.csgraph.connected_components(joined, directed=False)
+    first, second = both.T.astype(np.int32, order='C')
+    island, _ = label(len(ids), first, second, np.ones(len(both), bool))
     drives = bodies.state[touched] == BodyState.KINEMATIC
-    driven = np.zeros(count, bool)
+    driven = np.zeros(len(ids), bool)
     for one, other in ((0, 1), (1, 0)):
         moved = pairs[drives[:, one], other]
         driven[island[moved[moved >= 0]]] = True

@@ -38,8 +38,12 @@ def resist_rolling(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravi
     :param time_step: [s].
     :returns: bodies, (M,), and their velocities, (M, 6).
     """
+    is_round = bodies.piece_shape[bodies.first_piece[ids]] != Shape.BOX
+    ids, before = ids[is_round], before[is_round]
+    if not len(ids):
+        return ids, before
     spin = np.linalg.norm(bodies.velocities[ids, 3:], axis=1)
-    rolls = (bodies.piece_shape[bodies.first_piece[ids]] != Shape.BOX) & (spin > 0.0)
+    rolls = spin > 0.0
     ids, before, spin = ids[rolls], before[rolls], spin[rolls]
     velocities = bodies.velocities[ids]
     pressed = np.linalg.norm(velocities[:, :3] - before[:, :3] - gravity * time_step, axis=1)

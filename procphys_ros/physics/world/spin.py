@@ -44,7 +44,9 @@ def limit_spin(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, spin: np.n
     size = np.linalg.norm(bodies.velocities[ids, 3:], axis=1)
     fast = np.flatnonzero(size * time_step > FAST)
     chosen = ids[fast]
-    velocities = bodies.velocities[chosen].copy()
+    velocities = bodies.velocities[chosen]
+    if not len(chosen):
+        return chosen, velocities
     now = rotational_energy(bodies, chosen, bodies.poses[chosen], velocities[:, 3:])
     slow = now * (FAST / (size[fast] * time_step)) ** 2  # at a radian per step
     most = np.maximum(rotational_energy(bodies, chosen, poses[fast], spin[fast]), slow)
