@@ -20,7 +20,7 @@ import weakref
 import numpy as np
 import pytest
 
-from procphys_ros.errors import CommandError
+from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
@@ -184,6 +184,32 @@ def test_reset_restores_everything():
     simulation.set_wind((45.0, 0.0, 0.0))
     simulation.step(120)
     assert np.array_equal(simulation.poses, first)
+
+
+@pytest.mark.parametrize(('given', 'words'), [
+    ({'time_step': 0.0}, 'time_step is 0, it must be'), ({'time_step': np.nan}, 'is nan'),
+    ({'time_step': -0.01}, 'time_step'), ({'seed': -1}, 'seed is -1'), ({'seed': 1.5}, 'seed'),
+    ({'engine': 'havok'}, 'engine')])
+def test_settings_out_of_range_are_refused(given, words):
+    """Take from a program what a scene file may hold, and nothing else."""
+    with pytest.raises(SceneError, match=words):
+        Simulation(Scene(), **given)
+
+
+def test_what_is_no_command_is_refused():
+    """Name what was given in place of a gust."""
+    with pytest.raises(CommandError, match="'strong' is no command"):
+        Simulation(Scene()).gust('strong')
+
+
+@pytest.mark.parametrize('position', [(0.0, 0.0), (0.0, 0.0, np.nan), 5.0, (0.0, 0.0, 0.0, 1.0)])
+def test_places_that_are_none_are_refused(position):
+    """Say so when a scene is made, and when an object is to join."""
+    tree = LSystem.parse(TREE.format(strength=5e7)).build()
+    with pytest.raises(SceneError, match='must be'):
+        Scene().add(tree, position)
+    with pytest.raises(CommandError, match='must be'):
+        Simulation(Scene()).add(tree, position)
 
 
 def test_an_empty_scene_steps():

@@ -149,6 +149,8 @@ class Scene:
         name = name or f'object_{len(self.objects)}'
         if name in self._names:
             raise SceneError(f'there are two objects called "{name}"')
+        if np.shape(position) != (3,):
+            raise SceneError(f'{name}: position {position} must be three numbers')
         if not np.all(np.isfinite([*position, yaw])):
             raise SceneError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
         first = self._parts

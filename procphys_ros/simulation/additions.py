@@ -51,6 +51,8 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     """
     if any(known.name == name for known in state.objects):
         raise CommandError(f'there is, or was, an object called "{name}"; choose another name')
+    if np.shape(position) != (3,):
+        raise CommandError(f'{name}: position {position} must be three numbers')
     if not np.all(np.isfinite([*position, yaw])):
         raise CommandError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
     try:

@@ -157,6 +157,8 @@ def apply(model: Model, state: State, command: Any) -> Any:
         there were; all others: None.
     :raises CommandError: when it cannot be carried out; the state is as it was before.
     """
+    if type(command) not in _ACTIONS:
+        raise CommandError(f'{command!r} is no command')
     try:
         return _ACTIONS[type(command)](model, state, command)
     except SceneError as error:

@@ -74,15 +74,16 @@ class Simulation:
         :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
         :param seed: of the wind and all else that is random; None = the scene's own.
         :param engine: of rigid bodies, 'auto', 'bullet' or 'rapier'; None = the scene's own.
+        :raises SceneError: when a scene file could not hold one of these values.
         """
-        settings = scene.settings if engine is None else replace(scene.settings, engine=engine)
+        given: dict[str, Any] = {'time_step': time_step, 'seed': seed, 'engine': engine}
+        settings = replace(scene.settings, **{k: v for k, v in given.items() if v is not None})
         self.scene = scene
         self.timings: dict[str, float] = {}
         self.stages = STAGES
         self.model: Model = compile_model(
-            settings, scene.shard, scene.blueprint, scene.objects,
-            settings.time_step if time_step is None else float(time_step),
-            settings.seed if seed is None else seed)
+            settings, scene.shard, scene.blueprint, scene.objects, settings.time_step,
+            settings.seed)
         self._flutter: Flutter | None = None
         self._scene_model = self.model  # without what is added while it runs
         self.state, cracked = at_rest(self.model)
