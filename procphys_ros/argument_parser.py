@@ -12,13 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parser of a command's words whose complaints are one line, and readers of numbers for it."""
+"""Parser of a command's words whose complaints are one line, and readers of values for it."""
 
 import argparse
 import math
+import re
 from typing import NoReturn
 
 _MOST_DIGITS = 18  # what fits into 64 bits
+_LAST_PORT = 65535
+_NODE = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z')
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -60,3 +63,18 @@ def count(text: str) -> int:
     if not text.strip('0') or not text.isascii() or not text.isdigit() or len(text) > _MOST_DIGITS:
         raise argparse.ArgumentTypeError(f'"{text[:99]}" is not a whole number above 0')
     return int(text)
+
+
+def node(text: str) -> str:
+    """Read the name of a node."""
+    if not _NODE.match(text):
+        raise argparse.ArgumentTypeError(f'"{text}" cannot name a node, such as /sim or /east/sim')
+    return text
+
+
+def port(text: str) -> int:
+    """Read the number of a TCP port."""
+    value = count(text)
+    if value > _LAST_PORT:
+        raise argparse.ArgumentTypeError(f'"{text}" is not a port from 1 to {_LAST_PORT}')
+    return value

@@ -24,6 +24,7 @@ from contextlib import suppress
 from functools import partial
 from importlib import import_module
 import os
+import select
 import signal
 import sys
 from typing import NoReturn
@@ -62,7 +63,13 @@ def run(name: str, words: Sequence[str] | None = None) -> int:
     if heeds:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        return main(words)
+        code = main(words)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        if not _discard_output():
+            raise  # some other pipe: that is no way to end
+        return 0
     except KeyboardInterrupt:
         print(f'{name}: interrupted', file=sys.stderr)
         return INTERRUPTED
@@ -94,6 +101,17 @@ def main(words: Sequence[str] | None = None) -> int:
     print(f'usage: python -m procphys_ros {{{names}}} ...; each tells more after --help',
           file=sys.stdout if words in (['-h'], ['--help']) else sys.stderr)
     return 0 if words in (['-h'], ['--help']) else 2
+
+
+def _discard_output() -> bool:
+    """Write to nowhere if the reader of the output, such as head, has gone; say whether it has."""
+    output = sys.stdout.fileno()
+    poll = select.poll()
+    poll.register(output, 0)  # errors are told in any case
+    has_gone = bool(poll.poll(0))
+    if has_gone:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), output)
+    return has_gone
 
 
 def _end(name: str) -> NoReturn:

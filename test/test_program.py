@@ -102,6 +102,33 @@ def test_after_ctrl_c_nothing_holds_up_the_end(tmp_path):
     assert done.stderr == 'render: interrupted\n'
 
 
+def test_a_reader_that_has_had_enough_ends_a_command(tmp_path):
+    """Close the pipe that a command writes to, as `head` does."""
+    (tmp_path / 'talking.py').write_text('def main(words):\n    print(100_000 * "x")\n', 'utf-8')
+    code = ('from procphys_ros import program; program.COMMANDS["render"] = "talking"; '
+            'raise SystemExit(program.main(["render"]))')
+    with subprocess.Popen([sys.executable, '-c', code], cwd=tmp_path, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE,
+                          env={'PYTHONPATH': f'{ROOT}:{tmp_path}'}) as running:
+        running.stdout.close()
+        assert (running.stderr.read(), running.wait()) == (b'', 0)
+
+
+@pytest.mark.parametrize('words, said', [
+    (['record', '--out', 'run.mcap', '--node', 'a b'], 'cannot name a node'),
+    (['record', '--out', 'run.mcap', '--seconds', 'nan'], 'not finite'),
+    (['view', '--node', '/a!'], 'cannot name a node'), (['view', '--port', '0'], 'above 0'),
+    (['view', '--port', '99999'], 'port from 1 to 65535'),
+    (['replay', 'run.mcap', '--rate', '0'], 'above 0'),
+    (['warm', '--jobs', '-1'], 'whole number')])
+def test_values_that_make_no_sense_end_with_two(words, said, capsys):
+    """Name the option and what it takes, before anything is loaded."""
+    with pytest.raises(SystemExit) as end:
+        program.main(words)
+    error = capsys.readouterr().err
+    assert end.value.code == 2 and said in error and error.count('\n') == 1
+
+
 def test_every_command_is_started_so():
     """Find each in the scripts for ros2 run and in the entry points."""
     setup = (ROOT / 'setup.py').read_text('utf-8')

@@ -20,12 +20,18 @@ from collections.abc import Sequence
 import re
 
 from procphys_ros import __version__
-from procphys_ros.argument_parser import count, number, OneLineParser, positive, whole
+from procphys_ros.argument_parser import (
+    count,
+    node,
+    number,
+    OneLineParser,
+    positive,
+    whole,
+)
 
 EXIT_CODES = """\
 exit codes: 0 done, 1 refused by the node (it says why), 2 invalid usage,
 3 no node found"""
-_NODE = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z')
 _NUMBER = re.compile(r'-(\d+\.?\d*|\.\d+|inf|nan)([eE][+-]?\d+)?\Z')
 _EXAMPLES = """\
 examples:
@@ -78,7 +84,7 @@ def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
     parser = _Parser(prog='command', description='Talk to a running simulation.',
                      epilog=f'{_EXAMPLES}\n{EXIT_CODES}')
     parser.add_argument('--version', action='version', version=f'procphys_ros {__version__}')
-    parser.add_argument('--node', type=_node, default='/sim', metavar='NAME',
+    parser.add_argument('--node', type=node, default='/sim', metavar='NAME',
                         help='the node to talk to (default %(default)s)')
     parser.add_argument('--timeout', type=positive, default=5.0, metavar='S',
                         help='how long to look for it [s] (default %(default)s)')
@@ -175,12 +181,6 @@ def _add_looks(group) -> None:
 def _vector(parser: argparse.ArgumentParser, name: str, what: str, default=None) -> None:
     parser.add_argument(name, type=number, nargs=3, metavar=('X', 'Y', 'Z'), help=what,
                         default=default, dest=name.strip('-') + ('_' if name == '--from' else ''))
-
-
-def _node(text: str) -> str:
-    if not _NODE.match(text):
-        raise argparse.ArgumentTypeError(f'"{text}" cannot name a node, such as /sim or /east/sim')
-    return text
 
 
 def _wind(text: str) -> float | bool:

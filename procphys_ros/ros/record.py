@@ -19,7 +19,7 @@ from pathlib import Path
 import signal
 import sys
 
-from procphys_ros.argument_parser import OneLineParser, positive
+from procphys_ros.argument_parser import node, OneLineParser, positive
 from procphys_ros.errors import RecordingError
 
 _DONE, _FAILED, _NOT_FOUND = 0, 1, 3  # the parser itself ends with 2
@@ -59,7 +59,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog='record', description='Record what a running node publishes, until Ctrl-C.')
     parser.add_argument('--out', required=True, type=Path, help='file to write (.mcap)')
-    parser.add_argument('--node', default='/sim', help='the node (default /sim)')
+    parser.add_argument('--node', type=node, default='/sim', help='the node (default /sim)')
     parser.add_argument('--seconds', type=positive, help='when to stop [s]; not given = never')
     parser.add_argument('--timeout', type=positive, default=_TIMEOUT,
                         help=f'how long to look for the node [s] (default {_TIMEOUT:g})')

@@ -24,7 +24,7 @@ from threading import Event
 from typing import Any
 import webbrowser
 
-from procphys_ros.argument_parser import OneLineParser
+from procphys_ros.argument_parser import node, OneLineParser, port
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.resources import shared_folder
 from procphys_ros.view.page import HOST, Page, PORT
@@ -104,11 +104,12 @@ def _parser() -> OneLineParser:
         prog='view', description='Show a scene on a page in the browser, until Ctrl-C.')
     parser.add_argument('scene', nargs='?', help='scene file (.yaml), or the name of a shipped '
                         'scene; none = what a running node publishes')
-    parser.add_argument('--node', default='/sim', help='the node to follow (default /sim)')
+    parser.add_argument('--node', type=node, default='/sim',
+                        help='the node to follow (default /sim)')
     parser.add_argument('--host', default=HOST,
                         help=f'address to serve on (default {HOST}: this machine only; 0.0.0.0 = '
                         'all of its addresses)')
-    parser.add_argument('--port', type=int, default=PORT, help=f'TCP port (default {PORT})')
+    parser.add_argument('--port', type=port, default=PORT, help=f'TCP port (default {PORT})')
     parser.add_argument('--open', action='store_true', help='open the page in the browser')
     return parser
 
