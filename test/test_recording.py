@@ -268,6 +268,7 @@ writer.close()
     ('absent.mcap', None, 'cannot be read: No such file'),
     ('noise.mcap', b'no recording at all, but some text', 'is no complete recording'),
     ('empty.mcap', b'', 'is no complete recording'),
+    ('begun.mcap', b'\x89MCAP0\r\n', 'is no complete recording'),
 ])
 def test_files_that_are_none(tmp_path, name, content, complaint):
     """Say in one line why a file cannot be replayed."""
@@ -275,6 +276,25 @@ def test_files_that_are_none(tmp_path, name, content, complaint):
         (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError, match=complaint):
         Recording(tmp_path / name)
+
+
+def test_damaged_files_are_read_or_refused(tmp_path):
+    """Change bytes of a recording at random: each is read, or refused as `replay` tells it."""
+    path = tmp_path / 'small.mcap'
+    with Writer(path) as writer:
+        for at in range(3):
+            writer.write('/sim/poses', 'geometry_msgs/msg/PoseArray', bytes(64), at)
+    whole, rng, refused = path.read_bytes(), np.random.default_rng(0), 0
+    for _ in range(300):
+        spoilt = bytearray(whole)
+        spoilt[rng.integers(len(spoilt))] = rng.integers(256)
+        path.write_bytes(spoilt)
+        try:
+            recording = Recording(path)
+            assert len([*recording.messages(), *recording.state_at(0.0)]) <= 6
+        except RecordingError:
+            refused += 1
+    assert 10 < refused < 300
 
 
 def test_cut_file_is_recognised(run, tmp_path):

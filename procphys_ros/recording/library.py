@@ -24,13 +24,12 @@ def load_mcap() -> SimpleNamespace:
     """
     Import what is used of the package mcap.
 
-    :returns: its Writer, CompressionType, make_reader and McapError.
+    :returns: its Writer, CompressionType and make_reader.
     :raises RecordingError: when it is not installed.
     """
     try:
-        writer, reader, errors = (import_module(f'mcap.{name}')
-                                  for name in ('writer', 'reader', 'exceptions'))
+        writer, reader = (import_module(f'mcap.{name}') for name in ('writer', 'reader'))
     except ImportError as error:
         raise RecordingError('recordings need the package mcap: pip install mcap') from error
     return SimpleNamespace(Writer=writer.Writer, CompressionType=writer.CompressionType,
-                           make_reader=reader.make_reader, McapError=errors.McapError)
+                           make_reader=reader.make_reader)

@@ -58,15 +58,16 @@ class Recording:
     """
 
     def __init__(self, path: str | Path):
-        self._path, self._mcap = Path(path), load_mcap()
+        self._path = Path(path)
+        make_reader = load_mcap().make_reader
         try:
             self._file = self._path.open('rb')
         except OSError as error:
             raise RecordingError(f'"{path}" cannot be read: {error.strerror}') from error
         try:
-            self._reader = self._mcap.make_reader(self._file)
+            self._reader = make_reader(self._file)
             summary = self._reader.get_summary()
-        except self._mcap.McapError as error:
+        except Exception as error:  # whatever the reader of the format makes of a broken file
             reason = str(error) or type(error).__name__
             raise RecordingError(f'"{path}" is no complete recording ({reason}); '
                                  '"mcap recover" may help') from error
@@ -116,5 +117,6 @@ class Recording:
             for schema, channel, message in self._reader.iter_messages(
                     topics, starting_at=start, ending_before=end):
                 yield Message(channel.topic, schema.name, message.data, message.log_time)
-        except self._mcap.McapError as error:
-            raise RecordingError(f'"{self._path}" is damaged: {error}') from error
+        except Exception as error:  # as above
+            raise RecordingError(f'"{self._path}" is damaged: '
+                                 f'{str(error) or type(error).__name__}') from error
