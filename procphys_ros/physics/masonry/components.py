@@ -21,7 +21,7 @@ from procphys_ros.compilation import kernel
 
 
 @kernel
-def _root(parent, i):
+def root_of(parent, i):
     while parent[i] != i:
         parent[i] = parent[parent[i]]  # path halving (Tarjan & van Leeuwen 1984)
         i = parent[i]
@@ -37,9 +37,9 @@ def label_living(count, first, second, alive):
             continue
         i, j = first[m], second[m]
         if i == count or j == count:
-            held[_root(parent, min(i, j))] = True
+            held[root_of(parent, min(i, j))] = True
             continue
-        i, j = _root(parent, i), _root(parent, j)
+        i, j = root_of(parent, i), root_of(parent, j)
         if i != j:
             low, high = min(i, j), max(i, j)
             parent[high] = low  # the lowest part names its component
@@ -47,7 +47,7 @@ def label_living(count, first, second, alive):
     labels = np.empty(count, np.int32)
     supported = np.empty(count, np.bool_)
     for i in range(count):
-        root = _root(parent, i)
+        root = root_of(parent, i)
         labels[i] = root
         supported[i] = held[root]
     return labels, supported

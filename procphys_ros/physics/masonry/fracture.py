@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.masonry import strength, ties
+from procphys_ros.physics.masonry import mechanisms, strength, ties
 from procphys_ros.physics.masonry.solver import DRIFT, StressSolver, SWAY
 
 _BAND = 0.7  # of the worst utilisation
@@ -59,7 +59,7 @@ class Fracture:
     One that is pulled apart or crushed is gone. Bonds without any strength always crack, and all
     at once: they lose nothing by it. Reinforced ones hang on by their steel (`ties`). What no
     equilibrium holds is parted at the joints that open or slide in its motion, and falls if that
-    leaves it loose.
+    leaves it loose; what drifts elastically comes off as a lump (`mechanisms`).
 
     The last stretch to equilibrium takes nearly half of the iterations, and matters to bonds near
     their limit alone. So each problem is glanced at once on the way: if its worst bond carries
@@ -164,10 +164,8 @@ class Fracture:
             hopeless = _HOPELESS if brief else np.inf
             chosen[strength.worst_first(graph, share, self.band, hopeless)] = True
             chosen |= (share > 1.0) & self._dry
-        moving = np.zeros(graph.count + 1, bool)
-        moving[adrift] = True
-        moving = (moving[graph.first] | moving[graph.second]) & (share > 1.0)
-        cause[moving] = Cause.TENSION  # nothing to redistribute to: all around it go at once
+        moving = self._lets_go(adrift, share)
+        cause[moving] = Cause.TENSION  # nothing to redistribute to: they go at once
         bonds = np.flatnonzero(chosen | moving)
         gone = ~(strength.opening(graph, bonds, wrench[bonds])[0] | self._dry[bonds] | brief)
         gone |= (cause[bonds] == Cause.COMPRESSION) | graph.narrowed(bonds)
@@ -179,6 +177,16 @@ class Fracture:
         solver.weaken(bonds[~gone & tied], keeps[~gone & tied])
         solver.cut(bonds[gone], self.dynamic_factor)
         return Failures(bonds, cause[bonds], share[bonds], gone, had_cracked)
+
+    def _lets_go(self, adrift: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """Mark the overloaded bonds that break because what they hold has no balance, (M,)."""
+        solver, graph = self.solver, self.solver.graph
+        moving = np.zeros(len(graph), bool)
+        if len(adrift):
+            moving = mechanisms.loosening(graph, share, adrift, solver.labels, solver.drift)
+            if not solver.converged and not moving.any():
+                moving[graph.neighbours(adrift)] = True  # displacements that tell nothing
+        return moving & (share > 1.0)
 
     def _straighten(self, parts: np.ndarray) -> bool:
         """

@@ -429,8 +429,12 @@ class StressSolver:
         """
         if not self.known:
             return np.zeros(0, np.intp)
-        way = np.abs(self.displacement - self._sound)[:-1, :3].max(axis=1, initial=0.0)
-        return np.flatnonzero(self.supported & (way > furthest))
+        return np.flatnonzero(self.supported & (self.drift > furthest))
+
+    @property
+    def drift(self) -> np.ndarray:
+        """Give how far parts have come since all held, along x, y or z [m], (N,)."""
+        return np.abs(self.displacement - self._sound)[:-1, :3].max(axis=1, initial=0.0)
 
     def hold(self) -> None:
         """Take note that all holds: what drifts, drifts from here on."""
