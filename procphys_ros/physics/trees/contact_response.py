@@ -111,8 +111,9 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, model: t
         _foresee(plan, trees[first:last], order, begin[first:last + 1], base[first:last + 1],
                  within, points, model, state, workspaces[place], wind, gravity, dt, velocity,
                  before, old_share, energy, held, response)
-    rows = np.append(0, np.cumsum(np.diff(plan.start)[trees]))
-    parallel.run(foresee, pool.group_ranges(rows, threads), plan, workspaces)
+    work = np.diff(plan.start)[trees] * (1 + size)  # each push goes through its tree once more
+    ranges = pool.group_ranges(np.append(0, np.cumsum(work)), threads)
+    parallel.run(foresee, ranges, plan, workspaces)
     return ContactResponse(velocity, before, old_share, energy, held, tree, base[tree], place,
                            size[tree], response)
 
