@@ -312,15 +312,29 @@ def power(rows, label, first, second, centroid, centre, axes, extent, normal, sh
             out[label[k]] -= (start[c] + part * (force[c] - bias[m, c])) * rate[c]
 
 
+@kernel(inline='always')
+def _span(along_x, along_y, extent):
+    """Give the length of a patch in a direction along it [m]."""
+    x, y = abs(along_x), abs(along_y)
+    return (x * extent[0] + y * extent[1]) / max((x ** 2 + y ** 2) ** 0.5, 1e-30)
+
+
 @kernel
-def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid):
-    """Write how far joints open at their widest corner, and how far they slide [m], (K,) each."""
+def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid, span):
+    """
+    Write how far joints open at their widest corner, and how far they slide [m], (K,) each.
+
+    :param span: takes the length of the patch across the hinge of those that open further than
+        they slide, and along the motion of the others [m], (K,).
+    """
     d = np.empty(6)
     for k in range(len(rows)):
         m = rows[k]
         _deltas(m, first, second, centroid, centre, axes, q, d)
         gap[k] = d[2] + 0.5 * (abs(d[3]) * extent[m, 1] + abs(d[4]) * extent[m, 0])
         slid[k] = (d[0] ** 2 + d[1] ** 2) ** 0.5 + abs(d[5]) * 0.5 * extent[m].max()
+        span[k] = (_span(d[4], d[3], extent[m]) if gap[k] > slid[k]
+                   else _span(d[0], d[1], extent[m]))
 
 
 @kernel

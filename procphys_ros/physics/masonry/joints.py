@@ -38,8 +38,11 @@ _LEAST_SHARE = 1e-7  # ... and at last
 _SHORT, _LONG = 0.3, 0.9         # reach of steps that promised too much, and that were right
 _STIFFEST, _SOFTER = 1e4, 0.1    # change of the share after these
 _STUCK = 1e12        # [N] friction that nothing overcomes
-PLAY = 2e-3          # [m] that joints open or slide at most in equilibrium: walls 3 % short of
-#                      overturning open by far less, and what moves further goes on moving
+_SPAN = 0.04         # [m] of a joint for which these two hold; longer ones open, slide and creep
+#                      further in proportion, for the forces that hold a structure up depend on
+#                      angles: 0.05 rad until its geometry is another one
+PLAY = 2e-3          # [m] that joints open or slide at most on their way to an equilibrium: arches
+#                      3 % thicker than they need stay below, and what moves further moves on
 CREEP = 1e-5         # [m] that hinges have moved at least where no balance is found: ten times
 #                      what a brick that hangs on a joint moves by in a step of Newton's method
 _HINGE = 0.5         # of the fastest relative motion: joints that move as fast are hinges
@@ -155,21 +158,21 @@ class CrackedJoints:
         Choose the joints that open or slide without end, in a motion of the parts.
 
         :param motion: of the parts since they were in equilibrium [m, rad], (N + 1, 6).
-        :param least: what a hinge has opened or slid by at least [m]; by default further than any
-            joint does in equilibrium.
+        :param least: what a hinge of 4 cm has opened or slid by at least [m], longer ones in
+            proportion; by default further than any joint does in equilibrium.
         :returns: rows, those that moved fastest.
         """
         if not len(rows):
             return rows  # nothing to compile for
-        gap, slid = np.empty((2, len(rows)))
-        joint_kernels.motions(rows, *self._geometry, motion, gap, slid)
-        relative = np.maximum(gap, slid)
+        gap, slid, span = np.empty((3, len(rows)))
+        joint_kernels.motions(rows, *self._geometry, motion, gap, slid, span)
+        relative = np.maximum(gap, slid) / np.maximum(span / _SPAN, 1.0)
         return rows[relative > max(least, _HINGE * relative.max(initial=0.0))]
 
     def openings(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Give how far joints are open at their widest corner [m], (K,)."""
-        gap, slid = np.empty((2, len(rows)))
-        joint_kernels.motions(rows, *self._geometry, displacement, gap, slid)
+        gap, slid, span = np.empty((3, len(rows)))
+        joint_kernels.motions(rows, *self._geometry, displacement, gap, slid, span)
         return np.maximum(gap, 0.0)
 
     def settle(self, rows: np.ndarray, displacement: np.ndarray) -> None:

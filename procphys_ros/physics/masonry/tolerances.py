@@ -23,7 +23,8 @@ _COHERENT = 0.3  # tolerances times the root of the number of parts: largest sum
 #                  unbalanced in an island; gentle loads on all of a wall together tip it, ...
 _WEIGHT = 0.015  # tolerances times the number of parts: likewise for small islands; a tolerance of
 #                  a tenth of a weight makes it 3 % of what tips a wall 20 times as high as thick
-_SHARPER = 0.05  # of gentle loads on each part: what may be left of them
+_SHARPER = 0.05  # of gentle loads on each part: what may be left of them, ...
+_ALONE = 0.015   # ... and of their sum, where they act on one part: columns pushed at their top
 
 
 def sharpened(tolerance: float, residual: np.ndarray, labels: np.ndarray,
@@ -43,5 +44,6 @@ def sharpened(tolerance: float, residual: np.ndarray, labels: np.ndarray,
     pushed = np.linalg.norm(total, axis=1) > most
     if not pushed.any():
         return tolerance
-    return min(tolerance, _SHARPER * float(
-        pcg.residual_sizes(residual, reach)[pushed[labels]].max()))
+    largest = float(pcg.residual_sizes(residual, reach)[pushed[labels]].max())
+    return min(tolerance, _SHARPER * largest,
+               _ALONE * float(np.linalg.norm(total[pushed], axis=1).max()))
