@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import mechanisms, strength, ties
+from procphys_ros.physics.masonry.joints import BRIEF, PLAY
 from procphys_ros.physics.masonry.solver import DRIFT, StressSolver, SWAY
 
 _BAND = 0.7  # of the worst utilisation
@@ -100,16 +101,18 @@ class Fracture:
         """
         solver, graph = self.solver, self.solver.graph
         rounds: list[Failures] = []
+        least = PLAY if relieve is None else BRIEF
         while iterations > 0 and not self.stable and len(rounds) != most:
             before = solver.spent
-            solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
+            solver.iterate(iterations, _ROUGH if self._glances() else 1.0, least)
             iterations -= max(solver.spent - before, 1)
-            if relieve is not None and len(moved := solver.in_motion()):
+            if relieve is not None and len(moved := solver.in_motion(least)):
                 relieved, relieve = relieve(moved), None
                 if relieved:
+                    least = PLAY
                     solver.rewind()
                     continue
-            if not solver.converged and len(solver.part_hinges()):
+            if not solver.converged and len(solver.part_hinges(least)):
                 continue
             furthest = SWAY if self._judged is None or relieve is not None else DRIFT
             adrift = solver.mechanisms(furthest)

@@ -28,6 +28,8 @@ force is besides. Where a joint is open or slides the tangent vanishes; a small 
 stiffness stands in for it, which slows motions that nothing holds, and forces not at all.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from procphys_ros.physics.masonry import joint_kernels, links
@@ -38,14 +40,29 @@ _LEAST_SHARE = 1e-7  # ... and at last
 _SHORT, _LONG = 0.3, 0.9         # reach of steps that promised too much, and that were right
 _STIFFEST, _SOFTER = 1e4, 0.1    # change of the share after these
 _STUCK = 1e12        # [N] friction that nothing overcomes
-_SPAN = 0.04         # [m] of a joint for which these two hold; longer ones open, slide and creep
-#                      further in proportion, for the forces that hold a structure up depend on
-#                      angles: 0.05 rad until its geometry is another one
-PLAY = 2e-3          # [m] that joints open or slide at most on their way to an equilibrium: arches
-#                      3 % thicker than they need stay below, and what moves further moves on
-CREEP = 1e-5         # [m] that hinges have moved at least where no balance is found: ten times
-#                      what a brick that hangs on a joint moves by in a step of Newton's method
 _HINGE = 0.5         # of the fastest relative motion: joints that move as fast are hinges
+
+
+class Reach(NamedTuple):
+    """
+    How far joints open or slide before they count as hinges: the larger of both.
+
+    :ivar way: [m].
+    :ivar angle: times the length of the joint across the hinge, or along the slide [rad].
+    """
+
+    way: float
+    angle: float
+
+
+# On the way to an equilibrium: arches 3 % thicker than they need stay below at every size, for the
+# forces that hold a structure up depend on angles; beyond, its geometry is another one.
+PLAY = Reach(2e-3, 0.05)
+# Under loads that are soon over: what opens so far by a blow is not held by the blow's own force.
+BRIEF = Reach(2e-3, 0.0)
+# Where no balance is found: ten times what a brick that hangs on a joint moves by in a step of
+# Newton's method.
+CREEP = Reach(1e-5, 2.5e-4)
 
 
 class CrackedJoints:
@@ -153,21 +170,21 @@ class CrackedJoints:
             self._bound, self._bias, self.graph.links, start, step, reach, out)
         return out
 
-    def hinges(self, rows: np.ndarray, motion: np.ndarray, least: float = PLAY) -> np.ndarray:
+    def hinges(self, rows: np.ndarray, motion: np.ndarray, least: Reach = PLAY) -> np.ndarray:
         """
         Choose the joints that open or slide without end, in a motion of the parts.
 
         :param motion: of the parts since they were in equilibrium [m, rad], (N + 1, 6).
-        :param least: what a hinge of 4 cm has opened or slid by at least [m], longer ones in
-            proportion; by default further than any joint does in equilibrium.
+        :param least: that hinges have moved by; by default further than any joint does in
+            equilibrium.
         :returns: rows, those that moved fastest.
         """
         if not len(rows):
             return rows  # nothing to compile for
         gap, slid, span = np.empty((3, len(rows)))
         joint_kernels.motions(rows, *self._geometry, motion, gap, slid, span)
-        relative = np.maximum(gap, slid) / np.maximum(span / _SPAN, 1.0)
-        return rows[relative > max(least, _HINGE * relative.max(initial=0.0))]
+        relative = np.maximum(gap, slid) / np.maximum(least.way, least.angle * span)
+        return rows[relative > max(1.0, _HINGE * relative.max(initial=0.0))]
 
     def openings(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Give how far joints are open at their widest corner [m], (K,)."""

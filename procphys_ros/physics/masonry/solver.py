@@ -25,7 +25,7 @@ from procphys_ros.physics.masonry.conjugate_gradients import ConjugateGradients
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.islands import out_of_balance
-from procphys_ros.physics.masonry.joints import CREEP, PLAY
+from procphys_ros.physics.masonry.joints import CREEP, PLAY, Reach
 from procphys_ros.physics.masonry.newton import Step
 from procphys_ros.physics.masonry.superposition import Superposition
 
@@ -289,12 +289,13 @@ class StressSolver:
         """Whether the residual is that of the true forces, not of tangents."""
         return not self._begun or self._step.fresh
 
-    def iterate(self, limit: int, enough: float = 1.0) -> float:
+    def iterate(self, limit: int, enough: float = 1.0, least: Reach = PLAY) -> float:
         """
         Work on the islands out of equilibrium.
 
         :param limit: largest number of iterations.
         :param enough: largest nodal residual to stop at, in tolerances, not less than 1.
+        :param least: that hinges have moved by, at which to stop, too.
         :returns: the largest nodal residual [N].
         """
         target = enough * self.goal
@@ -309,7 +310,7 @@ class StressSolver:
             if not self._begun:
                 self._begin()
             step = self._step
-            if step.curved and len(self._hinges()):
+            if step.curved and len(self._hinges(least)):
                 break
             stale = not self._gradients.fresh
             after = _CURVED_STALE if step.curved else _STALE_AFTER
@@ -385,7 +386,7 @@ class StressSolver:
         else:  # a step keeps to its islands
             self._gradients.begin(self._islands)
 
-    def part_hinges(self) -> np.ndarray:
+    def part_hinges(self, least: Reach = PLAY) -> np.ndarray:
         """
         Cut the cracked joints that open or slide without end: the hinges of a mechanism.
 
@@ -393,15 +394,15 @@ class StressSolver:
 
         :returns: rows of the graph.
         """
-        rows = self._hinges()
+        rows = self._hinges(least)
         self.cut(rows)
         if len(rows):
             self.equilibrium.rewind(self._calm)
         return rows
 
-    def in_motion(self) -> np.ndarray:
+    def in_motion(self, least: Reach) -> np.ndarray:
         """List the parts that a mechanism moves away from where they were in equilibrium last."""
-        moves = len(self._hinges()) or len(self.mechanisms(SWAY))
+        moves = len(self._hinges(least)) or len(self.mechanisms(SWAY))
         return self.equilibrium.moved_from(self._calm) if moves else np.zeros(0, np.intp)
 
     def rewind(self) -> None:
@@ -411,11 +412,11 @@ class StressSolver:
         self._moved()
         self.state, self.problem = self.state + 1, self.problem + 1
 
-    def _hinges(self) -> np.ndarray:
+    def _hinges(self, least: Reach) -> np.ndarray:
         """List the joints that `part_hinges` would cut; none while a step is under way."""
         rows = np.flatnonzero(self.graph.cracked) if self.known else np.zeros(0, np.intp)
-        least = CREEP if self._exhausted else PLAY
-        return self.equilibrium.joints.hinges(rows, self.displacement - self._calm, least)
+        return self.equilibrium.joints.hinges(rows, self.displacement - self._calm,
+                                              CREEP if self._exhausted else least)
 
     def unbalanced(self) -> np.ndarray:
         """List the parts whose nodal residual exceeds the tolerance."""
