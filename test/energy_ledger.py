@@ -31,7 +31,9 @@ a simulation shows to everybody (poses, velocities, air):
 * ground: a tree that was drawn into it is pushed out when it comes off, at a speed by its depth,
   and lifted by it, as engines undo overlaps apart from velocities;
 * projectiles: ½·m·v² when they are launched, and m·g times the height that they should have lost
-  in a step and have not: what the engine stops short of what it will hit goes on to fall faster.
+  in a step and have not: what the engine stops short of what it will hit goes on to fall faster;
+* masonry that breaks what it comes down on keeps its speed, and follows it a step later: m·g times
+  the way that it owes, for that step alone.
 """
 
 import numpy as np
@@ -61,7 +63,7 @@ class EnergyLedger:
         self._start = np.empty((0, 3))
         self._owner = np.empty(0, np.intp)
         self._known = len(simulation.blueprint)
-        self._fallen = self._speed = np.empty(0)
+        self._fallen = self._speed = self._owed = np.empty(0)
         self._given = np.zeros(len(borders) + 1)
         self._height: dict[int, float] = {}  # of projectiles [m]
         self._grow()
@@ -98,6 +100,10 @@ class EnergyLedger:
         self._air = air
         self._speed = np.linalg.norm(simulation.velocities[:, :3], axis=1)
         here = np.isfinite(simulation.poses[:, 2])  # what is gone stays fallen as far as it was
+        before = self._start[:, 2] - self._fallen / (source.mass * self._gravity)
+        late = simulation.poses[:, 2] - before - simulation.velocities[:, 2] * simulation.time_step
+        self._owed = np.where(here & (source.shape != Shape.CAPSULE), source.mass * self._gravity
+                              * np.fmax(late, 0.0), 0.0)
         fall = self._start[:, 2] - simulation.poses[:, 2]
         self._fallen[here] = (source.mass * self._gravity * fall)[here]
         self._note_joints()
@@ -123,7 +129,8 @@ class EnergyLedger:
 
     def bound(self) -> np.ndarray:
         """Give what the kinetic energy of each object may be at most [J], (K,)."""
-        return self._given + self._sum(self._fallen) + self._sum_joints(self._preload)
+        return (self._given + self._sum(self._fallen + self._owed)
+                + self._sum_joints(self._preload))
 
     def _sum_joints(self, values: np.ndarray) -> np.ndarray:
         return np.bincount(self._joint_owner, values, minlength=len(self._given))
@@ -139,7 +146,8 @@ class EnergyLedger:
                          self._simulation.blueprint.poses[new, :3])
         self._start = np.concatenate([self._start, place])
         self._owner = np.concatenate([self._owner, np.searchsorted(self._borders, place[:, 0])])
-        self._fallen = np.concatenate([self._fallen, np.zeros(len(new))])
+        self._fallen, self._owed = (np.concatenate([each, np.zeros(len(new))])
+                                    for each in (self._fallen, self._owed))
         self._speed = np.concatenate([
             self._speed, np.linalg.norm(self._simulation.velocities[new, :3], axis=1)])
 
