@@ -151,11 +151,12 @@ def test_missing_node_is_said(node, start, tmp_path):
 
 @pytest.mark.parametrize('run, words, code, complaint', [
     (record.main, ['--out', 'x.bag'], 1, 'record: "x.bag": a recording must end in .mcap'),
-    (record.main, ['--out', 'no/x.mcap'], 1, 'record: "no/x.mcap": there is no folder "no"'),
+    (record.main, ['--out', 'no/x.mcap'], 1,
+     'record: "no/x.mcap" cannot be written: there is no folder "no"'),
     (record.main, [], 2, 'required: --out'),
     (record.main, ['--out', 'x.mcap', '--sconds', '3'], 2, 'unrecognized arguments: --sconds 3'),
     (replay.main, ['absent.mcap'], 1, 'replay: "absent.mcap" cannot be read'),
-    (replay.main, ['absent.mcap', '--rate', '0'], 2, '0 is not above 0'),
+    (replay.main, ['absent.mcap', '--rate', '0'], 2, '"0" is not above 0'),
     (replay.main, ['tape.mcap', '--from', '9'], 1,
      'replay: --from is 9 s, the recording lasts 2.0 s')])
 def test_mistakes_are_said(tape, monkeypatch, capsys, run, words, code, complaint):
