@@ -33,7 +33,7 @@ a simulation shows to everybody (poses, velocities, air):
 * projectiles: ½·m·v² when they are launched, and m·g times the height that they should have lost
   in a step and have not: what the engine stops short of what it will hit goes on to fall faster;
 * masonry that breaks what it comes down on keeps its speed, and follows it a step later: m·g times
-  the way that it owes, for that step alone.
+  the way down that it owes, v·dt at most, for that step alone.
 """
 
 import numpy as np
@@ -63,7 +63,7 @@ class EnergyLedger:
         self._start = np.empty((0, 3))
         self._owner = np.empty(0, np.intp)
         self._known = len(simulation.blueprint)
-        self._fallen = self._speed = self._owed = np.empty(0)
+        self._fallen = self._speed = self._owed = self._level = np.empty(0)
         self._given = np.zeros(len(borders) + 1)
         self._height: dict[int, float] = {}  # of projectiles [m]
         self._grow()
@@ -100,10 +100,11 @@ class EnergyLedger:
         self._air = air
         self._speed = np.linalg.norm(simulation.velocities[:, :3], axis=1)
         here = np.isfinite(simulation.poses[:, 2])  # what is gone stays fallen as far as it was
-        before = self._start[:, 2] - self._fallen / (source.mass * self._gravity)
-        late = simulation.poses[:, 2] - before - simulation.velocities[:, 2] * simulation.time_step
-        self._owed = np.where(here & (source.shape != Shape.CAPSULE), source.mass * self._gravity
-                              * np.fmax(late, 0.0), 0.0)
+        due = np.maximum(-simulation.velocities[:, 2] * simulation.time_step, 0.0)
+        late = np.clip(simulation.poses[:, 2] - self._level + due, 0.0, due)
+        self._level = simulation.poses[:, 2].copy()
+        self._owed = np.where(here & (source.shape != Shape.CAPSULE),
+                              source.mass * self._gravity * late, 0.0)
         fall = self._start[:, 2] - simulation.poses[:, 2]
         self._fallen[here] = (source.mass * self._gravity * fall)[here]
         self._note_joints()
@@ -148,6 +149,7 @@ class EnergyLedger:
         self._owner = np.concatenate([self._owner, np.searchsorted(self._borders, place[:, 0])])
         self._fallen, self._owed = (np.concatenate([each, np.zeros(len(new))])
                                     for each in (self._fallen, self._owed))
+        self._level = np.concatenate([self._level, place[:, 2]])
         self._speed = np.concatenate([
             self._speed, np.linalg.norm(self._simulation.velocities[new, :3], axis=1)])
 
