@@ -20,6 +20,7 @@ import json
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
+from test_arches import WALL
 from visualization_msgs.msg import MarkerArray
 
 from procphys_ros import messages
@@ -32,25 +33,13 @@ from procphys_ros.simulation import Simulation
 from procphys_ros.view.source import Content as PageContent
 from procphys_ros.wallgrammar import WallGrammar
 
-WALL = """
-building wall
-  footprint: (0, 0) (3.5, 0)
-  facades: front
-  storey_height: 2.4
-rule front -> split(x) {{ ~1: wall | 1.5: bay | ~1: wall }}
-rule bay -> split(y) {{ 0.6: none_ | 1.1: arch | ~1: wall }}
-layout running {{ unit: 0.215 0.1025 0.065  material: brick }}
-panel wall: running
-panel none_: none
-panel arch: arch(round, 1)
-{more}
-"""
 STRONG = 'material brick { tension: 3e6  cohesion: 4e6 }'
 
 
 def built(more=''):
     """Build a wall with an arch in it."""
-    return WallGrammar.parse(WALL.format(more=more)).build()
+    text = WALL.format(below='opening', height=1.1, arch='round, 1')
+    return WallGrammar.parse(text + more).build()
 
 
 @pytest.mark.parametrize('more', ['', STRONG])
