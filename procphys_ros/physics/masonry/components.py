@@ -22,6 +22,7 @@ from procphys_ros.compilation import kernel
 
 @kernel
 def root_of(parent, i):
+    """Give the part that names the component of part i, and shorten the way there."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]  # path halving (Tarjan & van Leeuwen 1984)
         i = parent[i]
