@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from procphys_ros.resources import PACKAGE, shared_folder
-from procphys_ros.ros.parameter_table import GLOBAL
+from procphys_ros.scene.parameter_table import GLOBAL
 
 _SPACE = '{http://www.collada.org/2005/11/COLLADASchema}'
 

@@ -36,8 +36,8 @@ from procphys_ros.messages.points import BREAK, DUST, SCAN
 from procphys_ros.ros.diagnostics import Diagnostics
 from procphys_ros.ros.lidar import LidarPublisher
 from procphys_ros.ros.node import SimNode
-from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.ros.publishers import Publishers
+from procphys_ros.scene.parameter_table import GLOBAL, listing, OBJECT
 
 PUBLISHED = {
     '/sim/poses': 'geometry_msgs/msg/PoseArray',

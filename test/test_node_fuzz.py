@@ -28,7 +28,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
 
 from procphys_ros.ros.node import SimNode
-from procphys_ros.ros.parameter_table import GLOBAL, OBJECT
+from procphys_ros.scene.parameter_table import GLOBAL, OBJECT
 
 MESSAGES, CHANGES, CALLS, SCENES = 7000, 2600, 350, 50  # 10,000 together
 AT_ONCE = 50  # changes of parameters in one request

@@ -28,7 +28,13 @@ import yaml
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.wind import Gust, GUST_KINDS, PROFILES, SPECTRA, WindSettings
-from procphys_ros.ros.parameter_table import (
+from procphys_ros.scene.cues import Blow
+from procphys_ros.scene.culling import CullingSettings
+from procphys_ros.scene.intruder import IntruderSettings
+from procphys_ros.scene.layout import LAYOUTS
+from procphys_ros.scene.lidar import LidarSettings
+from procphys_ros.scene.objects import OBJECT_KEYS, ObjectSpec, read_objects
+from procphys_ros.scene.parameter_table import (
     check_object_names,
     find,
     GLOBAL,
@@ -37,12 +43,6 @@ from procphys_ros.ros.parameter_table import (
     OBJECT,
     Parameter,
 )
-from procphys_ros.scene.cues import Blow
-from procphys_ros.scene.culling import CullingSettings
-from procphys_ros.scene.intruder import IntruderSettings
-from procphys_ros.scene.layout import LAYOUTS
-from procphys_ros.scene.lidar import LidarSettings
-from procphys_ros.scene.objects import OBJECT_KEYS, ObjectSpec, read_objects
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.settings import read_settings, Settings

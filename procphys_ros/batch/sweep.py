@@ -29,9 +29,10 @@ import yaml
 
 from procphys_ros.batch.run import Run
 from procphys_ros.errors import nearest_names, SceneError
-from procphys_ros.ros.parameter_table import find, GLOBAL, OBJECT
 from procphys_ros.scene.objects import read_objects
+from procphys_ros.scene.parameter_table import find, GLOBAL, OBJECT
 from procphys_ros.scene.settings import read_settings
+from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.yaml_file import read_yaml
 
 _MOST = 1_000_000  # runs
@@ -100,8 +101,9 @@ class Sweep:
         """
         parameters = read_yaml(scene)
         try:
-            read_settings(parameters)
             objects = [spec.name for spec in read_objects(parameters)]
+            check_given(parameters, objects)
+            read_settings(parameters)
         except SceneError as error:
             raise SceneError(f'{scene}: {error}') from error
         read = tuple(Variation.read(text, objects) for text in variations)

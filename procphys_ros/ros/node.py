@@ -36,13 +36,13 @@ from procphys_ros.ros.lidar import LidarPublisher
 from procphys_ros.ros.loading import Loading
 from procphys_ros.ros.loop import Loop
 from procphys_ros.ros.pacing import Pacer, RateLimiter, Speedometer
-from procphys_ros.ros.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.publishers import Publishers
 from procphys_ros.ros.requests import Requests
 from procphys_ros.ros.services import Answers, create_services
 from procphys_ros.ros.session import REMEDY, Session
 from procphys_ros.ros.topic_commands import TopicCommands
+from procphys_ros.scene.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.scene.settings import read_settings
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics

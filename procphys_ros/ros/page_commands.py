@@ -24,8 +24,8 @@ from typing import Any
 from rclpy.executors import ExternalShutdownException
 
 from procphys_ros.errors import ProcPhysError
-from procphys_ros.ros.parameter_table import GLOBAL, OBJECT
 from procphys_ros.ros.remote import NoNodeError, Remote
+from procphys_ros.scene.parameter_table import GLOBAL, OBJECT
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.scene.yaml_file import read_yaml
 from procphys_ros.simulation.commands import Impulse, SetWind

@@ -28,23 +28,20 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from procphys_ros.errors import nearest_names
 from procphys_ros.resources import shared_folder
 from procphys_ros.ros.commands import describe, shortened
-from procphys_ros.ros.parameter_table import (
+from procphys_ros.scene.lidar import LidarSettings
+from procphys_ros.scene.parameter_table import (
     check_object_names,
     find,
     GLOBAL,
-    is_of_an_object,
     nested,
     OBJECT,
     Parameter,
 )
-from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.settings import read_settings
+from procphys_ros.scene.unused import flat, unused
 from procphys_ros.scene.yaml_file import read_yaml
-
-_OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service')
 
 
 class Parameters:
@@ -94,17 +91,8 @@ class Parameters:
 
     def unused_overrides(self) -> list[str]:
         """Say in few lines which values given at start are those of no parameter."""
-        names = [name for name, given in sorted(self._node._parameter_overrides.items())
-                 if given.value is not None and name not in self._values
-                 and name not in _OF_EVERY_NODE and not name.startswith('qos_overrides.')]
-        absent = {name.partition('.')[0] for name in names if is_of_an_object(name)}
-        absent -= set(self._objects)
-        unknown = [f'{name}{nearest_names(name, self._values)}' for name in names
-                   if name.partition('.')[0] not in absent]
-        return [text for text, found in (
-            (f'parameters of {", ".join(sorted(absent))} are not used, scene.objects does not '
-             'name them', absent),
-            (f'there is no parameter {", no ".join(unknown)}', unknown)) if found]
+        return unused((name for name, given in self._node._parameter_overrides.items()
+                       if given.value is not None and name not in self._values), self._objects)
 
     def _declare(self, parameter: Parameter, name: str) -> None:
         default = self._defaults.get(name, parameter.default)
@@ -175,17 +163,7 @@ def _check_groups(values: Mapping[str, Any]) -> None:
 
 def demo() -> dict[str, Any]:
     """Give the parameters of the demo by their full names."""
-    flat: dict[str, Any] = {}
-
-    def flatten(prefix: str, group: Mapping[str, Any]) -> None:
-        for key, value in group.items():
-            if isinstance(value, Mapping):
-                flatten(f'{prefix}{key}.', value)
-            else:
-                flat[prefix + key] = value
-
-    flatten('', read_yaml(shared_folder() / 'config' / 'demo.yaml'))
-    return flat
+    return dict(flat(read_yaml(shared_folder() / 'config' / 'demo.yaml')))
 
 
 def _is_empty(value: Any) -> bool:

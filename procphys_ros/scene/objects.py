@@ -96,7 +96,7 @@ def read_defines(defines: Sequence[str], key: str) -> dict[str, float]:
 
     :param defines: each as 'name=number'.
     :param key: of the parameter, for messages.
-    :raises SceneError: when one is not of that form.
+    :raises SceneError: when one is not of that form, or two are of one name.
     """
     numbers = {}
     for text in defines:
@@ -110,6 +110,8 @@ def read_defines(defines: Sequence[str], key: str) -> dict[str, float]:
         if match[1] == 'seed':
             raise SceneError(f'{key}: a grammar has no value "seed"; it is a parameter beside '
                              f'{key}')
+        if match[1] in numbers:
+            raise SceneError(f'{key}: "{match[1]}" stands there twice')
         numbers[match[1]] = value
     return numbers
 

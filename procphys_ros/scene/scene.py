@@ -16,6 +16,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -38,9 +39,11 @@ from procphys_ros.scene.shards import read_shard, Shard
 from procphys_ros.scene.sources import Grammar, load_grammar, locate, parse_grammar, PLAN
 from procphys_ros.scene.streets import lay_out
 from procphys_ros.scene.terrain import make_terrain
+from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.wind_record import read_wind_record
 from procphys_ros.scene.yaml_file import read_yaml
 
+_LOG = logging.getLogger(__name__)
 _SMALLEST = 0.5  # of the mean number of parts of the individuals so far: those to come have more
 
 
@@ -107,11 +110,14 @@ class Scene:
         :raises SceneError: naming the key and what is allowed.
         :raises GrammarError: when a grammar cannot be read or derived.
         """
+        specs = read_objects(parameters)
+        for line in check_given(parameters, [spec.name for spec in specs]):
+            _LOG.warning(line)
         settings = read_settings(parameters)
         scene = cls(replace(settings, wind_record=read_wind_record(settings.wind.file, beside),
                             terrain=make_terrain(settings.ground, settings.seed, beside)))
         scene.shard = read_shard(parameters)
-        for number, spec in enumerate(read_objects(parameters)):
+        for number, spec in enumerate(specs):
             scene._add_object(spec, number, beside)
         return scene
 

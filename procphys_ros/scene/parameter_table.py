@@ -100,7 +100,8 @@ OBJECT = parameters(ObjectSpec, takes_effect='reload')
 
 _GLOBAL = {p.name: p for p in GLOBAL}
 _OBJECT = {p.name: p for p in OBJECT}
-_GROUPS = {name.split('.')[0] for name in _GLOBAL}
+GROUPS = frozenset(name.split('.')[0] for name in _GLOBAL)
+"""What parameters of the node begin with."""
 
 
 def find(name: str, objects: list[str]) -> Parameter | None:
@@ -117,7 +118,7 @@ def find(name: str, objects: list[str]) -> Parameter | None:
 def is_of_an_object(name: str) -> bool:
     """Say whether a full name is one that a parameter of some object could have."""
     owner, _, key = name.partition('.')
-    return owner not in _GROUPS and key in _OBJECT
+    return owner not in GROUPS and key in _OBJECT
 
 
 def check_object_names(names: list[str]) -> None:
@@ -126,9 +127,9 @@ def check_object_names(names: list[str]) -> None:
         if not _NAME.match(name):
             raise SceneError(f'scene.objects: {short(name)} cannot name an object; use letters, '
                              'digits and _, beginning with a letter')
-        if name in _GROUPS:
+        if name in GROUPS:
             raise SceneError(f'scene.objects: "{name}" cannot name an object, parameters of the '
-                             f'node begin with it (taken: {", ".join(sorted(_GROUPS))})')
+                             f'node begin with it (taken: {", ".join(sorted(GROUPS))})')
 
 
 def nested(values: Mapping[str, Any], objects: list[str]) -> dict[str, Any]:
