@@ -118,6 +118,19 @@ def test_variations_that_make_no_sense_are_refused(scene, text, reason):
         Sweep.read(scene, [text], 1, 1.0)
 
 
+@pytest.mark.parametrize('duration', [1e300, float('inf'), float('nan'), 1e-300, 0.0, -1.0])
+def test_runs_without_an_end_or_a_step_are_refused(scene, duration):
+    """Say from what to what a run may last, before any begins."""
+    with pytest.raises(SceneError, match=r'from one time step \(0.0\d+ s\) to 1e\+06 s'):
+        Sweep.read(scene, [], 1, duration)
+
+
+def test_seeds_of_objects_are_varied(scene):
+    """Take the seed of an object, as any of its parameters; only that of the scene has --seeds."""
+    sweep = Sweep.read(scene, ['post.seed=4,5'], 1, 1.0)
+    assert [run.parameters['post']['seed'] for _, run in sweep.runs()] == [4, 5]
+
+
 def test_a_table_goes_on_where_it_was_cut(tmp_path):
     """Cut the last row in half: it is done again; rows of another sweep are not taken over."""
     path = tmp_path / 'table.csv'

@@ -195,7 +195,9 @@ def test_sun_and_clouds_change_the_light():
     (['film.mp4', '--to', '1', '--camera', 'follow=poll_0/1'], 'did you mean pole_0'),
     (['film.mp4', '--to', '1e6'], '100000'), (['film.avi', '--to', '1'], '.mp4'),
     (['loop.gif', '--to', '1', '--fps', '60'], '50'),
-    (['a%d%d.png', '--to', '1'], '%04d'), (['%04d.mp4', '--to', '1'], 'series'),
+    (['a%d%d.png', '--to', '1'], '%04d'), (['a%s.png', '--to', '1'], '%04d'),
+    (['a%099999999999d.png', '--to', '1'], '%04d'), (['a%5d%%%.png', '--to', '1'], '%04d'),
+    (['%04d.mp4', '--to', '1'], 'series'),
     (['one.png', '--to', '1'], '%04d'), (['no/film.mp4', '--to', '1'], 'no folder'),
 ])
 def test_films_are_refused_in_one_line(words, said, scene, tmp_path, capsys):

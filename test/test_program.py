@@ -156,7 +156,19 @@ def test_invalid_usage_ends_with_two(name, capsys):
         code = end.code
     said = capsys.readouterr()
     assert (code, said.out) == (2, '')
-    assert said.err.startswith(f'{name}: '.removeprefix('managed_')) and said.err.count('\n') == 1
+    assert said.err.startswith(f'{name}: ') and said.err.count('\n') == 1
+
+
+@pytest.mark.parametrize('name', [*program.COMMANDS, *program.NODES])
+def test_help_calls_a_command_by_its_name(name, capsys):
+    """Print the usage on standard output, the name in front and in all examples."""
+    try:
+        code = program.main([name, '--help'])
+    except SystemExit as end:
+        code = end.code
+    said = capsys.readouterr()
+    assert (code or 0, said.err) == (0, '') and said.out.startswith(f'usage: {name} ')
+    assert not any(line.startswith('  sim ') for line in said.out.splitlines()) or name == 'sim'
 
 
 def test_ctrl_c_ends_the_compiling_of_kernels(monkeypatch, capsys):

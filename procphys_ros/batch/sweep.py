@@ -36,6 +36,7 @@ from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.yaml_file import read_yaml
 
 _MOST = 1_000_000  # runs
+_LONGEST = 1e6  # [s] of a run, the latest time of a cue, too
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Variation:
             known = [p.name for p in GLOBAL] + [f'{o}.{p.name}' for o in objects for p in OBJECT]
             raise SceneError(f'--vary {text}: say name=values; there is no parameter '
                              f'"{name.strip()}"{nearest_names(name.strip(), known)}')
-        if parameter.name == 'seed':
+        if name.strip() == 'seed':
             raise SceneError('--vary seed: say --seeds and their number')
         values = tuple(parameter.read(value, name.strip()) for value in _values(given, text))
         if not values:
@@ -103,7 +104,7 @@ class Sweep:
         try:
             objects = [spec.name for spec in read_objects(parameters)]
             check_given(parameters, objects)
-            read_settings(parameters)
+            _check_duration(duration, read_settings(parameters).time_step)
         except SceneError as error:
             raise SceneError(f'{scene}: {error}') from error
         read = tuple(Variation.read(text, objects) for text in variations)
@@ -146,6 +147,13 @@ class Sweep:
                     target = target.setdefault(group, {})
                 target[last] = value
             yield values, Run(number, parameters, self.scene.absolute().parent, self.duration)
+
+
+def _check_duration(duration: float, time_step: float) -> None:
+    """Raise SceneError for runs [s] without a step, or without an end."""
+    if not time_step <= duration <= _LONGEST:
+        raise SceneError(f'a run lasts {duration:g} s, it must be from one time step '
+                         f'({time_step:g} s) to {_LONGEST:g} s')
 
 
 def _values(given: str, text: str) -> list[Any]:

@@ -259,8 +259,8 @@ def _camera(text: str) -> dict[str, object]:
 
 
 def _define(text: str) -> tuple[str, float]:
-    name, _, value = text.partition('=')
-    if not name.isidentifier():
+    name, equals, value = text.partition('=')
+    if not name.isidentifier() or not equals:
         raise argparse.ArgumentTypeError(f'"{text}" is not like height=15')
     return name, _numbers(value, ' ', 1, 'height=15')[0]
 

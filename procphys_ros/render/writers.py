@@ -20,6 +20,7 @@ from contextlib import suppress
 from fractions import Fraction
 import os
 from pathlib import Path
+import re
 from typing import Any, Protocol
 
 import numpy as np
@@ -35,6 +36,7 @@ _GIF_COLOURS = 128
 _GIF_RATE = 50.0  # [1/s] above which viewers slow a gif down
 _QUALITY = {'crf': '20', 'preset': 'veryfast'}  # of x264; 18 to 23 look as good as the original
 _JPEG_QUALITY = 85
+_NUMBERED = re.compile(r'(?:[^%]|%%)*%0?[1-9]?d(?:[^%]|%%)*\Z')  # a longer number fills memory
 
 
 class Writer(Protocol):
@@ -185,10 +187,9 @@ def _image(pixels: np.ndarray) -> Any:
 
 
 def _numbered(path: Path, number: int) -> Path:
-    try:
-        return path.with_name(path.name % number)
-    except (TypeError, ValueError):
-        raise SceneError(f'--out: "{path}" must hold one number, as frames/%04d.png') from None
+    if not _NUMBERED.match(path.name):
+        raise SceneError(f'--out: "{path}" must hold one number, as frames/%04d.png')
+    return path.with_name(path.name % number)
 
 
 def _part_of(path: Path) -> Path:

@@ -26,7 +26,7 @@ def main(args: list[str] | None = None) -> int:
     :returns: exit code.
     """
     from procphys_ros.ros import sim
-    return sim.main(args, 'procphys_ros.ros.managed:ManagedSimNode')
+    return sim.main(args, 'procphys_ros.ros.managed:ManagedSimNode', 'managed_sim')
 
 
 if __name__ == '__main__':

@@ -26,33 +26,38 @@ from typing import Any
 from procphys_ros import __version__
 
 _USAGE = """\
-usage: sim [--help] [--version] [--ros-args ...]
+usage: {name} [--help] [--version] [--ros-args ...]
 
-Simulate a scene of trees and buildings, and show it on ROS topics.
+Simulate a scene of trees and buildings, and show it on ROS topics{more}.
 
-  sim                                                    the demo
-  sim --ros-args --params-file config/garden.yaml        another scene
-  sim --ros-args --params-file FILE -p wind.velocity:='[12.0, 0.0, 0.0]'
-  sim --ros-args --params-file FILE -r __node:=east --log-level debug
+  {name:<54}  the demo
+  {garden:<54}  another scene
+  {name} --ros-args --params-file FILE -p wind.velocity:='[12.0, 0.0, 0.0]'
+  {name} --ros-args --params-file FILE -r __node:=east --log-level debug
 
 All topics and services are in docs/node.md, all parameters in docs/parameters.md;
 a running node lists them to `ros2 node info /sim` and `ros2 param describe /sim NAME`,
 or to `command`.
 exit codes: 0 told to stop, 1 the scene cannot be read, 2 invalid usage
 """
+_GARDEN = '--ros-args --params-file config/garden.yaml'
+_MORE = {'managed_sim': ';\na managed node: it builds the scene when it is configured, and time '
+                        'passes while it is active'}
 
 
-def main(args: list[str] | None = None, kind: str = 'procphys_ros.ros.node:SimNode') -> int:
+def main(args: list[str] | None = None, kind: str = 'procphys_ros.ros.node:SimNode',
+         name: str = 'sim') -> int:
     """
     Run the node until it is told to stop.
 
     :param args: command line, with ROS arguments; None = the process's own.
     :param kind: module and name of the class of the node.
+    :param name: of the executable.
     :returns: exit code: 0 when told to stop, 1 when the scene cannot be read, 2 for invalid usage.
     """
     words = _own_words(sys.argv[1:] if args is None else args)
     if words:
-        return _answer(words)
+        return _answer(words, name)
     # rclpy handles signals once it is started. Importing takes a second or more, and a signal
     # must end the process as cleanly in that time; so the imports come after this. Nothing is
     # open yet, and an exception might be swallowed by whatever it comes across.
@@ -91,15 +96,16 @@ def _own_words(words: list[str]) -> list[str]:
     return own
 
 
-def _answer(words: list[str]) -> int:
+def _answer(words: list[str], name: str) -> int:
     """Answer what needs no node, and refuse the rest."""
     if words[0] in ('-h', '--help'):
-        print(_USAGE, end='')
+        print(_USAGE.format(name=name, more=_MORE.get(name, ''), garden=f'{name} {_GARDEN}'),
+              end='')
         return 0
     if words[0] == '--version':
         print(f'procphys_ros {__version__}')
         return 0
-    print(f'sim: it takes no argument "{words[0]}"; a scene is given with --ros-args '
+    print(f'{name}: it takes no argument "{words[0]}"; a scene is given with --ros-args '
           '--params-file FILE (--help says more)', file=sys.stderr)
     return 2
 
