@@ -14,11 +14,14 @@
 
 """What a part carries, against closed forms."""
 
+from dataclasses import replace
+
 from grown_trees import beam
 from masonry_walls import wall
 import numpy as np
 import pytest
 
+from procphys_ros.blueprint import GROUND
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
@@ -62,6 +65,21 @@ def test_a_bent_trunk_is_loaded_by_the_stress_in_its_fibres(simulation):
     width = pushed.blueprint.bond_extent[0, 0]
     np.testing.assert_allclose(foot.share, foot.moment / (np.pi / 32.0 * width ** 3) / STRENGTH,
                                rtol=1e-3)
+
+
+def test_a_trunk_may_be_nearest_to_being_uprooted():
+    """Push a tree whose root plate gives way long before its wood: the share is that of it."""
+    grown = beam(strength=STRENGTH)
+    moment = 0.2 * STRENGTH * np.pi / 32.0 * grown.bond_extent[0, 0] ** 3
+    root = np.where(grown.bonds[:, 0] == GROUND, moment, np.inf)
+    scene = Scene()
+    scene.add(replace(grown, hinges=replace(grown.hinges, root_moment=root)), name='tree')
+    simulation = Simulation(scene)
+    simulation.apply_wrench(9, (30.0, 0.0, 0.0))
+    simulation.step(300)
+    foot = load_of(simulation.state, 0)
+    np.testing.assert_allclose(foot.share, foot.moment / moment, rtol=1e-3)
+    assert load_of(simulation.state, 1).share < 0.3 * foot.share
 
 
 def test_the_bricks_at_the_foot_carry_the_pier(simulation):

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import GROUND, Law
+from procphys_ros.blueprint import Law
 from procphys_ros.physics.masonry import strength
 from procphys_ros.physics.trees.breaks import section_modulus
 from procphys_ros.simulation.parts import Owner
@@ -70,8 +70,6 @@ def _branch(state: State, part: int) -> PartLoad:
     row = int(state.parts.row[part])
     wrench, bond = state.forest.joint_wrenches[row], int(state.forest.bonds[row])
     force, moment = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
-    if bond == GROUND:  # a branch that has come off
-        return PartLoad(force, moment)
     source = state.blueprint
     hinge = int(np.count_nonzero(source.bond_law[:bond] == Law.HINGE))
     axis = rotation.rotate(state.parts.poses[part, 3:], np.array([0.0, 0.0, 1.0]))
@@ -80,7 +78,7 @@ def _branch(state: State, part: int) -> PartLoad:
     stress = bending / float(section_modulus(source.bond_extent[bond, 0]))
     own = source.hinges
     share = max(force / own.break_force[hinge], twist / own.break_torque[hinge],
-                stress / own.strength[hinge])
+                stress / own.strength[hinge], bending / own.root_moment[hinge])
     return PartLoad(force, moment, float(share))
 
 
