@@ -65,6 +65,12 @@ def test_walls_without_a_roof_hold_no_gas():
     assert found is None or not found.is_confined()
 
 
+def test_where_nothing_encloses_there_is_no_room():
+    """Ask for the room around a place where panes stand that let the gas out, and nothing else."""
+    poses, sizes, turn = room()
+    assert find_room(turn[:3], poses[:0], sizes[:0], Sight(poses, sizes)) is None
+
+
 def test_faces_into_a_room_are_found():
     """Tell the inner from the outer faces of its walls."""
     poses, sizes, turn = room()

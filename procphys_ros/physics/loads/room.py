@@ -89,6 +89,8 @@ def find_room(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray, sight: Si
     :param ground: its height [m].
     :returns: None when the place is in the open.
     """
+    if not len(poses):
+        return None
     nearest = int(np.argmin(((poses[:, :3] - point) ** 2).sum(axis=1)))
     turn = heading(poses[nearest, 3:])
     ways = point + _REACH * rotation.rotate(turn, _SIX)
