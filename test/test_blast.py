@@ -180,6 +180,9 @@ def test_pressure_clears_over_the_edges_of_a_front():
     assert (np.diff(cleared) >= 0.0).all()
     assert cleared[0] == pytest.approx(float(air_blast.impulse(z)[0]), rel=0.02)  # a weak wave
     assert cleared[-1] == pytest.approx(float(air_blast.reflected_impulse(z)[0]), rel=1e-9)
+    both = np.array([[0.5, np.inf], [0.5, np.inf]])  # an endless wall beside a small one
+    assert_allclose(air_blast.cleared_impulse(np.repeat(z, 2), both),
+                    [cleared[2], air_blast.reflected_impulse(z)[0]])
 
 
 def test_clearing_takes_the_time_of_the_ufc():

@@ -91,14 +91,17 @@ def cleared_impulse(z: np.ndarray, front: np.ndarray | float,
     """
     most = reflected_impulse(z, ground)
     less, greater = np.broadcast_to(np.asarray(front, float), (2, *np.shape(z)))
-    if np.isinf(less).all():
+    endless = np.isinf(less)
+    if endless.all():
         return most
     side_on = overpressure(z, ground)
-    time = 4.0 * less / ((1.0 + less / greater) * _reflected_sound(side_on))
+    square = np.divide(less, greater, out=np.ones(np.shape(z)), where=~endless)
+    time = 4.0 * less / ((1.0 + square) * _reflected_sound(side_on))
     end = 2.0 * impulse(z, ground) / side_on
     time = np.minimum(time, end)
     then = (side_on + dynamic_pressure(side_on)) * (1.0 - time / end)
-    return np.minimum(0.5 * (reflected(z, ground) * time + then * end), most)
+    cleared = np.minimum(0.5 * (reflected(z, ground) * time + then * end), most)
+    return np.where(endless, most, cleared)
 
 
 def _reflected_sound(pressure: np.ndarray) -> np.ndarray:
