@@ -20,6 +20,7 @@ from PIL import Image
 import pytest
 
 from procphys_ros.errors import SceneError
+from procphys_ros.physics.air import AIR_VISCOSITY
 from procphys_ros.physics.dust import (
     DUST_PER_ENERGY,
     DustCloud,
@@ -129,8 +130,10 @@ def test_dust_settles_at_the_stokes_speed():
     """Fall by the closed form d²·g·Δρ/(18·μ) times the time, within the turbulence's error."""
     grains = np.array([5e-6, 20e-6, 60e-6])
     assert stokes_speed(grains) == pytest.approx(
-        grains ** 2 * 9.81 * (2000 - 1.225) / (18 * 1.81e-5))
-    assert stokes_speed(20e-6) == pytest.approx(0.0241, rel=0.01)
+        grains ** 2 * 9.81 * (2000 - 1.225) / (18 * AIR_VISCOSITY))
+    assert stokes_speed(20e-6) == pytest.approx(0.0244, rel=0.01)
+    sutherland = 1.458e-6 * 288.15 ** 1.5 / (288.15 + 110.4)  # ISO 2533, at 15 °C
+    assert sutherland == pytest.approx(AIR_VISCOSITY, rel=1e-3)
     cloud = cloud_of(100e3, height=50.0)
     start, grain = cloud.position.copy(), cloud.grain.copy()
     for _ in range(600):

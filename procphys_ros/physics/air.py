@@ -15,7 +15,7 @@
 """Air: its density, and the drag of what has one shape wherever it is met."""
 
 AIR_DENSITY = 1.225  # [kg/m³], standard atmosphere at sea level (ISO 2533)
-AIR_VISCOSITY = 1.81e-5  # [Pa·s] at 15 °C (ISO 2533)
+AIR_VISCOSITY = 1.789e-5  # [Pa·s] at 15 °C (ISO 2533)
 # Drag of a long cylinder across the wind, subcritical (Hoerner 1965, Fluid-Dynamic Drag, 3-9).
 CYLINDER_DRAG = 1.1  # [-]
 CUBE_DRAG = 1.05  # [-], face on (Hoerner 1965, 3-16)
