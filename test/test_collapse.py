@@ -161,6 +161,19 @@ def test_a_branch_on_the_ground_breaks_again_if_its_wood_is_weak(strength, break
     assert (len(result.bonds) > 0) == breaks
 
 
+def test_weak_joints_of_a_branch_pass_the_screen_of_blows():
+    """Pull a branch apart at a force far below that of its wood: `weakest` knows that force."""
+    branch = LSystem.parse(BRANCH.format(strength=1e9)).build()
+    weak = np.full(len(branch.hinges), 20.0)
+    hinges = replace(branch.hinges, break_force=weak, break_torque=0.1 * weak)
+    free = FreeBodies(replace(branch, hinges=hinges))
+    np.testing.assert_array_equal(free.weakest, 20.0)
+    np.testing.assert_array_equal(free.weakest_bent, 2.0)
+    wrenches = np.zeros((len(branch), 6))
+    wrenches[-1, 2] = 30.0  # along the branch, at its tip
+    assert len(free.strike(np.arange(len(branch)), wrenches, len(branch)).bonds)
+
+
 def test_debris_comes_to_rest_on_something():
     """Drop a wall: all of it ends at rest, on the ground, on itself, and not below."""
     simulation = fall(tilted(wall(6, 10, ground=False)), 1.5, 8.0)

@@ -36,9 +36,10 @@ def as_mortar(blueprint: Blueprint) -> Blueprint:
     if not hinge.any():
         return blueprint
     columns = {}
-    values = {'normal_stiffness': np.full(int(hinge.sum()), _STIFFNESS),
-              'shear_stiffness': np.full(int(hinge.sum()), _STIFFNESS),
-              'reinforcement': np.zeros(int(hinge.sum()))}
+    count = int(hinge.sum())
+    values = {'normal_stiffness': np.full(count, _STIFFNESS),
+              'shear_stiffness': np.full(count, _STIFFNESS),
+              'friction': np.zeros(count), 'reinforcement': np.zeros(count)}
     for f in fields(Mortar):
         columns[f.name] = np.zeros(len(hinge))
         columns[f.name][~hinge] = getattr(blueprint.mortar, f.name)

@@ -87,13 +87,16 @@ class FreeBodies:
             mortar.tension, mortar.cohesion, mortar.friction, mortar.compression,
             mortar.reinforcement))
         force = np.minimum(mortar.tension, mortar.cohesion) * graph.area
+        force[hinged] = np.minimum(force[hinged], hinges.break_force)
         self.weakest = _least(graph, force)
         side = graph.extent.min(axis=1, initial=np.inf)
         centre = np.concatenate([graph.centre, np.full((1, 3), np.inf)])  # or the ground
         length = np.linalg.norm(centre[graph.first] - centre[graph.second], axis=1)
         slender = np.isfinite(length) & (length > _SLENDER * side)
         moment = mortar.tension * graph.area * side / 6.0
-        self.weakest_bent = _least(graph, np.where(slender, moment, np.inf))
+        moment = np.where(slender, moment, np.inf)
+        moment[hinged] = np.minimum(moment[hinged], hinges.break_torque)
+        self.weakest_bent = _least(graph, moment)
 
     def reset(self) -> None:
         """Make every bond whole again."""
