@@ -68,6 +68,26 @@ def test_the_ground_meets_every_brick_of_a_toothed_piece(tilt, courses):
         assert lowest_corner(world.poses([body])[0], whole.local_poses) > -0.01
 
 
+def test_corners_slide_on_ice():
+    """Let a toothed piece stand on its teeth and slide without friction: it keeps its speed."""
+    poses = toothed_wall(4)
+    sizes, mass = np.tile(BRICK, (len(poses), 1)), np.full(len(poses), BRICK_MASS)
+    whole = rigid_sum(mass, box_inertia(mass, sizes), poses)
+    turn = rotation.from_axis_angle(np.array([0, 1.0, 0]), np.array([0.5 * np.pi]))[0]
+    attitude = rotation.multiply(turn, whole.pose[3:])
+    height = -lowest_corner(np.array([0, 0, 0, *attitude]), whole.local_poses) + 0.05
+    with World(friction=0.0) as world:
+        body = world.add_fragment(np.full(len(poses), int(Shape.BOX)), sizes, whole.local_poses,
+                                  whole.mass, whole.inertia, at(0, 0, height, attitude),
+                                  np.array([0, 1.0, 0, 0, 0, 0]), friction=0.0)
+        touched = 0
+        for _ in range(40):
+            world.step(DT)
+            touched += len(world._point_contacts)
+            np.testing.assert_allclose(world.velocities([body])[0, :2], [0.0, 1.0], atol=1e-6)
+        assert touched
+
+
 def test_overlapping_bodies_part_without_being_thrown():
     """Put a brick 3 cm into a slab at rest: it is moved out, and gains no speed by it."""
     with World() as world:

@@ -106,14 +106,13 @@ def _pay(table: BodyTable, ids: np.ndarray, velocities: np.ndarray, owed: np.nda
     velocities[:, 3:] *= np.sqrt(left / np.maximum(spin, 1e-12))[:, None]
 
 
-def touch_with_points(table: BodyTable, awake: np.ndarray, friction: float,
-                      time_step: float, terrain: Terrain = FLAT) -> Correction:
+def touch_with_points(table: BodyTable, awake: np.ndarray, time_step: float,
+                      terrain: Terrain = FLAT) -> Correction:
     """
     Let the ground meet the corners that stick out of the collision shapes of bodies.
 
     :param table: the bodies.
     :param awake: ids, (K,).
-    :param friction: Coulomb coefficient.
     :param time_step: [s].
     :param terrain: the surface of the ground.
     """
@@ -126,7 +125,8 @@ def touch_with_points(table: BodyTable, awake: np.ndarray, friction: float,
     poses, velocities = table.poses[chosen], table.velocities[chosen]
     contacts = resolve_ground_contacts(table.first_point[chosen], table.point_count[chosen],
                                        table.ground_point, poses, velocities,
-                                       table.mass[chosen], table.inertia[chosen], friction,
+                                       table.mass[chosen], table.inertia[chosen],
+                                       np.sqrt(table.friction[chosen] * table.friction[_GROUND]),
                                        time_step, terrain)
     if not len(contacts):
         return _NOTHING

@@ -121,7 +121,7 @@ def resolve_ground_contacts(first, number, points, poses, velocities, mass, iner
     :param velocities: world axes, (B, 6), changed in place.
     :param mass: [kg], (B,).
     :param inertia: principal moments [kg·m²], (B, 3).
-    :param friction: of the bodies on the ground.
+    :param friction: coefficient of each body on the ground, (B,).
     :param time_step: [s].
     :param terrain: the surface of the ground.
     :returns: contacts as of `Engine.contacts`, with the row of the body for its id, (C, 13).
@@ -153,7 +153,7 @@ def resolve_ground_contacts(first, number, points, poses, velocities, mass, iner
             compliance = (turn / inertia[b]) @ turn.T
             rows, where = table[begin:count], poses[b, :3].copy()
             effects = _effects(rows, mass[b], compliance)
-            _solve_velocities(rows, effects, velocities[b], mass[b], friction)
+            _solve_velocities(rows, effects, velocities[b], mass[b], friction[b])
             _solve_positions(rows, effects[:, 2], poses[b], mass[b])
             rows[:, 2:5] += where
             rows[:, 9:] /= time_step

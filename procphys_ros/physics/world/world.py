@@ -370,7 +370,7 @@ class World:
         self._lifts = self._correct(lift_fallen(
             bodies, awake, self._places[awake], self._gravity, time_step, self._terrain))
         self._point_contacts = self._correct(touch_with_points(
-            bodies, awake, FRICTION, time_step, self._terrain))
+            bodies, awake, time_step, self._terrain))
         self._settle(time_step)
 
     def _pass_time(self, time_step: float) -> None:
