@@ -15,6 +15,7 @@
 
 """Forward dynamics of trees against dense mass matrices, and against closed forms in flight."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 from grown_trees import beam, bush, effective_mass
@@ -173,6 +174,21 @@ def test_impulse_meets_the_effective_mass():
     still.step(_DT)
     change = (hit.velocities[row, :3] - still.velocities[row, :3]) @ way
     assert change == pytest.approx(4.0 / mass, rel=1e-3)
+
+
+@pytest.mark.parametrize('impulse', [None, (1.0, 2.0, 0.0)])
+def test_looking_ahead_changes_nothing(impulse):
+    """Step a swaying trunk with and without a look ahead: it moves alike to the bit."""
+    forest, row, dt = Forest(beam()), np.array([5]), 1.0 / 60.0
+    forest.apply_impulse(9, linear=(30.0, 10.0, 0.0))
+    given = None if impulse is None else np.array([impulse])
+    for _ in range(40):
+        other = deepcopy(forest)
+        other.predict_response(row, other.poses[row, :3], dt, impulses=given)
+        other.step(dt)
+        forest.step(dt)
+        assert np.array_equal(forest.poses, other.poses)
+        assert np.array_equal(forest.velocities, other.velocities)
 
 
 def test_effective_mass_of_a_loose_segment_is_its_mass():

@@ -87,7 +87,7 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, model: t
                      state: State, workspaces: list[Scratch], wind: np.ndarray,
                      gravity: np.ndarray, dt: float, threads: int) -> ContactResponse:
     """
-    Look one step ahead; nothing changes but the workspace and the wrenches of the last step.
+    Look one step ahead; the caller puts back what this changes of the state (`Forest`).
 
     :param entry: places of the touched rows in the plan, (E,).
     :param points: on these rows [m], (E, 3), world.

@@ -375,17 +375,17 @@ class Forest:
         plan = self.plan
         entry = self._entry[rows]
         wind = self._still if wind is None else np.ascontiguousarray(wind, float)
+        touched = self.rows_of(np.unique(np.searchsorted(plan.start, entry, 'right') - 1))
+        kept = (self._state.push, self._state.struck, self._state.velocities,
+                self._state.carried)
+        given = [column[touched] for column in kept]
         if impulses is not None:
-            touched = self.rows_of(np.unique(np.searchsorted(plan.start, entry, 'right') - 1))
-            kept = self._state.push, self._state.struck, self._state.velocities
-            given = [column[touched] for column in kept]
             self.push(rows, points, impulses)
         found = contact_response.predict_response(
             plan, entry, np.ascontiguousarray(points), self._model, self._state, self._scratches,
             wind, self._gravity, float(dt), threads)
-        if impulses is not None:
-            for column, values in zip(kept, given):
-                column[touched] = values
+        for column, values in zip(kept, given):
+            column[touched] = values
         return found
 
     def energy(self) -> float:
