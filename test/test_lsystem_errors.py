@@ -29,6 +29,7 @@ from procphys_ros.resources import shared_folder
     ('axoim: A', 1, 1, 'unknown section "axoim:"; did you mean axiom?'),
     ('axiom: A\nprodution:\nA -> B', 2, 1, 'did you mean production'),
     ('A -> B', 1, 1, 'outside any section'),
+    ('\x1b[2J\x00', 1, 1, r'"\x1b[2J\x00" outside any section'),
     ('axiom: A\nangle: 3\nB', 3, 1, 'outside any section'),
     ('axiom: A\nproduction:\nmaximum depth: 2\n\n  A -> ]', 5, 8, 'without a "["'),
     ('axiom: A\nproduction:\nangle: 2\n  A F', 4, 0, 'expected'),

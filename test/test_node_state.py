@@ -15,6 +15,8 @@
 
 """Saved states of the node: written to a file, restored from it, or refused in one line."""
 
+import os
+
 from node_process import Client, SAPLING
 import numpy as np
 import pytest
@@ -87,6 +89,18 @@ def test_a_file_that_cannot_be_written_is_refused(client, tmp_path):
     use_file(client, tmp_path / 'no folder' / 'state.bin')
     answer = client.trigger('save_state')
     assert not answer.success and 'cannot be written' in answer.message
+
+
+@pytest.mark.parametrize('make', [os.mkfifo, os.mkdir])
+def test_what_is_no_plain_file_is_not_replaced(client, tmp_path, make):
+    """Leave a pipe, as a device, and a folder where they are."""
+    path = tmp_path / 'state'
+    make(path)
+    before = path.stat()
+    use_file(client, path)
+    answer = client.trigger('save_state')
+    assert not answer.success and 'is not a regular file' in answer.message
+    assert path.stat().st_ino == before.st_ino and path.stat().st_mode == before.st_mode
 
 
 def _written(path, content):

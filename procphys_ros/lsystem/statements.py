@@ -19,7 +19,7 @@ import re
 from typing import NamedTuple
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.language import Place
+from procphys_ros.language import Place, shorten
 
 ONE_LINE = ('name', 'derivation length', 'angle', 'maximum depth')
 _SEVERAL_LINES = ('include', 'axiom', 'define', 'module', 'ignore', 'consider', 'textures')
@@ -102,7 +102,7 @@ def _check_header(line: str, section: str, place: Place) -> None:
             raise place.error(f'unknown section "{found[1].strip()}:"{near} '
                               f'(sections: {", ".join(HEADERS)})')
     if not section:
-        raise place.error(f'found "{line.strip()[:20]}" outside any section; '
+        raise place.error(f'found "{shorten(line.strip()[:20])}" outside any section; '
                           f'begin with one of: {", ".join(HEADERS)}')
 
 

@@ -31,6 +31,8 @@ def write_state(path: Path, data: bytes) -> None:
     :raises CommandError: when it cannot be written; nothing has changed then.
     """
     try:
+        if path.exists() and not path.is_file():  # a device would be replaced by a file
+            raise CommandError(f'state.file: {path} is not a regular file')
         write_whole(path, data)
     except (OSError, ValueError) as error:
         raise CommandError(f'state.file: {path} cannot be written: {_reason(error)}') from error
