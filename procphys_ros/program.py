@@ -64,12 +64,18 @@ def run(name: str, words: Sequence[str] | None = None) -> int:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         code = main(words)
-        sys.stdout.flush()
+        if sys.stdout is not None:  # as after >&-
+            sys.stdout.flush()
         return code
     except BrokenPipeError:
-        if not _discard_output():
+        if not _has_gone():
             raise  # some other pipe: that is no way to end
+        _discard_output()
         return 0
+    except OSError as error:  # a disk that is full, and whatever else a command did not foresee
+        print(f'{name}: {error}', file=sys.stderr)
+        _discard_if_it_fails()
+        return 1
     except KeyboardInterrupt:
         print(f'{name}: interrupted', file=sys.stderr)
         return INTERRUPTED
@@ -103,15 +109,25 @@ def main(words: Sequence[str] | None = None) -> int:
     return 0 if words in (['-h'], ['--help']) else 2
 
 
-def _discard_output() -> bool:
-    """Write to nowhere if the reader of the output, such as head, has gone; say whether it has."""
-    output = sys.stdout.fileno()
+def _has_gone() -> bool:
+    """Say whether the reader of the output, such as head, has gone."""
     poll = select.poll()
-    poll.register(output, 0)  # errors are told in any case
-    has_gone = bool(poll.poll(0))
-    if has_gone:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), output)
-    return has_gone
+    poll.register(sys.stdout.fileno(), 0)  # errors are told in any case
+    return bool(poll.poll(0))
+
+
+def _discard_if_it_fails() -> None:
+    """Let the interpreter not try again, at its end, what it could not print."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        _discard_output()
+
+
+def _discard_output() -> None:
+    """Write to nowhere what is still printed."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _end(name: str) -> NoReturn:

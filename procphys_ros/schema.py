@@ -24,6 +24,7 @@ from procphys_ros.errors import ProcPhysError, SceneError
 
 LARGEST = 1e9  # [any unit] beyond it a value is a mistake
 _KEY = 'parameter'
+_SWITCH = {True: 'on', False: 'off'}  # texts that YAML 1.1, and so ROS, reads as truth values
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,8 @@ class Parameter:
         return int(value) if whole else float(value)
 
     def _text(self, value: Any, name: str) -> str:
+        if isinstance(value, bool) and _SWITCH[value] in self.choices:
+            return _SWITCH[value]
         if not isinstance(value, str):
             raise SceneError(f'{name} is {short(value)}, it must be a text')
         if self.choices and value not in self.choices:

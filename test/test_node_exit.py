@@ -17,8 +17,10 @@
 
 from pathlib import Path
 import signal
+import subprocess
+import sys
 
-from node_process import Client, NodeProcess, SCENE
+from node_process import Client, NodeProcess, ROOT, SCENE
 import pytest
 import rclpy
 from std_srvs.srv import Trigger
@@ -82,6 +84,23 @@ def client():
     yield made
     made.close()
     rclpy.try_shutdown()
+
+
+def test_ctrl_c_does_not_keep_the_node_from_saying_why_it_ends():
+    """Press it while the first line of the log is made: the line comes, and code 1."""
+    code = """
+import os, signal
+from procphys_ros.ros import running
+class Log:
+    def fatal(self, text):
+        os.kill(os.getpid(), signal.SIGINT)
+        print(text)
+running.get_logger = lambda name: Log()
+running.rclpy.ok = lambda: True
+raise SystemExit(running._complain(ValueError('no scene')))
+"""
+    done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (1, 'no scene\n', '')
 
 
 @pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGTERM])

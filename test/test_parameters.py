@@ -100,6 +100,7 @@ def test_choices_and_object_defaults_are_those_of_the_scene():
     ('scene.objects', [], []),
     ('scene.objects', ['', 'oak'], ['oak']),
     ('seed', 2**40, 2**40),
+    ('status_line', True, 'on'), ('status_line', False, 'off'),  # as YAML 1.1 reads on and off
 ])
 def test_value_is_brought_to_its_type(name, value, expected):
     """Turn whole numbers into floats, arrays into lists, empty texts into nothing."""
@@ -121,7 +122,7 @@ def test_value_is_brought_to_its_type(name, value, expected):
     ('seed', 1.5, 'whole number'),
     ('seed', -1, 'whole number from 0'),
     ('wind.profile', 'loq', 'log, power, uniform'),
-    ('wind.profile', 3, 'text'),
+    ('wind.profile', 3, 'text'), ('wind.profile', True, 'text'),
     ('scene.objects', 'oak', 'list of texts'),
     ('scene.objects', [1, 2], 'list of texts'),
     ('impulse.target', 'x' * 10**6, None),

@@ -114,6 +114,32 @@ def test_a_reader_that_has_had_enough_ends_a_command(tmp_path):
         assert (running.stderr.read(), running.wait()) == (b'', 0)
 
 
+@pytest.mark.parametrize('unbuffered', ['', '1'])
+def test_an_output_that_is_full_is_told_in_one_line(tmp_path, unbuffered):
+    """Print onto a device that is always full: no traceback, and no second complaint at exit."""
+    (tmp_path / 'talking.py').write_text('def main(words):\n    print("x")\n', 'utf-8')
+    code = ('from procphys_ros import program; program.COMMANDS["render"] = "talking"; '
+            'raise SystemExit(program.main(["render"]))')
+    with open('/dev/full', 'w', encoding='utf-8') as full:
+        done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, stdout=full, text=True,
+                              stderr=subprocess.PIPE, env={'PYTHONPATH': f'{ROOT}:{tmp_path}',
+                                                           'PYTHONUNBUFFERED': unbuffered})
+    assert done.returncode == 1
+    assert done.stderr == 'render: [Errno 28] No space left on device\n'
+
+
+def test_a_closed_output_ends_no_command(tmp_path):
+    """Do what is asked for although nothing can be said, as after `>&-`."""
+    (tmp_path / 'talking.py').write_text('def main(words):\n    print("x")\n    return 0\n',
+                                         'utf-8')
+    code = ('from procphys_ros import program; program.COMMANDS["render"] = "talking"; '
+            'raise SystemExit(program.main(["render"]))')
+    done = subprocess.run(['sh', '-c', f'exec "$0" -c \'{code}\' >&-', sys.executable],
+                          cwd=tmp_path, stderr=subprocess.PIPE,
+                          env={'PYTHONPATH': f'{ROOT}:{tmp_path}'})
+    assert (done.returncode, done.stderr) == (0, b'')
+
+
 @pytest.mark.parametrize('words, said', [
     (['record', '--out', 'run.mcap', '--node', 'a b'], 'cannot name a node'),
     (['record', '--out', 'run.mcap', '--seconds', 'nan'], 'not finite'),

@@ -17,6 +17,7 @@
 
 from contextlib import suppress
 import os
+import signal
 import sys
 
 import rclpy
@@ -96,7 +97,8 @@ def _serve(executor: SingleThreadedExecutor, node: SimNode) -> None:
 
 
 def _complain(error: Exception) -> int:
-    """Say in one line why the node ends, and give the exit code."""
+    """Say in one line why the node ends, and give the exit code; Ctrl-C makes no odds any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first line of a log takes rclpy a while
     if rclpy.ok():
         get_logger('sim').fatal(str(error))
     else:
