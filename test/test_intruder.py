@@ -23,7 +23,7 @@ import pytest
 from procphys_ros import rotation, skeleton
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.errors import CommandError, SceneError
-from procphys_ros.physics.touch import overlap
+from procphys_ros.physics.touch import overlap_ball, overlap_box
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.pose_interpolator import PoseInterpolator
@@ -204,12 +204,12 @@ def test_depths_of_boxes_and_balls():
     box = np.array([[0.0, 0.0, 0.0, *_TURN]])
     size = np.ones((1, 3))
     pose = np.array([0.9, 0.2, 0.0, *_TURN])
-    depth, normal, point = overlap(False, pose, np.ones(3), box, size)
+    depth, normal, point = overlap_box(pose, np.ones(3), box, size)
     assert depth[0] == pytest.approx(0.1) and normal[0] == pytest.approx([1.0, 0.0, 0.0])
     assert point[0] == pytest.approx([0.5, 0.2, 0.0])
     pose[:2] = 0.5 + 0.4
-    depth, normal, _ = overlap(True, pose, np.full(3, 1.2), box, size)
+    depth, normal, _ = overlap_ball(pose[:3], 0.6, box, size)
     assert depth[0] == pytest.approx(0.6 - 0.4 * 2 ** 0.5)
     assert normal[0] == pytest.approx([0.5 ** 0.5, 0.5 ** 0.5, 0.0])
     pose[0] = 3.0
-    assert overlap(True, pose, np.full(3, 1.2), box, size)[0][0] == 0.0
+    assert overlap_ball(pose[:3], 0.6, box, size)[0][0] == 0.0

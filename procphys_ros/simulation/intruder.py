@@ -23,7 +23,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.touch import overlap, overlaps
+from procphys_ros.physics.touch import overlap_ball, overlap_box, overlaps
 from procphys_ros.physics.world import BodyState, Pieces
 from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.model import Model
@@ -150,13 +150,15 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
 
 def _deepest(pieces: Pieces, pose: np.ndarray,
              near: Obstacles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give how deep an intruder sticks in each brick with its deepest piece; see `overlap`."""
+    """Give how deep an intruder sticks in each brick with its deepest piece; see `touch`."""
     depth, normal = np.zeros(len(near.pose)), np.zeros((len(near.pose), 3))
     point = np.zeros((len(near.pose), 3))
     if not len(near.pose):
         return depth, normal, point
-    for ball, local, size in _solids(pieces):
-        found = overlap(ball, rotation.compose(pose, local), size, near.pose, near.size)
+    for is_ball, local, size in _solids(pieces):
+        place = rotation.compose(pose, local)
+        found = (overlap_ball(place[:3], 0.5 * size[0], near.pose, near.size) if is_ball
+                 else overlap_box(place, size, near.pose, near.size))
         deeper = found[0] > depth
         for best, other in zip((depth, normal, point), found):
             best[deeper] = other[deeper]

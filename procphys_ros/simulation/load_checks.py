@@ -25,7 +25,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.physics.masonry import Failures
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.touch import overlap, overlaps, piece_bounds
+from procphys_ros.physics.touch import overlap_box, overlaps, piece_bounds
 from procphys_ros.physics.trees import Anchors
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.placement import FOOTING
@@ -220,9 +220,9 @@ def _deepest(blueprint: Blueprint, bounds: np.ndarray, mine: np.ndarray,
     worst, place = 0.0, np.zeros(3)
     for part in np.unique(b):
         near = mine[a[b == part]]
-        depth, _, point = overlap(False, blueprint.poses[theirs[part]],
-                                  blueprint.size[theirs[part]], blueprint.poses[near],
-                                  blueprint.size[near])
+        depth, _, point = overlap_box(blueprint.poses[theirs[part]],
+                                      blueprint.size[theirs[part]], blueprint.poses[near],
+                                      blueprint.size[near])
         if depth.max() > worst:
             worst, place = float(depth.max()), point[depth.argmax()]
     return worst, place

@@ -20,43 +20,62 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.rotation_kernels import matrix
 
+Overlap = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Depths, 0 where nothing touches [m], (B,), ways out of each box, (B, 3), and a point where they
+press on each other [m], world, (B, 3)."""
 
-def overlap(ball: bool, pose: np.ndarray, size: np.ndarray, poses: np.ndarray,
-            sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+
+def overlap_ball(centre: np.ndarray, radius: float, poses: np.ndarray,
+                 sizes: np.ndarray) -> Overlap:
     """
-    Give how far a ball or a box would have to be moved out of each of many boxes.
+    Give how far a ball would have to be moved out of each of many boxes.
 
-    :param ball: whether it is one; its diameter is `size[0]`.
-    :param pose: of its centre, (7,).
-    :param size: full extents [m], (3,).
+    :param centre: [m], (3,), world.
+    :param radius: [m].
     :param poses: of the boxes, (B, 7).
     :param sizes: full extents [m], (B, 3).
-    :returns: depths, 0 for those it does not touch [m], (B,), the ways out of each box, (B, 3),
-        and a point where they press on each other [m], world, (B, 3).
     """
-    return _overlap(ball, np.asarray(pose, float), np.asarray(size, float), poses, sizes)
+    return _overlap_ball(np.ascontiguousarray(centre, float), float(radius), poses, sizes)
+
+
+def overlap_box(pose: np.ndarray, size: np.ndarray, poses: np.ndarray,
+                sizes: np.ndarray) -> Overlap:
+    """
+    Give how far a box would have to be moved out of each of many boxes.
+
+    :param pose: (7,).
+    :param size: full extents [m], (3,).
+
+    The other parameters are those of `overlap_ball`.
+    """
+    return _overlap_box(np.asarray(pose, float), np.asarray(size, float), poses, sizes)
 
 
 @kernel
-def _overlap(ball, pose, size, poses, sizes):
+def _overlap_ball(centre, radius, poses, sizes):
+    depth, normal = np.zeros(len(poses)), np.zeros((len(poses), 3))
+    point = np.zeros((len(poses), 3))
+    for i in range(len(poses)):
+        turn = matrix(poses[i, 3:])
+        d, n = _ball(turn.T @ (centre - poses[i, :3]), 0.5 * sizes[i], radius)
+        if d > 0.0:
+            depth[i], normal[i] = d, turn @ n
+            point[i] = centre - radius * normal[i]
+    return depth, normal, point
+
+
+@kernel
+def _overlap_box(pose, size, poses, sizes):
     depth, normal = np.zeros(len(poses)), np.zeros((len(poses), 3))
     point = np.zeros((len(poses), 3))
     mine = matrix(pose[3:])
     for i in range(len(poses)):
         turn, half = matrix(poses[i, 3:]), 0.5 * sizes[i]
         arm = pose[:3] - poses[i, :3]
-        inside = turn.T @ arm
-        if ball:
-            d, n = _ball(inside, half, 0.5 * size[0])
-            n = turn @ n
-            reach = 0.5 * size[0]
-            place = pose[:3] - reach * n
-        else:
-            d, n = _boxes(arm, mine, 0.5 * size, turn, half)
-            nearest = np.minimum(np.maximum(inside, -half), half)
-            place = poses[i, :3] + turn @ nearest
+        d, n = _boxes(arm, mine, 0.5 * size, turn, half)
         if d > 0.0:
-            depth[i], normal[i], point[i] = d, n, place
+            depth[i], normal[i] = d, n
+            point[i] = poses[i, :3] + turn @ np.minimum(np.maximum(turn.T @ arm, -half), half)
     return depth, normal, point
 
 
