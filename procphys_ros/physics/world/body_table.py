@@ -144,12 +144,12 @@ class BodyTable:
 
     def add_body(self, state: BodyState, pieces: Pieces, mass: float, inertia: np.ndarray,
                  pose: np.ndarray, velocity: np.ndarray | None, friction: float,
-                 restitution: float, plain: bool) -> int:
+                 restitution: float, least: float) -> int:
         """
         Add a body with the values of the columns of the same names, and give its id.
 
         :param velocity: (6,); None = at rest.
-        :param plain: whether it is one piece in the body's own frame, and no compound.
+        :param least: [m]; 0 for compounds, all but one piece in the body's own frame.
         """
         ids = self._add_rows(1, state)
         body = int(ids[0])
@@ -161,7 +161,7 @@ class BodyTable:
         first = self._append('hexahedron', solids.part, solids.corners)
         self.first_hexahedron[body], self.hexahedron_count[body] = first, len(solids)
         self.radius[body] = pieces.radius()
-        self.least[body] = pieces.sizes[0].min() if plain else 0.0
+        self.least[body] = least
         self.mass[body], self.inertia[body] = mass, inertia
         self.friction[body], self.restitution[body] = friction, restitution
         self.poses[body] = self.target[body] = pose

@@ -142,7 +142,7 @@ class World:
             inertia = solid_inertia(shape, size, mass)
         return self._enter(self._bodies.add_body(
             BodyState.AWAKE, single(shape, size, hexahedra), mass, inertia, pose, velocity,
-            friction, restitution, plain=True))
+            friction, restitution, least=float(size.min())))
 
     def add_projectile(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
                        velocity: np.ndarray, friction: float = FRICTION,
@@ -175,7 +175,7 @@ class World:
                    np.asarray(local_poses, float), hexahedra=hexahedra or Hexahedra()), tolerance)
         return self._enter(self._bodies.add_body(
             BodyState.AWAKE, pieces, mass, inertia, pose, velocity, friction, restitution,
-            plain=False))
+            least=0.0))
 
     def add_driven(self, pieces: Pieces, pose: np.ndarray, friction: float = FRICTION) -> int:
         """
@@ -190,7 +190,7 @@ class World:
                                                            [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
         return self._enter(self._bodies.add_body(
             BodyState.KINEMATIC, pieces, kinematic.MASS, inertia, pose, None, friction, 0.0,
-            plain=plain))
+            least=float(pieces.sizes[0].min()) if plain else 0.0))
 
     def add_bricks(self, poses: np.ndarray, sizes: np.ndarray, mass: np.ndarray,
                    friction: float = FRICTION, restitution: float = 0.0,
