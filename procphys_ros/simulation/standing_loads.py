@@ -85,7 +85,7 @@ class StandingLoads:
         self._changed |= self._layers.pop(source, None) is not None
 
     def resize(self, count: int) -> None:
-        """Make room for parts that join behind all others; give how many there are then."""
+        """Make room for parts that join behind all others, (N,) with them."""
         more = np.zeros((count - self._count, 6))
         self._count = count
         if self._waiting is not None:

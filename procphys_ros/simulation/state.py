@@ -129,7 +129,16 @@ class BlastState:
 
 @dataclass
 class WallWindState:
-    """Wind pressure that standing walls feel; see `wall_wind`."""
+    """
+    Wind pressure that standing walls feel; see `wall_wind`.
+
+    :ivar next_look: when to look at the wind again [s].
+    :ivar parts: boxes that stood when faces were looked at last, (K,).
+    :ivar exposed: their faces that the wind reaches, (K, 6) bool.
+    :ivar structure: number of the building that each hangs together with, (K,).
+    :ivar tops: middle and top of each building [m], (B, 3).
+    :ivar applied: air there that the walls were last told of [m/s], (B, 3).
+    """
 
     next_look: float = 0.0
     parts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
@@ -260,7 +269,13 @@ class ClimberState:
 
 @dataclass
 class SkylineState:
-    """The skyline of what stands, and since when it is out of date."""
+    """
+    The skyline of what stands.
+
+    :ivar drawn: None = to be drawn.
+    :ivar standing: parts that it was drawn for, (N,) bool.
+    :ivar looked: when it was last compared with what stands [s].
+    """
 
     drawn: Skyline | None = None
     standing: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
@@ -274,22 +289,42 @@ class State:
 
     Stages read and write it; nothing else remembers anything between two steps.
 
-    :ivar steps: number of steps made.
-    :ivar time: simulated [s].
     :ivar parts: columns with a row per part, see `part_columns`.
     :ivar objects: owners of names, in part order.
-    :ivar cue: number of the scene's next cue.
-    :ivar observer: who looks; None = nobody.
+    :ivar names: of the parts.
+    :ivar wind: air velocity anywhere, with the commands that it was given.
     :ivar world: rigid bodies and the engine that moves them.
-    :ivar bodies: which of them carries which parts.
     :ivar loose_bonds: bonds of what has left its wall or tree.
-    :ivar solver, fracture: stresses in what stands.
+    :ivar solver, fracture: stresses in what stands, and what fails under them.
+    :ivar loads: on what stands, besides its weight.
+    :ivar forest: segments of trees that stand, or fall and bend.
+    :ivar trees: the air at these, and which of them are stepped when.
+    :ivar blasts: waves under way, and what they gave to standing parts.
+    :ivar rubble: what rigid bodies did in the last step of the engine.
+    :ivar glass: loads of panes in loose pieces.
+    :ivar leaves: on their branches, in the air and on the ground.
+    :ivar dust: likewise.
+    :ivar climbers: what climbing plants hold on to.
+    :ivar tree_bounds: bounds of segments and trees, kept from step to step.
+    :ivar steps: number of steps made.
+    :ivar time: simulated [s].
+    :ivar cue: number of the scene's next cue.
     :ivar unjudged: time since the stresses were last judged [s].
     :ivar next_round: when masonry may fail again [s].
-    :ivar loads: on what stands.
+    :ivar observer: who looks; None = nobody.
+    :ivar log: bonds that broke and were not taken yet.
+    :ivar ledger: momentum of blows and charges since the start.
+    :ivar bodies: which bodies of the world carry which parts.
+    :ivar contacts: of trees in the last step.
+    :ivar branch_loads: what branches press standing parts with.
+    :ivar missiles: projectiles, in the order of their launch.
+    :ivar wall_wind: wind pressure on standing walls.
+    :ivar intruders: bodies that are moved from outside, by name.
     :ivar charges: armed: time [s], place [m] and radius [m] of each, by time.
-    :ivar wrenches: lasting force and torque per part [N], [N·m].
+    :ivar wrenches: lasting force and torque per part [N], [N·m], (6,) each.
+    :ivar skyline: how high what stands reaches.
     :ivar excluded: pairs of parts that do not meet, see `contact_exclusions`, (K, 2).
+    :ivar blueprints: parts of the scene and of all that joined since, to be chained.
     :ivar added: objects that users added and did not remove, where they were placed, by name.
     :ivar removed: names of the objects that users removed.
     """
