@@ -26,7 +26,6 @@ FACES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2,
 _TRIANGLES = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]])
 _ADJACENT = np.array([np.flatnonzero(np.isin(FACES, corner).any(axis=1)) for corner in range(8)])
 _PARALLEL = 1e-9  # products of inertia over the largest moment that count as none
-_FLAT = 1e-5  # of a solid's size: how far a corner may stick out of a face
 
 
 def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -53,17 +52,6 @@ def faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     size = np.ptp(corners, axis=1).max(axis=1)[:, None, None]
     real = length > 1e-9 * size ** 2
     return points, np.where(real, across / np.where(real, length, 1.0), 0.0), points.mean(axis=2)
-
-
-def are_convex(corners: np.ndarray) -> np.ndarray:
-    """Say which hexahedra, (N, 8, 3), have a volume, flat faces and no dents, (N,) bool."""
-    _, normal, middle = faces(corners)
-    size = np.ptp(corners, axis=1).max(axis=1)
-    out = np.einsum('nfk,nfck->nfc', normal, corners[:, None] - middle[:, :, None])
-    flat = np.abs(np.take_along_axis(out, np.broadcast_to(FACES, (*out.shape[:2], 4)), 2))
-    limit = _FLAT * size
-    return ((volumes(corners)[0] > _FLAT * size ** 3)
-            & (out.max(axis=(1, 2)) < limit) & (flat.max(axis=(1, 2)) < limit))
 
 
 def volumes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
-from procphys_ros.hexahedron import box_corners, faces
+from procphys_ros.hexahedron import box_corners, FACES, faces, volumes
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, fragments, Simulation
 from procphys_ros.wallgrammar import contacts
@@ -27,6 +27,7 @@ from procphys_ros.wallgrammar import contacts
 OVERLAP = 1e-3   # [m] deepest that two parts may reach into each other
 _EDGES = np.array([[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5],
                    [2, 6], [3, 7]])  # of solids with eight corners
+_FLAT = 1e-5  # of a solid's size: how far a corner may stick out of a face
 _BUCKET = 0.5    # [m] side of the cubes that near parts share
 
 
@@ -116,3 +117,14 @@ def _depth(points, pairs, directions):
                           second.max(axis=1) - first.min(axis=1))
         depth = np.where(length > 1e-6, np.minimum(depth, here), depth)
     return depth
+
+
+def are_convex(corners: np.ndarray) -> np.ndarray:
+    """Say which hexahedra, (N, 8, 3), have a volume, flat faces and no dents, (N,) bool."""
+    _, normal, middle = faces(corners)
+    size = np.ptp(corners, axis=1).max(axis=1)
+    out = np.einsum('nfk,nfck->nfc', normal, corners[:, None] - middle[:, :, None])
+    flat = np.abs(np.take_along_axis(out, np.broadcast_to(FACES, (*out.shape[:2], 4)), 2))
+    limit = _FLAT * size
+    return ((volumes(corners)[0] > _FLAT * size ** 3)
+            & (out.max(axis=(1, 2)) < limit) & (flat.max(axis=(1, 2)) < limit))

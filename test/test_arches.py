@@ -14,13 +14,14 @@
 
 """Test arches of wall grammars: how they are divided, what they carry, and what is refused."""
 
+from building_checks import are_convex
 import numpy as np
 import pytest
 from scipy import ndimage
 
 from procphys_ros import rotation
 from procphys_ros.errors import GrammarError
-from procphys_ros.hexahedron import are_convex, box_corners
+from procphys_ros.hexahedron import box_corners
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import WallGrammar

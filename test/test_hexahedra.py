@@ -17,6 +17,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+from building_checks import are_convex
 from exported import scene_of, written
 from masonry_walls import blueprint as masonry
 import numpy as np
@@ -26,7 +27,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from procphys_ros import messages, rotation
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, GROUND, Hexahedra, Shape
-from procphys_ros.hexahedron import are_convex, box_corners, faces, inset, solids
+from procphys_ros.hexahedron import box_corners, faces, inset, solids
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.physics.world import rigid_sum, World
 from procphys_ros.render.mesh import solids as meshes

@@ -22,7 +22,6 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.physics.loads import (
-    drag_coefficients,
     exposed_faces,
     outer_faces,
     Skin,
@@ -150,24 +149,3 @@ def test_still_air_does_not_push():
     poses, sizes = _room()
     force, moment = wall_forces(poses, sizes, np.ones((4, 6), bool), np.zeros((4, 3)))
     assert not force.any() and not moment.any()
-
-
-def test_drag_of_a_cube_grows_with_the_square():
-    """Compare with 1/2 ρ 1.05 A v², face-on and with the √2 larger area of an edge."""
-    attitudes = np.array([UPRIGHT, rotation.from_yaw(np.pi / 4)])
-    velocity = np.array([[7.0, 0.0, 0.0]] * 2)
-    force = drag_coefficients(attitudes, np.full((2, 3), 0.3), velocity) * 7.0
-    wanted = 0.5 * DENSITY * 1.05 * 0.09 * 49.0
-    assert_allclose(force, [wanted, np.sqrt(2.0) * wanted], rtol=1e-12)
-
-
-@pytest.mark.parametrize('dt', [1 / 60, 20.0])
-def test_falling_board_reaches_its_terminal_speed(dt):
-    """Drop a board flat in implicit steps, small and huge: v² = 2 m g / (ρ c A)."""
-    mass, sizes = 5.0, np.array([[1.0, 0.5, 0.02]])
-    speed = 0.0
-    for _ in range(2000):
-        relative = np.array([[0.0, 0.0, speed]])
-        rate = drag_coefficients(np.array([UPRIGHT]), sizes, relative)[0] / mass
-        speed = (speed + 9.81 * dt) / (1.0 + rate * dt)
-    assert speed == pytest.approx(np.sqrt(2 * mass * 9.81 / (DENSITY * 1.05 * 0.5)), rel=1e-3)

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import CommandError, SceneError
-from procphys_ros.physics.wind import extreme_operating_amplitude, Gust, Wind, WindSettings
+from procphys_ros.physics.wind import Gust, Wind, WindSettings
 
 SPEED = 8.0    # [m/s]
 UPWIND = 40.0  # [m]
@@ -155,13 +155,6 @@ def test_the_ground_slows_a_gust():
     wind.start_gust(Gust(20.0, 4.0, upwind=0.0), 0.0)
     added = wind.velocity(points, 2.0)[:, 0] - calm
     np.testing.assert_allclose(added, [20.0, 20.0, 10.0, 0.0, 0.0], atol=1e-9)
-
-
-def test_extreme_operating_amplitude_takes_the_smaller_bound():
-    """Compare with 1.35 (V_e1 - U) and 3.3 sigma / (1 + 0.1 D / Lambda)."""
-    assert extreme_operating_amplitude(10.0, 2.0) == pytest.approx(6.6)
-    assert extreme_operating_amplitude(10.0, 2.0, diameter=42.0) == pytest.approx(6.0)
-    assert extreme_operating_amplitude(55.0, 9.0) == pytest.approx(1.35)
 
 
 @pytest.mark.parametrize(('values', 'words'), [

@@ -15,13 +15,13 @@
 
 """Test piers, wings, spires and pyramids: their volume, their bond, and what is refused."""
 
-from building_checks import count_loose, deepest_overlap, OVERLAP
+from building_checks import are_convex, count_loose, deepest_overlap, OVERLAP
 import numpy as np
 import pytest
 from test_wallgrammar_roofs import open_share
 
 from procphys_ros.errors import GrammarError
-from procphys_ros.hexahedron import are_convex, faces
+from procphys_ros.hexahedron import faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import WallGrammar

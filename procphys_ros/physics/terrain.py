@@ -118,15 +118,6 @@ class Terrain(NamedTuple):
         return (0.0, 0.0) if self.is_flat else (float(self.heights.min()),
                                                 float(self.heights.max()))
 
-    def steepest(self) -> float:
-        """Give the largest slope of its triangles, rise over run."""
-        if self.is_flat:
-            return 0.0
-        along, across = np.diff(self.heights, axis=0), np.diff(self.heights, axis=1)
-        lower = np.hypot(along[:, :-1], across[:-1])
-        upper = np.hypot(along[:, 1:], across[1:])
-        return float(max(lower.max(), upper.max()) / self.edge)
-
 
 FLAT = Terrain(np.zeros((0, 0)), np.zeros(2), 1.0)  # the plane z = 0
 

@@ -13,11 +13,10 @@
 # limitations under the License.
 
 
-"""Loads on parts: air blast, wind pressure and drag on boxes, swept projectiles."""
+"""Loads on parts: air blast, wind pressure on boxes, swept projectiles."""
 
 from procphys_ros.physics.loads import air_blast, faces, wind_pressure
 from procphys_ros.physics.loads.blast import blast_boxes, blast_capsules, Impulses
-from procphys_ros.physics.loads.drag import drag_coefficients, exposed_faces, Skin, wall_forces
 from procphys_ros.physics.loads.gas_pressure import gas_impulse, peak_pressure
 from procphys_ros.physics.loads.room import find_room, Room
 from procphys_ros.physics.loads.sight import Sight
@@ -30,10 +29,10 @@ from procphys_ros.physics.loads.sweep import (
     sweep_capsules,
 )
 from procphys_ros.physics.loads.wall_faces import with_joints
+from procphys_ros.physics.loads.wind_forces import exposed_faces, Skin, wall_forces
 
 __all__ = ['Hits', 'Impulses', 'Room', 'Sight', 'Skin', 'air_blast', 'blast_boxes',
-           'blast_capsules',
-           'drag_coefficients', 'exposed_faces', 'faces', 'find_room',
+           'blast_capsules', 'exposed_faces', 'faces', 'find_room',
            'gas_impulse', 'outer_faces', 'peak_pressure',
            'sweep_box_boxes', 'sweep_box_capsules', 'sweep_boxes', 'sweep_capsules',
            'wall_forces', 'wind_pressure', 'with_joints']

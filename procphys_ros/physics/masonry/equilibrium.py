@@ -172,11 +172,6 @@ class Equilibrium:
         """Whether dynamic loads of released forces still act."""
         return bool(np.any(self._sudden))
 
-    @property
-    def sudden_loads(self) -> np.ndarray:
-        """Dynamic part of released forces that still acts on each part [N], [N·m], (N, 6)."""
-        return self._sudden[:-1]
-
     def wrenches(self, bonds: np.ndarray | None = None) -> np.ndarray:
         """
         Give force and moment with which the second part pulls the first, in the bond frames.

@@ -16,7 +16,6 @@
 """Wind: mean profile, turbulence with a real spectrum, discrete gusts."""
 
 from procphys_ros.physics.wind.settings import (
-    extreme_operating_amplitude,
     FASTEST,
     Gust,
     GUST_KINDS,
@@ -30,5 +29,5 @@ from procphys_ros.physics.wind.settings import (
 from procphys_ros.physics.wind.shelter import Shelter
 from procphys_ros.physics.wind.wind import Reference, Wind
 
-__all__ = ['extreme_operating_amplitude', 'FASTEST', 'Gust', 'GUST_KINDS', 'MeanWind', 'PROFILES',
+__all__ = ['FASTEST', 'Gust', 'GUST_KINDS', 'MeanWind', 'PROFILES',
            'Record', 'Reference', 'Shelter', 'SPECTRA', 'velocity_of', 'Wind', 'WindSettings']

@@ -156,20 +156,6 @@ def velocity_of(speed: float, direction: float) -> tuple[float, float, float]:
     return -speed * math.sin(bearing), -speed * math.cos(bearing), 0.0
 
 
-def extreme_operating_amplitude(speed: float, sigma: float, extreme_speed: float = 56.0,
-                                diameter: float = 0.0, scale: float = 42.0) -> float:
-    """
-    Compute V_gust of the extreme operating gust (IEC 61400-1 ed. 3, equation 17).
-
-    :param speed: mean wind [m/s].
-    :param sigma: standard deviation of the turbulence along the wind [m/s].
-    :param extreme_speed: highest 3 s mean within a year, V_e1 [m/s]; class I: 56.
-    :param diameter: width of what the gust must cover at once [m].
-    :param scale: turbulence scale parameter Lambda_1 [m].
-    """
-    return min(1.35 * (extreme_speed - speed), 3.3 * sigma / (1.0 + 0.1 * diameter / scale))
-
-
 def _check_speed(velocity: Sequence[float]) -> None:
     if math.hypot(*velocity) > FASTEST:
         raise SceneError(f'wind.velocity is {list(velocity)} m/s, its length must not exceed '

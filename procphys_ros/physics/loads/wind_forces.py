@@ -13,14 +13,13 @@
 # limitations under the License.
 
 
-"""Wind on boxes: pressure and suction on the faces of buildings, drag on loose debris."""
+"""Wind on boxes: pressure and suction on the faces of buildings."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.physics.air import AIR_DENSITY, CUBE_DRAG
+from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import faces, wind_pressure
 from procphys_ros.physics.loads.sight import Sight
 from procphys_ros.physics.terrain import FLAT, Terrain
@@ -121,24 +120,3 @@ def _on_skin(skin: Skin, patches: faces.Patches,
     gone = patches.area * skin.gone[patches.owner]
     inner = wind_pressure.internal(patches.area, gone, outer, building)
     return outer, inner[building]
-
-
-def drag_coefficients(quaternions: np.ndarray, sizes: np.ndarray,
-                      relative_velocity: np.ndarray) -> np.ndarray:
-    """
-    Compute what the drag of loose boxes is over their velocity through the air.
-
-    The force is the coefficient times the air's velocity relative to the box. An implicit step
-    v' = (v + h u) / (1 + h), with h = coefficient · dt / mass and u the air's velocity, is stable
-    whatever the step.
-
-    :param quaternions: (N, 4) xyzw, world.
-    :param sizes: full extents, (N, 3) [m].
-    :param relative_velocity: air minus box, (N, 3) [m/s], world.
-    :returns: (N,) [N·s/m].
-    """
-    local = np.abs(rotation.rotate(rotation.conjugate(quaternions), relative_velocity))
-    x, y, z = np.asarray(sizes, float).T
-    # Speed times the area that the flow sees.
-    flow = local[:, 0] * y * z + local[:, 1] * z * x + local[:, 2] * x * y
-    return 0.5 * AIR_DENSITY * CUBE_DRAG * flow
