@@ -26,6 +26,8 @@ def obstacle(path: Path) -> str:
             return f'there is no folder "{path.parent}"'
         if path.is_dir():
             return 'it is a folder'
+        if path.exists() and not path.is_file():
+            return 'it is not a regular file'
         if not os.access(path if path.exists() else path.parent, os.W_OK):
             return 'permission denied'
     except (OSError, ValueError) as error:  # ValueError: a null character

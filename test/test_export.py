@@ -14,6 +14,7 @@
 
 """The command `export` and what all formats share: times, names, complaints."""
 
+import resource
 import xml.etree.ElementTree as ElementTree
 
 from exported import grown, scene_of, small_wall
@@ -121,11 +122,29 @@ def test_missing_package_is_named(tmp_path, monkeypatch):
         export(scene_of(), tmp_path / 'x.usda')
 
 
-def test_full_disk_is_said(tmp_path):
-    """Turn the error of the system into one of ours."""
+@pytest.mark.parametrize('suffix', ['.glb', '.xml', '.urdf', '.sdf', '.usda', '.usdc'])
+def test_full_disk_is_said(tmp_path, suffix):
+    """Turn the error of the system into one of ours, and leave the file that was there before."""
+    target = tmp_path / f'x{suffix}'
+    export(scene_of(wall=small_wall()), target)  # textures, too
+    target.write_text('before', 'utf-8')
+    known = set(tmp_path.iterdir())
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))  # [B] of any file
+    try:
+        with pytest.raises(ExportError, match='cannot be written: File too large') as refused:
+            export(scene_of(wall=small_wall()), target)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert '\n' not in str(refused.value)
+    assert target.read_text('utf-8') == 'before' and set(tmp_path.iterdir()) == known
+
+
+def test_devices_are_not_written_to(tmp_path):
+    """Refuse a name that leads to something else than a file, before anything is simulated."""
     target = tmp_path / 'x.glb'
     target.symlink_to('/dev/full')
-    with pytest.raises(ExportError, match='No space left'):
+    with pytest.raises(ExportError, match='it is not a regular file'):
         export(scene_of(wall=small_wall()), target)
 
 

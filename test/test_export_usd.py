@@ -15,6 +15,7 @@
 """USD, read by Pixar's library: validators, bodies, joints, textures, time samples."""
 
 from pathlib import Path
+import resource
 
 from exported import bent_in_wind, grown, scene_of, small_wall, written
 import numpy as np
@@ -30,6 +31,8 @@ from procphys_ros.simulation import Simulation
 
 pxr = pytest.importorskip('pxr')
 from pxr import Usd, UsdGeom, UsdPhysics, UsdShade, UsdValidation  # noqa: E402
+
+from procphys_ros.export.usd_layer import Layer  # noqa: E402
 
 _STRUCK = {
     'scene': {'objects': ['wall'],
@@ -225,3 +228,16 @@ def test_what_comes_late_is_hidden_before(animated):
     shown = [code for code in range(3, 16)
              if UsdGeom.Imageable(late).ComputeVisibility(code) != 'invisible']
     assert shown == list(range(shown[0], 16)) and 6 <= shown[0] <= 7
+
+
+@pytest.mark.parametrize('suffix', ['.usda', '.usdc'])
+def test_usd_tells_in_one_line_that_a_layer_cannot_be_written(tmp_path, suffix):
+    """Say so in place of USD, and leave neither half a file nor what it was written to."""
+    layer, before = Layer('/World'), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))  # [B] of any file
+    try:
+        with pytest.raises(OSError, match='the disk may be full$'):
+            layer.write(tmp_path / f'x{suffix}')
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not list(tmp_path.iterdir())

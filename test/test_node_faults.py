@@ -15,6 +15,10 @@
 
 """What goes wrong inside: the node says so, lives on, and can be brought back."""
 
+import errno
+import sys
+from types import SimpleNamespace
+
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray, Vector3Stamped, WrenchStamped
 from node_process import Client, PARTS, SAPLING
@@ -40,6 +44,7 @@ def client():
     node = SimNode(parameter_overrides=[Parameter(name, value=value)
                                         for name, value in PARAMETERS.items()])
     made.host(node)
+    made.sim = node
     yield made
     node.destroy_node()
     made.close()
@@ -136,3 +141,25 @@ def test_a_message_that_is_not_text_is_rejected(client, topic, kind):
                       (publisher, data))
     assert status()['last rejection'].startswith(f'{topic}: ')
     client.node.destroy_publisher(publisher)
+
+
+def test_a_status_line_that_nobody_reads_is_given_up(client, monkeypatch):
+    """Say once that the reader of the output has gone, and go on without the line."""
+    node, told = client.sim, []
+    client.spin_until(lambda: node.session.has_scene, 'a scene')
+    logger = SimpleNamespace(warning=told.append, info=told.append)
+    monkeypatch.setattr(node, '_has_status_line', True)
+    monkeypatch.setattr(node, 'get_logger', lambda: logger)
+    monkeypatch.setattr(sys, 'stdout', _Closed())
+    for _ in range(3):
+        node._report()
+    assert told == ['no more status lines: Broken pipe']
+
+
+class _Closed:
+    """A standard output whose reader has gone."""
+
+    def write(self, text: str) -> None:
+        raise BrokenPipeError(errno.EPIPE, 'Broken pipe')
+
+    flush = isatty = lambda self: None

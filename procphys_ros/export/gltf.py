@@ -26,6 +26,7 @@ from procphys_ros.export import images
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.surfaces import Surface, surfaces
 from procphys_ros.palette import look
+from procphys_ros.whole_files import write_beside
 
 _FLOAT, _UINT, _UBYTE = 5126, 5125, 5121  # component types
 _VERTICES, _INDICES = 34962, 34963        # targets of buffer views
@@ -92,7 +93,8 @@ def write_gltf(content: Content, path: Path, report: Report) -> None:
     if data:
         document['buffers'] = [{'byteLength': len(data)}]
     filled = {key: value for key, value in document.items() if value != []}
-    path.write_bytes(_container(json.dumps(filled, separators=(',', ':')).encode(), data))
+    file = _container(json.dumps(filled, separators=(',', ':')).encode(), data)
+    write_beside(path, lambda part: part.write_bytes(file))
 
 
 def _root(objects: int) -> dict[str, Any]:

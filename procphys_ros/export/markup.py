@@ -20,6 +20,8 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
+from procphys_ros.whole_files import write_beside
+
 _DIGITS = 9  # significant, of every number written: nanometres on a metre
 
 
@@ -50,8 +52,8 @@ def write(root: ElementTree.Element, path: Path, note: str) -> None:
     """
     ElementTree.indent(root)
     body = ElementTree.tostring(root, encoding='unicode')
-    path.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n<!-- {note} -->\n{body}\n',
-                    encoding='utf-8')
+    head = f'<?xml version="1.0" encoding="utf-8"?>\n<!-- {note} -->\n'
+    write_beside(path, lambda part: part.write_text(f'{head}{body}\n', encoding='utf-8'))
 
 
 def roll_pitch_yaw(attitude: np.ndarray) -> np.ndarray:

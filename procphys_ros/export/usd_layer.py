@@ -23,7 +23,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, UsdGeom, Vt
+from pxr import Gf, Sdf, Tf, UsdGeom, Vt
+
+from procphys_ros.whole_files import write_beside
 
 _TYPES = Sdf.ValueTypeNames
 
@@ -80,9 +82,16 @@ class Layer:
 
         :raises OSError: when the file cannot be written.
         """
+        write_beside(path, self._export)
+
+    def _export(self, path: Path) -> None:
         path.open('wb').close()  # tells why it cannot be, which USD does not
-        if not self._layer.Export(str(path)):
-            raise OSError(f'USD could not write {path}')
+        try:
+            done = self._layer.Export(str(path))
+        except Tf.ErrorException:  # many lines, and not always the reason
+            done = False
+        if not done:
+            raise OSError('USD could not write it, the disk may be full')
 
 
 def put(spec: Sdf.PrimSpec, kind: str, name: str, value: Any, uniform: bool = False) -> Any:

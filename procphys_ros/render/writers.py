@@ -15,7 +15,6 @@
 
 """Writers: pictures on their way into a file or a series of files, whole or not at all."""
 
-from collections.abc import Callable
 from contextlib import suppress
 from fractions import Fraction
 import os
@@ -28,6 +27,7 @@ import numpy as np
 from procphys_ros.errors import SceneError
 from procphys_ros.output_files import obstacle
 from procphys_ros.render.backend import RenderUnavailableError
+from procphys_ros.whole_files import part_of, write_beside
 
 PICTURES = ('.png', '.jpg', '.jpeg')
 FILMS = ('.mp4', '.gif')
@@ -105,7 +105,7 @@ class _Pictures:
     def add(self, pixels: np.ndarray) -> None:
         path = _numbered(self._path, self._count) if is_series(self._path) else self._path
         self._count += 1
-        _write_whole(path, lambda part: _image(pixels).save(part, quality=_JPEG_QUALITY,
+        write_beside(path, lambda part: _image(pixels).save(part, quality=_JPEG_QUALITY,
                                                             optimize=True))
 
     def finish(self) -> None:
@@ -133,7 +133,7 @@ class _Gif:
         palette = _image(self._frames[len(self._frames) // 2]).quantize(_GIF_COLOURS)
         first, *others = [_image(pixels).quantize(palette=palette, dither=Dither.NONE)
                           for pixels in self._frames]
-        _write_whole(self._path, lambda part: first.save(
+        write_beside(self._path, lambda part: first.save(
             part, save_all=True, append_images=others, loop=0, optimize=True,
             duration=self._duration))
 
@@ -149,7 +149,7 @@ class _Mp4:
             raise SceneError(f'--size: a film needs an even width and height, not {size[0]}x'
                              f'{size[1]}')
         av = _load_encoder()
-        self._path, self._part, self._frame = path, _part_of(path), av.VideoFrame.from_ndarray
+        self._path, self._part, self._frame = path, part_of(path), av.VideoFrame.from_ndarray
         self._container: Any = av.open(str(self._part), 'w', format='mp4')
         self._stream: Any = self._container.add_stream(
             'libx264', rate=Fraction(rate).limit_denominator(1001), options=_QUALITY)
@@ -190,17 +190,3 @@ def _numbered(path: Path, number: int) -> Path:
     if not _NUMBERED.match(path.name):
         raise SceneError(f'--out: "{path}" must hold one number, as frames/%04d.png')
     return path.with_name(path.name % number)
-
-
-def _part_of(path: Path) -> Path:
-    return path.with_name(f'.{path.stem}.part{path.suffix}')
-
-
-def _write_whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Write beside a file, and put it in its place when it is whole."""
-    part = _part_of(path)
-    try:
-        write(part)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)

@@ -165,6 +165,9 @@ class SimNode(Node):
         say = self.get_logger().info
         self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
         self._clocks = 1
+        status = self.parameters['status_line']
+        self._has_status_line = status == 'on' or (
+            status == 'auto' and sys.stdout is not None and sys.stdout.isatty())
         self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
         self.topics.start()
         self.loop.start()
@@ -275,10 +278,16 @@ class SimNode(Node):
             self.get_logger().warning(f'{clocks} nodes publish /clock, time will jump for all '
                                       'that use it; start all but one with publish_clock:=false')
         self._clocks = clocks
-        status = self.parameters['status_line']
-        if status == 'on' or status == 'auto' and sys.stdout.isatty():
+        if self._has_status_line:
+            self._print_status()
+
+    def _print_status(self) -> None:
+        try:
             print(status_line(self.diagnostics.latest, self.diagnostics.factor,
                               self.builder.activity.now()), flush=True)
+        except OSError as error:  # its reader has gone, or the disk is full
+            self._has_status_line = False
+            self.get_logger().warning(f'no more status lines: {error.strerror}')
 
     def report_defect(self, error: Exception) -> None:
         """Log what went wrong in the thread that talks to ROS, which goes on."""
