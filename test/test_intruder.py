@@ -149,6 +149,19 @@ def test_poses_at_a_low_rate_make_an_even_motion():
     assert np.abs(speed[30:]).max() == 0.0
 
 
+def test_poses_at_a_high_rate_make_an_even_motion():
+    """Send three poses between two steps: it goes to the last of them in a step, at its speed."""
+    path, speed = PoseInterpolator(), 0.8
+    for step in range(30):
+        time = step * _DT
+        for late in (0.0, _DT / 3.0, 2.0 * _DT / 3.0):
+            path.set_target(np.array([speed * (time + late), 0.0, 1.0, *_TURN]), time)
+        velocity = path.advance(time, _DT)
+        if step:
+            assert velocity[0] == pytest.approx(speed, rel=1e-9)
+            assert path.pose[0] == pytest.approx(speed * (time + 2.0 * _DT / 3.0))
+
+
 def test_turns_are_followed_too():
     """Turn evenly from one attitude to the next."""
     path = PoseInterpolator()

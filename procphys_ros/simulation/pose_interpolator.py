@@ -43,19 +43,19 @@ class PoseInterpolator:
 
     def set_target(self, pose: np.ndarray, time: float) -> bool:
         """
-        Take a new pose.
+        Take a new pose; one for the same time as the last takes its place.
 
         :param pose: (7,), world.
         :param time: at which it was valid [s].
         :returns: whether it was too far away to move there, or the first.
         """
-        interval = float(np.clip(time - self._last, 0.0, _STALE))
+        if time != self._last:  # poses may arrive faster than steps are made
+            self._arrival = time + float(np.clip(time - self._last, 0.0, _STALE))
         self._last, self._target = time, pose
-        self._arrival = time + interval
         if not self.placed:
-            self.pose, self.placed = pose, True
+            self.pose, self.placed, self._arrival = pose, True, time
             return True
-        if np.linalg.norm(pose[:3] - self.pose[:3]) > _FASTEST * interval:
+        if np.linalg.norm(pose[:3] - self.pose[:3]) > _FASTEST * (self._arrival - time):
             self.pose = pose
             return True
         return False
