@@ -23,7 +23,7 @@ import pytest
 from procphys_ros.errors import CommandError
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import EventLog, Simulation
 from procphys_ros.simulation.parts import Columns, Owner
 from procphys_ros.simulation.stages import Stage, STAGES
 
@@ -109,6 +109,14 @@ def test_the_books_of_blows_add_up_and_stay_small():
     np.testing.assert_allclose(books.lost, books.carried + books.grounded, atol=1e-9)
     np.testing.assert_allclose(books.lost, sum(i.lost for i in simulation.impacts), atol=1e-9)
     assert books.recent.maxlen is not None
+
+
+def test_a_log_of_nothing_stays_empty():
+    """Record what broke a thousand times without anything broken: nothing is kept."""
+    log, none = EventLog(), np.zeros(0, np.intp)
+    for _ in range(1000):
+        log.record(0.0, np.zeros((0, 3)), none, np.zeros((0, 2), np.intp), none, none)
+    assert not log._chunks and log.total == 0 and not len(log.rows)
 
 
 def test_a_load_given_in_a_step_acts_in_that_step():

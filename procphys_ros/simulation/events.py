@@ -60,6 +60,8 @@ class EventLog:
         :param crack: whether they press and rub on, all or each, (K,) bool; what cracked once is
             not recorded again when it goes.
         """
+        if not len(bond):
+            return  # or empty chunks would pile up where nobody reads them
         rows = np.zeros(len(bond), EVENT)
         rows['time'] = time
         rows['position'] = position
