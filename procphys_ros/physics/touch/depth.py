@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.rotation_kernels import matrix
 
 Overlap = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -79,7 +79,7 @@ def _overlap_box(pose, size, poses, sizes):
     return depth, normal, point
 
 
-@kernel
+@subroutine
 def _ball(centre, half, radius):
     """Give depth and way out of a ball in a box, in the box's frame."""
     away = centre - np.minimum(np.maximum(centre, -half), half)
@@ -93,7 +93,7 @@ def _ball(centre, half, radius):
     return radius - room[k], n
 
 
-@kernel
+@subroutine
 def _boxes(arm, mine, size, turn, half):
     """Separate two boxes along the axis that does it best: faces, or edge across edge."""
     least, normal = np.inf, np.zeros(3)

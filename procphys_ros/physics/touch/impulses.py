@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 
 _ITERATIONS = 40
 _CONVERGED = 1e-6  # largest change of velocity at a contact in one turn [m/s] that ends the turns
@@ -119,14 +119,14 @@ def islands(partners, place, ends):
     return island
 
 
-@kernel
+@subroutine
 def _first_of(c, island):
     while island[c] != c:
         c = island[c]
     return c
 
 
-@kernel
+@subroutine
 def _resolve_island(chosen, normal, least, friction, partners, velocity, first, place, count,
                     response, yielding, sliding, soft, total):
     """Correct the chosen contacts in turns until none of them changes by much."""
@@ -151,7 +151,7 @@ def _resolve_island(chosen, normal, least, friction, partners, velocity, first, 
             break
 
 
-@kernel
+@subroutine
 def _correct(c, normal, least, friction, yielding, sliding, soft, total, slip):
     """Give the change of an impulse that corrects its contact, within the cone of friction."""
     nx, ny, nz = normal[c, 0], normal[c, 1], normal[c, 2]
@@ -169,12 +169,12 @@ def _correct(c, normal, least, friction, yielding, sliding, soft, total, slip):
             share * z + push * nz - total[c, 2])
 
 
-@kernel
+@subroutine
 def _along(normal, c, v):
     return normal[c, 0] * v[0] + normal[c, 1] * v[1] + normal[c, 2] * v[2]
 
 
-@kernel
+@subroutine
 def _slip(c, partners, velocity):
     """Give the velocity of the tree relative to its partner at contact c."""
     end, other, b = partners.end[c], partners.other[c], partners.body[c]
@@ -191,7 +191,7 @@ def _slip(c, partners, velocity):
     return x, y, z
 
 
-@kernel
+@subroutine
 def _exert(c, x, y, z, partners, velocity, first, place, count, response):
     """Let contact c push its partners apart."""
     other, b = partners.other[c], partners.body[c]
@@ -210,7 +210,7 @@ def _exert(c, x, y, z, partners, velocity, first, place, count, response):
             v[b, 3 + i] -= spin[b, i, 0] * tx + spin[b, i, 1] * ty + spin[b, i, 2] * tz
 
 
-@kernel
+@subroutine
 def _move(end, x, y, z, velocity, first, place, count, response):
     """Let all points on the tree of an end answer to an impulse there."""
     start, n = end - place[end], count[end]
@@ -222,7 +222,7 @@ def _move(end, x, y, z, velocity, first, place, count, response):
                                        + response[k, i, 2] * z)
 
 
-@kernel
+@subroutine
 def _prepare(c, n, partners, first, place, count, response, floor, yielding, sliding, soft,
              friction):
     """
