@@ -82,26 +82,8 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
         spin = (math.sqrt((velocities[i, 3:] ** 2).sum()) * 0.5 * sizes[i, 2]
                 + math.sqrt((piece_velocities[p, 3:] ** 2).sum()) * 0.5 * piece_sizes[p].max())
         way = dt * (math.sqrt((slip ** 2).sum()) + spin)
-        thick = 0.5 * _STRIDE * (sizes[i, 0] + piece_sizes[p].min())
-        reach = _AHEAD * way + _NEAR
-        speed = math.sqrt((slip ** 2).sum())
-        best = np.inf
-        late = time = 0.0
-        for look in range(_LOOKS):
-            centre = poses[i, :3] + time * slip
-            found, at, nx, ny, nz, bx, by, bz = _nearest(
-                centre, poses[i, 3:], sizes[i], -1.0, shapes[p], piece_poses[p], piece_sizes[p])
-            if look == 0 and found > reach:
-                break
-            if found > 0.0 or look == 0:
-                best, t, late = found, at, time
-                x, y, z, qx, qy, qz = nx, ny, nz, bx, by, bz
-            if found <= _NEAR or _AHEAD * way <= thick:
-                break
-            time += max(found, thick) / max(speed, 1e-9)  # nothing is nearer than that
-            if time > _AHEAD * dt:
-                best = np.inf  # passes by
-                break
+        best, late, t, x, y, z, qx, qy, qz = _approach(
+            poses[i], sizes[i], slip, way, shapes[p], piece_poses[p], piece_sizes[p], dt)
         if best == np.inf:
             continue
         past = late * (slip[0] * x + slip[1] * y + slip[2] * z)
@@ -125,6 +107,36 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
                 _note(count, nx, ny, nz, bx, by, bz, best, point, normal)
         count += 1
     return count
+
+
+@subroutine
+def _approach(pose, size, slip, way, shape, piece_pose, piece_size, dt):
+    """
+    Look where on the way of a step a segment comes so near a piece that it may touch it.
+
+    :param slip: velocity of the segment's middle past that of the piece [m/s], (3,).
+    :param way: most that any of their points come towards each other in the step [m].
+    :returns: gap [m], inf = none; when [s]; place on the axis, normal, nearest point of the piece.
+    """
+    thick = 0.5 * _STRIDE * (size[0] + piece_size.min())
+    speed = math.sqrt((slip ** 2).sum())
+    best = np.inf
+    late = time = t = x = y = z = qx = qy = qz = 0.0
+    for look in range(_LOOKS):
+        found, at, nx, ny, nz, bx, by, bz = _nearest(
+            pose[:3] + time * slip, pose[3:], size, -1.0, shape, piece_pose, piece_size)
+        if look == 0 and found > _AHEAD * way + _NEAR:
+            break
+        if found > 0.0 or look == 0:
+            best, t, late = found, at, time
+            x, y, z, qx, qy, qz = nx, ny, nz, bx, by, bz
+        if found <= _NEAR or _AHEAD * way <= thick:
+            break
+        time += max(found, thick) / max(speed, 1e-9)  # nothing is nearer than that
+        if time > _AHEAD * dt:
+            best = np.inf  # passes by
+            break
+    return best, late, t, x, y, z, qx, qy, qz
 
 
 def meet_ground(rows: np.ndarray, both: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
