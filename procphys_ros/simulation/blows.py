@@ -21,6 +21,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.world import Contacts
+from procphys_ros.simulation.contact_forces import BodyContacts
 
 _STILL = 1e-6  # [m/s] change of closing speed below which a contact only bears
 
@@ -37,6 +38,24 @@ class Blows(NamedTuple):
     contacts: Contacts
     energy: np.ndarray
     duration: np.ndarray
+
+
+class Blow(NamedTuple):
+    """
+    A blow on a piece.
+
+    :ivar body: id.
+    :ivar parts: what it carries, (P,).
+    :ivar contacts: of the body; None = not selected yet.
+    :ivar energy: that these take from the motion [J]; inf = they last.
+    :ivar rows: of all contacts, of which they are to be selected.
+    """
+
+    body: int
+    parts: np.ndarray
+    contacts: BodyContacts | None
+    energy: float
+    rows: np.ndarray
 
 
 def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, dt: float) -> Blows:

@@ -16,7 +16,7 @@
 """Impacts: what falls or flies in one piece breaks again where it hits."""
 
 from collections.abc import Iterator
-from typing import cast, NamedTuple
+from typing import cast
 
 import numpy as np
 
@@ -30,8 +30,9 @@ from procphys_ros.simulation import (
     fragments,
     glass,
     returned_impulses,
+    sustained_loads,
 )
-from procphys_ros.simulation.blows import Blows, measure
+from procphys_ros.simulation.blows import Blow, Blows, measure
 from procphys_ros.simulation.contact_forces import BodyContacts, spread, turned_back
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -44,28 +45,13 @@ _LEVER = 8.0 / 27.0  # of half of the length of a free bar: largest moment over 
 _NODES = 60         # cells that a piece breaks into at most in one step
 _PER_CELL = 5       # what a cell costs to judge, in units of ...
 _WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows
-_COARSE = 8         # cells that a far piece breaks into at most in one step
+_COARSE = 8         # cells that a far piece, or one under lasting forces, breaks into at most in
+#                    one step: once it has come apart, what carries it changes
 _COARSER = 8        # how many times larger than near ones the smallest far pieces are
 _BODIES = 240       # awake bodies that there should be: the more, the coarser pieces break
 _LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
-
-
-class Blow(NamedTuple):
-    """
-    A blow on a piece.
-
-    :ivar body: id.
-    :ivar parts: what it carries, (P,).
-    :ivar contacts: of the body; None = not selected yet.
-    :ivar energy: that these take from the motion [J].
-    :ivar rows: of all contacts, see `_contacts_of`.
-    """
-
-    body: int
-    parts: np.ndarray
-    contacts: BodyContacts | None
-    energy: float
-    rows: np.ndarray
+_LUMP = 10.0       # of the mean size of pieces: what is larger, 24 at most, breaks into such lumps
+#                    whatever room there is
 
 
 def step(model: Model, state: State, dt: float) -> None:
@@ -81,6 +67,7 @@ def step(model: Model, state: State, dt: float) -> None:
         return
     jump = _jump(model, state, dt)
     struck = _struck(state, jump)
+    state.rubble.waiting += sustained_loads.overloading(model, state, struck, _grain(state), dt)
     if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):
         return
     share = np.ones(len(struck))
@@ -88,7 +75,7 @@ def step(model: Model, state: State, dt: float) -> None:
     change[state.world.awake] = jump
     touches = debris_loads.may_touch(model, state)
     grain, room = _grain(state), _room(state)
-    splits = room >= 2 and np.max(state.bodies.size, initial=0) >= 2.0 * grain
+    splits = np.max(state.bodies.size, initial=0) >= 2.0 * (grain if room >= 2 else _LUMP * grain)
     broken = []
     made = blows_of(model, state, change) if touches or splits else None
     if made is not None:
@@ -149,7 +136,7 @@ def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: f
     far = _far(model, state, np.array([b.body for b in blows], np.intp))
     chosen, wanted, work = [], [], 0
     for turn, cells in enumerate(_cells(blows, room, grain)):
-        cells = min(cells, _COARSE) if far[turn] else cells
+        cells = min(cells, _COARSE) if far[turn] or blows[turn].energy == np.inf else cells
         if cells < 2:
             continue
         if work > _WORK:
@@ -305,6 +292,7 @@ def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
     cells = []
     for blow in blows:
         fair = int(np.ceil(room * len(blow.parts) / total))
-        cells.append(min(max(fair, 2), room, _NODES, int(len(blow.parts) / grain)))
-        room -= cells[-1] if cells[-1] > 1 else 0
+        fitting = min(max(fair, 2), room, int(len(blow.parts) / grain))
+        cells.append(min(max(fitting, int(len(blow.parts) / (_LUMP * grain))), _NODES))
+        room = max(room - cells[-1], 0) if cells[-1] > 1 else room
     return cells

@@ -179,6 +179,8 @@ class RubbleState:
     :ivar moving: smoothed wrench of moving bodies on standing parts [N], [N·m], (N, 6).
     :ivar given: wrench of all bodies that the stress solver knows of, (N, 6).
     :ivar since: time since that was last looked at [s].
+    :ivar borne: by body, its parts and samples of the contact forces that it bears.
+    :ivar unsampled: time since the last of these [s].
     """
 
     moving: np.ndarray
@@ -187,6 +189,8 @@ class RubbleState:
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     waiting: list = field(default_factory=list)
     since: float = 0.0
+    borne: dict = field(default_factory=dict)
+    unsampled: float = 0.0
 
 
 @dataclass

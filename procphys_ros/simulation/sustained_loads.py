@@ -1,0 +1,88 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Sustained loads: what lies on others must bear its own weight, and what lies on it."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from procphys_ros.simulation.blows import Blow
+from procphys_ros.simulation.contact_forces import BodyContacts, turned_back
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_INTERVAL = 0.05  # [s] between looks at contacts: reading them is expensive
+_LONG = 1.5       # [m] radius of pieces that may break so: a piece that rests on its middle bears
+#                   3·ρ·g·l²/h, some 60 kPa per metre for l = h, and mortar 0.1 MPa and more
+_SAMPLES = 5      # whose mean counts as lasting: 0.25 s are some periods of a storey-high wall,
+#                   and single steps of the engine tremble
+
+
+def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
+                dt: float) -> list[Blow]:
+    """
+    List the pieces that the forces of what carries them, and of what they carry, might break.
+
+    A piece that a heap stops little by little was never hit, but may rest on a few points. The
+    mean of its contact forces is a blow that lasts, and takes nothing from the motion: with the
+    weight, and the inertia of what still moves, it is in balance.
+
+    Writes `state.rubble.borne`.
+
+    :param struck: bodies whose blows are judged by themselves, by id, (B,) bool.
+    :param grain: parts of the smallest pieces that there is room for.
+    """
+    own, known = state.rubble, state.bodies
+    own.unsampled += dt
+    if own.unsampled < _INTERVAL - 1e-9:
+        return []
+    own.unsampled = 0.0
+    awake = state.world.awake[state.world.awake < len(known.size)]
+    chosen = awake[(known.size[awake] >= 2.0 * grain) & ~struck[awake]
+                   & (state.world.bodies.radius[awake] > _LONG)]
+    waits = {blow.body for blow in own.waiting}
+    samples, due = {}, []
+    for body, contacts in zip(chosen.tolist(), _contacts_of(state, chosen, dt)):
+        parts, before = own.borne.get(body, (None, ()))
+        if parts is not known.members[body]:
+            parts, before = known.members[body], ()
+        samples[body] = parts, (*before, contacts)[-_SAMPLES:]
+        if len(samples[body][1]) == _SAMPLES and body not in waits:
+            due.append(Blow(body, parts, _mean(samples.pop(body)[1]), np.inf, np.zeros(0, int)))
+    own.borne = samples
+    return due
+
+
+def _contacts_of(state: State, chosen: np.ndarray, dt: float) -> list[BodyContacts]:
+    """Give the contact forces of the last step on each of some bodies, in its own frame."""
+    if not len(chosen):
+        return []
+    contacts, start = state.world.contacts().both_ways(), state.rubble.poses
+    index = np.full(len(start), -1)
+    index[chosen] = np.arange(len(chosen))
+    owner = index[contacts.body_a]
+    rows = np.argsort(owner, kind='stable')[np.count_nonzero(owner < 0):]
+    ends = np.searchsorted(owner[rows], np.arange(len(chosen) + 1))
+    frame = start[contacts.body_a[rows]]
+    columns = (*turned_back(frame, contacts.point[rows] - frame[:, :3], contacts.normal[rows],
+                            contacts.impulse[rows] / dt), contacts.body_b[rows])
+    return [BodyContacts(*(c[low:high] for c in columns)) for low, high in pairwise(ends)]
+
+
+def _mean(samples: tuple[BodyContacts, ...]) -> BodyContacts:
+    """Give contacts with the mean of the forces of all samples."""
+    points, normals, forces, other = (np.concatenate(column) for column in zip(*samples))
+    return BodyContacts(points, normals, forces / len(samples), other)

@@ -1,0 +1,62 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Loose masonry bears its own weight where it comes to lie, or breaks."""
+
+from masonry_walls import bonded
+import numpy as np
+import pytest
+
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import impacts, Simulation
+from procphys_ros.simulation.blows import Blow
+
+_LENGTH, _HEIGHT, _DENSITY = 0.5, 0.3, 1900.0  # [m], [kg/m³] of one block of a beam of seven
+_STONE = 0.5  # [m], as wide as its middle block
+
+
+def laid_on_a_stone(tension, flat=False):
+    """Let a beam of 3.5 m down from 0.2 mm on a stone under its middle, or on the ground."""
+    centres = [[_LENGTH * i, 0.0, 0.5 * _HEIGHT] for i in range(-3, 4)]
+    beam = bonded(centres, (_LENGTH, 0.2, _HEIGHT), density=_DENSITY, gap=1e-3, ground=False,
+                  tension=tension, cohesion=2.0 * tension)
+    scene = Scene()
+    if not flat:
+        scene.add(bonded([[0.0, 0.0, 0.2]], (_STONE, 0.4, 0.4), tension=1e6))
+    scene.add(beam, (0.0, 0.0, 2e-4 + (0.0 if flat else 0.4)), 0.0, 'beam')
+    simulation = Simulation(scene)
+    simulation.step(90)
+    return simulation
+
+
+@pytest.mark.parametrize(('share', 'breaks'), [(0.85, True), (1.15, False)])
+def test_what_is_let_down_gently_breaks_where_its_weight_bends_it_too_far(share, breaks):
+    """Lay a beam on its middle: the joint at the stone bears 3·ρ·g·l²/h, at l beyond it."""
+    stress = 3.0 * _DENSITY * 9.81 * (3 * _LENGTH) ** 2 / _HEIGHT
+    simulation = laid_on_a_stone(share * stress)
+    assert (simulation.bonds_broken > 0) == breaks
+
+
+def test_what_lies_flat_holds():
+    """Lay the same beam on the ground: it bears no more than what is right above."""
+    assert laid_on_a_stone(2e4, flat=True).bonds_broken == 0
+
+
+def test_lumps_break_whatever_room_there_is():
+    """Give a storey among bricks some cells where there is no room for more bodies."""
+    blows = [Blow(0, np.arange(count), None, 0.0, np.zeros(0, int)) for count in (1000, 90, 30)]
+    assert impacts._cells(blows, 0, 10.0)[0] == 10
+    assert max(impacts._cells(blows, 0, 10.0)[1:]) < 2
+    assert impacts._cells(blows, 60, 10.0)[0] > 10
