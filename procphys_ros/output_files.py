@@ -13,8 +13,9 @@
 # limitations under the License.
 
 
-"""What keeps a file from being written, told before anything is computed for it."""
+"""Output files: what keeps one from being written, told at once, and writing it whole or not."""
 
+from collections.abc import Callable
 import os
 from pathlib import Path
 
@@ -33,3 +34,23 @@ def obstacle(path: Path) -> str:
     except (OSError, ValueError) as error:  # ValueError: a null character
         return getattr(error, 'strerror', None) or str(error)
     return ''
+
+
+def write_beside(path: Path, write: Callable[[Path], object]) -> None:
+    """
+    Have a file written beside its place, and put it there when it is whole.
+
+    :param write: called with where to write; the suffix is that of the file.
+    :raises OSError: when it cannot be written, or as `write` does; nothing has changed then.
+    """
+    part = part_of(path)
+    try:
+        write(part)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def part_of(path: Path) -> Path:
+    """Name the file beside another that it is written to."""
+    return path.with_name(f'.{path.stem}.part{path.suffix}')

@@ -14,7 +14,6 @@
 
 """Files that are written whole or not at all."""
 
-from collections.abc import Callable
 import os
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -34,23 +33,3 @@ def write_whole(path: Path, data: bytes) -> None:
         except OSError:
             os.unlink(file.name)
             raise
-
-
-def write_beside(path: Path, write: Callable[[Path], object]) -> None:
-    """
-    Have a file written beside its place, and put it there when it is whole.
-
-    :param write: called with where to write; the suffix is that of the file.
-    :raises OSError: when it cannot be written, or as `write` does; nothing has changed then.
-    """
-    part = part_of(path)
-    try:
-        write(part)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def part_of(path: Path) -> Path:
-    """Name the file beside another that it is written to."""
-    return path.with_name(f'.{path.stem}.part{path.suffix}')

@@ -70,6 +70,26 @@ def test_layouts_keep_their_distances():
     assert gaps.min() > 1.0 and np.ptp(headings) > 5.0
 
 
+def test_scattered_instances_keep_clear_of_all_others():
+    """Draw again while any of those before is too near, which means less after sixty throws."""
+    rng, spacing, count = np.random.default_rng(4), 3.0, 300
+    found = np.empty((count, 2))
+    for i in range(count):
+        for throw in range(1, 6000):
+            found[i] = rng.uniform(-0.5, 0.5, 2) * spacing * np.sqrt(count)
+            gap = np.linalg.norm(found[:i] - found[i], axis=1)
+            if not i or gap.min() >= 0.55 * spacing * 0.5 ** (throw // 60):
+                break
+    scattered, _ = places('scatter', count, spacing, np.random.default_rng(4))
+    np.testing.assert_allclose(scattered, found, atol=1e-9)
+
+
+def test_a_hundred_thousand_instances_are_scattered():
+    """Look at neighbours only: that takes seconds, not minutes."""
+    scattered, _ = places('scatter', 100_000, 3.0, np.random.default_rng(1))
+    assert np.isfinite(scattered).all() and len(np.unique(scattered, axis=0)) == 100_000
+
+
 def test_same_seed_same_scene():
     """Build the same individuals from the same seed, and others from another."""
     text = 'axiom: Width(0.1) F(rand(1,2)) F(1)'

@@ -25,9 +25,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from procphys_ros.errors import SceneError
-from procphys_ros.output_files import obstacle
+from procphys_ros.output_files import obstacle, part_of, write_beside
 from procphys_ros.render.backend import RenderUnavailableError
-from procphys_ros.whole_files import part_of, write_beside
 
 PICTURES = ('.png', '.jpg', '.jpeg')
 FILMS = ('.mp4', '.gif')

@@ -14,6 +14,7 @@
 
 """Where the instances of one object stand: in a row, on a grid, or scattered."""
 
+from itertools import product
 import math
 
 import numpy as np
@@ -61,12 +62,16 @@ def _scatter(count: int, spacing: float, rng: np.random.Generator) -> np.ndarray
     half = 0.5 * spacing * math.sqrt(count)
     clearance = _SCATTER_CLEARANCE * spacing
     found = np.empty((count, 2))
-    for i in range(count):
+    cells: dict[tuple[int, int], list[tuple[float, float]]] = {}  # of the clearance; those around
+    for i in range(count):                                         # a point have all that is near
         for throw in range(1, 100 * _SCATTER_TRIES):
-            point = rng.uniform(-half, half, 2)
-            gap = np.sum((found[:i] - point) ** 2, axis=1)
+            x, y = rng.uniform(-half, half, 2).tolist()
+            column, row = math.floor(x / clearance), math.floor(y / clearance)
             limit = clearance * 0.5 ** (throw // _SCATTER_TRIES)
-            if not i or np.min(gap) >= limit * limit:
+            if all((x - other) ** 2 + (y - another) ** 2 >= limit * limit
+                   for place in product((column - 1, column, column + 1), (row - 1, row, row + 1))
+                   for other, another in cells.get(place, ())):
                 break
-        found[i] = point
+        cells.setdefault((column, row), []).append((x, y))
+        found[i] = x, y
     return found
