@@ -45,7 +45,7 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
     :param pieces: parts of each piece; the parts of one piece have the same owner.
     :param velocities: of the parts in the order of the pieces, world axes, (P, 6); None = as
         the state has them.
-    :param cause: cuts the bonds that still hold the parts, for this reason; None = they are cut
+    :param cause: cuts the bonds that still hold the pieces, for this reason; None = they are cut
         and recorded already.
     :param load: load over strength of bonds cut here.
     """
@@ -54,13 +54,14 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
     parts = np.concatenate(pieces)
     if velocities is None:
         velocities = state.parts.velocities[parts]
+    start = np.cumsum([0, *(len(piece) for piece in pieces)])
     stood = state.parts.owner[parts] == Owner.STANDING
     if cause is not None:
-        cut(model, state, parts[stood], cause, load)
-    elif stood.any():
+        own = np.repeat(np.arange(len(pieces)), np.diff(start))
+        cut(model, state, parts[stood], cause, load, own[stood])
+    if stood.any():
         state.loose_bonds.take_over(state.solver.graph, parts[stood])
     poses = state.parts.poses[parts]
-    start = np.cumsum([0, *(len(piece) for piece in pieces)])
     single = np.flatnonzero((np.diff(start) == 1) & stood[start[:-1]])
     rows = start[single]
     bodies = state.parts.body[parts[rows]]

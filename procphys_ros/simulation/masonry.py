@@ -15,7 +15,7 @@
 
 """Masonry: what blows and loads do to what stands, whoever strikes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 import math
 
@@ -23,7 +23,7 @@ import numpy as np
 
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.physics.masonry import Failures, Resistance, resistance
+from procphys_ros.physics.masonry import Failures, plugs, Resistance, resistance
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
 from procphys_ros.simulation import fragments, load_checks
@@ -47,16 +47,46 @@ SETTLING = 20_000  # iterations to find the stresses of a scene before its first
 
 
 @dataclass(frozen=True)
+class Blow:
+    """
+    A blow on what stands.
+
+    :ivar direction: unit vector, world, (3,).
+    :ivar force: if all holds: momentum over `contact_time` [N].
+    :ivar mass: of what strikes, and moves on with what gives way [kg].
+    :ivar momentum: of what strikes, along the direction [N·s].
+    """
+
+    direction: np.ndarray
+    force: float
+    mass: float
+    momentum: float
+
+
+@dataclass(frozen=True)
 class Exit:
     """
     How parts come out of a wall.
 
+    :ivar pieces: the struck parts one by one, then what they push ahead, as it hangs together.
+    :ivar mass: of all of them [kg].
+    :ivar withstood: by the bonds around them.
+    :ivar load: force of the blow over that of these bonds.
     :ivar speed: along the blow [m/s].
     :ivar passed_on: momentum that the breaking bonds give to what stands [N·s].
     """
 
+    pieces: list[np.ndarray]
+    mass: float
+    withstood: Resistance
+    load: float
     speed: float
     passed_on: float
+
+    @property
+    def parts(self) -> np.ndarray:
+        """List all that comes out, in the order of the pieces, (P,)."""
+        return np.concatenate(self.pieces)
 
 
 def resist(state: State, parts: np.ndarray, direction: np.ndarray) -> Resistance:
@@ -69,22 +99,51 @@ def resist(state: State, parts: np.ndarray, direction: np.ndarray) -> Resistance
     return resistance(state.solver, parts, direction)
 
 
-def comes_out(withstood: Resistance, force: float, mass: float, speed: float) -> Exit | None:
+def comes_out(pieces: list[np.ndarray], mass: float, withstood: Resistance,
+              blow: Blow) -> Exit | None:
     """
     Say how parts come out under a blow; None when they hold.
 
     The force of the blow must exceed that of the bonds, and the energy of what moves on together
     must exceed their work of fracture, which it loses.
 
-    :param withstood: by the bonds around the parts.
-    :param force: of the blow if the parts hold: momentum over `contact_time` [N].
-    :param mass: of what moves on together [kg].
-    :param speed: of it, were there no bonds [m/s].
+    :param mass: of the parts [kg].
+    :param withstood: by the bonds around them.
     """
-    left = speed ** 2 - 2.0 * withstood.energy / mass
-    if force <= withstood.force or left <= 0.0:
+    whole = blow.mass + mass
+    left = (blow.momentum / whole) ** 2 - 2.0 * withstood.energy / whole
+    if blow.force <= withstood.force or left <= 0.0:
         return None
-    return Exit(float(np.sqrt(left)), mass * (speed - float(np.sqrt(left))))
+    speed = math.sqrt(left)
+    return Exit(pieces, mass, withstood, blow.force / max(withstood.force, NO_FORCE), speed,
+                blow.momentum - whole * speed)
+
+
+def drive_out(state: State, struck: np.ndarray, blow: Blow) -> Exit | None:
+    """
+    Say how struck parts come out, alone or with what they push ahead; None when all hold.
+
+    Of all that can come out that does which takes the least force, after the upper bound theorem
+    of limit analysis: a leaf is not held by the one behind it where both can go (decision 48).
+
+    :param struck: indices, (K,).
+    """
+    found = None
+    for plug in plugs(state.solver.graph, struck, blow.direction):
+        withstood = resist(state, plug, blow.direction)
+        if found is None or withstood.force < found.withstood.force:
+            found = comes_out([plug], float(state.parts.mass[plug].sum()), withstood,
+                              blow) or found
+    return found and replace(found, pieces=_pieces(state, struck, found.parts))
+
+
+def _pieces(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.ndarray]:
+    """Part what comes out: struck parts come singly, and what they push ahead in pieces."""
+    behind = plug[len(struck):]
+    if not len(behind):
+        return [*struck[:, None]]
+    state.loose_bonds.take_over(state.solver.graph, behind)
+    return [*struck[:, None], *state.loose_bonds.pieces(behind)]
 
 
 def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: np.ndarray,
@@ -105,19 +164,21 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
     mass = float(state.parts.mass[part])
     turn = angular + np.cross(point - state.parts.poses[part, :3], linear)
     if size > 0.0:
-        direction = linear / size
-        withstood = resist(state, chosen, direction)
-        force = size / float(contact_time(mass))
-        out = comes_out(withstood, force, mass, size / mass)
+        blow = Blow(linear / size, size / float(contact_time(mass)), 0.0, size)
+        out = drive_out(state, chosen, blow)
         if out is not None:
-            velocity = np.zeros((1, 6))
-            velocity[0, :3] = out.speed * direction
-            fragments.release(model, state, [chosen], velocity, Cause.IMPACT,
-                              force / max(withstood.force, NO_FORCE))
+            release(model, state, out, blow)
             state.world.apply_impulse(int(state.parts.body[part]), np.zeros(3), angular=turn)
             return True
     apply_impulses(state, chosen, np.concatenate([linear, turn])[None])
     return False
+
+
+def release(model: Model, state: State, out: Exit, blow: Blow) -> None:
+    """Let parts go that a blow drives out."""
+    moving = np.zeros((len(out.parts), 6))
+    moving[:, :3] = out.speed * blow.direction
+    fragments.release(model, state, out.pieces, moving, Cause.IMPACT, out.load)
 
 
 def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,

@@ -211,38 +211,33 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
     normal /= np.linalg.norm(normal)
     before, closing = velocity[:3].copy(), float(-normal @ velocity[:3])
     direction = _line(before, normal, closing)
-    cosine = float(-normal @ direction)
+    momentum = missile.mass * closing / float(-normal @ direction)
+    blow = masonry.Blow(direction, (1.0 + RESTITUTION) * momentum
+                        / float(contact_time(missile.mass)), missile.mass, momentum)
     pane = None
     if model.glass.is_pane[parts[0]]:
         parts = parts[:1]
         pane = glass.crack(model, int(parts[0]), point, float(missile.size.max()))
-        mass, resistance = pane.mass, pane.resistance
+        out = masonry.comes_out([parts], pane.mass, pane.resistance, blow)
     else:
-        mass = float(state.parts.mass[parts].sum())
-        resistance = masonry.resist(state, parts, direction)
-    blow = (1.0 + RESTITUTION) * missile.mass * closing / cosine
-    shared = closing / cosine / (1.0 / missile.mass + 1.0 / mass)
-    force = blow / float(contact_time(missile.mass))
-    out = masonry.comes_out(resistance, force, missile.mass + mass, shared / mass)
+        out = masonry.drive_out(state, parts, blow)
     if out is None:
         _bounce(velocity, normal, closing)
         lost = missile.mass * (before - velocity[:3])
         masonry.apply_impulses(state, parts, np.tile(lost / len(parts), (len(parts), 1)))
         _record(state, missile, point, parts, False, lost, np.zeros(3), 0.0)
         return False
-    velocity[:3] -= (shared / missile.mass + shared / mass - out.speed) * direction
+    velocity[:3] -= (momentum / missile.mass - out.speed) * direction
     lost = missile.mass * (before - velocity[:3])
-    load = force / max(resistance.force, masonry.NO_FORCE)
     if pane is not None:
-        glass.shatter_standing(model, state, [(pane, out.speed * direction, load)], Cause.IMPACT)
+        glass.shatter_standing(model, state, [(pane, out.speed * direction, out.load)],
+                               Cause.IMPACT)
     else:
-        moving = np.zeros((len(parts), 6))
-        moving[:, :3] = out.speed * direction
-        masonry.apply_impulse_around(state, resistance.bonds, parts, out.passed_on * direction)
-        fragments.release(model, state, [parts[[i]] for i in range(len(parts))], moving,
-                          Cause.IMPACT, load)
-    _record(state, missile, point, parts, True, lost, mass * out.speed * direction,
-            resistance.energy)
+        masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
+                                     out.passed_on * direction)
+        masonry.release(model, state, out, blow)
+    _record(state, missile, point, out.parts, True, lost, out.mass * out.speed * direction,
+            out.withstood.energy)
     return True
 
 

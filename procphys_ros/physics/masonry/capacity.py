@@ -15,6 +15,7 @@
 
 """What it takes to tear parts out of a bond graph: force, momentum, energy."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,10 @@ from procphys_ros.physics.masonry.ties import ELONGATION
 # Structures (Delft), parameters of the shear walls with f_t = 0.25 MPa, c = 0.35 MPa.
 FRACTURE_ENERGY_TENSION = 18.0   # [J/m²], mode I
 FRACTURE_ENERGY_SHEAR = 125.0    # [J/m²], mode II
+
+_AHEAD = 0.7    # least cosine between a blow and the normal of a joint that passes it on
+_DEEPEST = 1.0  # [m] that parts lie behind the struck ones to be driven by them: as thick as walls
+#                 get; further behind, masonry is the ground that the joints are crushed against
 
 
 @dataclass(frozen=True)
@@ -143,6 +148,31 @@ def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -
     force, work, rubbing = _at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
     return Resistance(bonds, float(force.sum()), float(work.sum() + rubbing.sum()),
                       float(rubbing.sum()))
+
+
+def plugs(graph: BondGraph, parts: np.ndarray, direction: np.ndarray) -> Iterator[np.ndarray]:
+    """
+    List what a blow may drive ahead: the struck parts, then each time one layer more behind them.
+
+    A layer is all that joints across the blow press on, so that a plug widens as bricks overlap.
+
+    :param parts: the struck parts, (K,).
+    :param direction: unit vector of the blow, world, (3,).
+    """
+    inside = np.zeros(graph.count + 1, bool)
+    furthest = float((graph.centre[parts] @ direction).min()) + _DEEPEST
+    fresh = parts = np.asarray(parts)
+    while len(fresh):
+        inside[fresh] = True
+        yield parts
+        bonds = graph.neighbours(fresh)
+        driven = inside[graph.first[bonds]]
+        crossing = graph.alive[bonds] & (driven != inside[graph.second[bonds]])
+        ahead = np.where(driven, 1.0, -1.0) * (graph.axes[bonds, :, 2] @ direction)
+        behind = np.where(driven, graph.second[bonds], graph.first[bonds])
+        behind = np.unique(behind[crossing & (ahead > _AHEAD) & (behind < graph.count)])
+        fresh = behind[graph.centre[behind] @ direction < furthest]
+        parts = np.concatenate([parts, fresh])
 
 
 def resistances(solver: StressSolver, parts: np.ndarray,
