@@ -98,14 +98,14 @@ def _deltas(m, first, second, centroid, centre, axes, q, out):
 
 
 @kernel
-def _friction(m, d, shear, extent, middle, bound, slip, out):
+def _friction(m, d, shear, extent, place, bound, slip, out):
     """
-    Write the friction at the middle of the pressed part: Tx, Ty, Mz, and what slides of it.
+    Write the friction where it acts: Tx, Ty, Mz, and what slides of it.
 
     :param shear: k_s·A [N/m].
     :param out: forces (3,), then how much of the elastic stiffness the friction is, 1 sticks.
     """
-    x, y = middle[m, 0], middle[m, 1]
+    x, y = place[m, 0], place[m, 1]
     radius = _TWIST * (extent[m, 0] ** 2 + extent[m, 1] ** 2) ** 0.5
     turn = d[5] - slip[m, 2]
     out[0] = shear * (d[0] - d[5] * y - (slip[m, 0] - slip[m, 2] * y))
@@ -240,16 +240,17 @@ def _tie(m, first, second, centroid, centre, axes, middle, links):
 
 @kernel
 def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear, friction, slip,
-              middle, bound, bias, links, grip, q, residual, shares, renew):
+              middle, place, bound, bias, links, grip, q, residual, shares, renew):
     """
     Put the tangents and biases of joints where the displacements are, and their forces.
 
     :param normal, shear: stiffness of the whole patch, k·A [N/m], (M,).
-    :param middle, bound: of friction, renewed, (M, 2) [m], (M,) [N].
+    :param middle: of the pressed part, where the link is, renewed [m], (M, 2).
+    :param place, bound: of friction [m], (M, 2), [N], (M,).
     :param bias, links: renewed.
     :param residual: takes the difference between old model and true force, (N + 1, 6).
     :param shares: of the whole stiffness that tangents keep, (M,).
-    :param renew: whether the bounds of friction follow the pressure.
+    :param renew: whether places and bounds of friction follow the pressure.
     """
     d, moments = np.empty((2, 6))
     n, t = np.empty(3), np.empty(4)
@@ -261,13 +262,15 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
         _deltas(m, first, second, centroid, centre, axes, q, d)
         stiffness = normal[m] / (extent[m, 0] * extent[m, 1])
         _normal(m, d, stiffness, extent, moments, n)
-        if renew:
-            bound[m] = friction[m] * max(-n[0], 0.0)
         x, y = _mix(moments, shares[m], extent[m])
         middle[m, 0], middle[m, 1] = x, y
-        _friction(m, d, shear[m], extent, middle, bound, slip, t)
+        if renew:
+            bound[m] = friction[m] * max(-n[0], 0.0)
+            place[m, 0], place[m, 1] = x, y
+        _friction(m, d, shear[m], extent, place, bound, slip, t)
         local[0], local[1], local[2] = t[0], t[1], n[0]
-        local[3], local[4], local[5] = n[1] - y * n[0], n[2] + x * n[0], t[2]
+        local[3], local[4] = n[1] - y * n[0], n[2] + x * n[0]
+        local[5] = t[2] + (place[m, 0] - x) * t[1] - (place[m, 1] - y) * t[0]
         _turned(m, axes, local, world)
         _tie(m, first, second, centroid, centre, axes, middle, links)
         _scatter(m, first, second, links[m, 0:3], links[m, 3:6], world, 1.0, residual)
@@ -280,7 +283,7 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
 
 
 @kernel
-def power(rows, label, first, second, centroid, centre, axes, extent, normal, shear, slip, middle,
+def power(rows, label, first, second, centroid, centre, axes, extent, normal, shear, slip, place,
           bound, bias, links, base, step, reach, out):
     """
     Give what the true forces do on a step beyond what the model does, island by island.
@@ -302,8 +305,8 @@ def power(rows, label, first, second, centroid, centre, axes, extent, normal, sh
         for c in range(6):
             d[c] += part * e[c]
         _normal(m, d, normal[m] / (extent[m, 0] * extent[m, 1]), extent, moments, n)
-        _friction(m, d, shear[m], extent, middle, bound, slip, t)
-        x, y = middle[m, 0], middle[m, 1]
+        _friction(m, d, shear[m], extent, place, bound, slip, t)
+        x, y = place[m, 0], place[m, 1]
         out[label[k]] += (t[0] * (e[0] - e[5] * y) + t[1] * (e[1] + e[5] * x) + t[2] * e[5]
                           + n[0] * e[2] + n[1] * e[3] + n[2] * e[4])
         _model(m, links, bias, first, second, base, moved, start)
@@ -338,14 +341,14 @@ def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid, s
 
 
 @kernel
-def settle(rows, first, second, centroid, centre, axes, extent, shear, slip, middle, bound, q):
+def settle(rows, first, second, centroid, centre, axes, extent, shear, slip, place, bound, q):
     """Make lasting what has slid: the elastic part of friction stays what it is."""
     d, t = np.empty(6), np.empty(4)
     for m in rows:
         _deltas(m, first, second, centroid, centre, axes, q, d)
-        _friction(m, d, shear[m], extent, middle, bound, slip, t)
+        _friction(m, d, shear[m], extent, place, bound, slip, t)
         if t[3] < 1.0:
-            x, y = middle[m, 0], middle[m, 1]
+            x, y = place[m, 0], place[m, 1]
             square = (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0
             slip[m, 2] = d[5] - t[2] / (shear[m] * square)
             slip[m, 0] = d[0] - d[5] * y - t[0] / shear[m] + slip[m, 2] * y

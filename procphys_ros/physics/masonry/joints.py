@@ -20,8 +20,8 @@ The normal law is exact for rigid parts: pressure k·w wherever the faces overla
 over the pressed part of the rectangle, which the straight line w = 0 bounds. So a joint opens and
 closes without a trace, and its resultant comes as near to an edge as the load asks. Friction is
 that of Coulomb with a bound from the last pressure, elastic up to it (return mapping; Simo &
-Hughes 1998, Computational Inelasticity, 2.2), about the middle of the pressed part; what slid
-stays slid.
+Hughes 1998, Computational Inelasticity, 2.2), about the middle of the part pressed then; what
+slid stays slid.
 
 For the solver every joint is, at any moment, a link with a bias: its tangent, and what the true
 force is besides. Where a joint is open or slides the tangent vanishes; a small share of the whole
@@ -78,7 +78,8 @@ class CrackedJoints:
         count = len(graph)
         self._bias = np.zeros((count, 6))    # of the link about its point, world [N, N·m]
         self._slip = np.zeros((count, 3))    # along x, y and about z of the bond frame [m, rad]
-        self._middle = np.zeros((count, 2))  # of the pressed part, where friction acts [m]
+        self._middle = np.zeros((count, 2))  # of the pressed part, where the link is [m]
+        self._place = np.zeros((count, 2))   # where friction acts: the middle at last pressure [m]
         self._bound = np.zeros(count)        # of friction [N]
         self._share = np.full(count, _SHARE)
         self._sticks = np.zeros(count, bool)  # whatever the pressure, until a balance is found
@@ -87,7 +88,7 @@ class CrackedJoints:
 
     def reset(self) -> None:
         """Forget everything: no bond has cracked."""
-        for array in (self._bias, self._slip, self._middle, self._bound):
+        for array in (self._bias, self._slip, self._middle, self._place, self._bound):
             array[:] = 0.0
         self._share[:] = _SHARE
         self._sticks[:] = False
@@ -98,7 +99,7 @@ class CrackedJoints:
 
         :param mine: rows here of all bonds there, (K,).
         """
-        for name in ('_bias', '_slip', '_middle', '_bound', '_share', '_sticks'):
+        for name in ('_bias', '_slip', '_middle', '_place', '_bound', '_share', '_sticks'):
             getattr(self, name)[mine] = getattr(other, name)
         cracked = self.graph.cracked[mine]
         self.graph.links[mine[cracked]] = other.graph.links[cracked]
@@ -117,8 +118,8 @@ class CrackedJoints:
         :param displacement: of the parts [m, rad], (N + 1, 6).
         :param residual: takes what the true forces differ by from the model that was
             [N, N·m], (N + 1, 6).
-        :param renew: whether the bound of friction follows the pressure; while it stays, forces
-            have an energy, and steps that lessen it lead somewhere.
+        :param renew: whether bound and place of friction follow the pressure; while they stay,
+            forces have an energy, and steps that lessen it lead somewhere.
         """
         if not len(rows):
             return  # the kernel is one of those that take seconds to compile
@@ -128,8 +129,8 @@ class CrackedJoints:
             if len(some):
                 joint_kernels.linearise(
                     some, *self._geometry, self._normal, self._shear, graph.mortar.friction,
-                    self._slip, self._middle, self._bound, self._bias, graph.links, graph.grip,
-                    displacement, residual, self._share, follows)
+                    self._slip, self._middle, self._place, self._bound, self._bias, graph.links,
+                    graph.grip, displacement, residual, self._share, follows)
 
     def stick(self, rows: np.ndarray) -> None:
         """Let nothing slide in joints until `release`."""
@@ -167,7 +168,7 @@ class CrackedJoints:
         """
         out = np.empty(len(reach))
         joint_kernels.power(
-            rows, label, *self._geometry, self._normal, self._shear, self._slip, self._middle,
+            rows, label, *self._geometry, self._normal, self._shear, self._slip, self._place,
             self._bound, self._bias, self.graph.links, start, step, reach, out)
         return out
 
@@ -195,7 +196,7 @@ class CrackedJoints:
 
     def settle(self, rows: np.ndarray, displacement: np.ndarray) -> None:
         """Make lasting what has slid."""
-        joint_kernels.settle(rows, *self._geometry, self._shear, self._slip, self._middle,
+        joint_kernels.settle(rows, *self._geometry, self._shear, self._slip, self._place,
                              self._bound, displacement)
 
     def wrenches(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
