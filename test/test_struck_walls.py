@@ -1,0 +1,158 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Walls of several leaves that are struck: all that a blow pushes ahead is judged together."""
+
+from masonry_walls import bonded, BRICK, JOINT, wall_boxes
+import numpy as np
+import pytest
+
+from procphys_ros.physics.impact import contact_time
+from procphys_ros.physics.masonry import plugs
+from procphys_ros.resources import shared_folder
+from procphys_ros.scene import Scene
+from procphys_ros.scene.settings import Settings
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import masonry, projectiles, Simulation
+
+LEAF = BRICK[1] + JOINT  # [m]
+COHESION = 0.3e6         # [Pa]
+ALONG = np.array([0.0, 1.0, 0.0])
+
+
+def stand(built):
+    """Give a simulation without gravity, so that beds are not pressed."""
+    scene = Scene(Settings(gravity=0.0))
+    scene.add(built)
+    return Simulation(scene)
+
+
+def pier(leaves, courses=9):
+    """Stack bricks to a pier a brick wide and some leaves deep, which no head joints hold."""
+    place = np.mgrid[:1, :leaves, :courses].reshape(3, -1).T
+    centres = place * [0.0, LEAF, BRICK[2] + JOINT] + [0.0, 0.0, 0.5 * BRICK[2]]
+    return bonded(centres, BRICK, cohesion=COHESION)
+
+
+def wall(leaves):
+    """Lay a wall of some leaves, each against the next by half a brick."""
+    boxes = [wall_boxes(12, 24, shift=(0.0, k * LEAF, 0.0), offset=k % 2) for k in range(leaves)]
+    return bonded(*(np.vstack(column) for column in zip(*boxes)), cohesion=COHESION)
+
+
+def strike(simulation, mass, speed, place, size, shape='sphere'):
+    """Throw something at what stands, and make its first blows only; give it."""
+    simulation.launch(Projectile(shape, size, mass, place, (0.0, speed, 0.0)))
+    for _ in range(200):
+        before = loose(simulation)
+        projectiles.step(simulation.model, simulation.state, simulation.time_step)
+        if simulation.impacts:
+            return before
+        simulation.step()
+    raise AssertionError('nothing was struck')
+
+
+def loose(simulation):
+    """Give momentum [N·s] and kinetic energy [J] of all that is loose."""
+    ids = np.array(list(simulation.state.bodies.members))
+    world = simulation.state.world.bodies
+    velocity, mass = world.velocities[ids], world.mass[ids]
+    spin = (world.inertia[ids].max(axis=1) * (velocity[:, 3:] ** 2).sum(axis=1)).sum()
+    return (mass @ velocity[:, :3],
+            0.5 * float(mass @ (velocity[:, :3] ** 2).sum(axis=1)) + 0.5 * float(spin))
+
+
+@pytest.mark.parametrize('leaves', [1, 2, 3])
+@pytest.mark.parametrize('mass', [3.0, 30.0])
+def test_a_pier_holds_what_its_beds_bear_over_its_whole_depth(leaves, mass):
+    """Drive a course out through all leaves once the blow exceeds both beds, not before."""
+    limit = 2.0 * leaves * BRICK[0] * BRICK[1] * COHESION * float(contact_time(mass)) / 1.25 / mass
+    simulation = stand(pier(leaves))
+    course = np.flatnonzero(np.abs(simulation.poses[:, 2] - simulation.poses[4, 2]) < 0.01)
+    for share, comes in ((0.97, False), (1.03, True)):
+        simulation.reset()
+        strike(simulation, mass, share * limit, (0.0, -0.3, simulation.poses[4, 2]), 0.06)
+        impact = simulation.impacts[0]
+        assert impact.torn == comes
+        if comes:
+            np.testing.assert_array_equal(np.sort(impact.parts), course)
+            moved = mass + simulation.blueprint.mass[course].sum()
+            left = (mass * share * limit / moved) ** 2 - 2.0 * impact.work / moved
+            assert impact.carried[1] == pytest.approx((moved - mass) * np.sqrt(left))
+
+
+def test_a_plug_widens_as_bricks_overlap_and_ends_behind_the_wall():
+    """Push on one stretcher: two lie behind it, and three behind these."""
+    simulation = stand(wall(3))
+    built = simulation.blueprint
+    front = np.flatnonzero(built.poses[:, 1] < 0.5 * LEAF)
+    brick = front[np.argmin(np.linalg.norm(built.poses[front, :3] - [1.3, 0.05, 0.9], axis=1))]
+    found = list(plugs(simulation.state.solver.graph, np.array([brick]), ALONG))
+    assert [len(parts) for parts in found] == [1, 3, 6]
+    force = [masonry.resist(simulation.state, parts, ALONG).force for parts in found]
+    assert force[0] > 1e7 * 0.9 * BRICK[0] * BRICK[2]  # alone it would have to crush its mortar
+    assert force[2] < 0.7 * force[0]
+
+
+def test_whatever_strikes_momentum_is_kept_and_no_energy_won():
+    """
+    Strike walls of one to three leaves with 3 kg to 12 t at 1 to 30 m/s.
+
+    What the loose have then is what they had, less what the ledger knows to be in the wall. What
+    the leaves together do not bear goes through: a heavy block takes them along at its speed.
+    """
+    rng, through = np.random.default_rng(0), set()
+    walls = [stand(wall(leaves)) for leaves in (1, 2, 3)]
+    for turn in range(60):
+        simulation = walls[turn % 3]
+        simulation.reset()
+        mass, speed = np.exp(rng.uniform(np.log([3.0, 1.0]), np.log([12e3, 30.0])))
+        size = min((mass / 2500.0) ** (1.0 / 3.0), 1.4)
+        momentum, energy = strike(
+            simulation, mass, speed, (1.3 + rng.uniform(-0.2, 0.2), -0.1 - size, 0.9), size,
+            ('sphere', 'box')[turn % 2])
+        grounded = sum(impact.grounded for impact in simulation.impacts)
+        now, left = loose(simulation)
+        np.testing.assert_allclose(now + grounded, momentum, atol=1e-6 * mass * speed)
+        assert left <= energy * (1.0 + 1e-9)
+        first = simulation.impacts[0]
+        depth = np.ptp(simulation.blueprint.poses[first.parts, 1])
+        if first.torn:
+            through.add(turn % 3)
+            assert depth > (turn % 3 - 0.01) * LEAF  # all leaves, or a hole in none
+        elif mass > 1000.0 and speed > 6.0:
+            raise AssertionError(f'{mass:.0f} kg at {speed:.1f} m/s bounced')
+    assert through == {0, 1, 2}
+
+
+def test_twelve_tonnes_go_through_the_pier_of_an_arcade():
+    """Drive all that the block covers out of the pier; it goes on, slower by their inertia."""
+    simulation = Simulation(Scene.from_yaml(shared_folder() / 'config' / 'arcade_pier.yaml'))
+    built = len(simulation.blueprint)
+    speed = 0.0  # at which it slides there
+    while not simulation.impacts:
+        if simulation.state.missiles:
+            speed = simulation.velocities[simulation.state.missiles[0].part, 1]
+        simulation.step()
+    impact, = simulation.impacts
+    place = simulation.blueprint.poses[impact.parts]
+    assert impact.torn and np.ptp(place[:, 1]) > 0.1
+    assert len(impact.parts) == 159 and (~simulation.state.standing[:built]).sum() == 159
+    moved = 12000.0 + simulation.blueprint.mass[impact.parts].sum()
+    left = np.sqrt((12000.0 * speed / moved) ** 2 - 2.0 * impact.work / moved)
+    assert impact.lost[1] == pytest.approx(12000.0 * (speed - left), rel=0.01)
+    simulation.step(15)
+    block = simulation.state.missiles[0].part
+    assert simulation.poses[block, 1] > 0.5 and simulation.velocities[block, 1] > 4.0
