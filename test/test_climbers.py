@@ -80,7 +80,7 @@ def test_the_wind_moves_what_clings_by_millimetres():
     moved = []
     for host in (_WALL, None):
         simulation = _scene(host=host, wind=wind)
-        vine, before = _parts(simulation, 'vine'), simulation.poses.copy()
+        vine, before = _parts(simulation, 'vine'), simulation.blueprint.poses
         farthest = 0.0
         for _ in range(120):
             simulation.step()
@@ -146,6 +146,17 @@ def test_it_follows_the_tree_that_it_grows_on():
     assert simulation.state.climbers.holds.all() and not len(simulation.events)
     assert max(speed[:60]) > 0.2 and apart < 0.03
     assert max(speed[180:]) < 0.7 * max(speed[60:120]) < 0.7 * max(speed[:60])
+
+
+def test_it_begins_bent_with_the_tree_that_it_grows_on():
+    """Blow evenly at a slim pole with a vine: both begin where they stay, held where they grew."""
+    simulation = _scene(hold=300.0, host=_POLE.replace('0.12', '0.015'),
+                        wind={'velocity': [15.0, 0.0, 0.0], 'turbulence_intensity': 0.0})
+    before = simulation.poses.copy()
+    bent = (before - simulation.blueprint.poses)[:, 0].max()
+    simulation.step(120)
+    assert np.abs(simulation.poses - before)[:, :3].max() < 0.01 * bent and bent > 0.2
+    assert simulation.state.climbers.holds.all()
 
 
 def test_holds_outlive_a_snapshot():

@@ -237,7 +237,7 @@ def test_a_forest_without_leaves_moves_as_if_it_never_had_any():
 
 def test_leaf_area_that_is_left_adds_up():
     """Take exactly the area of the leaves that fell out of the drag."""
-    simulation = simulate(35.0)
+    simulation = simulate(45.0)
     simulation.step(10)
     foliage, tree = simulation.state.leaves, simulation.blueprint
     left = np.bincount(tree.leaves.part, tree.leaves.size ** 2 * foliage.attached,

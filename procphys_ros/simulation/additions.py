@@ -28,7 +28,7 @@ from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.capacity import available_memory, check_addition
 from procphys_ros.scene.placement import stand_on, unbonded
-from procphys_ros.simulation import fragments, load_checks, masonry
+from procphys_ros.simulation import fragments, leaning, load_checks, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.parts import columns_of, Owner, owners
@@ -130,7 +130,7 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
     :param model: of which the state is a part so far.
     :param settled: stresses in the new object alone, broken as far as its weight breaks it.
     """
-    first, bonds = len(state.parts), len(state.blueprint.bonds)
+    first, bonds, rows = len(state.parts), len(state.blueprint.bonds), len(state.forest)
     source = model.blueprint
     fresh = np.arange(first, len(source))
     columns = columns_of(source)
@@ -151,6 +151,7 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
     for part in fresh[state.parts.owner[fresh] == Owner.BODY]:
         fragments.make_body(model, state, np.array([part]), source.poses[[part]],
                             np.zeros((1, 6)))
+    leaning.lean(model, state, rows)
 
 
 def _chained(model: Model, whole: Blueprint, placed: Blueprint, graph: BondGraph,

@@ -17,15 +17,24 @@
 
 import numpy as np
 
-from procphys_ros.simulation import climbers, fragments, masonry
+from procphys_ros.physics.wind import WindSettings
+from procphys_ros.simulation import climbers, fragments, leaning, masonry
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
 
-def at_rest(model: Model) -> tuple[State, list[str]]:
-    """Put a scene at rest; let what cannot stand under its weight go, and say what that is."""
+def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list[str]]:
+    """
+    Put a scene at rest, its trees in the wind that blows at its start.
+
+    :param wind: settings in the place of the scene's.
+    :returns: the state, without what cannot stand under its weight, and lines that say what.
+    """
     state = State.initial(model)
+    if wind is not None and wind != state.wind.settings:
+        state.wind.change(wind)
+        state.wind.reset()
     bricks = np.flatnonzero(state.standing)
     if len(bricks):
         source = model.blueprint
@@ -36,6 +45,7 @@ def at_rest(model: Model) -> tuple[State, list[str]]:
     for part in np.flatnonzero(state.parts.owner == Owner.BODY):
         fragments.make_body(model, state, np.array([part]), state.parts.poses[[part]],
                             np.zeros((1, 6)))
+    leaning.lean(model, state)
     climbers.load_walls(model, state)
     state.loads.apply(state.solver, 0.0, 0.0)
     lines = masonry.settle(model, state)

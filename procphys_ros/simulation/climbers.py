@@ -89,20 +89,43 @@ def _let_go(model: Model, state: State) -> None:
 
 def _follow_trees(model: Model, state: State, dt: float) -> None:
     """Move anchors along with the trees that hold them, and let these feel the pull."""
-    climbers, own, forest = model.trees.climbers, state.climbers, state.forest
-    chosen = np.flatnonzero(own.holds & (climbers.host_row >= 0))
-    if not len(chosen):
+    forest = state.forest
+    row, host, arm = _on_trees(model, state)
+    if not len(row):
         return
-    row, host = climbers.row[chosen], climbers.host_row[chosen]
-    pose, velocity = forest.poses[host], forest.velocities[host]
-    arm = rotation.rotate(pose[:, 3:], climbers.place[chosen])
+    place, velocity = forest.poses[host, :3] + arm, forest.velocities[host]
     speed = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
     pull = forest.rest_anchors[row, anchors.FORCE:] - _pulls(forest, row)
-    felt = np.ones(len(chosen), bool)
+    felt = np.ones(len(row), bool)
     if state.trees.lod is not None:  # a tree that stands still takes nothing up
         felt = ~state.trees.lod.stand_still(forest, host)
-    forest.push(host[felt], pose[felt, :3] + arm[felt], dt * pull[felt])
-    forest.anchors[row, anchors.TARGET:anchors.FORCE] = pose[:, :3] + arm + 0.5 * dt * speed
+    forest.push(host[felt], place[felt], dt * pull[felt])
+    forest.anchors[row, anchors.TARGET:anchors.FORCE] = place + 0.5 * dt * speed
+
+
+def lean(model: Model, state: State) -> None:
+    """Move anchors along with trees that a steady wind bends, and let these bear the pull."""
+    forest = state.forest
+    row, host, arm = _on_trees(model, state)
+    forest.anchors[row, anchors.TARGET:anchors.FORCE] = forest.poses[host, :3] + arm
+    pull = forest.rest_anchors[row, anchors.FORCE:] - _pulls(forest, row)
+    forest.anchors[host] = forest.rest_anchors[host]
+    np.add.at(forest.anchors[:, anchors.FORCE:], host, pull)
+
+
+def end_lean(model: Model, state: State) -> None:
+    """Take from trees what `lean` lets them bear; every step pushes them from now on."""
+    host = _on_trees(model, state)[1]
+    state.forest.anchors[host] = state.forest.rest_anchors[host]
+
+
+def _on_trees(model: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Give rows that hold on to trees, their hosts, and the way there from these [m], (K, 3)."""
+    climbers, forest = model.trees.climbers, state.forest
+    chosen = np.flatnonzero(state.climbers.holds & (climbers.host_row >= 0))
+    host = climbers.host_row[chosen]
+    return (climbers.row[chosen], host,
+            rotation.rotate(forest.poses[host, 3:], climbers.place[chosen]))
 
 
 def _pulls(forest: Forest, rows: np.ndarray) -> np.ndarray:

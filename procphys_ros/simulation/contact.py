@@ -67,13 +67,7 @@ def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
     if not state.forest.active.any():
         return TreeContacts()
     for _ in range(_ROUNDS):
-        around = contact_pairs.Surroundings(
-            state.world, model.masonry.bricks, state.standing, state.parts.body,
-            model.trees.beside, model.trees.slack,
-            contact_pairs.pair_keys(*contact_exclusions.colliders(state, state.excluded).T),
-            model.terrain, model.trees.crowns)
-        pairs = contact_pairs.find(state.forest, model.trees.sizes, around, state.tree_bounds,
-                                   trees.movers(state), dt)
+        pairs = _find(model, state, dt)
         if not len(pairs.row):
             return TreeContacts()
         contacts, change, bodies = _solve(model, state, pairs, dt)
@@ -83,6 +77,27 @@ def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
     contacts = TreeContacts(*(column[pushed] for column in vars(contacts).values()))
     _apply(state, contacts, change, bodies)
     return contacts
+
+
+def _find(model: Model, state: State, dt: float) -> Pairs:
+    around = contact_pairs.Surroundings(
+        state.world, model.masonry.bricks, state.standing, state.parts.body,
+        model.trees.beside, model.trees.slack,
+        contact_pairs.pair_keys(*contact_exclusions.colliders(state, state.excluded).T),
+        model.terrain, model.trees.crowns)
+    return contact_pairs.find(state.forest, model.trees.sizes, around, state.tree_bounds,
+                              trees.movers(state), dt)
+
+
+def find_inside(model: Model, state: State, depth: float) -> np.ndarray:
+    """
+    Find the rows of the forest that are inside of walls or bodies, more than they were drawn.
+
+    :param depth: overlap from which on they count [m].
+    """
+    state.tree_bounds = contact_pairs.TreeBounds()
+    pairs = _find(model, state, 0.0)
+    return pairs.row[(pairs.gap < -depth) & ((pairs.part >= 0) | (pairs.body >= 0))]
 
 
 def _apply(state: State, contacts: TreeContacts, change: np.ndarray, bodies: np.ndarray) -> None:

@@ -232,15 +232,12 @@ class Simulation:
         added, removed = self.state.added, self.state.removed
         self.close()
         self.model, self._flutter = additions.with_added(self._scene_model, added), None
-        self.state, _ = at_rest(self.model)
+        self.state, _ = at_rest(self.model, wind.settings)
         self.state.added = added
         known = {placed.name for placed in self.state.objects}
         for name in removed:
             if name in known:
                 additions.remove(self.model, self.state, name)
-        if wind.settings != self.state.wind.settings:
-            self.state.wind.change(wind.settings)
-            self.state.wind.reset()
         self.state.observer = observer
 
     def revert(self) -> None:
@@ -286,7 +283,9 @@ class Simulation:
     def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
             yaw: float = 0.0, name: str = '') -> SceneObject:
         """
-        Place an object into the running scene, at rest; it stays until `remove` or `revert`.
+        Place an object into the running scene; it stays until `remove` or `revert`.
+
+        It is at rest, trees bent by the mean wind that blows.
 
         :param blueprint: what to place; it is not changed.
         :param position: where its origin goes [m], (3,), world; z counts from the ground.

@@ -88,7 +88,7 @@ class LodScheduler:
         self.due[~known] = self.now
         self._plan, self._roots = plan, roots
         self._free = forest.is_free(roots)
-        self._enclose(forest)
+        self.enclose(forest)
 
     def of_rows(self, forest: Forest, rows: np.ndarray) -> np.ndarray:
         """Give the trees that rows belong to, without those that are no trees any more."""
@@ -208,7 +208,7 @@ class LodScheduler:
         first = np.cumsum(count) - count
         return np.maximum.reduceat(square, first) <= BREEZE ** 2
 
-    def _enclose(self, forest: Forest) -> None:
+    def enclose(self, forest: Forest) -> None:
         """Put a sphere around each tree as it stands now."""
         plan, poses = forest.plan, forest.poses[forest.plan.row, :3]
         first = plan.start[:-1]

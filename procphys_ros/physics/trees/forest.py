@@ -49,8 +49,7 @@ from procphys_ros.physics.trees.layout import (
     STIFFNESS,
 )
 
-_SAGS, _SAGGED = 1000, 1e-12  # turns at most, and the rest of a bend [rad] that ends them
-_SHORTEST = 0.02  # share of a bend that one of these turns makes up for
+_SAGGED, _LEANT = 1e-12, 1e-6  # [rad], [m] change of joints at which trees stand still
 _TIME_STEP = 1.0 / 60.0  # [s], for effective masses asked for before the first step
 
 
@@ -111,7 +110,9 @@ class Forest:
         self._model.swing[:, [PRELOAD_X, PRELOAD_Y]] *= share
         self._model.extra[:, [EXTRA_PRELOAD, EXTRA_STRIDE + EXTRA_PRELOAD]] *= share
         if (share < 1.0).any():
-            self._sag()
+            self.lean(np.arange(len(self._plan.start) - 1), None, goal=_SAGGED)
+            self._rest_bend[:] = self._state.bend
+            self.reset()
         self._anchors = anchored
         self._anchors[:, anchors.TARGET:anchors.FORCE] = self.poses[:, :3]
         anchors.place(self._state, self._anchors, self._rooted)
@@ -176,6 +177,20 @@ class Forest:
         self._breathe(dt, wind)
         parallel.step(self._plan, self._model, self._state, self._scratches, self._wind,
                       self._gravity, self._time_step, threads)
+
+    def lean(self, trees: np.ndarray, wind: np.ndarray | None, threads: int = 1,
+             goal: float = _LEANT) -> None:
+        """
+        Bend trees at rest to where they stand still in a steady wind, whatever their joints bear.
+
+        :param trees: places of the trees in `plan`, (K,).
+        :param wind: as for `step`; read at the rows of these trees only.
+        :param threads: as for `step`.
+        :param goal: how far joints may be from there [rad] or [m].
+        """
+        self._breathe(self._time_step, wind)
+        parallel.lean(self._plan, trees, self._model, self._state, self._scratches, self._wind,
+                      self._gravity, goal, threads)
 
     def step_some(self, trees: np.ndarray, steps: np.ndarray, dt: float,
                   wind: np.ndarray | None = None, threads: int = 1) -> None:
@@ -418,21 +433,6 @@ class Forest:
         self._anchors[:, anchors.FORCE:] = made[:, anchors.FORCE:]
         anchors.place(self._state, self._anchors, self._rooted)
         return made
-
-    def _sag(self) -> None:
-        """Bend what was drawn unloaded to where springs and weight are in balance."""
-        share, before = 1.0, np.inf
-        for _ in range(_SAGS):
-            left = passes.sag(self._plan, self._model, self._state, self._scratches[0],
-                              self._gravity, _TIME_STEP, share)
-            if left > before:  # weight outdoes the springs: go in shorter steps
-                share = max(0.5 * share, _SHORTEST)
-            before = left
-            pose.place_all(self._plan, self._model, self._state)
-            if left < _SAGGED:
-                break
-        self._rest_bend[:] = self._state.bend
-        self.reset()
 
     def _breathe(self, dt: float, wind: np.ndarray | None) -> None:
         """Take over the time step and the air of the step that begins."""

@@ -251,27 +251,6 @@ def advance_extra(i, k, dt, model, state, scratch):
 
 
 @subroutine
-def give_way(i, k, share, model, state, scratch):
-    """
-    Bend the held joint of row i by a share of its unbalanced load over its spring, to its limit.
-
-    :returns: that load over the spring, of the whole [rad].
-    """
-    first = scratch.factor[k, RADIAL, 7] / model.swing[i, STIFFNESS]
-    second = scratch.factor[k, TANGENTIAL, 7] / model.swing[i, STIFFNESS]
-    x, y = state.bend[i, 0] + share * first, state.bend[i, 1] + share * second
-    size, limit = math.sqrt(x * x + y * y), model.swing[i, LIMIT]
-    within = min(1.0, limit / size) if size > 0.0 else 1.0
-    state.bend[i, 0], state.bend[i, 1] = within * x, within * y
-    for d in (TWIST, STRETCH):
-        c = EXTRA_STRIDE * (d - TWIST)
-        if not math.isinf(model.extra[i, c + EXTRA_STIFFNESS]):
-            state.bend[i, d] += share * scratch.factor[k, d, 7] / model.extra[
-                i, c + EXTRA_STIFFNESS]
-    return 0.0 if within < 1.0 else math.sqrt(first * first + second * second)
-
-
-@subroutine
 def preload(i, k, model, scratch):
     """Oppose the loads that the held joint of row i carries."""
     model.swing[i, PRELOAD_X] = -scratch.factor[k, RADIAL, 7]

@@ -17,7 +17,7 @@
 import numpy as np
 
 from procphys_ros.compilation import threads as pool
-from procphys_ros.physics.trees import integrator, state, subset
+from procphys_ros.physics.trees import equilibrium, integrator, state, subset
 
 
 def step(plan: state.Plan, model: state.Model, columns: state.State,
@@ -42,6 +42,17 @@ def step_some(plan: state.Plan, trees: np.ndarray, spans: np.ndarray, model: sta
     def advance(place: int, first: int, last: int) -> None:
         subset.step(plan, trees[first:last], spans[first:last], model, columns,
                     workspaces[place], wind, gravity)
+    starts = np.append(0, np.cumsum(np.diff(plan.start)[trees]))
+    run(advance, pool.group_ranges(starts, threads), plan, workspaces)
+
+
+def lean(plan: state.Plan, trees: np.ndarray, model: state.Model, columns: state.State,
+         workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray, goal: float,
+         threads: int) -> None:
+    """Bend some trees to where they stand still; as `equilibrium.lean`, see `step`."""
+    def advance(place: int, first: int, last: int) -> None:
+        equilibrium.lean(plan, trees[first:last], model, columns, workspaces[place], wind,
+                         gravity, goal)
     starts = np.append(0, np.cumsum(np.diff(plan.start)[trees]))
     run(advance, pool.group_ranges(starts, threads), plan, workspaces)
 

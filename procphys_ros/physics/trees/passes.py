@@ -80,12 +80,27 @@ def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate
         numba would compile a second version for a literal False.
     :returns: whether anything was done to the velocities since the last step.
     """
+    changed = load_all(rows, model, state, scratch, frame, wind, gravity, h)
+    if pressed != 0.0:
+        press(rows, model, state, scratch, frame, h)
+    eliminate_joints(rows, above, model, state, scratch, frame, h, dt, gate)
+    return changed
+
+
+@subroutine(**INLINE)
+def load_all(rows, model, state, scratch, frame, wind, gravity, h):
+    """Load one tree, as `factor` says; tell whether its velocities were changed."""
     a, changed, held = scratch.inertia, False, state.struck[rows[0], 1] != 0.0
     for k in range(len(rows)):
         changed |= was_changed(rows[k], state)
         load(rows[k], k, model.body, state, frame, a, scratch.spin, wind, gravity, h, held)
-    if pressed != 0.0:
-        press(rows, model, state, scratch, frame, h)
+    return changed
+
+
+@subroutine(**INLINE)
+def eliminate_joints(rows, above, model, state, scratch, frame, h, dt, gate):
+    """Eliminate the joints of one tree, as `factor` says."""
+    a = scratch.inertia
     for k in range(len(rows) - 1, -1, -1):
         i, up = rows[k], above[k]
         if model.joint[i] == _FREE:
@@ -98,7 +113,6 @@ def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate
             x, y, z = apart(frame, i, rows[up])
             j, b, m = shift(j, b, m, x, y, z)
             add(a, up, j, b, m, shift_load(p, x, y, z))
-    return changed
 
 
 @subroutine(**INLINE)
@@ -305,24 +319,6 @@ def give(k, d, x, y, z, axis, f, p):
     f[k, d, 7] = drive
     return relieve(p, (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5]),
                    f[k, d, 6] * drive)
-
-
-@kernel
-def sag(plan, model, state, scratch, gravity, dt, share):
-    """
-    Bend every joint by a share of what would balance the loads that it carries now.
-
-    :returns: the largest rest of a load over its spring [rad].
-    """
-    still, worst = np.zeros((len(state.poses), 3)), 0.0
-    for t in range(len(plan.start) - 1):
-        rows = plan.row[plan.start[t]:plan.start[t + 1]]
-        above = plan.above[plan.start[t]:plan.start[t + 1]]
-        factor(rows, above, model, state, scratch, state.middle, still, gravity, dt, dt, 0.0,
-               0.0)
-        for k in range(len(rows)):
-            worst = max(worst, joints.give_way(rows[k], k, share, model, state, scratch))
-    return worst
 
 
 @kernel

@@ -175,6 +175,15 @@ class Wind:
         :param threads: to work on; the result is the same to the bit for any number.
         :returns: (N, 3) [m/s], world.
         """
+        return self._at(points, time, out, self.settings.turbulence_intensity, self._gusts,
+                        threads)
+
+    def steady_velocity(self, points: np.ndarray, time: float, threads: int = 1) -> np.ndarray:
+        """Return the mean wind at points, sheltered too; no eddies, no gusts; as `velocity`."""
+        return self._at(points, time, None, 0.0, self._gusts[:0], threads)
+
+    def _at(self, points: np.ndarray, time: float, out: np.ndarray | None, intensity: float,
+            gusts: np.ndarray, threads: int) -> np.ndarray:
         points = np.ascontiguousarray(points, float)
         out = np.empty_like(points) if out is None else out
         if not len(points):
@@ -183,7 +192,7 @@ class Wind:
             s = self.settings
             if not self._terrain.is_flat:  # what blows at a height blows at it over any ground
                 points = points - self._terrain.height(points)[:, None] * [0.0, 0.0, 1.0]
-            self._fill(points, time, out, s.turbulence_intensity, self._gusts, threads)
+            self._fill(points, time, out, intensity, gusts, threads)
             if s.shelter:
                 self.shelter.apply(points, out, np.asarray(self._history.velocity(time)),
                                    self._profile(), s.roughness_length)

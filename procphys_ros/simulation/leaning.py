@@ -1,0 +1,82 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Leaning: trees that join a scene in which a wind blows have stood in it for long."""
+
+import numpy as np
+
+from procphys_ros.physics.trees import anchors, Forest
+from procphys_ros.simulation import climbers, contact
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
+
+_ROUNDS = 3  # the wind changes with the height of what it bends: by a twentieth per round
+_SHARES = 0.5, 0.25, 0.0  # of the wind, for trees that would lean into a wall in all of it
+_INSIDE = 0.005  # [m] overlap with a wall or body that counts
+
+
+def lean(model: Model, state: State, first: int = 0) -> None:
+    """
+    Bend trees at rest as the mean wind holds them that blows now, gusts and eddies left out.
+
+    What they cannot bear breaks in the first step. Trees that would lean into walls or bodies
+    take half of the wind, a quarter of it, or none: the most that keeps them clear of these.
+    Writes the forest, its anchors, and the poses and the air of these trees.
+
+    :param first: row of the forest from which on they are at rest.
+    """
+    forest, wind = state.forest, state.wind
+    roots = forest.plan.row[forest.plan.start[:-1]]
+    chosen = np.flatnonzero(roots >= first)
+    if not len(chosen) or not wind.enabled or not any(wind.mean_velocity(state.time)):
+        return
+    on_trees = not first and bool((model.trees.climbers.host_row >= 0).any())  # not later ones
+    _lean(model, state, chosen, 1.0, on_trees)
+    for share in _SHARES:
+        inside = np.intersect1d(chosen, _trees_of(
+            forest, contact.find_inside(model, state, _INSIDE)))
+        if not len(inside):
+            break
+        _lean(model, state, inside, share, on_trees)
+    rows = forest.rows_of(chosen)
+    state.trees.start_poses[rows] = forest.poses[rows]
+    state.parts.poses[forest.parts[rows]] = forest.poses[rows]
+    if state.trees.lod is not None and first == 0:
+        state.trees.lod.enclose(forest)
+
+
+def _lean(model: Model, state: State, trees: np.ndarray, share: float, on_trees: bool) -> None:
+    """Find where some trees stand still in a share of the wind, and what climbs on them."""
+    forest, air = state.forest, state.trees.air
+    clings = np.isin(trees, _trees_of(forest, np.flatnonzero(
+        forest.active & (forest.anchors[:, anchors.STIFFNESS] > 0.0))))
+    for _ in range(_ROUNDS):
+        for group in (trees[~clings], trees[clings]):
+            if not len(group):
+                continue
+            rows = forest.rows_of(group)
+            air[rows] = share * state.wind.steady_velocity(forest.poses[rows, :3], state.time,
+                                                           model.threads)
+            forest.lean(group, air, model.threads)
+            if on_trees:
+                climbers.lean(model, state)
+    if on_trees:
+        climbers.end_lean(model, state)
+
+
+def _trees_of(forest: Forest, rows: np.ndarray) -> np.ndarray:
+    """Give the trees of the plan that rows belong to, (K,)."""
+    plan = forest.plan
+    return np.unique(np.searchsorted(plan.row[plan.start[:-1]], forest.roots(rows)))
