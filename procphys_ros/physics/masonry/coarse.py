@@ -136,13 +136,24 @@ def _strong(graph: BondGraph) -> np.ndarray:
     Rigid modes suit what is stiff: a bond much softer than others of both its parts (a board on
     brickwork, a bond that has opened) is left between aggregates.
     """
-    stiffness = np.where(graph.alive, graph.grip * graph.spring[:, 2], 0.0)
-    stiffest = np.zeros(graph.count + 1)
-    np.maximum.at(stiffest, graph.first, stiffness)
-    np.maximum.at(stiffest, graph.second, stiffness)
+    return _stiff_enough(graph.alive, graph.grip, graph.spring, graph.first, graph.second,
+                         np.zeros(graph.count + 1))
+
+
+@kernel
+def _stiff_enough(alive, grip, spring, first, second, stiffest):
+    """Compare living bonds with the stiffest one of each part, (N + 1,), written."""
+    strong = alive.copy()
+    for m in range(len(alive)):
+        if alive[m]:
+            stiffness = grip[m] * spring[m, 2]
+            stiffest[first[m]] = max(stiffest[first[m]], stiffness)
+            stiffest[second[m]] = max(stiffest[second[m]], stiffness)
     stiffest[-1] = np.inf  # the ground yields to nothing
-    return graph.alive & (stiffness >= _STRONG * np.minimum(stiffest[graph.first],
-                                                            stiffest[graph.second]))
+    for m in range(len(alive)):
+        least = min(stiffest[first[m]], stiffest[second[m]])
+        strong[m] &= grip[m] * spring[m, 2] >= _STRONG * least
+    return strong
 
 
 class CoarseSpace:

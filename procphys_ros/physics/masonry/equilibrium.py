@@ -120,6 +120,19 @@ class Equilibrium:
         self.graph.weaken(bonds, share)
         self.joints.add_pulls(bonds, self.displacement, self.residual, 1.0)
 
+    def crack(self, bonds: np.ndarray) -> None:
+        """
+        Let whole bonds only press and rub from now on, see `joints`.
+
+        Those without any strength crack in a state of stress that could never be, pulled where
+        they press in truth. Friction by that pressure would hold no flat arch, so they stick until
+        a first balance is found.
+        """
+        mortar = self.graph.mortar
+        self.graph.cracked[bonds] = True
+        self.joints.stick(bonds[(mortar.tension[bonds] == 0.0) & (mortar.cohesion[bonds] == 0.0)])
+        self.linearise(bonds)
+
     def linearise(self, rows: np.ndarray, renew: bool = True) -> None:
         """Put the tangents of cracked joints where they are now, see `CrackedJoints`."""
         self.joints.linearise(rows, self.displacement, self.residual, renew)

@@ -20,6 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.masonry.islands import Islands
 from procphys_ros.physics.masonry.joints import CrackedJoints
 
 _FORCING = 0.1    # of the residual at its start: what a step solves its tangents to
@@ -74,19 +75,18 @@ class Step:
             self.fresh = False
             self.left -= iterations
 
-    def finish(self, displacement: np.ndarray, residual: np.ndarray, parts: np.ndarray,
-               part: np.ndarray, bonds: np.ndarray, bond: np.ndarray,
+    def finish(self, displacement: np.ndarray, residual: np.ndarray, islands: Islands,
                joints: CrackedJoints) -> None:
         """
         Move to where the step ends.
 
         :param displacement, residual: at the end as the tangents have it; changed in place.
-        :param parts, part: of the islands, and where those of each island start.
-        :param bonds, bond: the same for bonds; the cracked ones are `rows`.
+        :param islands: whose cracked bonds are `rows`.
         :param joints: laws of the joints.
         """
         assert self._start is not None
         start, before = self._start
+        parts, bonds, part, bond = islands
         step = displacement - start
         label = np.repeat(np.arange(len(part) - 1), np.diff(bond))[joints.graph.cracked[bonds]]
         first, last, far = _measure(parts, part, before, residual, step)

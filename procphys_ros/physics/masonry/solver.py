@@ -15,7 +15,7 @@
 
 """Stresses in a bond graph: static equilibrium of rigid parts on elastic bonds, K·u = f."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Self
 
 import numpy as np
@@ -169,6 +169,7 @@ class StressSolver:
         equilibrium = self.equilibrium
         change = equilibrium.replace_loads(force, moment)
         if np.any(change[:-1]):
+            self._halt()
             self._past.guess(equilibrium.displacement, equilibrium.residual, change)
             self.goal = tolerances.sharpened(self.tolerance, equilibrium.residual, self.labels,
                                              self.graph.reach)
@@ -187,40 +188,24 @@ class StressSolver:
         """
         bonds = np.asarray(bonds)
         bonds = bonds[self.graph.alive[bonds]]
-        if not len(bonds):
-            return
-        self.equilibrium.cut(bonds, dynamic_factor)
-        self._after_change(bonds)
+        if len(bonds):
+            self._change(self.equilibrium.cut, bonds, dynamic_factor)
 
     def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
         """Open bonds partly and for good, see `strength.opening` and `BondGraph.narrow`."""
-        self.equilibrium.narrow(bonds, low, high)
-        self._after_change(bonds)
+        self._change(self.equilibrium.narrow, bonds, low, high)
 
     def weaken(self, bonds: np.ndarray, share: np.ndarray) -> None:
         """Leave reinforced bonds so much of the stiffness they have, see `ties`."""
         if len(bonds):
-            self.equilibrium.weaken(bonds, share)
-            self._after_change(bonds)
+            self._change(self.equilibrium.weaken, bonds, share)
 
     def crack(self, bonds: np.ndarray) -> None:
-        """
-        Let bonds pull and stick together no more; they press and rub on, see `joints`.
-
-        Those without any strength crack in a state of stress that could never be, pulled where
-        they press in truth. Friction by that pressure would hold no flat arch, so they stick until
-        a first balance is found.
-        """
+        """Let bonds pull and stick together no more, see `Equilibrium.crack`."""
         graph = self.graph
         bonds = bonds[graph.alive[bonds] & ~graph.cracked[bonds]]
-        if not len(bonds):
-            return
-        graph.cracked[bonds] = True
-        self._after_change(bonds)
-        mortar = graph.mortar
-        self.equilibrium.joints.stick(bonds[(mortar.tension[bonds] == 0.0)
-                                            & (mortar.cohesion[bonds] == 0.0)])
-        self.equilibrium.linearise(bonds)
+        if len(bonds):
+            self._change(self.equilibrium.crack, bonds)
 
     def remove_parts(self, parts: np.ndarray, dynamic_factor: float = 2.0) -> np.ndarray:
         """
@@ -239,25 +224,31 @@ class StressSolver:
 
         :param share: how much of it goes, 1 all; 1 - exp(-dt/T) for a decay with time constant T.
         """
+        self._halt()
         change = self.equilibrium.fade_sudden(share)
         if change is not None:
             self._past.shift(change)
             self._moved()
             self.problem += 1
 
-    def _after_change(self, bonds: np.ndarray) -> None:
-        graph = self.graph
-        self._gradients.invert_blocks(graph.parts_of(bonds))
+    def _change(self, how: Callable, bonds: np.ndarray, *values: object) -> None:
+        """Change bonds by a method of the equilibrium, with these values."""
+        self._halt()
+        how(bonds, *values)
+        self._gradients.invert_blocks(self.graph.parts_of(bonds))
         self._gradients.fresh = False
         self._patience = self._worked = 0
         self._past.forget(self.labels, self.equilibrium.linear())
         self._moved()
         self.state, self.problem = self.state + 1, self.problem + 1
 
-    def _moved(self) -> None:
-        """Take note that loads or bonds have changed: a step that was under way is over."""
+    def _halt(self) -> None:
+        """End a step that is under way, before loads or bonds change: it might go too far."""
         if not self.known:
-            self.equilibrium.linearise(self._step.rows[self.graph.cracked[self._step.rows]])
+            self._end()
+
+    def _moved(self) -> None:
+        """Take note that loads or bonds have changed."""
         self._begun = False
         self._stale_view = True
 
@@ -338,9 +329,8 @@ class StressSolver:
 
     def _end(self) -> None:
         """Go along a step as far as the true forces agree to, and start the next one there."""
-        parts, bonds, part, bond = self._islands
         rows = self._step.rows
-        self._step.finish(self.displacement, self.equilibrium.residual, parts, part, bonds, bond,
+        self._step.finish(self.displacement, self.equilibrium.residual, self._islands,
                           self.equilibrium.joints)
         self._linearise(rows, False)
         if not self._step.curved:  # balanced with that friction: now with that of these pressures
@@ -407,6 +397,7 @@ class StressSolver:
 
     def rewind(self) -> None:
         """Go back to where all was in equilibrium last; loads and bonds stay as they are."""
+        self._halt()
         self.equilibrium.rewind(self._calm)
         self._patience = self._worked = 0
         self._moved()
