@@ -39,6 +39,7 @@ class Equilibrium:
     :ivar weight: of the parts [N], (N + 1, 6); like in all arrays the last row is the ground.
     :ivar displacement: of the parts, u and φ [m, rad], world, (N + 1, 6).
     :ivar residual: load that nothing balances yet [N, N·m], (N + 1, 6).
+    :ivar sudden: whether dynamic loads of released forces still act.
     :ivar labels: component of each part, see `components.label`, (N,).
     :ivar supported: parts that hold on to the ground, (N,) bool.
     """
@@ -57,6 +58,7 @@ class Equilibrium:
         self.residual = self.weight.copy()
         self._given = np.zeros_like(self.weight)   # loads besides the weight
         self._sudden = np.zeros_like(self.weight)  # dynamic part of released forces
+        self.sudden = False
         self.labels = np.zeros(self.graph.count, np.intp)
         self.supported = np.ones(self.graph.count, bool)
 
@@ -74,6 +76,7 @@ class Equilibrium:
                              (self._given, other._given), (self._sudden, other._sudden),
                              (self.residual, other.residual)):
             mine[rows] = theirs[:-1]
+        self.sudden |= other.sudden
 
     def replace_loads(self, force: np.ndarray, moment: np.ndarray | None) -> np.ndarray:
         """
@@ -148,6 +151,7 @@ class Equilibrium:
         change = -share * self._sudden
         self.residual += change
         self._sudden *= 1.0 - share
+        self.sudden = bool(np.any(self._sudden))
         return change
 
     def relabel(self) -> None:
@@ -162,6 +166,7 @@ class Equilibrium:
             self.relabel()
         for array in (self.displacement, self.residual, self._sudden):
             array[:-1][~self.supported] = 0.0
+        self.sudden = bool(np.any(self._sudden))
 
     def rewind(self, displacement: np.ndarray) -> None:
         """Return to displacements, (N + 1, 6); the residual is worked out anew."""
@@ -179,11 +184,6 @@ class Equilibrium:
         """List the parts that are no longer where they were, displacements (N + 1, 6)."""
         way = np.abs(self.displacement - displacement)[:-1, :3].max(axis=1)
         return np.flatnonzero(self.supported & (way > _IN_MOTION))
-
-    @property
-    def sudden(self) -> bool:
-        """Whether dynamic loads of released forces still act."""
-        return bool(np.any(self._sudden))
 
     def wrenches(self, bonds: np.ndarray | None = None) -> np.ndarray:
         """
