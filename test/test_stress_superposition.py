@@ -50,6 +50,16 @@ def test_a_combination_of_known_loads_is_answered_at_once():
         assert answer(solver, np.tensordot(share, patterns, 1)) < 0.3 * min(first)
 
 
+def test_all_patterns_of_a_storm_are_known_at_once():
+    """Keep the answers to twenty patterns, as wind from many directions has."""
+    solver, _ = pushed(wall(9, 12))
+    patterns = np.random.default_rng(7).normal(scale=3.0, size=(20, solver.graph.count, 3))
+    first = [answer(solver, force) for force in patterns]
+    shares = np.random.default_rng(8).normal(size=(5, 20))
+    again = [answer(solver, np.tensordot(share, patterns, 1)) for share in shares]
+    assert max(again) < 0.5 * min(first)
+
+
 def test_the_answer_is_that_of_a_solver_that_knows_nothing():
     """Change nothing but the work by guessing, also after many loads and a restart."""
     plan = wall(15, 20)

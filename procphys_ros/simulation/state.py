@@ -24,6 +24,7 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.physics.dust import DustCloud
 from procphys_ros.physics.foliage import FallingLeaves
+from procphys_ros.physics.loads import WallPressure
 from procphys_ros.physics.masonry import Fracture, FreeBodies, StressSolver
 from procphys_ros.physics.skyline import OPEN, Skyline
 from procphys_ros.physics.trees import Forest
@@ -138,6 +139,7 @@ class WallWindState:
     :ivar structure: number of the building that each hangs together with, (K,).
     :ivar tops: middle and top of each building [m], (B, 3).
     :ivar applied: air there that the walls were last told of [m/s], (B, 3).
+    :ivar pressure: follows from what was exposed; None = to be worked out.
     """
 
     next_look: float = 0.0
@@ -146,6 +148,10 @@ class WallWindState:
     structure: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
     tops: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     applied: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    pressure: WallPressure | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, 'pressure': None}
 
 
 @dataclass
@@ -389,9 +395,8 @@ class State:
                         terrain=model.terrain),
             loose_bonds=deepcopy(model.loose_bonds),
             solver=solver, fracture=Fracture(solver), loads=StandingLoads(count), forest=forest,
-            trees=TreeState(np.zeros((len(forest), 3)), lod=lod,
-                            faded_air=np.zeros((len(forest), 3)),
-                            start_poses=forest.poses.copy()),
+            trees=TreeState(np.zeros((len(forest), 3)), lod=lod, start_poses=forest.poses.copy(),
+                            faded_air=np.zeros((len(forest), 3))),
             blasts=BlastState(np.zeros((count, 3)), np.full(count, np.inf)),
             rubble=RubbleState(np.zeros((count, 6)), np.zeros((count, 6))),
             glass=GlassState(np.zeros(len(model.glass.parts))),

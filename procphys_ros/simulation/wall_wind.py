@@ -19,7 +19,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.air import AIR_DENSITY
-from procphys_ros.physics.loads import exposed_faces, Skin, wall_forces
+from procphys_ros.physics.loads import exposed_faces, Skin, WallPressure
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State, WallWindState
 
@@ -76,30 +76,33 @@ def _survey(model: Model, state: State, standing: np.ndarray) -> None:
                                 for axis in range(3)])
     np.maximum.at(own.tops[:, 2], own.structure, poses[:, 2])
     own.applied = np.zeros_like(own.tops)
+    own.pressure = None
 
 
 def _press(model: Model, state: State, standing: np.ndarray) -> None:
+    """Let buildings feel the air last applied, inside by the openings that they have now."""
     walls, own = model.masonry, state.wall_wind
     exposed = np.zeros((len(standing), 6), bool)
     exposed[own.parts] = own.exposed
-    air = np.zeros((len(standing), 3))
-    air[own.parts] = own.applied[own.structure]
-    gone = walls.skin.any(axis=1) & ~standing
-    air[gone] = _air_at_building(walls.building, own, gone)
-    parts = np.flatnonzero(exposed.any(axis=1) & standing | walls.skin.any(axis=1))
-    force, moment = wall_forces(
-        walls.face_poses[parts], walls.face_sizes[parts], exposed[parts], air[parts],
-        model.blueprint.poses[parts, :3],
-        Skin(walls.skin[parts], walls.building[parts], gone[parts]))
+    parts = np.flatnonzero((exposed | walls.skin).any(axis=1))
+    if own.pressure is None:
+        own.pressure = WallPressure(
+            walls.face_poses[parts], walls.face_sizes[parts], exposed[parts],
+            model.blueprint.poses[parts, :3], Skin(walls.skin[parts], walls.building[parts]))
+    place = np.zeros(len(standing), np.intp)
+    place[own.parts] = own.structure
+    gone = ~standing
+    place[gone] = _place_at_building(walls.building, own, gone)
     left = standing[parts]
-    state.loads.set_layer(_LAYER, parts[left], np.hstack([force, moment])[left])
+    load = own.pressure.forces(own.applied, place[parts], walls.skin[parts].any(axis=1) & ~left)
+    state.loads.set_layer(_LAYER, parts[left], load[left])
 
 
-def _air_at_building(building: np.ndarray, own: WallWindState, gone: np.ndarray) -> np.ndarray:
-    """Give the air at parts that are gone as at what is left of their buildings, (G, 3)."""
-    air = np.zeros((int(building.max(initial=0)) + 1, 3))
-    air[building[own.parts]] = own.applied[own.structure]
-    return air[building[gone]]
+def _place_at_building(building: np.ndarray, own: WallWindState, gone: np.ndarray) -> np.ndarray:
+    """Give the structure to which parts that are gone have belonged, or what is left of it."""
+    place = np.zeros(int(building.max(initial=0)) + 1, np.intp)
+    place[building[own.parts]] = own.structure
+    return place[building[gone]]
 
 
 def _pressure(air: np.ndarray) -> np.ndarray:

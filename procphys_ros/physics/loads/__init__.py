@@ -29,10 +29,10 @@ from procphys_ros.physics.loads.sweep import (
     sweep_capsules,
 )
 from procphys_ros.physics.loads.wall_faces import with_joints
-from procphys_ros.physics.loads.wind_forces import exposed_faces, Skin, wall_forces
+from procphys_ros.physics.loads.wind_forces import exposed_faces, Skin, WallPressure
 
-__all__ = ['Hits', 'Impulses', 'Room', 'Sight', 'Skin', 'air_blast', 'blast_boxes',
-           'blast_capsules', 'exposed_faces', 'faces', 'find_room',
+__all__ = ['Hits', 'Impulses', 'Room', 'Sight', 'Skin', 'WallPressure', 'air_blast',
+           'blast_boxes', 'blast_capsules', 'exposed_faces', 'faces', 'find_room',
            'gas_impulse', 'outer_faces', 'peak_pressure',
            'sweep_box_boxes', 'sweep_box_capsules', 'sweep_boxes', 'sweep_capsules',
-           'wall_forces', 'wind_pressure', 'with_joints']
+           'wind_pressure', 'with_joints']

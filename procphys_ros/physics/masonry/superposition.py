@@ -15,10 +15,15 @@
 
 """Superposition: earlier answers of a linear structure, added up to guess the next one."""
 
+from typing import Any
+
 import numpy as np
 
-_KEPT = 12  # answers; wind on one building spans about 7: its speed, and each façade that it meets
+from procphys_ros.compilation import kernel
+
+_KEPT = 24  # answers; a storm from 75 degrees spans 11 patterns and what is learnt of them later
 _SMALLEST = 1e-6  # share of the largest energy of an answer that must be new to be worth keeping
+_BLOCK = 64  # parts that stay in the fastest memory while all answers are added up
 
 
 class Superposition:
@@ -45,10 +50,15 @@ class Superposition:
         """
         self._owner = np.append(labels, 0)  # the ground, which neither moves nor is loaded
         self._straight = np.append(straight, True)[:, None]
-        self._answers: list[np.ndarray] = []
-        self._loads: list[np.ndarray] = []
+        self._known = 0
+        self._answers = self._loads = np.empty((0, len(self._owner), 6))
         self._largest = np.zeros((len(self._owner), 1))  # energy of an answer, per building
         self._start = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Give all but room that is not used, for snapshots."""
+        return {**self.__dict__, '_answers': self._answers[:self._known],
+                '_loads': self._loads[:self._known]}
 
     def shift(self, change: np.ndarray) -> None:
         """Note a change of load that is not to be guessed, (N + 1, 6)."""
@@ -63,35 +73,70 @@ class Superposition:
         :param residual: load that nothing balances yet [N, N·m], (N + 1, 6), changed in place.
         :param change: of the load, (N + 1, 6).
         """
-        if self._start is not None:
+        if self._start is not None and not np.array_equal(displacement, self._start[0]):
             self._learn(self._straight * (displacement - self._start[0]),
                         self._straight * (self._start[1] - residual))
         residual += change
-        for answer, load in zip(self._answers, self._loads):
-            share = self._work(answer, residual)
-            displacement += share * answer
-            residual -= share * load
+        self._project(displacement, residual, 1.0)
         self._start = displacement.copy(), residual.copy()
 
-    def _work(self, answer: np.ndarray, load: np.ndarray) -> np.ndarray:
+    def _project(self, answer: np.ndarray, load: np.ndarray, sign: float) -> None:
+        """Take out of a load what is known, and add its answers with a sign to another one."""
+        if self._known:
+            _project(self._owner, self._answers[:self._known], self._loads[:self._known], answer,
+                     load, sign)
+
+    def _energy(self, answer: np.ndarray, load: np.ndarray) -> np.ndarray:
         """Give the work of a load on an answer, summed over each building, (N + 1, 1)."""
         work = np.bincount(self._owner, np.einsum('ki,ki->k', answer, load))
         return work[self._owner, None]
 
     def _learn(self, answer: np.ndarray, load: np.ndarray) -> None:
         """Keep what was done since the last guess, unless next to nothing of it is new."""
-        self._largest = np.maximum(self._largest, self._work(answer, load))
-        for known, its_load in zip(self._answers, self._loads):
-            share = self._work(known, load)
-            answer -= share * known
-            load -= share * its_load
-        energy = self._work(answer, load)
+        self._largest = np.maximum(self._largest, self._energy(answer, load))
+        self._project(answer, load, -1.0)
+        energy = self._energy(answer, load)
         new = energy > _SMALLEST * self._largest
         if not new.any():
             return
-        if len(self._answers) == _KEPT:
-            self._answers.clear()
-            self._loads.clear()
+        if self._known == _KEPT:
+            self._known = 0
+        if self._known == len(self._answers):
+            self._answers, self._loads = (_with_room(known) for known in (self._answers,
+                                                                          self._loads))
         scale = np.where(new, 1.0 / np.sqrt(np.where(new, energy, 1.0)), 0.0)
-        self._answers.append(scale * answer)
-        self._loads.append(scale * load)
+        self._answers[self._known] = scale * answer
+        self._loads[self._known] = scale * load
+        self._known += 1
+
+
+def _with_room(known: np.ndarray) -> np.ndarray:
+    """Make room behind what is known for all that may be kept, (_KEPT, N + 1, 6)."""
+    room = np.empty((_KEPT, *known.shape[1:]))
+    room[:len(known)] = known
+    return room
+
+
+@kernel(fastmath=True)
+def _project(owner, answers, loads, answer, load, sign):
+    """
+    Take known answers out of a load, building by building, and add them with a sign to another.
+
+    :param owner: building of each part, (N + 1,).
+    :param answers, loads: orthonormal, and what they answer, (K, N + 1, 6).
+    :param answer, load: (N + 1, 6), changed in place.
+    """
+    shares = np.zeros((len(answers), len(owner)))
+    for k in range(len(answers)):
+        for i in range(len(owner)):
+            work = 0.0
+            for c in range(6):
+                work += answers[k, i, c] * load[i, c]
+            shares[k, owner[i]] += work
+    for first in range(0, len(owner), _BLOCK):
+        for k in range(len(answers)):
+            for i in range(first, min(first + _BLOCK, len(owner))):
+                share = shares[k, owner[i]]
+                for c in range(6):
+                    answer[i, c] += sign * share * answers[k, i, c]
+                    load[i, c] -= share * loads[k, i, c]
