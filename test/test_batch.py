@@ -131,6 +131,23 @@ def test_seeds_of_objects_are_varied(scene):
     assert [run.parameters['post']['seed'] for _, run in sweep.runs()] == [4, 5]
 
 
+def test_another_grammar_makes_another_sweep(scene, tmp_path):
+    """Change the text of a grammar that is named or varied: its rows are others."""
+    for name in ('a.lsys', 'b.lsys'):
+        (tmp_path / name).write_text((ROOT / 'grammars' / 'palm.lsys').read_text('utf-8'), 'utf-8')
+    read = CALM | {'post': {'grammar': 'a.lsys'}}
+    scene.write_text(json.dumps({'/**': {'ros__parameters': read}}), 'utf-8')
+    told = []
+    for changed in (None, 'a.lsys', 'b.lsys'):
+        if changed:
+            with (tmp_path / changed).open('a', encoding='utf-8') as file:
+                file.write('# another')
+        told.append([Sweep.read(scene, vary, 1, 1.0).digest
+                     for vary in ([], ['post.grammar=a.lsys,b.lsys'])])
+    assert told[0][0] != told[1][0] == told[2][0]
+    assert len({varied for _, varied in told}) == 3
+
+
 def test_a_table_goes_on_where_it_was_cut(tmp_path):
     """Cut the last row in half: it is done again; rows of another sweep are not taken over."""
     path = tmp_path / 'table.csv'

@@ -25,7 +25,7 @@ import sys
 import pytest
 
 from procphys_ros.compilation.claims import claim, release
-from procphys_ros.compilation.folders import prepare
+from procphys_ros.compilation.folders import cache_folder, prepare
 from procphys_ros.compilation.sources import imported_names
 from procphys_ros.language.parsers import make_parser
 
@@ -135,6 +135,18 @@ def test_second_process_compiles_nothing(small, tmp_path):
     assert small.run()[:2] == (22.0, 0)
     assert len(compiled_files(tmp_path / 'cache' / 'procphys_ros' / 'kernels')) == 2
     assert compiled_files(tmp_path / 'site') == []
+
+
+def test_without_a_home_no_folder_is_made(tmp_path, monkeypatch):
+    """Run as a user without a home: nothing is kept, nor put into the working folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv('HOME', raising=False)
+    monkeypatch.setattr('os.path.expanduser', lambda path: path)
+    monkeypatch.delenv('XDG_CACHE_HOME', raising=False)
+    monkeypatch.setattr('numba.config.CACHE_DIR', '')
+    with pytest.raises(OSError, match='no home folder'):
+        prepare(cache_folder() / 'environment' / 'small-0123')
+    assert not (tmp_path / '~').exists()
 
 
 def test_other_install_path_compiles_nothing(small, tmp_path):

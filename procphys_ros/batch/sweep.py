@@ -27,11 +27,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+from procphys_ros import __version__
 from procphys_ros.batch.run import Run
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.scene.objects import read_objects
 from procphys_ros.scene.parameter_table import find, GLOBAL, OBJECT
 from procphys_ros.scene.settings import read_settings
+from procphys_ros.scene.sources import locate
 from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.yaml_file import read_yaml
 
@@ -123,10 +125,26 @@ class Sweep:
 
     @property
     def digest(self) -> str:
-        """Tell sweeps apart: by the scene file, its variations, seeds and the duration."""
-        about = json.dumps([self.parameters, [(v.name, v.values) for v in self.variations],
+        """
+        Tell sweeps apart: by all that was asked for, the version, and grammars that are named.
+
+        What a grammar includes does not count.
+        """
+        about = json.dumps([__version__, self.parameters, sorted(self._grammars()),
+                            [(v.name, v.values) for v in self.variations],
                             self.seeds, self.duration], sort_keys=True, default=str)
         return hashlib.sha256(about.encode()).hexdigest()[:12]
+
+    def _grammars(self) -> Iterator[str]:
+        """Give the digests of the texts of all grammars, varied ones included."""
+        named = {(f'{spec.name}.grammar', spec.grammar)
+                 for spec in read_objects(self.parameters)}
+        named |= {(v.name, value) for v in self.variations for value in v.values
+                  if v.name.endswith('.grammar')}
+        for key, name in named:
+            if name:
+                path = locate(name, key, self.scene.absolute().parent)
+                yield hashlib.sha256(path.read_bytes()).hexdigest()
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@
 
 """Folders of compiled kernels: where they are, which are kept."""
 
+import errno
 from functools import cache
 import hashlib
 import os
@@ -80,6 +81,8 @@ def prepare(folder: Path) -> None:
     """
     if folder.is_dir():
         return
+    if folder.parts[0] == '~':  # neither HOME nor the users' table knows a home
+        raise OSError(errno.ENOENT, 'there is no home folder')
     folder.mkdir(parents=True, exist_ok=True)
     module = folder.name.rpartition('-')[0]
     versions = [path for path in folder.parent.iterdir()
