@@ -55,7 +55,7 @@ def _build(name: str) -> Blueprint:
 
 class _Stand:
     """
-    Fifty trees, the paper's smallest scene: a gale for 15 s, then still air for 60 s.
+    Fifty trees, the paper's smallest scene: a sudden gale for 15 s, then still air for 60 s.
 
     :ivar pace: speed of the fastest segment over that of the fastest air, in the gale.
     :ivar gap: largest between two segments that are joined [m].
@@ -67,11 +67,12 @@ class _Stand:
         groups = {name: {'grammar': f'{name}.lsys', 'count': 10, 'layout': 'scatter',
                          'spacing': 9.0, 'variants': 5, 'origin': [0.0, 100.0 * i, 0.0]}
                   for i, name in enumerate(_SPECIES)}
-        wind = {'velocity': [_GALE, 0.0, 0.0], 'turbulence_intensity': 0.2}
+        wind = {'velocity': [0.0, 0.0, 0.0], 'turbulence_intensity': 0.2}
         self.simulation = Simulation(Scene.from_parameters(
             {'scene': {'objects': list(_SPECIES)}, 'seed': 3, 'wind': wind, **groups}))
         self._plan = self.simulation.blueprint
         self._first = np.array([tree.first for tree in self.simulation.objects])
+        self.simulation.set_wind([_GALE, 0.0, 0.0])
         self._blow()
         self.simulation.set_wind_enabled(False)
         self._calm_down()
