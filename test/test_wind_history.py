@@ -16,6 +16,7 @@
 """The mean wind over time: ramps, records from files, cues."""
 
 from pathlib import Path
+import pickle
 
 import numpy as np
 import pytest
@@ -86,6 +87,18 @@ def test_a_command_ends_a_ramp():
     wind.set_velocity((5.0, 0.0, 0.0), 10.0)
     assert wind.mean_velocity(5.0) == pytest.approx((12.5, 0.0, 0.0))
     assert wind.mean_velocity(15.0) == (5.0, 0.0, 0.0)
+
+
+def test_winds_that_are_set_without_end_take_no_memory():
+    """Set the wind a thousand times: no more is kept than after a hundred; eddies travel on."""
+    wind = _wind()
+    sizes = []
+    for i in range(1000):
+        wind.set_velocity((10.0 + i % 2, 0.0, 0.0), 0.01 * i)
+        if i in (99, 999):
+            sizes.append(len(pickle.dumps(wind._history)))
+    assert sizes[1] < 1.1 * sizes[0]
+    assert wind._history.travelled(10.0) == pytest.approx(105.0, abs=0.2)
 
 
 def test_a_record_is_followed(tmp_path):

@@ -21,6 +21,7 @@ import math
 from typing import NamedTuple
 
 Vector = tuple[float, ...]
+_PAST = 16  # stretches that are kept: a robot may set the wind a hundred times a second, for days
 
 
 class _Stretch(NamedTuple):
@@ -53,18 +54,14 @@ class History:
 
     def steer(self, velocity: Vector, time: float, duration: float = 0.0) -> None:
         """
-        Change the mean wind; what was said for later times is forgotten.
+        Change the mean wind; what was said for later times is forgotten, and so is the far past.
 
         :param velocity: to blow in the end [m/s], (3,).
-        :param time: when the change begins [s].
+        :param time: when the change begins, now [s].
         :param duration: of the change [s]; 0 = at once.
         """
-        now, travelled = self.velocity(time), self.travelled(time)
-        del self._stretches[bisect_left(self._stretches, time, key=_start):]
-        first = velocity if duration == 0.0 else now
-        if self._stretches and duration == 0.0 and self._lasting(velocity, time):
-            return
-        self._stretches.append(_Stretch(time, first, travelled, velocity, duration))
+        self._change(velocity, time, duration)
+        del self._stretches[:-_PAST]
 
     def follow(self, times: Sequence[float], velocities: Sequence[Vector]) -> None:
         """
@@ -73,9 +70,9 @@ class History:
         :param times: ascending [s], (T,).
         :param velocities: [m/s], (T, 3).
         """
-        self.steer(velocities[0], 0.0)
+        self._change(velocities[0], 0.0, 0.0)
         for (start, end), (_, target) in zip(pairwise(times), pairwise(velocities)):
-            self.steer(target, start, end - start)
+            self._change(target, start, end - start)
 
     def velocity(self, time: float) -> Vector:
         """Give the mean wind at the reference height [m/s], (3,)."""
@@ -95,6 +92,15 @@ class History:
         if changing > 0.0:
             mean += 0.5 * (last - first) * changing / stretch.duration
         return stretch.travelled + mean * changing + last * (since - changing)
+
+    def _change(self, velocity: Vector, time: float, duration: float) -> None:
+        """Change the mean wind from a time on, and forget what was said for later times."""
+        now, travelled = self.velocity(time), self.travelled(time)
+        del self._stretches[bisect_left(self._stretches, time, key=_start):]
+        first = velocity if duration == 0.0 else now
+        if self._stretches and duration == 0.0 and self._lasting(velocity, time):
+            return
+        self._stretches.append(_Stretch(time, first, travelled, velocity, duration))
 
     def _lasting(self, velocity: Vector, time: float) -> bool:
         """Say whether a wind blows already, and would go on to."""
