@@ -173,13 +173,18 @@ def test_an_unknown_command_is_told(capsys):
     assert listed == sorted(['warm', *re.findall(r"'(\w+) = procphys_ros", setup)])
 
 
+def answer(name, word):
+    """Give the exit code of a command that is called with one word."""
+    try:
+        return program.main([name, word])
+    except SystemExit as end:
+        return end.code
+
+
 @pytest.mark.parametrize('name', [*program.COMMANDS, *program.NODES])
 def test_invalid_usage_ends_with_two(name, capsys):
     """Say in one line what no command knows; `warm` and the nodes alike."""
-    try:
-        code = program.main([name, '--nothing-like-it'])
-    except SystemExit as end:
-        code = end.code
+    code = answer(name, '--nothing-like-it')
     said = capsys.readouterr()
     assert (code, said.out) == (2, '')
     assert said.err.startswith(f'{name}: ') and said.err.count('\n') == 1
@@ -188,10 +193,7 @@ def test_invalid_usage_ends_with_two(name, capsys):
 @pytest.mark.parametrize('name', [*program.COMMANDS, *program.NODES])
 def test_help_calls_a_command_by_its_name(name, capsys):
     """Print the usage on standard output, the name in front and in all examples."""
-    try:
-        code = program.main([name, '--help'])
-    except SystemExit as end:
-        code = end.code
+    code = answer(name, '--help')
     said = capsys.readouterr()
     assert (code or 0, said.err) == (0, '') and said.out.startswith(f'usage: {name} ')
     assert not any(line.startswith('  sim ') for line in said.out.splitlines()) or name == 'sim'

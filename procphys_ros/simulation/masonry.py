@@ -47,7 +47,7 @@ SETTLING = 20_000  # iterations to find the stresses of a scene before its first
 
 
 @dataclass(frozen=True)
-class Blow:
+class Strike:
     """
     A blow on what stands.
 
@@ -100,7 +100,7 @@ def resist(state: State, parts: np.ndarray, direction: np.ndarray) -> Resistance
 
 
 def comes_out(pieces: list[np.ndarray], mass: float, withstood: Resistance,
-              blow: Blow) -> Exit | None:
+              blow: Strike) -> Exit | None:
     """
     Say how parts come out under a blow; None when they hold.
 
@@ -119,7 +119,7 @@ def comes_out(pieces: list[np.ndarray], mass: float, withstood: Resistance,
                 blow.momentum - whole * speed)
 
 
-def drive_out(state: State, struck: np.ndarray, blow: Blow) -> Exit | None:
+def drive_out(state: State, struck: np.ndarray, blow: Strike) -> Exit | None:
     """
     Say how struck parts come out, alone or with what they push ahead; None when all hold.
 
@@ -164,7 +164,7 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
     mass = float(state.parts.mass[part])
     turn = angular + np.cross(point - state.parts.poses[part, :3], linear)
     if size > 0.0:
-        blow = Blow(linear / size, size / float(contact_time(mass)), 0.0, size)
+        blow = Strike(linear / size, size / float(contact_time(mass)), 0.0, size)
         out = drive_out(state, chosen, blow)
         if out is not None:
             release(model, state, out, blow)
@@ -174,7 +174,7 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
     return False
 
 
-def release(model: Model, state: State, out: Exit, blow: Blow) -> None:
+def release(model: Model, state: State, out: Exit, blow: Strike) -> None:
     """Let parts go that a blow drives out."""
     moving = np.zeros((len(out.parts), 6))
     moving[:, :3] = out.speed * blow.direction

@@ -212,8 +212,8 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
     before, closing = velocity[:3].copy(), float(-normal @ velocity[:3])
     direction = _line(before, normal, closing)
     momentum = missile.mass * closing / float(-normal @ direction)
-    blow = masonry.Blow(direction, (1.0 + RESTITUTION) * momentum
-                        / float(contact_time(missile.mass)), missile.mass, momentum)
+    blow = masonry.Strike(direction, (1.0 + RESTITUTION) * momentum
+                          / float(contact_time(missile.mass)), missile.mass, momentum)
     pane = None
     if model.glass.is_pane[parts[0]]:
         parts = parts[:1]
