@@ -122,9 +122,9 @@ def joints_of(graph: BondGraph) -> tuple[tuple, tuple]:
 def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
                 directions: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """Give what `fails` says of some bonds, (3, K)."""
-    out = np.empty((3, len(bonds)))
+    out = np.empty((3, len(bonds)))  # the copy: a view of one row would be read-only, another type
     _fail(np.asarray(bonds, np.int64), inside,
-          np.ascontiguousarray(np.broadcast_to(directions, (len(bonds), 3)), float), wrench,
+          np.array(np.broadcast_to(directions, (len(bonds), 3)), float, order='C'), wrench,
           *joints_of(graph), out)
     return out
 
