@@ -14,11 +14,13 @@
 
 """Masonry: bonds of brick, corners, lintels and the mortar between, against closed forms."""
 
+from building_checks import count_loose, deepest_overlap
 import numpy as np
 import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
+from procphys_ros.errors import GrammarError
 from procphys_ros.wallgrammar import WallGrammar
 
 _LENGTH, _WIDTH, _HEIGHT, _JOINT = 0.215, 0.1025, 0.065, 0.010
@@ -320,3 +322,44 @@ def test_level_edges_move_to_the_nearest_course():
             'rule column -> split(y) { 0.61: wall | 0.6: window | 0.225: lintel | ~1: wall }'
     blueprint = build(rules=rules)
     assert (blueprint.size[kinds(blueprint) == 'brick', 2] > 0.0649).all()
+
+
+_DOORS = ('rule start -> split(x) {{ ~1: wall | {bays} | ~1: wall }}\n'
+          'rule bay -> split(y) {{ 0.75: door | 0.15: lintel | 0.15: lintel | ~1: wall }}')
+
+
+def test_stacked_lintels_share_a_pier():
+    """Let lintels over lintels meet in the middle of a pier that is too narrow for both."""
+    blueprint = build(rules=_DOORS.format(bays='0.9: bay | 0.25: wall | 0.9: bay'))
+    low, high = extents(blueprint)
+    lintel = np.flatnonzero(kinds(blueprint) == 'lintel')
+    assert len(np.unique(low[lintel, 2].round(3))) == 2
+    inner = high[lintel[low[lintel, 0] < 4.49 / 2 - 0.2], 0].max()
+    assert inner == pytest.approx(4.49 / 2 - _JOINT / 2)
+    assert deepest_overlap(blueprint) < 1e-6
+
+
+@pytest.mark.parametrize('bays', ['0.9: bay | 0.9: bay', '0.7: bay | 0.7: bay | 0.7: bay'])
+def test_lintels_without_a_pier_between_are_refused(bays):
+    """Name the lintel that bears on nothing."""
+    with pytest.raises(GrammarError, match='bears only 0 m on the wall at its right side'):
+        build(rules=_DOORS.format(bays=bays))
+
+
+def test_beams_in_a_wall_may_adjoin():
+    """Lay three beams end to end on masonry."""
+    course = 'split(x) { ~1: wall | 1: lintel | 1: lintel | 1: lintel | ~1: wall }'
+    blueprint = build(rules=f'rule start -> split(y) {{ 0.6: wall | 0.15: {course} | ~1: wall }}')
+    assert np.count_nonzero(kinds(blueprint) == 'beam') == 3
+    assert deepest_overlap(blueprint) < 1e-6
+
+
+@pytest.mark.parametrize('footprint', [
+    '(0, 0) (3, 0) (3, 2) (0, 2)', '(0, 0) (4, 0) (4, 2) (2, 2) (2, 4) (0, 4)',
+    '(0, 0) (4, 0) (2, 3)'])
+def test_panels_may_begin_inside_of_a_corner(footprint):
+    """Change the panel nearer to a corner than the wall is thick: the next wall keeps its room."""
+    blueprint = build(footprint=footprint, height=0.6, rules=(
+        'rule start -> split(x) { 0.03: wall | 0.5: twin | ~1: wall | 0.06: twin }'))
+    assert deepest_overlap(blueprint) < 1e-6
+    assert count_loose(blueprint) == 0

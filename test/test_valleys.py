@@ -195,3 +195,13 @@ def test_plans_without_room_for_valleys_are_refused(plan, pitch, height, message
     with pytest.raises(GrammarError) as refused:
         built(plan, pitch, height=height)
     assert message in str(refused.value)
+
+
+def test_girders_of_dry_walls_have_room():
+    """Lay a girder over the mouth between walls without joints: no brick stands in it."""
+    text = TEXT.replace('joint: 0.01', 'joint: 0').replace('0.215', '0.205')
+    house = WallGrammar.parse(text.format(
+        footprint='(0, 0) (4, 0) (4, 2.6) (2.6, 2.6) (2.6, 4.2) (0, 4.2)', pitch=40, height=1.2,
+        layout='flemish')).build()
+    assert 'girder' in house.kinds
+    assert deepest_overlap(house) < OVERLAP

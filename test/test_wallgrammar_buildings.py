@@ -199,3 +199,25 @@ panel other: laid
 """
     for level in np.arange(0.64, 0.72, 0.005):
         assert len(WallGrammar.parse(text).build(level=float(level))) > 40
+
+
+@pytest.mark.parametrize('footprint', [
+    '(0, 0) (4, 0) (4, 3) (0, 3)', '(0, 0) (5, 0) (5, 3) (3, 3) (3, 5) (0, 5)'])
+def test_rooms_leave_space_for_panels_that_are_set_back(footprint):
+    """Set panels back into rooms with partitions and boards: nothing reaches into another part."""
+    house = WallGrammar.parse(f"""building b
+  footprint: {footprint}
+  facades: front
+  storey_height: 2.5
+  floors: timber
+  roof: flat
+  partitions: halves(1.2)
+rule front -> split(x) {{ 0.3: wall | ~1: extrude(-0.04) {{ wall }} | 0.3: wall }}
+layout running {{ unit: 0.3 0.15 0.1 joint: 0.01 material: brick }}
+panel wall: running
+""").build()
+    assert {'partition', 'board'} <= set(house.kinds)
+    assert deepest_overlap(house) < OVERLAP
+    assert count_loose(house) == 0
+    kind = np.array(house.kinds)[house.kind[house.bonds]]
+    assert ((kind == 'partition').any(axis=1) & (kind == 'brick').any(axis=1)).sum() > 20

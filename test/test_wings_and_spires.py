@@ -25,6 +25,7 @@ from procphys_ros.hexahedron import faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import WallGrammar
+from procphys_ros.wallgrammar.polygons import meet
 
 PIER = """
 building b
@@ -157,6 +158,22 @@ def test_the_volume_of_a_spire_is_that_of_its_shell(side, pitch):
         0.6 + 0.5 * side * np.tan(np.radians(pitch)))
 
 
+@pytest.mark.parametrize('footprint', [SQUARE, OCTAGON])
+def test_joints_of_cut_stones_are_as_large_as_their_faces_overlap(footprint):
+    """Compare the areas of joints with the polygons in which faces overlap."""
+    spire = WallGrammar.parse(SPIRE.format(footprint=footprint, pitch=70, height=0.3,
+                                           joint=0.01)).build()
+    stones = spire.hexahedra.points(spire.poses)
+    found = meet(stones, np.ones(len(stones), bool), 0.02)
+    touching = {(*sorted(spire.hexahedra.part[pair].tolist()),): area
+                for pair, area in zip(found.pair, found.area) if (pair >= 0).all()}
+    rows = [k for k, pair in enumerate(spire.bonds.tolist()) if (*sorted(pair),) in touching]
+    areas = [touching[(*sorted(spire.bonds[k].tolist()),)] for k in rows]
+    np.testing.assert_allclose(spire.bond_area[rows], areas, rtol=1e-6)
+    sides = spire.bond_extent[rows].prod(axis=1)  # of rectangles with the same second moments
+    assert len(rows) > 100 and (sides > 1.001 * spire.bond_area[rows]).any()
+
+
 def inside(points, corners):
     """Count for each point the hexahedra, (N, 8, 3), that it lies inside of."""
     _, normals, middles = faces(corners)
@@ -265,3 +282,22 @@ def test_stones_of_rubble_break_the_joints_below():
     apart = np.concatenate([np.abs(a[:, None] - b).min(axis=1)
                             for a, b in zip(places, places[1:])])
     assert np.mean(apart < 50_000) < 0.05  # by chance a sixth: 0.1 m of each 0.6 m
+
+
+@pytest.mark.parametrize('plan, wing', [
+    ('(0, 0) (4, 0)', '(2, -2) (2, 2)'), ('(0, 0) (4, 0) (4, 3) (0, 3)', '(0, -0.05) (4, -0.05)'),
+    ('(0, 0) (40, 0) (40, 1) (0, 1)', '(11, -100) (12, -100) (12, 105) (11, 105)')])
+def test_walls_that_cross_are_refused(plan, wing):
+    """Let a free wall or a long wing run through a building: the error names both."""
+    with pytest.raises(GrammarError, match='plans of "w" and "b" overlap'):
+        WallGrammar.parse(f"""building b
+  footprint: {plan}
+  facades: wall
+  storey_height: 1
+wing w
+  footprint: {wing}
+  facades: wall
+  storey_height: 1
+layout running {{ unit: 0.215 0.1025 0.065 joint: 0.01 material: brick }}
+panel wall: running
+""").build()

@@ -92,8 +92,8 @@ def _nailed(patches: Patches, rows: np.ndarray) -> Patches:
     """Leave of some patches, a mask, what a single nail in their middle holds."""
     narrow = np.minimum(patches.extent.min(axis=1), np.sqrt(NAIL_AREA))
     extent = np.minimum(patches.extent, (NAIL_AREA / narrow)[:, None])
-    extent = np.where(rows[:, None], extent, patches.extent)
-    return replace(patches, extent=extent, area=extent.prod(axis=1))
+    area = np.where(rows, extent.prod(axis=1), patches.area)
+    return replace(patches, extent=np.where(rows[:, None], extent, patches.extent), area=area)
 
 
 def on_ground(boxes: Boxes, frames: np.ndarray, upright: int) -> Patches:

@@ -183,14 +183,40 @@ def check_apart(bodies: Sequence[Body]) -> None:
     """
     for i, body in enumerate(bodies):
         for other in bodies[:i]:
-            if _overlap(body.plan.points, other.plan.points):
+            if _overlap(_ground_of(body), _ground_of(other)):
                 raise body.building.place.error(
                     f'the plans of "{body.building.name}" and "{other.building.name}" overlap; '
                     f'wings may touch the building, not stand in it')
 
 
+def _ground_of(body: Body) -> np.ndarray:
+    """Give the polygon that a body stands on [m]; of a free wall, with its thickness."""
+    points = body.plan.points
+    if len(points) > 2:
+        return points
+    way = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
+    return np.concatenate([points, points[::-1] + body.layout.thickness * 1e-6
+                           * np.array([-way[1], way[0]])])
+
+
+def _crossed(points: np.ndarray, others: np.ndarray) -> bool:
+    """Say whether edges of two polygons cross, well off the ends of both."""
+    def aside(lines: np.ndarray, places: np.ndarray) -> np.ndarray:
+        ways = np.roll(lines, -1, axis=0) - lines
+        normals = np.column_stack([-ways[:, 1], ways[:, 0]]) / np.hypot(*ways.T)[:, None]
+        return ((places[None] - lines[:, None]) * normals[:, None]).sum(axis=2)
+
+    first, second = aside(points, others), aside(others, points)
+    ends = [np.minimum(side, -np.roll(side, -1, axis=1)) for side in (first, second)]
+    more = [np.minimum(-side, np.roll(side, -1, axis=1)) for side in (first, second)]
+    across = [np.maximum(*pair) > _CLOSE for pair in zip(ends, more)]
+    return bool((across[0] & across[1].T).any())
+
+
 def _overlap(points: np.ndarray, others: np.ndarray) -> bool:
     """Say whether two polygons share more than their edges."""
+    if _crossed(points, others):
+        return True
     samples = [np.concatenate([(1.0 - share) * p + share * np.roll(p, -1, axis=0)
                                for share in np.arange(0.0, 1.0, 0.0625)]
                               + [p.mean(axis=0)[None]]) for p in (points, others)]

@@ -22,7 +22,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.language import check_length, read_text, resolve_defines
+from procphys_ros.language import check_length, find_grammar, read_text, resolve_defines
 from procphys_ros.wallgrammar import bodies, contacts, corners, polygons, references
 from procphys_ros.wallgrammar.assembly import (
     assemble,
@@ -88,13 +88,14 @@ class WallGrammar:
         """
         Read a grammar from a file.
 
-        :param path: of the file, UTF-8.
+        :param path: of the file, UTF-8, or the name of a shipped grammar, such as barn.wall.
         :param most_parts: bound on the parts of the building.
         :raises GrammarError: when the file cannot be read or does not fit the language.
         """
-        return cls.parse(read_text(path), str(path), most_parts, Path(path).absolute().parent)
+        found = find_grammar(path)
+        return cls.parse(read_text(found), str(path), most_parts, found.absolute().parent)
 
-    def build(self, seed: int = 0, **defines: float) -> Blueprint:
+    def build(self, /, seed: int = 0, **defines: float) -> Blueprint:
         """
         Derive the building.
 

@@ -29,7 +29,7 @@ from procphys_ros.wallgrammar.floors import slab_floor, timber_floor
 from procphys_ros.wallgrammar.footprint import Footprint
 from procphys_ros.wallgrammar.gables import GableRoof
 from procphys_ros.wallgrammar.hips import HipRoof
-from procphys_ros.wallgrammar.partitions import elevations, half_brick, halve, rooms_of
+from procphys_ros.wallgrammar.partitions import elevations, half_brick, halve, rooms_of, trim
 from procphys_ros.wallgrammar.regions import snap_level
 from procphys_ros.wallgrammar.spec import Building, Call
 from procphys_ros.wallgrammar.walls import Elevation
@@ -83,6 +83,8 @@ class Interior:
         levels = [int(snap_level(micro(s * self.storey_height), layout))
                   for s in range(self.storeys + 1)]
         rooms, inner = self._rooms(partitions, least, levels)
+        trim(inner, self.walls)
+        rooms = [room.within(self._set_back()) for room in rooms]
         division = None
         if self.building.roof is not None and roof == 'gable' and len(self.walls) != 4:
             division = self._divide(self.building.roof, pitch)
@@ -148,6 +150,10 @@ class Interior:
         rooms, between = halve(rooms, micro(least), layout.thickness)
         self.site.expect(sum(r.size[axis] for r, axis in between) * bricks)
         return rooms, elevations(between, layout, levels, self.building.place)
+
+    def _set_back(self) -> int:
+        """Give how far panels of the facades stand out into rooms [µm]."""
+        return max((scope.depth for wall in self.walls for scope in wall.set_back()), default=0)
 
     def _divide(self, call: Call, pitch: float) -> stems.Division:
         division = stems.divide(self.plan, pitch, call.place)

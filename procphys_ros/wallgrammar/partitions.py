@@ -22,7 +22,7 @@ from procphys_ros.language import Place
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.derivation import Piece, Scope
 from procphys_ros.wallgrammar.footprint import Corner, Facade, Footprint
-from procphys_ros.wallgrammar.plan import bays, Rectangle, span_axis
+from procphys_ros.wallgrammar.plan import along_facade, bays, Rectangle, span_axis
 from procphys_ros.wallgrammar.regions import snap_level
 from procphys_ros.wallgrammar.spec import Panel
 from procphys_ros.wallgrammar.walls import Elevation
@@ -102,6 +102,30 @@ def elevations(walls: Sequence[tuple[Rectangle, int]], layout: Layout, levels: S
             pieces += _door(facade.length, floor, ceiling, layout, place)
         out.append(Elevation(facade, pieces, panels, {'partition': layout}, layout, 'partition'))
     return out
+
+
+def trim(partitions: Sequence[Elevation], walls: Sequence[Elevation]) -> None:
+    """
+    Let partitions end at the panels of facades that are set back into the rooms.
+
+    :param partitions: from `elevations`.
+    :param walls: of the facades.
+    """
+    for wall in walls:
+        facade, across = wall.facade, 1 - wall.facade.quarter % 2
+        inner = facade.origin[across] + wall.layout.thickness * (
+            1 if facade.quarter in (0, 3) else -1)
+        for scope in wall.set_back():
+            for partition in partitions:
+                end = inner - partition.facade.origin[across]
+                if partition.facade.quarter != across or end not in (0, partition.facade.length):
+                    continue
+                side = partition.facade.origin[1 - across]
+                near = sorted((side, side + partition.layout.thickness * (1 - 2 * across)))
+                left, right = along_facade(facade, *near)
+                if left < scope.right and right > scope.left:
+                    ends = sorted((end, scope.depth if end == 0 else end - scope.depth))
+                    partition.cut(ends[0], scope.bottom, ends[1], scope.top)
 
 
 def _door(length: int, floor: int, ceiling: int, layout: Layout, place: Place) -> list[Piece]:

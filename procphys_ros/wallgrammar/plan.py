@@ -33,6 +33,11 @@ class Rectangle(NamedTuple):
         """Extents [µm]."""
         return self.high[0] - self.low[0], self.high[1] - self.low[1]
 
+    def within(self, margin: int) -> 'Rectangle':
+        """Give what is left beyond a margin [µm] on all sides."""
+        return Rectangle((self.low[0] + margin, self.low[1] + margin),
+                         (self.high[0] - margin, self.high[1] - margin))
+
 
 @dataclass(frozen=True)
 class Bay:

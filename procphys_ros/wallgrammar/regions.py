@@ -112,20 +112,21 @@ def courses(regions: Regions, owner: int, depth: int, layout: Layout, facade: Fa
     left, right, row = regions.x[left[run]], regions.x[right[run]], row[run]
     half = np.full(len(run), layout.joint // 2)
     left_joint, right_joint = half, layout.joint - half
-    left, left_joint, left_filled = _share(left, left_joint, left == 0, facade.start,
-                                           course % 2 == 0, -1)
-    right, right_joint, right_filled = _share(right, right_joint, right == facade.length,
-                                              facade.end, course % 2 == 1, 1)
+    left, left_joint, left_filled = _share(left, left_joint, 0, facade.start, course % 2 == 0, -1)
+    right, right_joint, right_filled = _share(right, right_joint, facade.length, facade.end,
+                                              course % 2 == 1, 1)
     return Runs(course, left, right, np.maximum(regions.z[row], course * gauge),
                 np.minimum(regions.z[row + 1], (course + 1) * gauge), left_joint, right_joint,
                 left_filled, right_filled, np.full(len(run), depth))
 
 
-def _share(end: np.ndarray, joint: np.ndarray, touching: np.ndarray, corner: Corner,
-           owning: np.ndarray, outwards: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Move the ends of runs that reach a corner to where their course lets them."""
-    moved = end + outwards * np.where(owning, corner.owned, corner.yielded)
+def _share(end: np.ndarray, joint: np.ndarray, edge: int, corner: Corner, owning: np.ndarray,
+           outwards: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Move the ends of runs that reach into a corner to where their course lets them."""
+    touching = end == edge
+    limit = edge + outwards * np.where(owning, corner.owned, corner.yielded)
+    beyond = touching | (outwards * (end - limit) > 0)
     flush = owning & (corner.turn != 0.0)  # walls in one line have a joint in every course
-    return (np.where(touching, moved, end),
-            np.where(touching, np.where(flush, 0, corner.joint), joint),
+    return (np.where(beyond, limit, end),
+            np.where(beyond, np.where(flush, 0, corner.joint), joint),
             np.where(touching & owning, corner.owned - corner.yielded, 0))

@@ -32,6 +32,7 @@ _NEAREST = 600_000    # [µm] between stems and corners of the bar: room for eav
 _EQUAL = 2_000        # [µm] by which widths that count as equal may differ
 _BEARING = 250_000    # [µm] of girders on the walls
 _SLENDER = 10         # span over height of girders, a joiner's rule for beams that carry a roof
+_LEAST_JOINT = 1_000  # [µm] between girders and the ends of walls beside them, also of dry walls
 _PAD = 2              # courses of the concrete that spreads their load
 _PIECE = 1_500_000    # [µm] girders splinter into pieces of at most this length
 
@@ -224,7 +225,7 @@ def _bearings(division: Division, stem: Stem, walls: Sequence[Elevation], sides:
               ) -> tuple[list[int], list[tuple[Elevation, tuple[int, int]]]]:
     """Give where a girder ends along the bar, and the stretches of walls that it lies in."""
     axis = division.axis
-    joint = walls[0].layout.joint if stem.upwards else -walls[0].layout.joint
+    joint = max(walls[0].layout.joint, _LEAST_JOINT) * (1 if stem.upwards else -1)
     near = sorted((stem.mouth, stem.mouth + joint))
     ends, holes = [stem.low, stem.high], []
     for k, (edge, out) in enumerate(((stem.low, -1), (stem.high, 1))):

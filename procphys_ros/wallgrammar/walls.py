@@ -37,6 +37,7 @@ _MASONRY = 0              # classes from 0 up are masonry, below it are beams, o
 _OPENING = -2
 _BEAM = -3
 _ARCH = -4   # until it is known which masonry is around it
+_FIRST_BEAM = -5  # from here down each beam is a class of its own, while their bearings are sought
 
 
 def gauge_pieces(pieces: Sequence[Piece], layout: Layout) -> list[Piece]:
@@ -80,7 +81,9 @@ class Elevation:
         bare = self._paint(scopes, owners)
         self._check_units(bare)
         self._walls_beside = piers.walls_beside(self.pieces, owners, self._thick)
-        self._bearings = {i: _bear(self.pieces[i], bare, self.facade, list(self._thick))
+        each = np.where(owners == _BEAM, _FIRST_BEAM - np.arange(len(owners)), owners)
+        apart = self._paint(scopes, each)  # beams that adjoin have a line between them here
+        self._bearings = {i: _bear(self.pieces[i], apart, self.facade, list(self._thick))
                           for i in np.flatnonzero(owners == _BEAM).tolist()}
         beams = np.array([s[:4] for s, _ in self._bearings.values()], int).reshape(-1, 4)
         self._scopes = np.concatenate([scopes, beams])
@@ -170,6 +173,11 @@ class Elevation:
         """Say whether a pier that stands out of the wall is higher than a level [µm]."""
         return any(owner in self._thick and piece.scope.depth < 0 and piece.scope.top > level
                    for piece, owner in zip(self.pieces, self._owners.tolist()))
+
+    def set_back(self) -> list[Scope]:
+        """Give the places of panels that are set back, and so stand out inside."""
+        return [piece.scope for piece, owner in zip(self.pieces, self._owners.tolist())
+                if piece.scope.depth > 0 and owner != EMPTY and owner not in self._thick]
 
     def check_inside(self) -> None:
         """Refuse piers that stand out into rooms, where floors and partitions go."""
@@ -312,8 +320,8 @@ def _bear(piece: Piece, regions: Regions, facade: Facade,
     """
     Lengthen a beam into the wall at both sides.
 
+    :param regions: of the wall, each beam a class of its own.
     :param thick: classes of piers, which beams do not enter.
-
     :returns: the beam with its bearings, and whether it is a 'lintel' or only a 'beam'.
     """
     scope = piece.scope
@@ -329,8 +337,8 @@ def _bear(piece: Piece, regions: Regions, facade: Facade,
     last = right
     while last < len(solid) and solid[last]:
         last += 1
-    shared = (first > 0 and bool((rows[:, first - 1] == _BEAM).any()),
-              last < len(solid) and bool((rows[:, last] == _BEAM).any()))
+    shared = (first > 0 and bool((rows[:, first - 1] <= _FIRST_BEAM).any()),
+              last < len(solid) and bool((rows[:, last] <= _FIRST_BEAM).any()))
     room = (scope.left - max(int(regions.x[first]), max(-facade.start.yielded, 0)),
             min(int(regions.x[last]), facade.length + min(facade.end.yielded, 0)) - scope.right)
     grown = [max(min(_BEARING, r // 2 if s else r), 0) for r, s in zip(room, shared)]
