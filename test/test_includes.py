@@ -109,3 +109,14 @@ def test_errors_in_an_included_file_name_that_file(folder):
     with pytest.raises(GrammarError) as caught:
         WallGrammar.parse(text, 'b.wall', folder=folder)
     assert str(caught.value).startswith(str(folder / 'stones.wall') + ':1')
+
+
+def test_programs_name_shipped_grammars_anywhere(tmp_path, monkeypatch):
+    """Find a shipped grammar by its name in any folder, but first a file that lies there."""
+    monkeypatch.chdir(tmp_path)
+    assert len(LSystem.load('shrub.lsys').build()) > 1
+    assert 'brick' in WallGrammar.load('garden_wall.wall').build().kinds
+    (tmp_path / 'shrub.lsys').write_text('axiom: F(1)')
+    assert len(LSystem.load('shrub.lsys').build()) == 1
+    with pytest.raises(GrammarError, match='No such file'):
+        LSystem.load('shrubs.lsys')

@@ -91,6 +91,18 @@ def test_a_cone_keeps_mass_and_centre_of_mass():
     assert moment == pytest.approx(cone * 2.5 / 4.0)
 
 
+@pytest.mark.parametrize('factor', [0.3, 1.3, 2.0, 3.0, 20.0])
+def test_what_widens_leaves_mass_below(factor):
+    """Let segments grow thicker upwards: none loses all its mass, and the whole keeps it."""
+    ends = 0.1 * factor ** np.arange(5)
+    tree = skeleton.build(_branches(4, width=ends[:-1], tip_width=ends[1:]))
+    own = 800.0 * np.pi / 12.0 * 0.5 * (
+        ends[:-1] ** 2 + ends[:-1] * ends[1:] + ends[1:] ** 2)
+    assert tree.mass.sum() == pytest.approx(own.sum())
+    assert (tree.mass > 0.2 * own).all()
+    assert (tree.inertia > 0.0).all()
+
+
 def test_a_root_plate_gives_way_in_series():
     """Add the flexibility of the ground to that of the lowest half segment."""
     rigid, soft = (skeleton.build(_branches(2, root_stiffness=np.full(2, k))).hinges

@@ -19,7 +19,7 @@ from procphys_ros.language.arithmetic import Value
 from procphys_ros.language.defines import resolve_defines
 from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
-from procphys_ros.language.includes import read_include
+from procphys_ros.language.includes import find_grammar, read_include
 from procphys_ros.language.place import Place
 from procphys_ros.language.syntax import check_length, read_text, shorten, syntax_error
 
@@ -31,6 +31,7 @@ __all__ = [
     'Value',
     'check_length',
     'compile_expression',
+    'find_grammar',
     'read_include',
     'read_text',
     'resolve_defines',

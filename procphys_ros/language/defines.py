@@ -16,11 +16,15 @@
 """Defines: named numbers of a grammar, which its users may override."""
 
 from collections.abc import Mapping, Sequence
+import numbers
+import sys
 
 import numpy as np
 
 from procphys_ros.errors import GrammarError, nearest_names
 from procphys_ros.language.expressions import Expression
+
+_LARGEST = sys.float_info.max
 
 
 def resolve_defines(definitions: Sequence[tuple[str, Expression]],
@@ -41,7 +45,7 @@ def resolve_defines(definitions: Sequence[tuple[str, Expression]],
         if name not in known:
             raise GrammarError(f'unknown define "{name}"{nearest_names(name, known)} '
                                f'(defines: {", ".join(known) or "none"})', source)
-        if isinstance(value, str) or not np.isscalar(value) or not np.isfinite(value):
+        if not isinstance(value, numbers.Real) or not -_LARGEST <= value <= _LARGEST:
             raise GrammarError(f'define "{name}" must be a finite number, found {value!r}', source)
     values: dict[str, float] = {}
     for name, expression in definitions:

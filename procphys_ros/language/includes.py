@@ -16,6 +16,7 @@
 """Includes: find and read the grammars that a grammar takes definitions from."""
 
 from collections.abc import Collection
+import os
 from pathlib import Path
 
 from procphys_ros.errors import GrammarError
@@ -24,6 +25,17 @@ from procphys_ros.language.syntax import read_text, shorten
 from procphys_ros.resources import shared_folder
 
 MOST_INCLUDES = 32  # files that one grammar may take in, however indirectly
+
+
+def find_grammar(path: str | Path) -> Path:
+    """
+    Find a grammar file as programs name it.
+
+    :param path: of the file, or the name of a shipped one where there is no such file.
+    :returns: the path as it is when there is neither.
+    """
+    shipped = shared_folder() / 'grammars' / path
+    return shipped if not os.path.exists(path) and os.path.isfile(shipped) else Path(path)
 
 
 def read_include(name: str, folder: Path | None, place: Place,

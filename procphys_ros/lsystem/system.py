@@ -23,7 +23,13 @@ import numpy as np
 from procphys_ros import skeleton
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import GrammarError
-from procphys_ros.language import check_length, Expression, read_text, resolve_defines
+from procphys_ros.language import (
+    check_length,
+    Expression,
+    find_grammar,
+    read_text,
+    resolve_defines,
+)
 from procphys_ros.lsystem.compiler import compile_grammar, Grammar
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
@@ -62,11 +68,12 @@ class LSystem:
         """
         Read a grammar file.
 
-        :param path: of the file.
+        :param path: of the file, or the name of a shipped grammar, such as oak.lsys.
         :param max_modules: longest string that it may derive.
         :raises GrammarError: when the file cannot be read or is not an L-system.
         """
-        return cls.parse(read_text(path), str(path), max_modules, Path(path).absolute().parent)
+        found = find_grammar(path)
+        return cls.parse(read_text(found), str(path), max_modules, found.absolute().parent)
 
     @property
     def name(self) -> str:
@@ -78,7 +85,7 @@ class LSystem:
         """Names that `derive` and `build` can override."""
         return tuple(name for name, _ in self.grammar.defines)
 
-    def derive(self, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
+    def derive(self, /, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
         """
         Derive the string, before interpretation.
 
@@ -89,21 +96,24 @@ class LSystem:
         """
         return self._derive(steps, np.random.default_rng(seed), defines)[0]
 
-    def interpret(self, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
+    def interpret(self, /, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
         """Derive the string and apply the interpretation rules; parameters as in `derive`."""
         return self._interpret(steps, np.random.default_rng(seed), defines)[0]
 
-    def draw(self, steps: int | None = None, seed: int = 0, **defines: float) -> Drawing:
+    def draw(self, /, steps: int | None = None, seed: int = 0, **defines: float) -> Drawing:
         """Let the turtle read the interpreted string; parameters as in `derive`."""
+        return self._draw(steps, seed, defines)
+
+    def _draw(self, steps: int | None, seed: int, overrides: dict[str, float]) -> Drawing:
         generator = np.random.default_rng(seed)
-        modules, values = self._interpret(steps, generator, defines)
+        modules, values = self._interpret(steps, generator, overrides)
         angle = self.grammar.angle
         turtle = Turtle(self.grammar.origins, self.grammar.source,
                         None if angle is None else angle.number(values, generator),
                         self.grammar.textures)
         return turtle.draw(modules)
 
-    def build(self, seed: int = 0, **defines: float) -> Blueprint:
+    def build(self, /, seed: int = 0, **defines: float) -> Blueprint:
         """
         Grow the tree.
 
@@ -112,7 +122,7 @@ class LSystem:
         :returns: parts and bonds at rest, rooted at the origin.
         :raises GrammarError: when the string cannot be derived or drawn.
         """
-        drawing = self.draw(None, seed, **defines)
+        drawing = self._draw(None, seed, defines)
         return skeleton.build(drawing.branches, drawing.leaves, drawing.ornaments,
                               drawing.textures)
 
