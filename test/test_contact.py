@@ -15,6 +15,8 @@
 
 """Contact of trees with what is loose, with walls, with the ground and with each other."""
 
+import pickle
+
 from grown_trees import bush, effective_mass
 from masonry_walls import bonded
 import numpy as np
@@ -331,6 +333,18 @@ def test_a_body_meets_a_tree_that_stands_still_unseen():
     seen, unseen = push({}), push({'frustum': True})
     assert seen[2] < -4.0
     np.testing.assert_allclose(unseen, seen, atol=0.1 * np.linalg.norm(seen))
+
+
+def test_bodies_that_come_and_go_leave_nothing_behind():
+    """Drop blocks onto a bough one after the other, and take each away: nothing grows."""
+    simulation = single(gallows())
+    kept = []
+    for _ in range(6):
+        body = drop(simulation, (1.0, 0.0, 2.15))
+        simulation.step(3)
+        simulation.state.world.remove(np.array([body]))
+        kept.append(len(pickle.dumps(simulation.state.tree_bounds)))
+    assert kept[-1] == kept[0]
 
 
 def test_the_sweep_lists_every_pair_of_overlapping_boxes():

@@ -282,6 +282,30 @@ def test_bricks_hold_what_falls_on_them_in_the_step_that_they_join(engine):
         np.testing.assert_allclose(world.velocities(floor[1::2])[:, 2], -9.81 * DT, rtol=0.5)
 
 
+def test_bricks_meet_what_comes_from_afar_as_if_the_engine_had_always_had_them(engine):
+    """Fire a ball at one brick, turn a long beam into another one: both hit in the same steps."""
+    courses = []
+    for known in (False, True):
+        with World((0.0, 0.0, 0.0), engine=engine) as world:
+            poses = np.array([at(0.0, 0.0, 1.0), at(20.0, 0.0, 1.0)])
+            bricks = world.add_bricks(poses, np.tile(BRICK, (2, 1)), np.full(2, BRICK_MASS))
+            if known:
+                world.set_poses(bricks, poses)  # so that the engine gets them at once
+            ball = world.add_projectile(Shape.CAPSULE, np.full(3, 0.2), 30.0, at(-6.0, 0.0, 1.0),
+                                        np.array([60.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+            beam = world.add_body(Shape.BOX, [8.0, 0.1, 0.1], 50.0, at(17.0, 1.5, 1.0),
+                                  np.array([0.0, 0.0, 0.0, 0.0, 0.0, -3.0]))
+            course = []
+            for _ in range(20):
+                world.step(DT)
+                course.append(world.velocities([ball, beam]))
+            courses.append(np.array(course))
+    joined, known = (np.abs(np.diff(course, axis=0)).max(axis=2) > 0.5 for course in courses)
+    assert known.any(axis=0).all()  # a ball and a beam that do hit
+    np.testing.assert_array_equal(joined.argmax(axis=0), known.argmax(axis=0))
+    np.testing.assert_allclose(courses[0][:, 0], courses[1][:, 0], atol=1e-6)
+
+
 def test_new_bodies_answer_to_contacts_as_old_ones_do(engine):
     """Drop a beam on its end: created above an edge, or elsewhere, moved and stopped first."""
     spins = []

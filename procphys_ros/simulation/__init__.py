@@ -17,6 +17,7 @@
 
 from procphys_ros.physics.causes import Cause
 from procphys_ros.simulation.events import EVENT, EventLog
+from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.simulation import Simulation
 
-__all__ = ['Cause', 'EVENT', 'EventLog', 'Simulation']
+__all__ = ['Cause', 'EVENT', 'EventLog', 'Owner', 'Simulation']

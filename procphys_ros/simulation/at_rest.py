@@ -41,7 +41,6 @@ def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list
         state.parts.body[bricks] = state.world.add_bricks(
             source.poses[bricks], source.size[bricks], source.mass[bricks],
             hexahedra=source.hexahedra.among(bricks), inertia=source.inertia[bricks])
-        state.world.admit_all()
     for part in np.flatnonzero(state.parts.owner == Owner.BODY):
         fragments.make_body(model, state, np.array([part]), state.parts.poses[[part]],
                             np.zeros((1, 6)))

@@ -160,10 +160,10 @@ def _solve(model: Model, state: State, pairs: Pairs,
 
 def _look_ahead(model: Model, state: State, rows: np.ndarray, points: np.ndarray, dt: float,
                 air: np.ndarray | None, both: np.ndarray, order: np.ndarray,
-                impulse: np.ndarray) -> ContactResponse:
+                impulse: np.ndarray, respond: bool) -> ContactResponse:
     """Foresee the step with impulses of the contacts, (C, 3); one of two trees acts on both."""
     signed = np.concatenate([impulse, -impulse[both]])[order] if impulse.any() else None
-    return state.forest.predict_response(rows, points, dt, air, signed, model.threads)
+    return state.forest.predict_response(rows, points, dt, air, signed, model.threads, respond)
 
 
 class _Problem:
@@ -180,14 +180,16 @@ class _Problem:
 
     def __init__(self, pairs: Pairs, partners: Partners, free: np.ndarray, impulse: np.ndarray,
                  friction: np.ndarray, mass: np.ndarray,
-                 look_ahead: Callable[[np.ndarray], ContactResponse]):
+                 look_ahead: Callable[[np.ndarray, bool], ContactResponse]):
         self._pairs, self._partners, self.free = pairs, partners, free
         self.impulse, self._friction, self._mass = impulse, friction, mass
         self._look_ahead = look_ahead
-        self.look = look_ahead(impulse)
+        self.look = look_ahead(impulse, True)
 
     def resolve(self, least: np.ndarray) -> None:
         """Change the impulses so that contacts have at least their normal velocities, (C,)."""
+        if not len(self.look.response):  # left out until it is needed, which is seldom
+            self.look = self._look_ahead(self.impulse, True)
         mass = _most_mass(self._mass, self._pairs, self.look, self._partners)
         resolve(self._pairs.normal, least, mass, self._friction, self._partners,
                 self.look.velocity, self.look.first, self.look.place, self.look.count,
@@ -196,7 +198,7 @@ class _Problem:
     def agrees(self) -> bool:
         """Foresee the motion with the impulses anew; say whether it is as they were solved for."""
         foreseen = self.look.velocity
-        self.look = self._look_ahead(self.impulse)
+        self.look = self._look_ahead(self.impulse, False)
         return bool(np.abs(self.look.velocity - foreseen).max()
                     < _AGREES * np.abs(foreseen).max())
 
@@ -211,7 +213,7 @@ class _Problem:
         if wrong.any():
             self._friction[wrong] = 0.0
             self.resolve(least)
-            self.look = self._look_ahead(self.impulse)
+            self.look = self._look_ahead(self.impulse, False)
         for share in _SHARES:
             wrong = self._gives(out, gain)
             if not wrong.any():
@@ -220,7 +222,7 @@ class _Problem:
             hit = np.unique(self._partners.body[wrong & (self._partners.body >= 0)])
             motion, free = self._partners.motion, self.free
             motion[hit] = free[hit] + share * (motion[hit] - free[hit])
-            self.look = self._look_ahead(self.impulse)
+            self.look = self._look_ahead(self.impulse, False)
 
     def _gives(self, out: np.ndarray, gain: float) -> np.ndarray:
         return contact_work.too_much(self._partners, self.look, self.free, self.impulse,

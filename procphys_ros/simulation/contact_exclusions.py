@@ -33,6 +33,8 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
+_HALF = 32  # bits of one of the two numbers that a key is made of
+
 
 def update(model: Model, state: State) -> None:
     """Let pieces that are apart by now meet; writes `state.excluded` and tells the engine."""
@@ -40,17 +42,46 @@ def update(model: Model, state: State) -> None:
         state.world.exclude_contacts(state.excluded)
         return
     here = (state.parts.owner[state.excluded] != Owner.GONE).all(axis=1)
-    pairs = np.unique(colliders(state, state.excluded[here]), axis=0)
+    pairs = _distinct(colliders(state, state.excluded[here]))
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    first, second = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
-    for one, other in pairs.tolist():
-        own, others = _members(state, one), _members(state, other)
-        first.append(np.repeat(own, len(others)))
-        second.append(np.tile(others, len(own)))
-    state.excluded = _overlapping(state, np.concatenate(first), np.concatenate(second))
+    names, place = np.unique(pairs, return_inverse=True)
+    members = [_members(state, name) for name in names.tolist()]
+    parts = np.concatenate([np.zeros(0, np.intp), *members])
+    start = np.cumsum([0, *(len(own) for own in members)])
+    first, second = _between(place.reshape(-1, 2), start)
+    inside = _which_overlap(state, parts, first, second)
+    state.excluded = np.column_stack([parts[first[inside]], parts[second[inside]]])
     pairs = colliders(state, state.excluded)
     bodies = ~pairs[(pairs < 0).all(axis=1)]
-    state.world.exclude_contacts(np.unique(np.sort(bodies, axis=1), axis=0))
+    state.world.exclude_contacts(_distinct(np.sort(bodies, axis=1)))
+
+
+def _distinct(pairs: np.ndarray) -> np.ndarray:
+    """Give each pair once, in lexicographic order, (K, 2)."""
+    keys = np.unique((pairs[:, 0] << _HALF) + (pairs[:, 1] + (1 << _HALF - 1)))
+    return np.column_stack([keys >> _HALF, (keys & (1 << _HALF) - 1) - (1 << _HALF - 1)])
+
+
+@kernel
+def _between(pairs, start):
+    """
+    List all pairs of a member of one collider and one of another.
+
+    :param pairs: of colliders, (K, 2).
+    :param start: where the members of each begin, and the end of the last.
+    :returns: places of the members, (P,) each.
+    """
+    total = 0
+    for a, b in pairs:
+        total += (start[a + 1] - start[a]) * (start[b + 1] - start[b])
+    first, second = np.empty(total, np.int64), np.empty(total, np.int64)
+    count = 0
+    for a, b in pairs:
+        for i in range(start[a], start[a + 1]):
+            for j in range(start[b], start[b + 1]):
+                first[count], second[count] = i, j
+                count += 1
+    return first, second
 
 
 def add_branch(model: Model, state: State, row: int) -> None:
@@ -127,16 +158,30 @@ def _members(state: State, collider: int) -> np.ndarray:
 
 def _overlapping(state: State, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Choose the pairs of parts that overlap, (K, 2)."""
-    parts = state.parts
     chosen, place = np.unique(np.concatenate([first, second]), return_inverse=True)
+    inside = _which_overlap(state, chosen, place[:len(first)], place[len(first):])
+    return np.column_stack([first[inside], second[inside]])
+
+
+def _which_overlap(state: State, chosen: np.ndarray, one: np.ndarray,
+                   other: np.ndarray) -> np.ndarray:
+    """Give the places of the pairs of chosen parts that overlap, ascending, (K,)."""
+    parts = state.parts
     poses, sizes, shapes = parts.poses[chosen], parts.solid_size[chosen], parts.shape[chosen]
     tree = np.flatnonzero(parts.owner[chosen] == Owner.TREE)
     poses[tree] = state.forest.poses[parts.row[chosen[tree]]]  # those shown may lie behind
     still = np.zeros((len(chosen), 6))
-    bounds = piece_bounds(shapes, poses, sizes, still, 0.0, 0.0)
-    one, other = place[:len(first)], place[len(first):]
-    near = np.flatnonzero((bounds[one, :3] < bounds[other, 3:]).all(axis=1)
-                          & (bounds[other, :3] < bounds[one, 3:]).all(axis=1))
+    near = _near(piece_bounds(shapes, poses, sizes, still, 0.0, 0.0), one, other)
     found = meet(one[near], poses, sizes, still, other[near], shapes, poses, sizes, still, 0.0)
-    inside = near[np.unique(found.pair[found.gap < 0.0])]
-    return np.column_stack([first[inside], second[inside]])
+    return near[np.unique(found.pair[found.gap < 0.0])]
+
+
+@kernel
+def _near(bounds, one, other):
+    """List the pairs of boxes that overlap."""
+    found = np.zeros(len(one), np.bool_)
+    for n in range(len(one)):
+        a, b = bounds[one[n]], bounds[other[n]]
+        found[n] = (a[0] < b[3] and a[1] < b[4] and a[2] < b[5]
+                    and b[0] < a[3] and b[1] < a[4] and b[2] < a[5])
+    return np.flatnonzero(found)

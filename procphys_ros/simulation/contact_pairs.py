@@ -24,10 +24,10 @@ from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overla
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.world import World
 from procphys_ros.simulation.obstacles import (
-    BodyPieces,
     Bricks,
     meets_trees,
     Obstacles,
+    of_bodies,
     of_branches,
 )
 
@@ -85,13 +85,11 @@ class TreeBounds:
     :ivar plan: of the forest that they hold for.
     :ivar segments: three minima, three maxima [m], by entry of the plan, (A, 6).
     :ivar trees: the same of whole trees, (T, 6).
-    :ivar pieces: of the bodies that trees may meet.
     """
 
     plan: object = None
     segments: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     trees: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
-    pieces: BodyPieces = field(default_factory=BodyPieces)
 
     def update(self, forest: Forest, sizes: np.ndarray, movers: np.ndarray,
                entries: np.ndarray | slice, reach: float) -> None:
@@ -257,7 +255,7 @@ def _loose_near(forest: Forest, world: World, bounds: TreeBounds, ids: np.ndarra
     chosen, near = (_distinct(rows) for rows in overlaps(bounds.trees, balls))
     entries = _entries(forest.plan.start, chosen)
     close, nearer = overlaps(bounds.segments[entries], balls[near])
-    return entries[_distinct(close)], bounds.pieces.of(world, ids[near[_distinct(nearer)]])
+    return entries[_distinct(close)], of_bodies(world, ids[near[_distinct(nearer)]])
 
 
 def _branches_near(forest: Forest, sizes: np.ndarray, trees: np.ndarray,

@@ -17,7 +17,9 @@
 
 import numpy as np
 
-from procphys_ros.physics.trees import anchors, CAUSES, Forest
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.terrain import height_at
+from procphys_ros.physics.trees import anchors, carried_rows, CAUSES, Forest
 from procphys_ros.simulation import contact_exclusions, fragments
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -73,19 +75,46 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     Writes the clocks in `state.trees`, and releases.
     """
     forest, trees = state.forest, state.trees
-    roots = forest.free_roots.tolist()
-    if not roots and not trees.age:
+    roots = forest.free_roots
+    if not len(roots) and not trees.age:
         return
-    trees.age = {r: trees.age.get(r, 0.0) + dt for r in roots}
-    trees.quiet = {r: trees.quiet.get(r, 0.0) + dt if _lies(state, r) else 0.0 for r in roots}
-    trees.down = {r: trees.down.get(r, 0.0) + (dt if _is_low(model, state, r) else 0.0)
-                  for r in roots}
-    for root in roots:
-        if _clings(forest, forest.subtree(root)):
-            continue
-        if (len(forest.subtree(root)) < SMALLEST or trees.age[root] > _LONGEST - 1e-9
+    size, speed, height, clings = _survey(
+        roots, forest.ends, forest.active, forest.parents, forest.poses, forest.velocities,
+        forest.anchors[:, anchors.STIFFNESS], model.terrain)
+    ids = roots.tolist()
+    trees.age = {r: trees.age.get(r, 0.0) + dt for r in ids}
+    trees.quiet = {r: trees.quiet.get(r, 0.0) + dt if lies else 0.0
+                   for r, lies in zip(ids, (speed < _SLOW).tolist())}
+    trees.down = {r: trees.down.get(r, 0.0) + (dt if low else 0.0)
+                  for r, low in zip(ids, (height < _LOW).tolist())}
+    for place, root in enumerate(ids):
+        if not clings[place] and (
+                size[place] < SMALLEST or trees.age[root] > _LONGEST - 1e-9
                 or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9):
             release_branch(model, state, root)
+
+
+@kernel
+def _survey(roots, ends, active, parents, poses, velocities, anchored, terrain):
+    """
+    Look at branches that fall.
+
+    :param roots: first row of each, (R,); the other columns are those of the forest.
+    :returns: segments of each; largest part of a velocity [m/s]; height of the lowest middle over
+        the ground [m]; whether any is anchored; (R,) each.
+    """
+    size, speed = np.zeros(len(roots), np.int64), np.zeros(len(roots))
+    height, clings = np.full(len(roots), np.inf), np.zeros(len(roots), np.bool_)
+    for n in range(len(roots)):
+        rows = carried_rows(roots[n], ends[roots[n]], active, parents)
+        size[n] = len(rows)
+        for i in rows:
+            clings[n] |= anchored[i] != 0.0
+            height[n] = min(height[n],
+                            poses[i, 2] - height_at(terrain, poses[i, 0], poses[i, 1]))
+            for c in range(3):
+                speed[n] = max(speed[n], abs(velocities[i, c]))
+    return size, speed, height, clings
 
 
 def release_branch(model: Model, state: State, row: int) -> None:
@@ -122,13 +151,3 @@ def _joint(model: Model, state: State, row: int) -> np.ndarray:
     x, y, z, w = state.forest.poses[row, 3:]
     axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
     return state.forest.poses[row, :3] - model.trees.joint_arm[row] * axis
-
-
-def _lies(state: State, root: int) -> bool:
-    rows = state.forest.subtree(root)
-    return bool((np.abs(state.forest.velocities[rows, :3]).max(axis=1) < _SLOW).all())
-
-
-def _is_low(model: Model, state: State, root: int) -> bool:
-    place = state.forest.poses[state.forest.subtree(root), :3]
-    return bool((place[:, 2] - model.terrain.height(place)).min() < _LOW)

@@ -15,7 +15,6 @@
 
 """Obstacles: what branches may run into, cut into boxes and capsules."""
 
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +22,6 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.world import BodyState, expand, World
-from procphys_ros.physics.world.pieces import Pieces
 
 _CELL = 2.0  # [m], edge of the cells that bricks are sorted into
 
@@ -70,50 +68,20 @@ class Obstacles(NamedTuple):
         return piece_bounds(self.shape, self.pose, self.size, self.velocity, reach, margin)
 
 
-@dataclass
-class BodyPieces:
-    """Collision pieces of the bodies of a world, cached in columns from step to step."""
-
-    known: dict[int, Pieces] = field(default_factory=dict)
-    first: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
-    count: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
-    shape: np.ndarray = field(default_factory=lambda: np.zeros(0, np.uint8))
-    local: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
-    size: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
-
-    def of(self, world: World, ids: np.ndarray) -> Obstacles:
-        """Cut bodies, (K,) ids, into their pieces, where these are now."""
-        self._learn(world, [b for b in ids.tolist()
-                            if self.known.get(b) is not world.pieces(b)])
-        if not len(ids):
-            return Obstacles.none()
-        count = self.count[ids]
-        owner = np.repeat(ids, count)
-        piece = np.arange(len(owner)) + np.repeat(self.first[ids] - np.cumsum(count) + count,
-                                                  count)
-        poses, velocities = np.empty((len(owner), 7)), np.empty((len(owner), 6))
-        bodies = world.bodies
-        expand(bodies.poses, bodies.velocities, owner, self.local[piece], np.arange(len(owner)),
-               poses, velocities)
-        return Obstacles.of(self.shape[piece], poses, self.size[piece], velocities, owner)
-
-    def _learn(self, world: World, ids: list[int]) -> None:
-        """Append the pieces of bodies that are new, or that took the ids of others."""
-        if not ids:
-            return
-        more = max(ids) + 1 - len(self.first)
-        if more > 0:
-            self.first = np.concatenate([self.first, np.zeros(more, np.intp)])
-            self.count = np.concatenate([self.count, np.zeros(more, np.intp)])
-        pieces = [world.pieces(body) for body in ids]
-        self.known.update(zip(ids, pieces))
-        count = np.array([len(p.shapes) for p in pieces])
-        self.first[ids] = len(self.shape) + np.cumsum(count) - count
-        self.count[ids] = count
-        self.shape = np.concatenate([self.shape, *(p.shapes for p in pieces)], dtype=np.uint8,
-                                    casting='unsafe')
-        self.local = np.concatenate([self.local, *(p.local_poses for p in pieces)])
-        self.size = np.concatenate([self.size, *(p.sizes for p in pieces)])
+def of_bodies(world: World, ids: np.ndarray) -> Obstacles:
+    """Cut bodies, (K,) ids, into their collision shapes, where these are now."""
+    if not len(ids):
+        return Obstacles.none()
+    bodies = world.bodies
+    count = bodies.piece_count[ids]
+    owner = np.repeat(ids, count)
+    piece = np.arange(len(owner)) + np.repeat(bodies.first_piece[ids] - np.cumsum(count) + count,
+                                              count)
+    poses, velocities = np.empty((len(owner), 7)), np.empty((len(owner), 6))
+    expand(bodies.poses, bodies.velocities, owner, bodies.piece_pose[piece],
+           np.arange(len(owner)), poses, velocities)
+    return Obstacles.of(bodies.piece_shape[piece], poses, bodies.piece_size[piece], velocities,
+                        owner)
 
 
 def of_branches(rows: np.ndarray, poses: np.ndarray, sizes: np.ndarray,

@@ -36,6 +36,7 @@ from procphys_ros.simulation import (
     additions,
     commands,
     foliage,
+    intruder,
     load_checks,
     snapshot,
 )
@@ -199,12 +200,12 @@ class Simulation:
 
     def pose_of_intruder(self, name: str) -> np.ndarray | None:
         """Give where an intruder is, (7,), world; None before it was placed."""
-        path = self.state.intruders[name].path
+        path = intruder.named(self.state, name).path
         return path.pose if path.placed else None
 
     def wrench_on_intruder(self, name: str) -> np.ndarray:
         """Give force and moment on an intruder [N], [N·m], world, smoothed, (6,)."""
-        return self.state.intruders[name].smooth_wrench
+        return intruder.named(self.state, name).smooth_wrench
 
     def scan(self, lidar: LidarSettings) -> Scan | None:
         """

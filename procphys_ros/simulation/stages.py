@@ -61,8 +61,9 @@ def apply_loads(model: Model, state: State, dt: float) -> None:
 
 def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
     """Move and collide rigid bodies; writes `state.world` and `state.rubble`."""
-    state.rubble.velocities = state.world.bodies.velocities.copy()
-    state.rubble.poses = state.world.bodies.poses.copy()
+    bodies, rubble = state.world.bodies, state.rubble
+    rubble.velocities = bodies.copied('velocities', rubble.velocities)
+    rubble.poses = bodies.copied('poses', rubble.poses)
     state.world.step(dt)
 
 

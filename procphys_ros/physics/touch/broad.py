@@ -85,12 +85,11 @@ def overlaps(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndar
     if not len(first) or not len(second):
         return np.zeros(0, np.intp), np.zeros(0, np.intp)
     second = np.ascontiguousarray(second)
-    pairs = _search(first, second, _in_hull(first, second))
-    order = np.argsort(pairs[:, 0] * len(second) + pairs[:, 1])
-    return pairs[order, 0], pairs[order, 1]
+    pairs = _search(first, second)
+    return pairs[0], pairs[1]
 
 
-@kernel
+@subroutine
 def _in_hull(first, second):
     """List the boxes of the second that overlap the hull of all of the first."""
     hull = first[0].copy()
@@ -107,12 +106,13 @@ def _in_hull(first, second):
 
 
 @kernel
-def _search(first, second, near):
+def _search(first, second):
     """Sort boxes into cells by their lower corners, and test each of the others in its cells."""
-    pairs = np.empty((64, 2), np.int64)
+    near = _in_hull(first, second)
+    pairs = np.empty((2, 64), np.int64)
     found = 0
     if not len(near):
-        return pairs[:0]
+        return pairs[:, :0].copy()
     low, high, width = np.full(2, np.inf), np.full(2, -np.inf), np.zeros(2)
     for b in near:
         for c in range(2):
@@ -125,19 +125,21 @@ def _search(first, second, near):
     for a in range(len(first)):
         x0, x1 = _span(first[a, 0] - width[0], first[a, 3], low[0], edge[0], cells)
         y0, y1 = _span(first[a, 1] - width[1], first[a, 4], low[1], edge[1], cells)
+        begin = found
         for x in range(x0, x1 + 1):
             for k in range(start[x * cells + y0], start[x * cells + y1 + 1]):
                 b = member[k]
                 if (second[b, 0] <= first[a, 3] and second[b, 3] >= first[a, 0]
                         and second[b, 1] <= first[a, 4] and second[b, 4] >= first[a, 1]
                         and second[b, 2] <= first[a, 5] and second[b, 5] >= first[a, 2]):
-                    if found == len(pairs):
-                        more = np.empty((2 * found, 2), np.int64)
-                        more[:found] = pairs
+                    if found == pairs.shape[1]:
+                        more = np.empty((2, 2 * found), np.int64)
+                        more[:, :found] = pairs
                         pairs = more
-                    pairs[found, 0], pairs[found, 1] = a, b
+                    pairs[0, found], pairs[1, found] = a, b
                     found += 1
-    return pairs[:found]
+        pairs[1, begin:found].sort()
+    return pairs[:, :found].copy()
 
 
 @subroutine

@@ -16,8 +16,8 @@
 
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees.anchors import Anchors
-from procphys_ros.physics.trees.breaks import CAUSES
+from procphys_ros.physics.trees.breaks import carried_rows, CAUSES
 from procphys_ros.physics.trees.contact_response import ContactResponse
 from procphys_ros.physics.trees.forest import Forest
 
-__all__ = ['AIR_DENSITY', 'Anchors', 'CAUSES', 'ContactResponse', 'Forest']
+__all__ = ['AIR_DENSITY', 'Anchors', 'carried_rows', 'CAUSES', 'ContactResponse', 'Forest']

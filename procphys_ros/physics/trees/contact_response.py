@@ -83,34 +83,32 @@ class ContactResponse:
     response: np.ndarray
 
 
-def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, model: tuple,
-                     state: State, workspaces: list[Scratch], wind: np.ndarray,
-                     gravity: np.ndarray, dt: float, threads: int) -> ContactResponse:
+def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses: np.ndarray,
+                     model: tuple, state: State, workspaces: list[Scratch], wind: np.ndarray,
+                     gravity: np.ndarray, dt: float, threads: int,
+                     respond: bool) -> ContactResponse:
     """
-    Look one step ahead; the caller puts back what this changes of the state (`Forest`).
+    Look one step ahead; the state stays as it is.
 
     :param entry: places of the touched rows in the plan, (E,).
     :param points: on these rows [m], (E, 3), world.
+    :param impulses: at the points [N·s], (E, 3), or none, (0, 3).
     :param workspaces, threads: as of `parallel.step`.
     :param wind: as of the step to come, (S, 3).
+    :param respond: False = the responses are left out, (0, 3, 3).
     """
-    owner = np.searchsorted(plan.start, entry, side='right') - 1
-    trees, tree, size = np.unique(owner, return_inverse=True, return_counts=True)
-    order = np.argsort(tree, kind='stable')
-    begin = np.concatenate([[0], np.cumsum(size)])
-    place = np.empty(len(entry), np.int64)
-    place[order] = np.arange(len(entry)) - begin[tree[order]]
+    trees, order, begin, tree, place = _by_tree(plan.start, entry)
+    size = np.diff(begin)
     base = np.concatenate([[0], np.cumsum(size ** 2)])
     velocity, before = np.empty((len(entry), 3)), np.empty((len(entry), 3))
     old_share, energy = np.zeros(len(entry)), np.empty(len(entry))
     held = np.zeros(len(entry), bool)
-    response = np.empty((int(base[-1]), 3, 3))
-    within = entry - plan.start[owner]
+    response = np.empty((int(base[-1]) if respond else 0, 3, 3))
 
     def foresee(place: int, first: int, last: int) -> None:
         _foresee(plan, trees[first:last], order, begin[first:last + 1], base[first:last + 1],
-                 within, points, model, state, workspaces[place], wind, gravity, dt, velocity,
-                 before, old_share, energy, held, response)
+                 entry, points, impulses, model, state, workspaces[place], wind, gravity, dt,
+                 velocity, before, old_share, energy, held, response)
     work = np.diff(plan.start)[trees] * (1 + size)  # each push goes through its tree once more
     ranges = pool.group_ranges(np.append(0, np.cumsum(work)), threads)
     parallel.run(foresee, ranges, plan, workspaces)
@@ -118,34 +116,95 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, model: t
                            size[tree], response)
 
 
+@kernel
+def _by_tree(start, entry):
+    """
+    Sort points by the trees that they are on.
+
+    :param start: of the plan.
+    :param entry: of the points in the plan, (E,).
+    :returns: trees, ascending, (T,); points tree by tree, (E,); where those of each tree begin
+        there, and their end, (T + 1,); tree of each point among these, (E,); and its place among
+        the points of its tree, (E,).
+    """
+    owner = np.searchsorted(start, entry, side='right') - 1
+    count = np.zeros(len(start) - 1, np.int64)
+    place, tree = np.empty(len(entry), np.int64), np.empty(len(entry), np.int64)
+    for e in range(len(entry)):
+        place[e] = count[owner[e]]
+        count[owner[e]] += 1
+    trees = np.flatnonzero(count)
+    begin = np.zeros(len(trees) + 1, np.int64)
+    for n in range(len(trees)):
+        begin[n + 1] = begin[n] + count[trees[n]]
+        count[trees[n]] = n
+    order = np.empty(len(entry), np.int64)
+    for e in range(len(entry)):
+        tree[e] = count[owner[e]]
+        order[begin[tree[e]] + place[e]] = e
+    return trees, order, begin, tree, place
+
+
 @kernel(nogil=True)
-def _foresee(plan, trees, order, begin, base, entry, points, model, state, scratch, wind, gravity,
-             dt, velocity, before, old_share, energy, held, response):
+def _foresee(plan, trees, order, begin, base, entry, points, impulses, model, state, scratch,
+             wind, gravity, dt, velocity, before, old_share, energy, held, response):
     moved = np.empty(3)
     for n in range(len(trees)):
         first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
         rows, above = plan.row[first:last], plan.above[first:last]
         ends = order[begin[n]:begin[n + 1]]
-        stop = state.stop[rows].copy()
-        path = _paths(entry[ends], above)
+        own = entry[ends] - first
+        kept = _kept(rows, state)
+        if len(impulses):
+            _push(rows, own, points[ends], impulses[ends], state)
         theta = integrator.solve(rows, above, model, state, scratch, wind, gravity, dt)
         kicked = theta < 1.0 and state.struck[rows[0], 0] != 0.0
         limited = theta == 1.0 or state.stop[rows].any()
         whole = _energy(rows, model, state, scratch, dt, theta)
-        for e in ends:
+        for k, e in zip(own, ends):
             energy[e], held[e] = whole, limited
-            arm = _arm(entry[e], rows, model, state, points[e])
-            _read(entry[e], scratch.motion, arm, dt, velocity[e])
-            _carried(entry[e], rows, state, scratch, points[e], before[e])
+            arm = _arm(k, rows, model, state, points[e])
+            _read(k, scratch.motion, arm, dt, velocity[e])
+            _carried(k, rows, state, scratch, points[e], before[e])
             if theta < 1.0:
                 velocity[e] -= before[e]  # the mean velocity twice, less the old one
                 old_share[e] = 0.5
             if kicked:
-                _read(entry[e], scratch.kick, arm, 1.0, moved)
+                _read(k, scratch.kick, arm, 1.0, moved)
                 velocity[e] += moved
-        _respond(path, rows, above, model, state, scratch, entry[ends], points[ends],
-                 response[base[n]:base[n + 1]])
-        state.stop[rows] = stop
+        if len(response):
+            _respond(_paths(own, above), rows, above, model, state, scratch, own, points[ends],
+                     response[base[n]:base[n + 1]])
+        _put_back(rows, kept, state)
+
+
+@subroutine
+def _kept(rows, state):
+    """Copy what looking ahead changes of one tree."""
+    return (state.stop[rows], state.push[rows], state.struck[rows], state.velocities[rows],
+            state.carried[rows])
+
+
+@subroutine
+def _put_back(rows, kept, state):
+    state.stop[rows], state.push[rows], state.struck[rows] = kept[0], kept[1], kept[2]
+    state.velocities[rows], state.carried[rows] = kept[3], kept[4]
+
+
+@subroutine
+def _push(rows, entry, points, impulses, state):
+    """Let one tree take up impulses, as `Forest.push` does."""
+    for e in range(len(entry)):
+        i, (x, y, z) = rows[entry[e]], impulses[e]
+        u, v, w = points[e] - state.poses[i, :3]
+        push = state.push[i]
+        push[0] += x
+        push[1] += y
+        push[2] += z
+        push[3] += v * z - w * y
+        push[4] += w * x - u * z
+        push[5] += u * y - v * x
+    state.struck[rows[0], 0] = 1.0
 
 
 @subroutine

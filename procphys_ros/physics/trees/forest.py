@@ -376,7 +376,8 @@ class Forest:
 
     def predict_response(self, rows: np.ndarray, points: np.ndarray, dt: float,
                          wind: np.ndarray | None = None, impulses: np.ndarray | None = None,
-                         threads: int = 1) -> contact_response.ContactResponse:
+                         threads: int = 1, respond: bool = True
+                         ) -> contact_response.ContactResponse:
         """
         Tell how points will move in the next step, and what impulses would change about it.
 
@@ -386,22 +387,14 @@ class Forest:
         :param wind: of the next step, as for `step`.
         :param impulses: at the points, as if they had been pushed [N·s], (E, 3).
         :param threads: as for `step`.
+        :param respond: False = leave out what impulses would change, most of the work.
         """
         plan = self.plan
-        entry = self._entry[rows]
         wind = self._still if wind is None else np.ascontiguousarray(wind, float)
-        touched = self.rows_of(np.unique(np.searchsorted(plan.start, entry, 'right') - 1))
-        kept = (self._state.push, self._state.struck, self._state.velocities,
-                self._state.carried)
-        given = [column[touched] for column in kept]
-        if impulses is not None:
-            self.push(rows, points, impulses)
-        found = contact_response.predict_response(
-            plan, entry, np.ascontiguousarray(points), self._model, self._state, self._scratches,
-            wind, self._gravity, float(dt), threads)
-        for column, values in zip(kept, given):
-            column[touched] = values
-        return found
+        impulses = np.zeros((0, 3)) if impulses is None else np.ascontiguousarray(impulses, float)
+        return contact_response.predict_response(
+            plan, self._entry[rows], np.ascontiguousarray(points), impulses, self._model,
+            self._state, self._scratches, wind, self._gravity, float(dt), threads, respond)
 
     def energy(self) -> float:
         """Give the mechanical energy of the active rows above that of the rest pose [J]."""

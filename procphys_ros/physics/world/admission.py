@@ -13,9 +13,10 @@
 # limitations under the License.
 
 """
-Admission: standing bricks go to the engine bit by bit, or when something comes near them.
+Admission: standing bricks go to the engine when something that moves comes near them.
 
-To create them all at once takes some 0.1 ms each: a second or two for a large building that joins.
+Even what is frozen costs an engine every step, and to create a body some 0.1 ms: a second or two
+for a large building.
 """
 
 import numpy as np
@@ -23,15 +24,18 @@ import numpy as np
 from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.world.body_table import BodyTable
 from procphys_ros.physics.world.engine import Engine
+from procphys_ros.physics.world.extents import bounds
+from procphys_ros.physics.world.waking import rim_speed
 
-_PER_STEP = 64  # bodies: a few milliseconds; 15,000 have joined after four seconds
 _ROOM = 0.5  # [m] from what moves, beyond its way; engines look for contacts within 2 cm
 _WAYS = 2.0  # steps that it is looked ahead
 
 
 class Queue:
     """
-    Immovable bodies that an engine does not have yet, in the order in which it gets them.
+    Immovable bodies that an engine does not have yet.
+
+    What is driven passes through them, so that only what moves freely fetches them.
 
     :param engine: that gets them.
     :param bodies: the table that they are in.
@@ -39,7 +43,14 @@ class Queue:
 
     def __init__(self, engine: Engine, bodies: BodyTable):
         self._engine, self._bodies = engine, bodies
-        self._ids = np.zeros(0, np.intp)
+        self._waits = np.zeros(0, bool)  # by id
+        self._keep(np.zeros(0, np.intp))
+
+    def _keep(self, ids: np.ndarray) -> None:
+        """Keep the ids and bounds of those that wait, some of which may be dropped since."""
+        self._ids, self._bounds = ids, self._bodies.bounds[ids]
+        self._low = self._bounds[:, :3].min(axis=0, initial=np.inf)
+        self._high = self._bounds[:, 3:].max(axis=0, initial=-np.inf)
 
     def append(self, ids: np.ndarray) -> None:
         """Let plain boxes wait, (K,) ids; works out their bounds."""
@@ -47,47 +58,49 @@ class Queue:
         bodies.bounds[ids] = piece_bounds(
             bodies.piece_shape[piece], bodies.poses[ids], bodies.piece_size[piece],
             np.zeros((len(ids), 6)), 0.0, 0.0)
-        self._ids = np.concatenate([self._ids, ids])
+        self._keep(np.concatenate([self._ids[self._waits[self._ids]], ids]))
+        more = len(bodies.state) - len(self._waits)
+        self._waits = np.concatenate([self._waits, np.zeros(more, bool)])
+        self._waits[ids] = True
 
     def drop(self, ids: np.ndarray) -> np.ndarray:
         """Forget bodies that are removed, and give those that the engine has."""
-        if not len(self._ids):
-            return ids
-        known = ids[~np.isin(ids, self._ids)]
-        self._ids = self._ids[~np.isin(self._ids, ids)]
-        return known
-
-    def admit_all(self) -> None:
-        """Give the engine everything that waits."""
-        self._admit(np.ones(len(self._ids), bool))
+        waits = self._find(ids)
+        self._waits[ids[waits]] = False
+        return ids[~waits]
 
     def admit_among(self, ids: np.ndarray) -> np.ndarray:
         """Give the engine what waits of some bodies, as they are now; give those that it had."""
-        if not len(self._ids):
-            return ids
-        known = ids[~np.isin(ids, self._ids)]
-        self._admit(np.isin(self._ids, ids))
+        waits = self._find(ids)
+        self._admit(np.unique(ids[waits]))
+        return ids[~waits]
+
+    def _find(self, ids: np.ndarray) -> np.ndarray:
+        """Say which bodies wait, (K,) bool."""
+        known = ids < len(self._waits)
+        known[known] = self._waits[ids[known]]
         return known
 
     def advance(self, awake: np.ndarray, time_step: float) -> None:
         """
-        Give the engine what something may touch in this step, and the next ones in turn.
+        Give the engine what something may touch in this step.
 
         :param awake: ids of the bodies that move freely, (K,).
         :param time_step: [s].
         """
-        if not len(self._ids):
+        if not len(self._ids) or not len(awake):
             return
-        bodies, velocity = self._bodies, self._bodies.velocities[awake, :3]
-        reach = (bodies.radius[awake] + _ROOM
-                 + _WAYS * time_step * np.sqrt((velocity ** 2).sum(axis=1)))[:, None]
-        centre = bodies.poses[awake, :3]
-        due = np.arange(len(self._ids)) < _PER_STEP
-        due[overlaps(np.hstack([centre - reach, centre + reach]),
-                     bodies.bounds[self._ids])[1]] = True
-        self._admit(due)
+        reach = (_ROOM + _WAYS * time_step * rim_speed(self._bodies, awake))[:, None]
+        box = bounds(self._bodies, awake)
+        low, high = box[:, :3] - reach, box[:, 3:] + reach
+        near = ((low < self._high) & (high > self._low)).all(axis=1)
+        if near.any():
+            found = overlaps(np.hstack([low[near], high[near]]), self._bounds)[1]
+            found = np.unique(self._ids[found])
+            self._admit(found[self._waits[found]])
 
-    def _admit(self, due: np.ndarray) -> None:
-        if due.any():
-            ids, self._ids = self._ids[due], self._ids[~due]
+    def _admit(self, ids: np.ndarray) -> None:
+        if len(ids):
+            self._waits[ids] = False
             self._engine.add(self._bodies, ids)
+            self._keep(self._ids[self._waits[self._ids]])

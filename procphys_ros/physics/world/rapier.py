@@ -22,12 +22,11 @@ feels 1.00 of its coefficient, with a force per point 0.87 to 0.97. The default 
 friction forces, so that they are worked out from what the bodies' momenta lack, see `friction`.
 """
 
+from functools import cache
 from itertools import chain
 
 import numpy as np
 import rapier3d
-from scipy.sparse import csr_matrix, eye
-from scipy.sparse.linalg import splu
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.hexahedron import inset
@@ -36,6 +35,8 @@ from procphys_ros.physics.world import extents
 from procphys_ros.physics.world.assembly import placed
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
+from procphys_ros.physics.world.friction import friction
+from procphys_ros.physics.world.narrow_phase import by_attributes, by_bytes, Touches
 
 ITERATIONS = 4  # substeps of the contact solver
 STABILIZATION = 4  # iterations that take out the velocities with which overlaps are undone: with
@@ -47,8 +48,6 @@ DENSE_STIFFNESS = rapier3d.SpringCoefficients(240.0, 10.0)  # with 30 Hz such a 
 #                     3 cm; rubble trembles with 240 Hz
 
 _LARGEST_SPEED = 1e4  # [m/s] rapier's own limit is 400
-_TOUCH = 2e-3  # [m] from which on what presses on nothing is not told as a contact
-_REGULAR = 1e-6  # share of the largest entry, for bodies that only touch each other
 _SKIN = 1e-3  # [m] of hulls
 _SAME = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # a pose
 _FREE = rapier3d.JointAxesMask.empty()  # a joint that holds nothing
@@ -194,8 +193,7 @@ class RapierEngine:
         self._velocity[ids] = velocities[:, :3]
         for body, velocity in zip(ids.tolist(), velocities.tolist()):
             moved = self._bodies[body]
-            moved.linvel = rapier3d.Vec3(*velocity[:3])
-            moved.angvel = rapier3d.Vec3(*velocity[3:])
+            moved.linvel, moved.angvel = velocity[:3], velocity[3:]
 
     def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
         """Sweep bodies along their steps, (K,), where the radius is not 0."""
@@ -204,12 +202,10 @@ class RapierEngine:
 
     def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Read poses (K, 7) and velocities (K, 6) of centres of mass, world axes."""
-        rows = []
-        for body in ids.tolist():
-            moved = self._bodies[body]
-            rows.append((*moved.translation.to_tuple(), *moved.rotation.to_tuple(),
-                         *moved.linvel.to_tuple(), *moved.angvel.to_tuple()))
-        table = np.array(rows).reshape(-1, 13)
+        moved = [self._bodies[body] for body in ids.tolist()]
+        table = np.fromiter(chain.from_iterable(chain.from_iterable(
+            (body.translation.to_tuple(), body.rotation.to_tuple(), body.linvel.to_tuple(),
+             body.angvel.to_tuple()) for body in moved)), float, 13 * len(moved)).reshape(-1, 13)
         table[:, 3:7] /= np.linalg.norm(table[:, 3:7], axis=1, keepdims=True)
         self._poses[ids] = table[:, :7]
         self._velocity[ids] = table[:, 7:10]
@@ -222,34 +218,14 @@ class RapierEngine:
 
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
-        owners, normals, found, count = [], [], [], []
-        for pair in self._world.narrow_phase.contact_pairs():
-            if pair.has_any_active_contact and _touches(pair):
-                both = pair.collider1.index, pair.collider2.index
-                for manifold in pair.manifolds:
-                    touching = [point for point in manifold.points
-                                if point.impulse > 0.0 or point.dist < _TOUCH]
-                    if touching:
-                        found += touching
-                        count.append(len(touching))
-                        owners.append(both)
-                        normals.append(manifold.data.normal.to_tuple())
-        local = [point.local_p2 for point in found]
-        sizes = _rows([(point.dist, point.impulse) for point in found], 2)
-        return self._table(np.repeat(np.array(owners, np.intp).reshape(-1, 2), count, axis=0),
-                           _rows([point.to_tuple() for point in local], 3),
-                           np.repeat(_rows(normals, 3), count, axis=0), sizes)
+        narrow_phase, touches = self._world.narrow_phase, None
+        if self._terrain.is_flat and _snapshots_are_known():
+            touches = by_bytes(narrow_phase)
+        return self._table(touches or by_attributes(narrow_phase))
 
-    def _table(self, owners: np.ndarray, local: np.ndarray, normal: np.ndarray,
-               sizes: np.ndarray) -> np.ndarray:
-        """
-        Turn contacts of rapier into rows of `Engine.contacts`.
-
-        :param owners: indices of two colliders, (C, 2).
-        :param local: points in the frame of the second [m], (C, 3).
-        :param normal: towards the second, (C, 3).
-        :param sizes: distance [m] and impulse along the normal [N·s], (C, 2).
-        """
+    def _table(self, touches: Touches) -> np.ndarray:
+        """Turn contacts of rapier into rows of `Engine.contacts`."""
+        owners, local, normal, sizes = touches
         ids = self._owner[owners]
         second, body = (np.ascontiguousarray(rows[:, 1]) for rows in (owners, ids))
         point = placed(local, second, self._inside, body, self._poses)
@@ -271,17 +247,25 @@ class RapierEngine:
         return friction(ids, impulse, normal, np.where(np.isfinite(mass), mass, 0.0), change)
 
 
-def _touches(pair: rapier3d.ContactPair) -> bool:
-    """Say whether any contact of a pair is told; copies of all its contacts take longer."""
-    if pair.total_impulse_magnitude() > 0.0:
-        return True
-    deepest = pair.find_deepest_contact()
-    return deepest is not None and deepest.dist < _TOUCH
-
-
-def _rows(tuples: list[tuple], width: int) -> np.ndarray:
-    """Turn tuples into rows; `fromiter` is twice as fast as `array`."""
-    return np.fromiter(chain.from_iterable(tuples), float, width * len(tuples)).reshape(-1, width)
+@cache
+def _snapshots_are_known() -> bool:
+    """Try on a small world whether `by_bytes` reads contacts of this version of rapier right."""
+    world = rapier3d.PhysicsWorld(gravity=(0.0, 0.0, -9.81))
+    world.set_num_threads(1)
+    world.add_body(rapier3d.RigidBody.fixed(), [_ground(FLAT)])
+    corners = np.array([[x, y, z] for z in (-0.1, 0.1) for y in (-0.1, 0.1) for x in (-0.1, 0.1)])
+    for place, collider in enumerate((
+            _collider(Shape.BOX, [0.2, 0.2, 0.2]), _collider(Shape.CAPSULE, [0.2, 0.2, 0.2]),
+            _collider(Shape.CAPSULE, [0.2, 0.2, 0.4]), _hull(corners.ravel()))):
+        for height in (0.1, 0.3, 0.52):
+            body = rapier3d.RigidBody.dynamic().position(([0.19 * place, 0.0, height], _SAME[3:]))
+            world.add_body(body.can_sleep(False), [collider.density(1e3)])
+    for _ in range(4):
+        world.step()
+        slow, quick = by_attributes(world.narrow_phase), by_bytes(world.narrow_phase)
+        if quick is None or not all(map(np.array_equal, slow, quick)):
+            return False
+    return len(slow.owners) > 0
 
 
 def _collider(shape: int, size: list[float]) -> rapier3d.ColliderBuilder:
@@ -334,33 +318,3 @@ def _rigid_body(table: BodyTable, body: int, state: BodyState) -> rapier3d.Rigid
     return builder.ccd_enabled(bool(table.swept_radius[body] > 0.0)).additional_mass_properties(
         rapier3d.MassProperties((0.0, 0.0, 0.0), float(table.mass[body]),
                                 table.inertia[body].tolist()))
-
-
-def friction(ids: np.ndarray, impulse: np.ndarray, normal: np.ndarray, mass: np.ndarray,
-             change: np.ndarray) -> np.ndarray:
-    """
-    Share out among contacts what the momenta of bodies lack, the least that does it.
-
-    Least squares weighed by the normal impulses: W Aᵀ (A W Aᵀ)⁻¹ r, with A the incidence of
-    contacts and bodies, and r the change of momentum beyond gravity and normal impulses.
-
-    :param ids: of the two bodies of each contact, (2, C).
-    :param impulse: along the normals, on the first bodies [N·s], (C, 3).
-    :param normal: the same without direction [N·s], (C,).
-    :param mass: of all bodies [kg], 0 for those that nothing moves, (B,).
-    :param change: of their velocities beyond gravity [m/s], (B, 3).
-    :returns: on the first bodies [N·s], (C, 3).
-    """
-    moved = np.unique(ids[(mass[ids] > 0.0) & (normal > 0.0)])
-    if not len(moved):
-        return np.zeros_like(impulse)
-    row = np.full(len(mass), -1)
-    row[moved] = np.arange(len(moved))
-    side, contact = np.nonzero((row[ids] >= 0) & (normal > 0.0))
-    incidence = csr_matrix((1.0 - 2.0 * side, (row[ids[side, contact]], contact)),
-                           (len(moved), len(normal)))
-    weighed = incidence.multiply(normal)
-    matrix = (weighed @ incidence.T).tocsc()
-    matrix += _REGULAR * matrix.diagonal().max() * eye(len(moved), format='csc')
-    lacking = mass[moved, None] * change[moved] - incidence @ impulse
-    return weighed.T @ splu(matrix).solve(np.asarray(lacking))

@@ -197,7 +197,7 @@ class World:
                    hexahedra: Hexahedra | None = None,
                    inertia: np.ndarray | None = None) -> np.ndarray:
         """
-        Add boxes that stand still until they are thawed; the engine gets them later.
+        Add boxes that stand still until they are thawed; the engine gets them when it needs them.
 
         :param poses: (K, 7).
         :param sizes: full extents [m], (K, 3).
@@ -212,10 +212,6 @@ class World:
                                      hexahedra or Hexahedra(), inertia)
         self._queue.append(ids)
         return ids
-
-    def admit_all(self) -> None:
-        """Give the engine all that it does not have yet, so that no later step has to."""
-        self._queue.admit_all()
 
     def _enter(self, body: int) -> int:
         self._engine.add(self._bodies, np.array([body]))
@@ -302,7 +298,7 @@ class World:
 
         :param pairs: two ids each, the lower one first, in lexicographic order, (K, 2).
         """
-        if not len(pairs) and not len(self._excluded):
+        if np.array_equal(pairs, self._excluded):
             return
         known = {tuple(pair) for pair in self._excluded.tolist()}
         wanted = {tuple(pair) for pair in pairs.tolist()}
@@ -348,13 +344,12 @@ class World:
         self._time_step = time_step
         self._contacts = None
         if not (bodies.state >= BodyState.AWAKE).any():
-            self._queue.advance(self.awake, time_step)
             self._pass_time(time_step)
             return
         self.thaw(about_to_be_hit(self._engine, bodies, time_step))
         sweep_fast(self._engine, bodies, self.awake, time_step)
         self._queue.advance(self.awake, time_step)
-        self._places = bodies.poses[:, :3].copy()
+        self._places = bodies.copied('poses', self._places)
         kinematic.set_out(bodies, time_step)
         awake = self.awake
         poses, before = bodies.poses[awake], bodies.velocities[awake]
@@ -375,7 +370,7 @@ class World:
 
     def _pass_time(self, time_step: float) -> None:
         """Let time pass while nothing moves: an engine asks even what sleeps."""
-        self._places = self._bodies.poses[:, :3].copy()
+        self._places = self._bodies.copied('poses', self._places)
         self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
         self._since_check += time_step
         if self._since_check > settling.CHECK_INTERVAL - 1e-9:
