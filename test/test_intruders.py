@@ -106,8 +106,10 @@ def test_each_feels_what_it_does_itself():
     assert not simulation.wrench_on_intruder('right').any()
     assert simulation.pose_of_intruder('absent') is None
     assert simulation.intruders == ('intruder', 'left', 'right', 'absent')
-    with pytest.raises(CommandError, match='no intruder "lefd"; did you mean left'):
-        simulation.place_intruder([0.0, 0.0, 1.0, *_TURN], name='lefd')
+    for ask in (simulation.wrench_on_intruder, simulation.pose_of_intruder,
+                lambda name: simulation.place_intruder([0.0, 0.0, 1.0, *_TURN], name=name)):
+        with pytest.raises(CommandError, match='no intruder "lefd"; did you mean left'):
+            ask('lefd')
 
 
 @pytest.mark.parametrize('shape', ['capsule 0.4 1.2', 'box 0.4 0.4 1.2'])

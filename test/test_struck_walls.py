@@ -19,6 +19,7 @@ from masonry_walls import bonded, BRICK, JOINT, wall_boxes
 import numpy as np
 import pytest
 
+from procphys_ros.physics.fracture_energy import CRUSHING, SHEARING
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import plugs
 from procphys_ros.resources import shared_folder
@@ -93,6 +94,29 @@ def test_a_pier_holds_what_its_beds_bear_over_its_whole_depth(leaves, mass):
             assert impact.carried[1] == pytest.approx((moved - mass) * np.sqrt(left))
 
 
+@pytest.mark.parametrize('leaves', [1, 2, 3])
+@pytest.mark.parametrize('courses', [1, 2])
+def test_an_intruder_feels_what_all_that_it_pushes_withstands(leaves, courses):
+    """Drive a box into a pier: feel two beds, however high it is, and what comes out over dt."""
+    height, speed = courses * (BRICK[2] + JOINT) - 2.0 * JOINT, 1.2
+    scene = Scene.from_parameters({
+        'scene': {'objects': []}, 'gravity': 0.0,
+        'intruder': {'shape': 'box', 'size': [0.3, 0.2, height]}})
+    built = pier(leaves)
+    scene.add(built)
+    simulation = Simulation(scene)
+    middle = built.poses[4, 2] + 0.5 * (courses - 1) * (BRICK[2] + JOINT)
+    while not simulation.intruder_wrench.any():
+        way = -0.3 + speed * simulation.time
+        simulation.place_intruder([0.0, way, middle, 0.0, 0.0, 0.0, 1.0])
+        simulation.step()
+    out = simulation.velocities[:, 1] > 0.5 * speed
+    assert out.sum() == courses * leaves
+    beds = 2.0 * leaves * BRICK[0] * BRICK[1] * COHESION
+    thrust = built.mass[out].sum() * speed / simulation.time_step
+    assert -simulation.intruder_wrench[1] == pytest.approx(beds + thrust, rel=1e-3)
+
+
 def test_a_plug_widens_as_bricks_overlap_and_ends_behind_the_wall():
     """Push on one stretcher: two lie behind it, and three behind these."""
     simulation = stand(wall(3))
@@ -104,6 +128,21 @@ def test_a_plug_widens_as_bricks_overlap_and_ends_behind_the_wall():
     force = [masonry.resist(simulation.state, parts, ALONG).force for parts in found]
     assert force[0] > 1e7 * 0.9 * BRICK[0] * BRICK[2]  # alone it would have to crush its mortar
     assert force[2] < 0.7 * force[0]
+
+
+@pytest.mark.parametrize('cracked', [False, True])
+def test_what_is_crushed_takes_the_work_for_that(cracked):
+    """Drive a brick into the next of its course, head on and askew: crush the joint, or slide."""
+    simulation = stand(bonded([[0.0, 0.0, 0.5], [0.0, BRICK[1] + JOINT, 0.5]], BRICK,
+                              cohesion=COHESION, ground=False))
+    graph = simulation.state.solver.graph
+    graph.cracked[:] = cracked
+    area = BRICK[0] * BRICK[2]
+    head_on = masonry.resist(simulation.state, np.array([0]), ALONG)
+    assert head_on.force == pytest.approx(1e7 * area)
+    assert head_on.energy == pytest.approx(CRUSHING * area)
+    askew = masonry.resist(simulation.state, np.array([0]), np.array([0.8, 0.6, 0.0]))
+    assert askew.energy == pytest.approx(0.0 if cracked else SHEARING * area)
 
 
 def test_whatever_strikes_momentum_is_kept_and_no_energy_won():

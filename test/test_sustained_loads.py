@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import impacts, Simulation
+from procphys_ros.simulation import Cause, impacts, Simulation
 from procphys_ros.simulation.blows import Blow
 
 _LENGTH, _HEIGHT, _DENSITY = 0.5, 0.3, 1900.0  # [m], [kg/m³] of one block of a beam of seven
@@ -47,6 +47,7 @@ def test_what_is_let_down_gently_breaks_where_its_weight_bends_it_too_far(share,
     stress = 3.0 * _DENSITY * 9.81 * (3 * _LENGTH) ** 2 / _HEIGHT
     simulation = laid_on_a_stone(share * stress)
     assert (simulation.bonds_broken > 0) == breaks
+    assert (simulation.events['cause'] == Cause.TENSION).all()  # nothing has struck it
 
 
 def test_what_lies_flat_holds():

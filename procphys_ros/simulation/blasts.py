@@ -19,9 +19,9 @@ import numpy as np
 import scipy  # its parts are imported by their first use
 
 from procphys_ros.errors import CommandError
+from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import air_blast
-from procphys_ros.physics.masonry.capacity import FRACTURE_ENERGY_SHEAR
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation import blast_loads, glass, masonry
@@ -155,7 +155,7 @@ def _burst_panes(model: Model, state: State, panes: np.ndarray) -> None:
 
 def _bond_work(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
     """Give the work of fracture of each part's share of some of its bonds [J], (N,)."""
-    work = 0.5 * FRACTURE_ENERGY_SHEAR * graph.area[bonds]
+    work = 0.5 * fracture_energy.SHEARING * graph.area[bonds]
     return (np.bincount(graph.first[bonds], work, graph.count + 1)
             + np.bincount(graph.second[bonds], work, graph.count + 1))[:-1]
 

@@ -21,6 +21,7 @@ from typing import cast
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.blueprint import Law
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.world import BodyState
@@ -277,7 +278,15 @@ def _record(model: Model, state: State, blow: Blow, result: Breakage) -> None:
     turn = rotation.multiply(now[:, 3:], rotation.conjugate(source.poses[part, 3:]))
     arm = source.bond_frame[result.bonds, :3] - source.poses[part, :3]
     state.log.record(state.time, now[:, :3] + rotation.rotate(turn, arm), result.bonds, pairs,
-                     Cause.IMPACT, result.load)
+                     _causes(model, blow, result.bonds), result.load)
+
+
+def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray | Cause:
+    """Say why bonds broke: what lies bends under its weight, which opens mortar by tension."""
+    if np.isfinite(blow.energy):
+        return Cause.IMPACT
+    wood = model.blueprint.bond_law[bonds] == Law.HINGE
+    return np.where(wood, Cause.BENDING, Cause.TENSION)
 
 
 def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:

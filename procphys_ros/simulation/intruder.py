@@ -33,6 +33,7 @@ from procphys_ros.simulation.state import IntruderState, State
 SMOOTHING = 0.1  # [s] time constant of the wrench that is given out; contacts of rigid bodies jump
 _YIELD = 0.003   # [m] that a brick gives before its bonds exert all their strength
 _STILL = 1e-3    # [m/s] slower, debris at rest is left so
+_ALIKE = 0.7     # least cosine between pushes on bricks that come out together
 _SPACING = 0.25  # [radii] of the balls that a capsule presses walls as; 1 % of the radius between
 
 
@@ -45,9 +46,7 @@ def place(model: Model, state: State, name: str, pose: np.ndarray, time: float) 
     :param time: of the simulation, at which the pose is valid [s].
     :raises CommandError: when there is no such intruder.
     """
-    own, world = state.intruders.get(name), state.world
-    if own is None:
-        raise CommandError(f'there is no intruder "{name}"{nearest_names(name, state.intruders)}')
+    own, world = named(state, name), state.world
     if not own.path.set_target(pose, time):
         return
     pose = own.path.pose
@@ -55,6 +54,18 @@ def place(model: Model, state: State, name: str, pose: np.ndarray, time: float) 
         own.body = world.add_driven(model.intruders[name], pose)
     world.set_poses(np.array([own.body]), pose[None])
     world.drive(own.body, pose)
+
+
+def named(state: State, name: str) -> IntruderState:
+    """
+    Find an intruder.
+
+    :raises CommandError: when there is none of this name.
+    """
+    own = state.intruders.get(name)
+    if own is None:
+        raise CommandError(f'there is no intruder "{name}"{nearest_names(name, state.intruders)}')
+    return own
 
 
 def bodies(state: State) -> dict[str, int]:
@@ -67,7 +78,8 @@ def advance(model: Model, state: State, dt: float) -> None:
     Move the intruders on, whatever is in their way, and press on the walls there.
 
     Branches and loose bodies are pushed aside with their own masses. Bricks that stand press back
-    the more the deeper it gets into them, up to the strength of their bonds, and then come out.
+    the more the deeper it gets into them, up to what they withstand together, and then come out
+    with what they push ahead.
     Intruders pass through each other. Writes `state.intruders`, bodies and loads; releases.
     """
     world = state.world
@@ -128,24 +140,52 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
     near = model.masonry.bricks.within(_bounds(state, own, velocity, dt), state.standing,
                                        state.parts.body)
     depth, normal, point = _deepest(model.intruders[name], pose, near)
-    parts, wrenches = [], []
-    for i in np.flatnonzero(depth > 0.0).tolist():
-        part, push = np.array([near.part[i]]), -normal[i]
-        resistance = masonry.resist(state, part, push)
-        force = resistance.force * min(depth[i] / _YIELD, 1.0)
-        arm = point[i] - pose[:3]
-        if depth[i] > _YIELD:
-            speed = max(0.0, float((velocity[:3] + np.cross(velocity[3:], arm)) @ push))
-            leaving = np.zeros((1, 6))
-            leaving[0, :3] = speed * push
-            force += state.world.bodies.mass[near.body[i]] * speed / dt
-            fragments.release(model, state, [part], leaving, Cause.IMPACT, 1.0)
+    parts, wrenches = [np.zeros(0, np.intp)], [np.zeros((0, 6))]
+    for rows in _together(depth, normal):
+        rows = rows[state.standing[near.part[rows]]]  # plugs may have taken some of them along
+        if not len(rows):
+            continue
+        push = -normal[rows].mean(axis=0)
+        push /= np.linalg.norm(push)
+        plug, withstood = masonry.weakest_plug(state, near.part[rows], push)
+        force = withstood.force / len(rows) * np.minimum(depth[rows] / _YIELD, 1.0)
+        arm = point[rows] - pose[:3]
+        if depth[rows[0]] > _YIELD:
+            speed = np.maximum((velocity[:3] + np.cross(velocity[3:], arm)) @ push, 0.0)
+            force += _drive_out(model, state, plug, speed, push) / len(rows) / dt
         else:
-            parts.append(part[0])
-            wrenches.append(np.concatenate([force * push, np.zeros(3)]))
-        own.from_wall += np.concatenate([-force * push, np.cross(arm, -force * push)])
-    state.loads.set_layer(f'intruder {name}', np.array(parts, np.intp),
-                          np.array(wrenches).reshape(-1, 6))
+            parts.append(near.part[rows])
+            wrenches.append(np.hstack([force[:, None] * push, np.zeros((len(rows), 3))]))
+        own.from_wall[:3] -= force.sum() * push
+        own.from_wall[3:] -= np.cross(arm, force[:, None] * push).sum(axis=0)
+    state.loads.set_layer(f'intruder {name}', np.concatenate(parts), np.concatenate(wrenches))
+
+
+def _together(depth: np.ndarray, normal: np.ndarray) -> Iterator[np.ndarray]:
+    """Sort touched bricks by the way they are pushed; those that come out now are first."""
+    for rows in (np.flatnonzero(depth > _YIELD),
+                 np.flatnonzero((depth > 0.0) & (depth <= _YIELD))):
+        while len(rows):
+            alike = normal[rows] @ normal[rows[0]] > _ALIKE
+            yield rows[alike]
+            rows = rows[~alike]
+
+
+def _drive_out(model: Model, state: State, plug: np.ndarray, speed: np.ndarray,
+               push: np.ndarray) -> float:
+    """
+    Let bricks go, and what they push ahead; give the momentum of all of it [N·s].
+
+    :param plug: the bricks, then what they push ahead, (P,).
+    :param speed: of each of the bricks [m/s], (K,).
+    """
+    pieces = masonry.pieces_of(state, plug[:len(speed)], plug)
+    parts = np.concatenate(pieces)
+    leaving = np.zeros((len(parts), 6))
+    leaving[:, :3] = speed.mean() * push
+    leaving[:len(speed), :3] = speed[:, None] * push
+    fragments.release(model, state, pieces, leaving, Cause.IMPACT, 1.0)
+    return float(state.parts.mass[parts] @ (leaving[:, :3] @ push))
 
 
 def _deepest(pieces: Pieces, pose: np.ndarray,

@@ -134,10 +134,24 @@ def drive_out(state: State, struck: np.ndarray, blow: Strike) -> Exit | None:
         if found is None or withstood.force < found.withstood.force:
             found = comes_out([plug], float(state.parts.mass[plug].sum()), withstood,
                               blow) or found
-    return found and replace(found, pieces=_pieces(state, struck, found.parts))
+    return found and replace(found, pieces=pieces_of(state, struck, found.parts))
 
 
-def _pieces(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.ndarray]:
+def weakest_plug(state: State, struck: np.ndarray,
+                 direction: np.ndarray) -> tuple[np.ndarray, Resistance]:
+    """
+    Give what comes out with the least force where struck parts are pushed and cannot stay.
+
+    :param struck: indices, (K,).
+    :param direction: unit vector of the push, world, (3,).
+    :returns: the struck parts and what they push ahead, (P,), and what these withstand.
+    """
+    found = [(plug, resist(state, plug, direction))
+             for plug in plugs(state.solver.graph, struck, direction)]
+    return min(found, key=lambda one: one[1].force)
+
+
+def pieces_of(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.ndarray]:
     """Part what comes out: struck parts come singly, and what they push ahead in pieces."""
     behind = plug[len(struck):]
     if not len(behind):

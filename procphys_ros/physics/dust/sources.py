@@ -25,6 +25,7 @@ from enum import IntEnum
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.fracture_energy import CRUSHING, OPENING, SHEARING
 from procphys_ros.rotation_kernels import matrix_rows
 
 _WORK_INDEX = 13.5 * 3.6e6 / 907.2  # [J/kg] cement clinker, 13.5 kWh per short ton (Bond 1961)
@@ -40,10 +41,7 @@ class Mode(IntEnum):
     CRUSHED = 2  # ground to pieces
 
 
-# Joints of the shear walls J4D and J5D: 18 and 125 J/m² (Lourenço 1996, Computational strategies
-# for masonry structures, TU Delft). Crushing: 15 + 0.43·f - 0.0036·f² N/mm at f = 10 MPa (CEB-FIP
-# Model Code 90, taken over for masonry by Lourenço).
-_FRACTURE_ENERGY = np.array([18.0, 125.0, 18.9e3])  # [J/m²]
+_FRACTURE_ENERGY = np.array([OPENING, SHEARING, CRUSHING])  # [J/m²] by mode
 
 
 def fracture_energy(mode: np.ndarray, area: np.ndarray) -> np.ndarray:

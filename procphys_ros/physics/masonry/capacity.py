@@ -21,14 +21,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
 from procphys_ros.physics.masonry.ties import ELONGATION
-
-# Work to separate a mortar joint, per area: Lourenço 1996, Computational Strategies for Masonry
-# Structures (Delft), parameters of the shear walls with f_t = 0.25 MPa, c = 0.35 MPa.
-FRACTURE_ENERGY_TENSION = 18.0   # [J/m²], mode I
-FRACTURE_ENERGY_SHEAR = 125.0    # [J/m²], mode II
 
 _AHEAD = 0.7    # least cosine between a blow and the normal of a joint that passes it on
 _DEEPEST = 1.0  # [m] that parts lie behind the struck ones to be driven by them: as thick as walls
@@ -62,6 +58,7 @@ def fails(m, sign, direction, wrench, joints, strength):
 
     The drive splits into pulling apart, pushing together and sliding; each meets its own limit
     (`strength`), with the pressure that is already there, and pushing together raises friction.
+    What is crushed takes the work for that, cracked or not.
     What slides on rubs with that pressure over the length of its patch, which shrinks meanwhile:
     half of friction times length is spent.
 
@@ -86,21 +83,24 @@ def fails(m, sign, direction, wrench, joints, strength):
     limit = np.inf
     if pull > 1e-9:
         limit = max(whole * max(concrete, steel) + pressure, 0.0) / pull
+    crushed = False
     if push > 1e-9:
-        limit = min(limit, max(compression[m] - pressure, 0.0) / push)
+        limit, crushed = min(limit, max(compression[m] - pressure, 0.0) / push), True
     against = friction[m] * (push - pull)
     if slide > against + 1e-9:
-        shear = max(whole * cohesion[m] + friction[m] * pressure, 0.0)
-        limit = min(limit, shear / (slide - against))
-    work = (FRACTURE_ENERGY_TENSION * pull ** 2
-            + FRACTURE_ENERGY_SHEAR * (slide ** 2 + push ** 2)
-            + steel * ELONGATION * (pull ** 2 + slide ** 2))
+        shear = max(whole * cohesion[m] + friction[m] * pressure, 0.0) / (slide - against)
+        if shear < limit:
+            limit, crushed = shear, False
+    pressed = fracture_energy.CRUSHING if crushed else whole * fracture_energy.SHEARING
+    work = pressed * push ** 2 + whole * (
+        fracture_energy.OPENING * pull ** 2 + fracture_energy.SHEARING * slide ** 2
+        + steel * ELONGATION * (pull ** 2 + slide ** 2))
     length = 0.0
     for c in range(2):
         length += extent[m, c] * abs(axes[m, 0, c] * direction[0] + axes[m, 1, c] * direction[1]
                                      + axes[m, 2, c] * direction[2])
     rubbing = 0.5 * friction[m] * max(pressure, 0.0) * slide ** 2 * length
-    return limit * area[m], whole * work * area[m], rubbing * area[m]
+    return limit * area[m], work * area[m], rubbing * area[m]
 
 
 @kernel
