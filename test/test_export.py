@@ -172,3 +172,26 @@ def test_roll_pitch_yaw_turn_as_the_quaternion():
         x, y, z = (from_axis_angle(axis, angle)
                    for axis, angle in zip(axes, roll_pitch_yaw(unit)))
         assert abs(np.dot(multiply(z, multiply(y, x)), unit)) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize('suffix', ['.usda', '.sdf', '.urdf'])
+def test_names_of_objects_meet_no_others(tmp_path, suffix):
+    """Call objects as the ground, the world, or a branch of another: no name stands twice."""
+    tree = {'grammar_text': 'axiom: !(0.1) F(1) F(1)'}
+    wall = {'grammar': 'garden_wall.wall', 'defines': ['length=0.89', 'height=0.3']}
+    names = {'ground': tree, 'world': wall, 'physics': wall, 'ground_segment_0': wall,
+             'ground_anchor': wall}
+    scene = Scene.from_parameters({'scene': {'objects': list(names)}, **{
+        name: {**given, 'origin': [3.0 * i, 0.0, 0.0]}
+        for i, (name, given) in enumerate(names.items())}})
+    path = tmp_path / f'named{suffix}'
+    export(scene, path)
+    text = path.read_text('utf-8')
+    if suffix == '.usda':
+        assert 'def Plane "ground"' in text and 'def PhysicsScene "physics"' in text
+        assert 'def Xform "ground_"' in text and 'def Xform "physics_"' in text
+        return
+    root = ElementTree.fromstring(text)
+    found = [e.get('name') for e in (root[0] if suffix == '.sdf' else root)
+             if e.tag in ('model', 'joint', 'link')]
+    assert len(found) == len(set(found)) >= 5

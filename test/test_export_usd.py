@@ -230,6 +230,35 @@ def test_what_comes_late_is_hidden_before(animated):
     assert shown == list(range(shown[0], 16)) and 6 <= shown[0] <= 7
 
 
+_ARCH = """building b
+  footprint: (0, 0) (2.4, 0)
+  facades: front
+  storey_height: 1.8
+rule front -> split(x) { ~1: wall | 0.9: split(y) { 0.6: hole | 0.8: arch | ~1: wall } | ~1: wall }
+layout running { unit: 0.215 0.1025 0.065 joint: 0.01 material: brick }
+panel wall: running
+panel hole: none
+panel arch: arch(round, 1)
+"""
+
+
+def test_cut_stones_keep_their_own_form_in_an_animation(tmp_path):
+    """Find the corners of each stone of an arch in the shape of its instance."""
+    scene = Scene.from_parameters({'scene': {'objects': ['b']}, 'b': {'grammar_text': _ARCH}})
+    export_animation(scene, tmp_path / 'run.usdc', 0.0, 0.01, 30.0)
+    stage = Usd.Stage.Open(str(tmp_path / 'run.usdc'))
+    instancer = UsdGeom.PointInstancer.Get(stage, '/World/parts_0')
+    shapes = instancer.GetPrototypesRel().GetTargets()
+    which = instancer.GetProtoIndicesAttr().Get()
+    solids = scene.blueprint.hexahedra
+    assert len(solids) > 20
+    for part, corners in zip(solids.part.tolist(), solids.corners.reshape(-1, 8, 3)):
+        mesh = UsdGeom.Mesh.Get(stage, shapes[which[part]].AppendChild('surface'))
+        points = np.array(mesh.GetPointsAttr().Get())
+        apart = np.linalg.norm(corners[:, None] - points, axis=2).min(axis=1)
+        assert apart.max() < 1e-5
+
+
 @pytest.mark.parametrize('suffix', ['.usda', '.usdc'])
 def test_usd_tells_in_one_line_that_a_layer_cannot_be_written(tmp_path, suffix):
     """Say so in place of USD, and leave neither half a file nor what it was written to."""

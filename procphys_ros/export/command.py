@@ -18,10 +18,10 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from procphys_ros.argument_parser import number, OneLineParser
+from procphys_ros.argument_parser import add_grammar_options, number, OneLineParser
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.progress_bar import ProgressBar
-from procphys_ros.scene import Scene
+from procphys_ros.scene.named import open_scene
 from procphys_ros.warning_lines import print_warning, told_to
 
 _FPS = 30.0
@@ -41,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_target(options.out)
         with told_to(print_warning):
-            scene = Scene.from_yaml(options.scene)
+            scene = open_scene(options.scene, options.seed, dict(options.define))
             with ProgressBar(f'export {options.out.name}', sys.stderr) as bar:
                 if options.animate is None:
                     export(scene, options.out, options.time, bar.show)
@@ -62,16 +62,19 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(prog='export', description=(
         'Write a scene as a file for other programs: USD (.usda, .usdc), MuJoCo (.xml), '
         'URDF (.urdf), Gazebo (.sdf), glTF (.glb).'))
-    parser.add_argument('scene', help='scene file (.yaml)')
+    parser.add_argument('scene', help='scene file (.yaml), name of a shipped scene, or '
+                        'grammar (.lsys, .wall)')
     parser.add_argument('--out', required=True, type=Path,
                         help='file to write; its suffix chooses the format')
     when = parser.add_mutually_exclusive_group()
     when.add_argument('--time', type=number, default=0.0,
-                      help='simulated time to wait before [s]')
+                      help='simulated time to wait before [s]; at 0 trees stand as drawn, later '
+                      'as the wind bends them')
     when.add_argument('--animate', type=number, nargs=2, metavar=('FROM', 'TO'),
                       help='write a simulated run between two times [s], USD only')
     parser.add_argument('--fps', type=number, default=_FPS,
                         help=f'moments per second of a run (default {_FPS:g})')
+    add_grammar_options(parser)
     return parser
 
 

@@ -14,7 +14,7 @@
 
 """Markup: what the XML formats share."""
 
-from collections.abc import Iterable
+from collections.abc import Container
 from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
@@ -71,12 +71,8 @@ def roll_pitch_yaw(attitude: np.ndarray) -> np.ndarray:
                      np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))])
 
 
-def unique(names: Iterable[str]) -> list[str]:
-    """Keep names apart that became equal when characters were replaced."""
-    seen: dict[str, int] = {}
-    out = []
-    for name in names:
-        number = seen.get(name, 0)
-        seen[name] = number + 1
-        out.append(f'{name}_{number}' if number else name)
-    return out
+def unlike(name: str, taken: Container[str]) -> str:
+    """Give a name that is not taken: the one given, or one with underscores behind it."""
+    while name in taken:
+        name += '_'
+    return name

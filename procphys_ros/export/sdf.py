@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
-from procphys_ros.export.markup import child, roll_pitch_yaw, text, write
+from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, write
 from procphys_ros.palette import rgba
 from procphys_ros.physics.terrain import Terrain
 
@@ -48,21 +48,30 @@ def write_sdf(content: Content, path: Path, report: Report) -> None:
     child(world, 'gravity', text(0.0, 0.0, -content.gravity))
     _ground(world, content.terrain, path)
     models: dict[str, ElementTree.Element] = {}
+    taken = {WORLD, 'ground'}
     links = list(tree_links(content, joints))
     for done, link in enumerate(links, 1):
         if link.owner not in models:
-            models[link.owner] = _tree_model(link.owner, world)
+            models[link.owner] = _tree_model(_new(link.owner, taken), world)
         _link(content, link, models[link.owner])
         _joint(link, models[link.owner])
         report(done, len(links))
     files = meshes(content, path)
     for name, parts in static_parts(content, joints):
-        model = child(world, 'model', name=f'{name}_rigid' if name in models else name)
+        model = child(world, 'model',
+                      name=_new(f'{name}_rigid' if name in models else name, taken))
         child(model, 'static', 'true')
         element = child(model, 'link', name='parts')
         for part in parts.tolist():
             _shape(content, part, content.poses[part], element, files.get(part, ''))
     write(root, path, _NOTE)
+
+
+def _new(name: str, taken: set[str]) -> str:
+    """Give a name for a model that nothing in the world has."""
+    name = unlike(name, taken)
+    taken |= {name, f'{name}_anchor'}
+    return name
 
 
 def _ground(world: ElementTree.Element, terrain: Terrain, path: Path) -> None:

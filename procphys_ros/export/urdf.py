@@ -23,7 +23,7 @@ from procphys_ros import rotation
 from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
-from procphys_ros.export.markup import child, roll_pitch_yaw, text, write
+from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, write
 from procphys_ros.palette import rgba
 
 _HERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -54,6 +54,8 @@ def write_urdf(content: Content, path: Path, report: Report) -> None:
         report(done, len(links))
     files = meshes(content, path)
     for name, parts in static_parts(content, joints):
+        name = unlike(name, frames)
+        frames[name] = _HERE
         element = child(robot, 'link', name=name)
         for part in parts.tolist():
             _shape(content, part, content.poses[part], element, files.get(part, ''))

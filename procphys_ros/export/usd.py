@@ -24,6 +24,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND, Law
 from procphys_ros.export.articulation import articulate, Articulation, LOOSE
 from procphys_ros.export.content import Content, Report
+from procphys_ros.export.markup import unlike
 from procphys_ros.export.surfaces import ground as ground_mesh
 from procphys_ros.export.surfaces import local_part, paved
 from procphys_ros.export.usd_joints import (
@@ -65,20 +66,28 @@ def write_usd(content: Content, path: Path, report: Report) -> None:
         materials = Materials(layer, f'{ROOT}/materials', path)
         _physics(layer, content.gravity)
         add_ground(layer, materials, content.terrain, content.paving)
-        paths = _part_paths(content)
-        for owner in content.objects:
-            layer.prim(f'{ROOT}/{identifier(owner.name)}', 'Xform')
+        roots = _roots(content)
+        paths = [f'{roots[owner]}/{identifier(name)}'
+                 for owner, name in zip(content.owner, content.part_names)]
+        for root in roots:
+            layer.prim(root, 'Xform')
         joints = articulate(content)
         _segments(layer, materials, content, joints, paths)
-        _hinges(layer, content, joints, paths)
+        _hinges(layer, content, joints, paths, roots)
         _bricks(layer, materials, content, joints, paths, report)
         _welds(layer, content, paths, report)
     layer.write(path)
 
 
-def _part_paths(content: Content) -> list[str]:
-    return [f'{ROOT}/{identifier(content.objects[owner].name)}/{identifier(name)}'
-            for owner, name in zip(content.owner, content.part_names)]
+def _roots(content: Content) -> list[str]:
+    """Give the path of each object, none of them that of the ground or of another one."""
+    taken = {'physics', 'ground', 'materials', 'trees',
+             *(f'paving_{number}' for number in range(len(content.paving)))}
+    names = []
+    for owner in content.objects:
+        names.append(unlike(identifier(owner.name), taken))
+        taken.add(names[-1])
+    return [f'{ROOT}/{name}' for name in names]
 
 
 def _physics(layer: Layer, gravity: float) -> None:
@@ -122,7 +131,8 @@ def _segments(layer: Layer, materials: Materials, content: Content, joints: Arti
             add_mesh(layer, f'{paths[part]}/leaves_{number}', shape, materials.path(name), True)
 
 
-def _hinges(layer: Layer, content: Content, joints: Articulation, paths: list[str]) -> None:
+def _hinges(layer: Layer, content: Content, joints: Articulation, paths: list[str],
+            roots: list[str]) -> None:
     """Hang the segments of each tree on a base that is fixed to the world."""
     bases: dict[int, tuple[str, np.ndarray]] = {}
     for row in np.flatnonzero(joints.parent != LOOSE).tolist():
@@ -131,15 +141,14 @@ def _hinges(layer: Layer, content: Content, joints: Articulation, paths: list[st
         owner = int(content.owner[part])
         if parent < 0:
             if owner not in bases:
-                root = f'{ROOT}/{identifier(content.objects[owner].name)}'
-                bases[owner] = add_base(layer, root, rest)
+                bases[owner] = add_base(layer, roots[owner], rest)
             body, home = bases[owner]
         else:
             body = paths[joints.part[parent]]
             home = content.blueprint.poses[joints.part[parent]]
         add_hinge(layer, f'{paths[part]}_joint', (body, paths[part]),
                   rotation.relative(home, rest), content, joints, row)
-    trees = [f'{ROOT}/{identifier(content.objects[owner].name)}' for owner in bases]
+    trees = [roots[owner] for owner in bases]
     if trees:
         pass_through(layer, f'{ROOT}/trees', trees)
 

@@ -93,12 +93,15 @@ class _Group:
         blueprint = content.blueprint
         carries = np.zeros(len(blueprint), bool)
         carries[blueprint.leaves.part] = carries[blueprint.ornaments.part] = True
+        corners = {part: tuple(own) for part, own in zip(
+            blueprint.hexahedra.part.tolist(), blueprint.hexahedra.corners.round(6).tolist())}
         known: dict[tuple[float, ...], str] = {}
         out = []
         self._layer.prim(f'{self._path}/shapes', 'Scope')
         for part in self._parts.tolist():
             key = (*blueprint.visual_size[part].round(9).tolist(), float(blueprint.shape[part]),
-                   float(blueprint.texture[part]), float(part) if carries[part] else -1.0)
+                   float(blueprint.texture[part]), float(part) if carries[part] else -1.0,
+                   *corners.get(part, ()))
             if key not in known:
                 known[key] = f'{self._path}/shapes/{Shape(blueprint.shape[part]).name.lower()}_' \
                              f'{len(known)}'
