@@ -51,7 +51,7 @@ def _start(context: LaunchContext) -> list[Node]:
                     parameters=[str(scene_file(given['scene'], share))])]
     if given['viewer'] == 'rviz':
         own = f'{given["namespace"].strip("/")}/{given["name"]}'.strip('/')
-        topics = ('markers', 'poses', 'breaks', 'dust')
+        topics = ('markers', 'ground', 'poses', 'breaks', 'dust', 'lidar')
         started.append(Node(package='rviz2', executable='rviz2', output='screen',
                             arguments=['-d', str(share / 'config' / 'procphys.rviz')],
                             remappings=[(f'/sim/{topic}', f'/{own}/{topic}')

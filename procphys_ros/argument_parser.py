@@ -15,6 +15,7 @@
 """Parser of a command's words whose complaints are one line, and readers of values for it."""
 
 import argparse
+from collections.abc import Sequence
 import math
 import re
 from typing import NoReturn
@@ -30,6 +31,27 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print a complaint and exit."""
         self.exit(2, f'{self.prog}: {message}\n')
+
+
+def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Split words into a command's own and those for ROS: from --ros-args to -- or the end."""
+    own: list[str] = []
+    for_ros: list[str] = []
+    is_for_ros = False
+    for word in words:
+        if word == '--ros-args' or word == '--' and is_for_ros:
+            is_for_ros = word == '--ros-args'
+            for_ros.append(word)
+        else:
+            (for_ros if is_for_ros else own).append(word)
+    return own, for_ros
+
+
+def add_grammar_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a scene that is one grammar; `define` becomes a list of pairs."""
+    parser.add_argument('--seed', type=whole, help='of a grammar, 0 when not given')
+    parser.add_argument('--define', type=define, action='append', default=[],
+                        metavar='name=value', help='of a grammar, may be repeated')
 
 
 def number(text: str) -> float:
@@ -78,3 +100,13 @@ def port(text: str) -> int:
     if value > _LAST_PORT:
         raise argparse.ArgumentTypeError(f'"{text}" is not a port from 1 to {_LAST_PORT}')
     return value
+
+
+def define(text: str) -> tuple[str, float]:
+    """Read a name and its number."""
+    name, equals, value = text.partition('=')
+    if not name.isidentifier() or not equals:
+        raise argparse.ArgumentTypeError(f'"{text}" is not like height=15')
+    if name == 'seed':
+        raise argparse.ArgumentTypeError('a grammar has no value "seed"; say --seed')
+    return name, number(value)

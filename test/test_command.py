@@ -20,9 +20,12 @@ import signal
 import subprocess
 import sys
 from time import monotonic
+from types import SimpleNamespace
 
 from node_process import NodeProcess, PATIENCE, ROOT, SAPLING, SCENE
 import pytest
+
+from procphys_ros.ros.remote import NoNodeError, Remote
 
 COMMAND = (sys.executable, '-m', 'procphys_ros.ros.command')
 
@@ -133,6 +136,18 @@ def test_watch_tells_time_and_breaks_until_it_is_stopped(node, say):
         assert watch.returncode == 0 and 'Traceback' not in errors
     finally:
         watch.kill()
+
+
+def test_a_message_that_nobody_has_taken_is_told():
+    """Raise what ends the command with 3 when the node has gone before it had the message."""
+    remote, sent = Remote.__new__(Remote), []
+    remote.name, remote.patience = '/sim', 1.0
+    remote._node = SimpleNamespace(create_publisher=lambda *_: SimpleNamespace(
+        publish=sent.append, get_subscription_count=lambda: 1,
+        wait_for_all_acked=lambda _: False))
+    with pytest.raises(NoNodeError, match='/sim has not taken it within 1 s'):
+        remote.explode((0.0, 0.0, 0.0))
+    assert len(sent) == 1
 
 
 def test_no_node_ends_with_three(node, say):

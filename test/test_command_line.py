@@ -102,6 +102,22 @@ def test_unknown_names_are_answered_with_known_ones(pattern, words):
         list(SCENE.listing(pattern))
 
 
+@pytest.mark.parametrize('name', ['4', 'house/brick_1', 'house/0', 'oak_0/segment_0'])
+def test_parts_have_a_name_or_an_index(name):
+    """Take what means one part."""
+    SCENE.check_part(name)
+
+
+@pytest.mark.parametrize('name, words', [
+    ('house/brick', '"house/brick" means 2 parts.*house/brick_0'), ('oak_0/*', 'means 2 parts'),
+    ('house/pane', 'house/pane_2'), ('house/7', 'kinds are'), ('5', 'from 0 to 4'),
+    ('oak_O/0', 'did you mean oak_0'), ('house', 'object/index')])
+def test_what_means_no_single_part_is_refused(name, words):
+    """Refuse before it is sent on a topic, which gives no answer."""
+    with pytest.raises(CommandError, match=words):
+        SCENE.check_part(name)
+
+
 @pytest.mark.parametrize('typed, expected', [
     ([''], verbs()), (['im'], ['impulse']), (['impulse', 'oa'], ['oak_0/']),
     (['impulse', 'house/p'], ['house/pane_2']), (['impulse', 'oak_0/1', ''], []),
@@ -130,6 +146,15 @@ def test_memory_is_one_file_per_domain_and_node(monkeypatch):
         monkeypatch.setenv('ROS_DOMAIN_ID', domain)
         files |= {memory(node) for node in ('/sim', '/a/sim')}
     assert len(files) == 4 and all(str(f).startswith('/cache/procphys_ros/') for f in files)
+
+
+def test_nothing_is_remembered_where_nobody_has_a_home(tmp_path, monkeypatch):
+    """Make no folder called ~ where neither HOME nor the users' table knows one."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv('XDG_CACHE_HOME', raising=False)
+    monkeypatch.setattr('os.path.expanduser', lambda path: path)
+    remember(SCENE, memory('/sim'))
+    assert not list(tmp_path.iterdir())
 
 
 def test_bash_completes_with_the_printed_lines(tmp_path):
@@ -173,6 +198,12 @@ def test_lines_of_watch():
     for cause in Cause:
         line = break_line({**row, 'cause': int(cause)})
         assert f'by {cause.name.lower()} ' in line and 'the ground from part 6' in line
+
+
+def test_watch_waits_for_a_scene():
+    """Show what the status says while a first scene is built, which has no time yet."""
+    assert status_line('growing objects for 3.0 s', {'commands rejected': '0'}) == (
+        'growing objects for 3.0 s')
 
 
 def test_options_of_no_verb_are_those_of_the_command():

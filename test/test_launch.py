@@ -17,6 +17,7 @@
 
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+import re
 from types import ModuleType
 
 import pytest
@@ -44,6 +45,14 @@ def test_it_takes_the_arguments_that_are_documented(module):
     declared = {entity.name for entity in module.generate_launch_description().entities
                 if hasattr(entity, 'default_value')}
     assert declared == {'scene', 'viewer', 'name', 'namespace'}
+
+
+def test_every_topic_of_the_view_follows_the_name_of_the_node():
+    """Remap all that the layout of RViz shows, for it names them as those of /sim."""
+    layout = (FILE.parents[1] / 'config' / 'procphys.rviz').read_text('utf-8')
+    shown = set(re.findall(r'Value: /sim/(\w+)', layout))
+    remapped = re.search(r'topics = \((.*?)\)', FILE.read_text('utf-8'), re.DOTALL)
+    assert remapped and set(re.findall(r"'(\w+)'", remapped[1])) == shown
 
 
 def test_scenes_are_found_by_name_or_path(module, tmp_path):

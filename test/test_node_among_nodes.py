@@ -32,6 +32,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
 import yaml
 
 from procphys_ros.errors import SceneError
@@ -90,6 +91,27 @@ def test_who_joins_late_learns_of_all_broken_bonds(client):
     assert cloud.width >= 1 and {f.name for f in cloud.fields} >= {'part_a', 'part_b', 'load'}
     assert client.trigger('clear_wrenches').success and client.trigger('reset_simulation').success
     client.next_message(PointCloud2, '/sim/broken_bonds', LATCHED, lambda m: not m.width)
+
+
+def test_a_restored_state_brings_its_broken_bonds_along(client, tmp_path):
+    """Latch what is broken in a saved state when it is restored, and tell it on ~/breaks once."""
+    assert client.set_parameter('state.file', str(tmp_path / 'state')).successful
+    push = WrenchStamped()
+    push.header.frame_id = 'post/3'
+    push.wrench.force.x = 3000.0
+    told = client.listen(PointCloud2, '/sim/breaks', 100)
+    client.send_until(lambda: told, 'a break', (client.publisher(WrenchStamped, '/sim/wrench'),
+                                                push))
+    assert client.switch('set_pause', True).success
+    assert client.trigger('save_state').success and client.trigger('reset_simulation').success
+    client.next_message(PointCloud2, '/sim/broken_bonds', LATCHED, lambda m: not m.width)
+    before = len(told)
+    assert client.trigger('restore_state').success
+    broken = client.next_message(PointCloud2, '/sim/broken_bonds', LATCHED, lambda m: m.width)
+    assert broken.width == client.sim.session.simulation.bonds_broken
+    assert len(told) == before
+    assert client.trigger('reset_simulation').success and client.switch('set_pause', False).success
+    assert client.trigger('clear_wrenches').success
 
 
 def test_the_parameter_says_what_blows(client):
@@ -172,6 +194,15 @@ def test_another_publisher_of_the_clock_is_warned_of(client):
     end(other)
 
 
+def test_a_node_of_the_same_name_is_warned_of(client):
+    """Warn once when another node has the name: clients cannot tell whom they call."""
+    said = client.listen(Log, '/rosout', 100)
+    other = made(publish_clock=False)
+    client.spin_until(lambda: any('2 nodes are called /sim:' in m.msg and m.level == 30
+                                  for m in said), 'a warning')
+    end(other)
+
+
 def test_the_banner_has_the_names_as_remapped(client):
     """Name topics as they are after remapping."""
     node = made(arguments=('-r', '__node:=east', '-r', '~/markers:=/world/markers'))
@@ -224,8 +255,16 @@ def test_a_manager_leads_a_managed_node(client):
     assert float(values_of(status('running'))['simulation time [s]']) > 0.0
     assert node.trigger_deactivate() == SUCCESS
     status('paused')
+    shown = client.listen(MarkerArray, '/managed/markers', 100)
+    client.spin_until(lambda: shown, 'markers')
+    drawn = {(m.ns, m.id) for array in shown for m in array.markers if m.action == m.ADD}
+    shown.clear()
     assert node.trigger_cleanup() == SUCCESS
     client.spin_until(lambda: not ready[-1].data, 'an empty node')
+    client.spin_until(lambda: drawn <= {(m.ns, m.id) for array in shown for m in array.markers
+                                        if m.action == m.DELETE}, 'an empty view')
+    reload = client.call(Trigger, '/managed/reload_scene', Trigger.Request())
+    assert not reload.success and 'no scene' in reload.message
     node.set_parameters([Parameter('post.grammar_text', value='axiom: F(1')])
     assert node.trigger_configure() == FAILURE
     node.set_parameters([Parameter('post.grammar_text', value=SAPLING)])

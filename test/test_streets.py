@@ -97,6 +97,15 @@ def test_fronts_face_the_street(folder):
     np.testing.assert_allclose(roots @ along, [0.0, 20.0, 40.0, 60.0], atol=0.1)
 
 
+def test_steps_of_a_define_end_at_its_largest_value(folder):
+    """Take 2 and 2.6 of what goes from 2 to 3 in steps of 0.6, and no 3.2."""
+    (folder / 'block.plan').write_text(TWENTY.replace('depth: [2, 3, 0.5]', 'depth: [2, 3, 0.6]'))
+    rng = np.random.default_rng(0)
+    row = next(row for row in read_plan(folder / 'block.plan').rows if 'depth' in row.defines)
+    depths = {round(values['depth'], 9) for _ in range(9) for _, values in row.choices(rng)}
+    assert depths == {2.0, 2.6}
+
+
 def test_the_same_seed_gives_the_same_street(folder):
     """Repeat a street by its seed, and share one between nodes without a difference."""
     one, same, other = block(folder, seed=4), block(folder, seed=4), block(folder, seed=5)
@@ -136,6 +145,7 @@ def test_the_shipped_plan_says_what_it_is():
     ('width: 6}', 'width: 6}\n  high: {from: [0, 0], to: [9, 0]}', 'high stands there twice'),
     ('to: [60, 0]', 'to: &a [60, *a]', 'to is [60, [...]], it must be two numbers'),
     ('to: [60, 0]', 'to: [2026-02-30, 0]', 'block.plan:3: to cannot be read'),
+    ('depth: [2, 3, 0.5]', 'seed: 3', 'block.plan:6: defines has a value "seed"'),
     ('depth: [2, 3, 0.5]', 'depth: 1' + 400 * '0', 'it must be a number, [least'),
     ('shed.wall, box', 'sheds.wall, box', 'there is no grammar "sheds.wall"'),
     (', setback: 3', '', ''),

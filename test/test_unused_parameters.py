@@ -18,7 +18,7 @@
 import pytest
 
 from procphys_ros.batch.sweep import Sweep
-from procphys_ros.errors import SceneError
+from procphys_ros.errors import GrammarError, SceneError
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.parameter_table import GROUPS
@@ -90,3 +90,19 @@ def test_a_define_that_stands_there_twice_is_refused():
     pole = {**_POLE['pole'], 'defines': ['a=1', 'a=2']}
     with pytest.raises(SceneError, match='pole.defines: "a" stands there twice'):
         Scene.from_parameters({**_POLE, 'pole': pole})
+
+
+@pytest.mark.parametrize('name', ['steps', 'self', 'overrides'])
+@pytest.mark.parametrize('grammar', ['abop_2_6.lsys', 'garden_wall.wall'])
+def test_a_define_called_as_an_argument_of_python_is_told_like_any_other(name, grammar):
+    """Refuse names that a grammar does not have in its own words, whatever they mean elsewhere."""
+    given = {'scene': {'objects': ['pole']},
+             'pole': {'grammar': grammar, 'defines': [f'{name}=1']}}
+    with pytest.raises(GrammarError, match=f'unknown define "{name}"'):
+        Scene.from_parameters(given)
+
+
+def test_a_scene_without_objects_is_told(caplog):
+    """Say in one line that nothing stands in a scene."""
+    Scene.from_parameters({'seed': 3})
+    assert caplog.messages == ['scene.objects is empty: nothing stands in the scene']

@@ -16,6 +16,7 @@
 """The page in the browser, as far as it can be judged without a browser."""
 
 from dataclasses import replace
+from pathlib import Path
 import socket
 import sys
 from types import SimpleNamespace
@@ -125,7 +126,7 @@ def page(source):
     with socket.socket() as probe:
         probe.bind(('localhost', 0))
         port = probe.getsockname()[1]
-    made = Page(source, port=port, scenes={'a': view.Path('a.yaml')})
+    made = Page(source, port=port, scenes={'a': Path('a.yaml')})
     yield made
     made.close()
 
@@ -252,13 +253,29 @@ def test_wind_gust_and_reset_reach_the_simulation(simulation):
     assert simulation.time == 0.0
 
 
+def test_a_reset_takes_the_cracks_off_the_page(simulation, monkeypatch):
+    """Show what has broken since, also when it is as much as before, between two frames."""
+    def crack(part):
+        simulation.log.record(0.0, np.zeros((2, 3)), np.arange(2), np.full((2, 2), part), 0,
+                              np.ones(2))
+    player, reset = Player(simulation), simulation.reset
+    monkeypatch.setattr(simulation, 'reset', lambda: (reset(), crack(1)))
+    crack(0)
+    player.say(SetPause(True))
+    player.turn(0.0)
+    assert player.frame().broken.tolist() == [[0, 0], [0, 0]]
+    player.say(Reset())
+    player.turn(1.0)
+    assert player.frame().broken.tolist() == [[1, 1], [1, 1]]
+
+
 def test_a_refused_command_is_answered_and_changes_nothing(simulation):
     """Say why a command cannot be carried out, and go on."""
     player = Player(simulation)
     player.say(Impulse('oak', (1.0, 0.0, 0.0)))
     player.turn(0.0)
     assert 'there is no part "oak"' in player.answer()
-    player.say(LoadScene(view.Path('nowhere.yaml')))
+    player.say(LoadScene(Path('nowhere.yaml')))
     player.turn(0.1)
     assert 'nowhere.yaml' in player.answer()
     assert player.simulation is simulation
@@ -335,7 +352,7 @@ def test_sliders_and_clicks_of_a_client_become_commands(page, source, client):
     kinds = {type(command): command for command in source.said}
     np.testing.assert_allclose(kinds[SetWind].velocity, [4.8, 6.4, 0.0], atol=0.1)
     assert kinds[SetPause] == SetPause(True)
-    assert kinds[LoadScene] == LoadScene(view.Path('a.yaml'))
+    assert kinds[LoadScene] == LoadScene(Path('a.yaml'))
     np.testing.assert_allclose(kinds[Explosion].position, [0.0, -51.0, 0.0], atol=1e-5)
 
 
@@ -425,19 +442,6 @@ def test_dust_is_sent_while_there_is_some(page, source, client, frame):
         client.wait_for(lambda m: m.get('name') == '/dust')
     handle = page.server.scene.get_handle_by_name('/dust')
     assert not handle.batched_opacities.any()
-
-
-@pytest.mark.parametrize('words, says', [
-    (['nowhere.yaml'], 'nowhere.yaml'),
-    (['garden', '--host', '192.0.2.1'], '192.0.2.1:8080'),
-])
-def test_mistakes_are_answered_in_one_line(words, says, capsys):
-    """End with one readable line."""
-    assert view.main(words) == 1
-    complaint = capsys.readouterr().err
-    assert says in complaint
-    assert complaint.count('\n') == 1
-    assert complaint.startswith('view: ')
 
 
 def test_a_port_that_is_taken_is_named(frame):

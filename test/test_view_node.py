@@ -17,6 +17,7 @@
 
 import json
 import signal
+from types import SimpleNamespace
 
 from node_process import NodeProcess, SAPLING, wait_until
 import numpy as np
@@ -27,6 +28,7 @@ from procphys_ros.messages import pose_array
 from procphys_ros.messages.leaves import leaf_rows, leaves_of
 from procphys_ros.messages.poses import read_pose_array
 from procphys_ros.ros.followed_node import FollowedNode
+from procphys_ros.ros.page_commands import carry_out
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.commands import (
@@ -155,6 +157,18 @@ def test_another_scene_is_loaded_into_the_node(node, followed, tmp_path):
     assert np.isfinite(followed.frame().poses).all()
     assert says(followed, SetPause(False)).startswith('running')
     wait_until(lambda: followed.status().wind == (0.0, 0.0, 0.0), 'the wind to die down')
+
+
+def test_a_scene_brings_what_its_cues_take(tmp_path):
+    """Give a node the group of the cue "launch", though a reload does not read it."""
+    path, given = tmp_path / 'ball.yaml', {}
+    path.write_text(json.dumps({'/**': {'ros__parameters': {
+        'scene': {'objects': ['post'], 'cues': ['1.0 launch', '2.0 explode', '3.0 impulse']},
+        'projectile': {'mass': 77.0}, 'explosion': {'charge': 5.0}, 'camera': {'part': 'x'},
+        'impulse': {'target': 'post/1'}, 'post': {'grammar_text': SAPLING}}}}), 'utf-8')
+    carry_out(SimpleNamespace(change=given.update, trigger=lambda _: 'done'), LoadScene(path))
+    assert given['projectile.mass'] == 77.0 and given['explosion.charge'] == 5.0
+    assert given['impulse.target'] == 'post/1' and 'camera.part' not in given
 
 
 def test_nothing_is_asked_for_while_nobody_looks(node, followed):

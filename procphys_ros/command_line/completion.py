@@ -81,6 +81,8 @@ def remember(description: Description, scene: Path) -> None:
     :param scene: file to write; that it cannot be is no error.
     """
     names = {owner: description.parts(owner) for owner in description.objects}
+    if scene.parts[0] == '~':  # neither HOME nor the users' table knows a home
+        return
     try:
         scene.parent.mkdir(parents=True, exist_ok=True)
         scene.write_text(json.dumps(names), 'utf-8')
@@ -90,9 +92,11 @@ def remember(description: Description, scene: Path) -> None:
 
 def memory(node: str) -> Path:
     """Give the file for the names of a node's scene, one for each ROS domain."""
-    folder = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache'))
+    folder = os.environ.get('XDG_CACHE_HOME', '')
+    if not os.path.isabs(folder):  # the specification: a relative one counts as unset
+        folder = os.path.expanduser('~/.cache')
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
-    return folder / 'procphys_ros' / f'{domain}{re.sub(r"[^A-Za-z0-9_]", ".", node)}.json'
+    return Path(folder) / 'procphys_ros' / f'{domain}{re.sub(r"[^A-Za-z0-9_]", ".", node)}.json'
 
 
 def _names(word: str, scene: Path) -> list[str]:

@@ -89,7 +89,7 @@ class Description:
         """
         Make sure that a name or an index means one part.
 
-        :raises CommandError: when it means none; the message offers what there is.
+        :raises CommandError: when it means none, or several; the message offers what there is.
         """
         total = len(self._content['parts']['name'])
         if name.isascii() and name.isdigit():
@@ -102,7 +102,11 @@ class Description:
             near = nearest_names(owner, self.objects)
             raise CommandError(f'there is no part "{name[:99]}"{near}; parts are called '
                                f'object/index, such as {next(iter(self.objects), "oak_0")}/0')
-        next(self.listing(name))
+        found = [self._content['parts']['name'][i] for i in self._matching(owner, part)]
+        if name not in found and not (part.isascii() and part.isdigit() and found):
+            next(self.listing(name))
+            raise CommandError(f'"{name}" means {len(found)} parts by kind or wildcard; say one, '
+                               f'such as {found[0]}')
 
     def _matching(self, owner: str, part: str) -> Iterator[int]:
         """Find the parts of an object that a kind, a name, an index or wildcards mean."""

@@ -25,8 +25,10 @@ def status_line(message: str, values: Mapping[str, str]) -> str:
     Say how a simulation does.
 
     :param message: of its diagnostic status.
-    :param values: of that status.
+    :param values: of that status; there are few before there is a scene.
     """
+    if 'simulation time [s]' not in values:
+        return message
     stages = {name.removesuffix(' [ms/step]'): float(value) for name, value in values.items()
               if name.endswith(' [ms/step]')}
     line = (f't {float(values["simulation time [s]"]):8.2f} s   '

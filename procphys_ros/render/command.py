@@ -25,7 +25,7 @@ import sys
 from threading import current_thread, main_thread
 from typing import NoReturn
 
-from procphys_ros.argument_parser import OneLineParser, whole
+from procphys_ros.argument_parser import add_grammar_options, OneLineParser
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.render.backend import RenderUnavailableError
@@ -34,12 +34,10 @@ from procphys_ros.render.motion import CameraMotion
 from procphys_ros.render.picture import Renderer, scene_points
 from procphys_ros.render.writers import check_output, FILMS, is_series, open_writer
 from procphys_ros.scene import Scene
+from procphys_ros.scene.named import open_scene
 from procphys_ros.scene.scenery import CameraSettings
-from procphys_ros.scene.sources import load_grammar
 from procphys_ros.warning_lines import print_warning, told_to
 
-_GRAMMARS = ('.lsys', '.wall')
-_SCENES = ('.yaml', '.yml')
 _LARGEST_SIDE = 8192  # [px], what OpenGL in software still allocates
 _MOST_FRAMES = 100_000
 _INTERRUPTED = 130  # exit code of what SIGINT has ended
@@ -56,7 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_output(options.out)
         with told_to(print_warning):
-            return _draw(_scene(options), options)
+            scene = open_scene(options.scene, options.seed, dict(options.define))
+            return _draw(scene, options)
     except (ProcPhysError, RenderUnavailableError, OSError) as error:
         print(f'render: {error}', file=sys.stderr)
         return 1
@@ -163,12 +162,14 @@ def _camera_settings(scene: Scene, options: argparse.Namespace) -> CameraSetting
 def _parser() -> OneLineParser:
     parser = OneLineParser(prog='render', description=(
         'Draw a scene as a picture, a series of pictures or a film, without a display.'))
-    parser.add_argument('scene', help='scene file (.yaml) or grammar (.lsys, .wall)')
+    parser.add_argument('scene', help='scene file (.yaml), name of a shipped scene, or '
+                        'grammar (.lsys, .wall)')
     parser.add_argument('--out', required=True, type=Path,
                         help='what to write: picture.png (.jpg), film.mp4, loop.gif, '
                         'frames/%%04d.png')
     parser.add_argument('--time', type=_seconds, default=0.0,
-                        help='simulated time to wait before the picture [s]')
+                        help='simulated time to wait before the picture [s]; at 0 trees stand as '
+                        'drawn, later as the wind bends them')
     parser.add_argument('--size', type=_size, default=(1280, 720), metavar='WxH',
                         help='width and height [px]')
     parser.add_argument('--from', dest='start', type=_seconds, default=0.0,
@@ -183,28 +184,8 @@ def _parser() -> OneLineParser:
     parser.add_argument('--view', type=_coordinate, nargs=3, metavar=('X', 'Y', 'Z'),
                         help='where the camera stands at first [m]; where it sees the whole '
                         'scene when not given')
-    parser.add_argument('--seed', type=whole, help='of a grammar, 0 when not given')
-    parser.add_argument('--define', type=_define, action='append', default=[],
-                        metavar='name=value', help='of a grammar, may be repeated')
+    add_grammar_options(parser)
     return parser
-
-
-def _scene(options: argparse.Namespace) -> Scene:
-    """Read the scene, or put one instance of a grammar on empty ground."""
-    suffix = Path(options.scene).suffix
-    if suffix in _SCENES:
-        if options.seed is not None or options.define:
-            name = '--define' if options.define else '--seed'
-            raise SceneError(f'{name}: is for a grammar; "{options.scene}" holds its own values')
-        return Scene.from_yaml(options.scene)
-    if suffix not in _GRAMMARS:
-        raise SceneError(f'"{options.scene}" is neither a scene ({", ".join(_SCENES)}) nor a '
-                         f'grammar ({", ".join(_GRAMMARS)})')
-    grammar = load_grammar(options.scene, 'scene')
-    scene = Scene()
-    built = grammar.build(seed=options.seed or 0, **dict(options.define))
-    scene.add(built, (0.0, 0.0, 0.0), 0.0, name=Path(options.scene).stem)
-    return scene
 
 
 def _numbers(text: str, separator: str, count: int, like: str) -> list[float]:
@@ -256,13 +237,6 @@ def _camera(text: str) -> dict[str, object]:
     if values[:3] == values[3:]:
         raise argparse.ArgumentTypeError(f'"{text}": the camera stands where it looks')
     return {'motion': 'fixed', 'position': values[:3], 'target': values[3:]}
-
-
-def _define(text: str) -> tuple[str, float]:
-    name, equals, value = text.partition('=')
-    if not name.isidentifier() or not equals:
-        raise argparse.ArgumentTypeError(f'"{text}" is not like height=15')
-    return name, _numbers(value, ' ', 1, 'height=15')[0]
 
 
 if __name__ == '__main__':

@@ -139,7 +139,7 @@ class SimNode(Node):
                                        self._compilation)
         self._offer()
         self.session.on_scene = self._start_scene
-        self.session.on_reset = self._output.reset
+        self.session.on_reset = lambda: self._output.reset(self.session.simulation)
         self.session.on_steps = self._show_steps
         self.session.on_wind = self.create_guard_condition(self._tell_wind).trigger
         self.parameters.on_change(self._change)
@@ -164,7 +164,7 @@ class SimNode(Node):
         self._warn_about_settings()
         say = self.get_logger().info
         self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
-        self._clocks = 1
+        self._clocks = self._namesakes = 1
         status = self.parameters['status_line']
         self._has_status_line = status == 'on' or (
             status == 'auto' and sys.stdout is not None and sys.stdout.isatty())
@@ -273,13 +273,25 @@ class SimNode(Node):
         self.diagnostics.publish()
         for work in self._watched:
             work.look()
+        self._warn_of_others()
+        if self._has_status_line:
+            self._print_status()
+
+    def _warn_of_others(self) -> None:
+        """Say once when other nodes publish the time, too, or have the name of this one."""
         clocks = self._output.clocks
         if clocks > max(self._clocks, 1):
             self.get_logger().warning(f'{clocks} nodes publish /clock, time will jump for all '
                                       'that use it; start all but one with publish_clock:=false')
         self._clocks = clocks
-        if self._has_status_line:
-            self._print_status()
+        own = self.get_name(), self.get_namespace()
+        namesakes = self.get_node_names_and_namespaces().count(own)
+        if namesakes > max(self._namesakes, 1):
+            self.get_logger().warning(
+                f'{namesakes} nodes are called {self.get_fully_qualified_name()}: any of them may '
+                'answer a service, and their topics mix; give this one another name with '
+                '-r __node:=NAME')
+        self._namesakes = namesakes
 
     def _print_status(self) -> None:
         try:

@@ -29,6 +29,7 @@ from procphys_ros.recording.marker_state import MarkerState
 from procphys_ros.recording.recording import FULL_EVERY
 from procphys_ros.recording.writer import Writer
 from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
+from procphys_ros.ros.starting import start_ros
 
 _TURN = 0.05  # [s] between looks at the clock
 
@@ -95,8 +96,9 @@ def record(said: argparse.Namespace, ros_words: Sequence[str], ended: Callable[[
     :returns: what was recorded, in one line.
     :raises RecordingError: when the file cannot be written (any further).
     :raises LookupError: when the node is not found.
+    :raises SceneError: when the arguments for ROS cannot be read.
     """
-    rclpy.init(args=['record', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(['record', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(f'record_{os.getpid()}', start_parameter_services=False)
         executor = SingleThreadedExecutor()

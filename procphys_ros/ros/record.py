@@ -19,8 +19,8 @@ from pathlib import Path
 import signal
 import sys
 
-from procphys_ros.argument_parser import node, OneLineParser, positive
-from procphys_ros.errors import RecordingError
+from procphys_ros.argument_parser import node, OneLineParser, positive, split_words
+from procphys_ros.errors import ProcPhysError
 
 _DONE, _FAILED, _NOT_FOUND = 0, 1, 3  # the parser itself ends with 2
 _TIMEOUT = 10.0  # [s]
@@ -33,10 +33,8 @@ def main(words: Sequence[str] | None = None) -> int:
     :param words: behind the command's name; None = the process's own.
     :returns: exit code: 0 done, 1 the file cannot be written, 2 invalid usage, 3 no node found.
     """
-    words = sys.argv[1:] if words is None else list(words)
-    said, others = _parser().parse_known_args(words)
-    if others and '--ros-args' not in others:
-        _parser().error(f'unrecognized arguments: {" ".join(others)}')
+    own, for_ros = split_words(sys.argv[1:] if words is None else words)
+    said = _parser().parse_args(own)
     ended: list[int] = []
     # Late, because it takes seconds that help and mistakes need not wait for.
     try:
@@ -45,8 +43,8 @@ def main(words: Sequence[str] | None = None) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda signum, _: ended.append(signum))
         from procphys_ros.ros import node_recorder
-        print(node_recorder.record(said, others, lambda: bool(ended)))
-    except RecordingError as error:
+        print(node_recorder.record(said, for_ros, lambda: bool(ended)))
+    except ProcPhysError as error:
         print(f'record: {error}', file=sys.stderr)
         return _FAILED
     except LookupError as error:

@@ -167,7 +167,8 @@ class Remote:
                                                 qos.commands())
         self._spin_until(publisher.get_subscription_count, self.patience)
         publisher.publish(message)
-        publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=self.patience))
+        if not publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=self.patience)):
+            raise NoNodeError(f'{self.name} has not taken it within {self.patience:.0f} s')
 
     def _call(self, kind: type, service: str, request: Any) -> Any:
         client = self._node.create_client(kind, f'{self.name}/{service}')

@@ -19,8 +19,8 @@ from pathlib import Path
 import signal
 import sys
 
-from procphys_ros.argument_parser import number, OneLineParser, positive
-from procphys_ros.errors import RecordingError
+from procphys_ros.argument_parser import number, OneLineParser, positive, split_words
+from procphys_ros.errors import ProcPhysError, RecordingError
 
 _DONE, _FAILED = 0, 1  # the parser itself ends with 2
 
@@ -32,10 +32,8 @@ def main(words: Sequence[str] | None = None) -> int:
     :param words: behind the command's name; None = the process's own.
     :returns: exit code: 0 done, 1 the file cannot be read, 2 invalid usage.
     """
-    words = sys.argv[1:] if words is None else list(words)
-    said, others = _parser().parse_known_args(words)
-    if others and '--ros-args' not in others:
-        _parser().error(f'unrecognized arguments: {" ".join(others)}')
+    own, for_ros = split_words(sys.argv[1:] if words is None else words)
+    said = _parser().parse_args(own)
     ended: list[int] = []
     # Late, because it takes seconds that help and mistakes need not wait for.
     try:
@@ -47,8 +45,8 @@ def main(words: Sequence[str] | None = None) -> int:
         for which in (signal.SIGINT, signal.SIGTERM):
             signal.signal(which, lambda signum, _: ended.append(signum))
         from procphys_ros.ros import replayer
-        replayer.replay(recording, said, others, lambda: bool(ended))
-    except RecordingError as error:
+        replayer.replay(recording, said, for_ros, lambda: bool(ended))
+    except ProcPhysError as error:
         print(f'replay: {error}', file=sys.stderr)
         return _FAILED
     return _DONE

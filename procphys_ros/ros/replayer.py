@@ -27,6 +27,7 @@ from rclpy.signals import SignalHandlerOptions
 from procphys_ros.recording.recording import Message, Recording
 from procphys_ros.ros import qos
 from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
+from procphys_ros.ros.starting import start_ros
 
 _NAP = 0.05    # [s], longest sleep, after which signals are looked at
 _HELLO = 0.5   # [s] for subscribers to find the publishers before the first message
@@ -44,8 +45,9 @@ def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[s
     :param ros_words: arguments for ROS.
     :param ended: says when to end early.
     :raises RecordingError: when the file is damaged.
+    :raises SceneError: when the arguments for ROS cannot be read.
     """
-    rclpy.init(args=['replay', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
+    start_ros(['replay', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node('replay', start_parameter_services=False)
         publishers = _publishers(node, recording)

@@ -26,8 +26,9 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import uninstall_signal_handlers
 
-from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.errors import ProcPhysError
 from procphys_ros.ros.node import SimNode
+from procphys_ros.ros.starting import start_ros
 from procphys_ros.warning_lines import told_to
 
 _SWITCH = 0.001  # [s] after which a thread that computes lets another run (Python: 0.005)
@@ -44,7 +45,7 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
     sys.setswitchinterval(_SWITCH)
     code = 0
     try:
-        _start_ros(args)
+        start_ros(args)
         with told_to(get_logger('sim').warning):
             _spin(kind)
     except (KeyboardInterrupt, ExternalShutdownException):
@@ -104,14 +105,3 @@ def _complain(error: Exception) -> int:
     else:
         print(f'sim: {error}', file=sys.stderr)
     return 1
-
-
-def _start_ros(args: list[str] | None) -> None:
-    """Start rclpy; it reads the command line and the parameter files."""
-    try:
-        rclpy.init(args=args)
-    except RuntimeError as error:  # RCLError and UnknownROSArgsError: only their text tells
-        reason = str(error).partition(': ')[2] or str(error)
-        hint = ('; write the numbers of a list alike, [1.0, 2.5, 0.0]'
-                if 'Sequence should be of same type' in reason else '')
-        raise SceneError(reason.split(', at /')[0] + hint) from error

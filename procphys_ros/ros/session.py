@@ -196,12 +196,15 @@ class Session:
         return f'{name} moved'
 
     def set_pause(self, paused: bool) -> str:
-        """Stop time, or let it run again."""
+        """Stop time, or let it run again; before there is a scene, that of the first one."""
         if not paused:
             self._refuse_after_failure()
         self.paused = paused
         self._pacer.restart()
-        return f'{"paused" if paused else "running"} at {self.simulation.time:.3f} s'
+        state = 'paused' if paused else 'running'
+        if not self.has_scene:
+            return f'{state} once there is a scene'
+        return f'{state} at {self.simulation.time:.3f} s'
 
     def step_simulation(self) -> str:
         """Run one step while paused."""

@@ -24,6 +24,7 @@ import sys
 from typing import Any
 
 from procphys_ros import __version__
+from procphys_ros.argument_parser import split_words
 
 _USAGE = """\
 usage: {name} [--help] [--version] [--ros-args ...]
@@ -55,8 +56,8 @@ def main(args: list[str] | None = None, kind: str = 'procphys_ros.ros.node:SimNo
     :param name: of the executable.
     :returns: exit code: 0 when told to stop, 1 when the scene cannot be read, 2 for invalid usage.
     """
-    words = _own_words(sys.argv[1:] if args is None else args)
-    if words:
+    words, _ = split_words(sys.argv[1:] if args is None else args)
+    if words and words != ['--']:
         return _answer(words, name)
     # rclpy handles signals once it is started. Importing takes a second or more, and a signal
     # must end the process as cleanly in that time; so the imports come after this. Nothing is
@@ -83,17 +84,6 @@ def _import(kind: str) -> tuple[Callable[..., int], Any]:
     gc.freeze()
     gc.enable()
     return run, node
-
-
-def _own_words(words: list[str]) -> list[str]:
-    """Leave out what is for ROS: what stands between --ros-args and -- or the end."""
-    own, is_for_ros = [], False
-    for word in words:
-        if word in ('--ros-args', '--'):
-            is_for_ros = word == '--ros-args'
-        elif not is_for_ros:
-            own.append(word)
-    return own
 
 
 def _answer(words: list[str], name: str) -> int:

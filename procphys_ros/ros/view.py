@@ -17,16 +17,20 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
-from pathlib import Path
 import signal
 import sys
 from threading import Event
 from typing import Any
 import webbrowser
 
-from procphys_ros.argument_parser import node, OneLineParser, port
+from procphys_ros.argument_parser import (
+    add_grammar_options,
+    node,
+    OneLineParser,
+    port,
+    split_words,
+)
 from procphys_ros.errors import ProcPhysError
-from procphys_ros.resources import shared_folder
 from procphys_ros.view.page import HOST, Page, PORT
 from procphys_ros.warning_lines import print_warning, told_to
 
@@ -40,16 +44,17 @@ def main(words: Sequence[str] | None = None) -> int:
     :param words: behind the command's name; None = the process's own.
     :returns: exit code: 0 done, 1 the scene or the page cannot be had, 2 invalid usage.
     """
-    said, others = _parser().parse_known_args(sys.argv[1:] if words is None else list(words))
-    if others and '--ros-args' not in others:
-        _parser().error(f'unrecognized arguments: {" ".join(others)}')
+    own, for_ros = split_words(sys.argv[1:] if words is None else words)
+    said = _parser().parse_args(own)
+    if said.scene is None and (said.define or said.seed is not None):
+        _parser().error('--seed and --define are for a grammar')
     try:
         with told_to(print_warning):
             if said.scene is None:
-                with _followed(said.node, others) as source:
+                with _followed(said.node, for_ros) as source:
                     _serve(source, said, f'node {source.name}')
             else:
-                with closing(_played(said.scene)) as source:
+                with closing(_played(said)) as source:
                     _serve(source, said, said.scene)
     except ProcPhysError as error:
         print(f'view: {error}', file=sys.stderr)
@@ -57,16 +62,14 @@ def main(words: Sequence[str] | None = None) -> int:
     return _DONE
 
 
-def shipped_scenes() -> dict[str, Path]:
-    """Find the scenes that come with the package, by name."""
-    return {path.stem: path for path in sorted((shared_folder() / 'config').glob('*.yaml'))}
-
-
 def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
     ended = Event()
     # Not before: what builds the scene is to be interrupted.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ended.set())
+    # Late, as what follows: scenes take a second that help and mistakes need not wait for.
+    from procphys_ros.scene.named import shipped_scenes
+
     with closing(Page(source, said.host, said.port, shipped_scenes())) as page:
         print(f'{page.address} shows {title}; Ctrl-C ends it', flush=True)
         source.start()
@@ -76,13 +79,13 @@ def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
         ended.wait()
 
 
-def _played(path: str) -> Any:
+def _played(said: argparse.Namespace) -> Any:
     # Late, because kernels and engines take seconds that help and mistakes need not wait for.
-    from procphys_ros.scene import Scene
+    from procphys_ros.scene.named import open_scene
     from procphys_ros.simulation import Simulation
     from procphys_ros.view.player import Player
 
-    return Player(Simulation(Scene.from_yaml(shipped_scenes().get(path, path))))
+    return Player(Simulation(open_scene(said.scene, said.seed, dict(said.define))))
 
 
 @contextmanager
@@ -91,7 +94,8 @@ def _followed(name: str, ros_words: Sequence[str]) -> Iterator[Any]:
     from rclpy.signals import SignalHandlerOptions
 
     from procphys_ros.ros.followed_node import FollowedNode
-    rclpy.init(args=['view', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
+    from procphys_ros.ros.starting import start_ros
+    start_ros(['view', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
     try:
         with closing(FollowedNode(name)) as node:
             yield node
@@ -102,8 +106,8 @@ def _followed(name: str, ros_words: Sequence[str]) -> Iterator[Any]:
 def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog='view', description='Show a scene on a page in the browser, until Ctrl-C.')
-    parser.add_argument('scene', nargs='?', help='scene file (.yaml), or the name of a shipped '
-                        'scene; none = what a running node publishes')
+    parser.add_argument('scene', nargs='?', help='scene file (.yaml), name of a shipped scene, '
+                        'or grammar (.lsys, .wall); none = what a running node publishes')
     parser.add_argument('--node', type=node, default='/sim',
                         help='the node to follow (default /sim)')
     parser.add_argument('--host', default=HOST,
@@ -111,6 +115,7 @@ def _parser() -> OneLineParser:
                         'all of its addresses)')
     parser.add_argument('--port', type=port, default=PORT, help=f'TCP port (default {PORT})')
     parser.add_argument('--open', action='store_true', help='open the page in the browser')
+    add_grammar_options(parser)
     return parser
 
 

@@ -49,7 +49,7 @@ _SCENE = (
               'not said',
               takes_effect='reload'),
 )
-_NODE = (
+NODE = (
     Parameter('publish_clock', True, 'whether simulation time goes out on /clock', read_only=True),
     Parameter('publish_tf', False, 'whether /tf has a frame per object, named as it is, at the '
               'first part that is left of it; needs tf2_msgs', read_only=True),
@@ -72,7 +72,7 @@ GLOBAL = (
     *parameters(Settings, takes_effect='reload'),
     Parameter('world_frame', 'world', 'frame of everything published', read_only=True),
     *parameters(Shard, 'shard', read_only=True),
-    *_NODE,
+    *NODE,
     *parameters(WindSettings, 'wind'),
     *parameters(Gust, 'gust', takes_effect='use'),
     *parameters(TreeSettings, 'trees', takes_effect='reload'),

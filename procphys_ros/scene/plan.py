@@ -123,7 +123,10 @@ class Row:
             values = {}
             for name, (low, high, step) in self.defines.items():
                 value = rng.uniform(low, high)
-                values[name] = (low + step * round((value - low) / step) if step else value)
+                if step:  # never beyond the largest, where that is not a whole number of steps
+                    most = math.floor((high - low) / step + 1e-9)
+                    value = low + step * min(round((value - low) / step), most)
+                values[name] = value
             yield order.pop(), values
 
 
@@ -232,6 +235,9 @@ class _Keys:
         if not isinstance(value, dict):
             raise self.error(key, f'is {value!r}, it must be {{name: value, …}}')
         found = {}
+        if 'seed' in value:
+            raise self.error(key, 'has a value "seed", which no grammar has; each takes its own '
+                             'from the seed of the plan')
         for name, given in value.items():
             given = [given, given] if _are_numbers([given], (1,)) else given
             if not _are_numbers(given, (2, 3)) or given[0] > given[1] or min(given[2:] or [0]) < 0:

@@ -113,6 +113,8 @@ class Scene:
         specs = read_objects(parameters)
         for line in check_given(parameters, [spec.name for spec in specs]):
             _LOG.warning(line)
+        if not specs:
+            _LOG.warning('scene.objects is empty: nothing stands in the scene')
         settings = read_settings(parameters)
         scene = cls(replace(settings, wind_record=read_wind_record(settings.wind.file, beside),
                             terrain=make_terrain(settings.ground, settings.seed, beside)))

@@ -175,6 +175,8 @@ def _serve(host: str, port: int) -> Any:
         with socket.socket(family, socket.SOCK_STREAM) as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(place)
+    except UnicodeError as error:
+        raise ViewError(f'cannot serve the page on {host}: that is no name of a host') from error
     except OSError as error:
         raise ViewError(f'cannot serve the page on {host}:{port}: '
                         f'{error.strerror}; --port names another one') from error

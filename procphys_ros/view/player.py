@@ -168,6 +168,7 @@ class Player:
 
     def _reset(self, command: Reset) -> str:
         self.simulation.reset()
+        self._known_breaks, self._broken = 0, _NONE_BROKEN
         return ''
 
     def _set_speed(self, command: SetSpeed) -> str:
