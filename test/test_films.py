@@ -187,6 +187,36 @@ def test_sun_and_clouds_change_the_light():
     assert covered.std() < 0.8 * east.std()
 
 
+def test_a_low_sun_throws_long_shadows():
+    """Shade the ground as far from a pole as its tip throws shade, not in a ball around it."""
+    pole = LSystem.parse(_POLE).build()
+    tip = pole.poses[-1, 2] + 0.5 * pole.size[-1, 2]
+    sun = SunSettings(azimuth=270.0, elevation=12.0)  # in the west
+    far = 0.9 * tip / np.tan(np.radians(sun.elevation))
+    assert far > 4.0 * tip
+    view = View(np.array([far, -2.0, 1.5]), np.array([far, 0.0, 0.0]))
+    bare, shaded = (_grey(pole, aside, view, sun) for aside in (5.0, 0.0))
+    assert (bare - shaded)[49:51].min() > 5.0
+    assert np.abs(bare - shaded)[:40].mean() < 1.0
+
+
+def test_the_ground_at_the_feet_of_a_far_camera_is_drawn():
+    """Leave no hole in the foreground when all else is far away."""
+    pole = LSystem.parse(_POLE).build()
+    view = View(np.array([0.0, -60.0, 2.0]), np.array([0.0, -57.0, 0.0]))
+    picture = _grey(pole, 0.0, view, SunSettings())
+    assert picture.max() < 200.0  # grass; what nothing covers has the pale colour of haze
+
+
+def _grey(blueprint, aside, view, sun):
+    """Draw a blueprint moved along y, in shades of grey."""
+    moment = Moment(blueprint, blueprint.poses + [0.0, aside, 0.0, 0.0, 0.0, 0.0, 0.0])
+    renderer = Renderer(moment, (160, 100), sun)
+    picture = renderer.draw(moment, view).astype(float).mean(axis=2)
+    renderer.close()
+    return picture
+
+
 @pytest.mark.parametrize('words, said', [
     (['film.mp4'], '--to'), (['film.mp4', '--to', '0'], '--to'),
     (['film.mp4', '--from', '3', '--to', '2'], '--to'),

@@ -67,6 +67,15 @@ def test_a_node_goes_back_to_a_saved_state(client, tmp_path):
     assert simulation.time == time
 
 
+def test_a_saved_state_is_a_file_like_others_and_may_lie_at_home(client, tmp_path, monkeypatch):
+    """Give it the mode that the umask leaves, and read ~ as other parameters do."""
+    monkeypatch.setenv('HOME', str(tmp_path))
+    use_file(client, '~/state.bin')
+    assert client.trigger('save_state').success and client.trigger('restore_state').success
+    (tmp_path / 'other').write_bytes(b'')
+    assert (tmp_path / 'state.bin').stat().st_mode == (tmp_path / 'other').stat().st_mode
+
+
 @pytest.mark.parametrize(('prepare', 'word'), [
     (lambda folder: '', 'state.file is empty'),
     (lambda folder: folder / 'nothing.bin', 'cannot be read'),

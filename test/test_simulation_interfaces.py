@@ -45,6 +45,8 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.ros import simulation_interfaces
+from procphys_ros.ros.pacing import Pacer
+from procphys_ros.ros.session import Session
 from procphys_ros.ros.simulation_interfaces import FEATURES, SimulationInterfacesServer
 from procphys_ros.scene.strikes import Projectile
 
@@ -173,6 +175,26 @@ def test_an_entity_has_a_state_and_a_description(server):
         for service in ('get_entity_state', 'get_entity_info'):
             answer = call(server, service, entity=name).result
             assert answer.result == RESULT.RESULT_NOT_FOUND and answer.error_message
+
+
+def test_what_has_gone_does_not_hide_the_states_of_others(server):
+    """Give the states of what is left when an object has gone altogether, as by a blast."""
+    server.session.simulation.state.parts.poses[:2] = np.nan
+    answer = call(server, 'get_entities_states')
+    assert answer.result.result == RESULT.RESULT_OK and answer.entities == ['oak_1']
+    assert len(answer.states) == 1
+
+
+def test_before_the_first_scene_requests_are_answered():
+    """Say that nothing has begun, and refuse what needs a scene, while the first is built."""
+    session = Session(Pacer(1.0 / 60.0, 1.0, budget=0.05))
+    empty = SimulationInterfacesServer(TYPES, Replies(), build_and_join, session, 'world')
+    assert call(empty, 'get_simulation_state').state.state == STATE.STATE_PLAYING
+    assert session.set_pause(True) == 'paused once there is a scene'
+    assert call(empty, 'get_simulation_state').state.state == STATE.STATE_STOPPED
+    refused = call(empty, 'get_entities').result
+    assert refused.result == RESULT.RESULT_OPERATION_FAILED
+    assert 'still being built' in refused.error_message
 
 
 def test_nothing_is_offered_without_the_package(monkeypatch):
@@ -357,6 +379,8 @@ def test_reset_scopes_differ_in_what_was_spawned(server):
     ({'name': 'a'}, 104, 'resource_string'),
     ({'name': 'a', 'entity_resource': resource('robot.urdf')}, 103, '.lsys or .wall'),
     ({'name': 'a', 'entity_resource': resource('oak.lsys?seed=x')}, 103, 'whole number'),
+    ({'name': 'a', 'entity_resource': resource(f'oak.lsys?seed={"9" * 5000}')}, 103,
+     'whole number'),
     ({'name': 'a', 'entity_resource': resource('no_such.lsys')}, 106, 'no grammar'),
     ({'name': 'a', 'entity_resource': resource(text='axiom: F(1')}, 106, 'spawn.grammar_text:1'),
     ({'name': '', 'entity_resource': resource(text=TREE)}, 102, 'allow_renaming'),

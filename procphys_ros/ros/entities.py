@@ -51,6 +51,10 @@ class Entities:
                 return self._simulation.poses[part], self._simulation.velocities[part]
         raise CommandError(f'nothing is left of {name}')
 
+    def is_left(self, name: str) -> bool:
+        """Say whether anything is left of an object."""
+        return bool(np.isfinite(self._simulation.poses[self._parts(name), 0]).any())
+
     def movable(self, name: str) -> int:
         """
         Give the part by which an object, or a part, can be put elsewhere in one piece.

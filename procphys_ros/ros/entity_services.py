@@ -15,6 +15,7 @@
 
 """The services of `simulation_interfaces` that put entities in, take them out and move them."""
 
+from argparse import ArgumentTypeError
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 import math
@@ -23,6 +24,7 @@ from urllib.parse import parse_qsl, unquote
 
 import numpy as np
 
+from procphys_ros.argument_parser import whole
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, ProcPhysError, SceneError
 from procphys_ros.resources import shared_folder
@@ -256,7 +258,9 @@ def _described(uri: str, text: str) -> Spawn:
         raise SceneError(f'"{uri}" is no grammar; their names end in .{" or .".join(FORMATS)}')
     values = dict(parse_qsl(query, keep_blank_values=True))
     seed = values.pop('seed', '0')
-    if not seed.isdecimal():
-        raise SceneError(f'"{uri}": the seed "{seed}" is not a whole number, 0 or more')
-    return Spawn(grammar=path, seed=int(seed),
+    try:
+        number = whole(seed)
+    except ArgumentTypeError as error:
+        raise SceneError(f'"{uri}": the seed {error}') from error
+    return Spawn(grammar=path, seed=number,
                  defines=tuple(f'{name}={value}' for name, value in values.items()))

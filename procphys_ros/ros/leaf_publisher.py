@@ -45,6 +45,7 @@ class LeafPublisher:
                                     event_callbacks=self._new.events)
         self._limiter = RateLimiter(1.0, _EARLY)
         self._described = -1
+        self._has_news = True
 
     def restart(self) -> None:
         """Say next time what leaves there are, also if there are as many as before."""
@@ -66,7 +67,9 @@ class LeafPublisher:
         :param rate: at most so often [Hz].
         """
         self._limiter.rate = rate
-        is_news = self._new.are_waiting() or has_moved
-        if is_news and self._poses.get_subscription_count() and self._limiter.is_due():
+        # What came when nothing was due is still to be told, also if time stands still since.
+        self._has_news |= self._new.are_waiting() or has_moved
+        if self._has_news and self._poses.get_subscription_count() and self._limiter.is_due():
+            self._has_news = False
             self._poses.publish(messages.pose_array(
                 simulation.leaf_poses(), messages.stamp(simulation.time), self._frame))

@@ -77,8 +77,11 @@ class Loading:
         Begin to load the scene of the present parameters; on an error the old one stays.
 
         :param answer: told, in another thread, whether it runs now, and what it holds or why not.
-        :raises CommandError: when another is being loaded.
+        :raises CommandError: when another is being loaded, or none has been yet.
         """
+        if not self._session.has_scene:
+            raise CommandError('there is no scene yet to load another in place of')
+
         def hand_over(simulation: Simulation) -> None:
             self._hand_over(simulation, answer)
 

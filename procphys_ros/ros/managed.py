@@ -16,12 +16,14 @@
 """The node as a managed node: a manager says when it builds its scene, and when time passes."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from queue import Empty, Queue
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 
+from procphys_ros.errors import CommandError
 from procphys_ros.ros.commands import Command
 from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.pacing import RateLimiter
@@ -108,6 +110,8 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
         answer(True, 'the node ends')
 
     def _drop_scene(self) -> str:
+        with suppress(CommandError):  # nothing is being built in its place
+            self.builder.cancel()
         self.session.close()
         self.session.paused = True
         self.diagnostics.latest = None

@@ -15,7 +15,7 @@
 
 """Page commands: what is done at a page, said to a node in the order in which it was done."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from queue import Empty, Queue
 from threading import Event, Thread
 from time import monotonic
@@ -27,6 +27,7 @@ from procphys_ros.errors import ProcPhysError
 from procphys_ros.ros.remote import NoNodeError, Remote
 from procphys_ros.scene.parameter_table import GLOBAL, OBJECT
 from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.scene.unused import flat
 from procphys_ros.scene.yaml_file import read_yaml
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.commands import (
@@ -43,6 +44,8 @@ _TURN = 0.1      # [s] between looks at whether it is to end
 _TIMEOUT = 3.0   # [s] to look for the node
 _LONG_PATIENCE = 600.0  # [s] for a scene to be built
 _LOOK = 1.0      # [s] between looks at the wind that the node has
+# What a scene brings besides what a reload reads: its wind, and what cues take from groups.
+_OF_SCENES = ('wind.', 'gust.', 'impulse.', 'projectile.', 'explosion.', 'demolition.')
 
 
 class PageCommands:
@@ -164,7 +167,7 @@ def _gust(remote: Remote, gust: StartGust) -> str:
 
 def _load(remote: Remote, scene: LoadScene) -> str:
     """Give the node the parameters of a scene file, and what the file leaves out its default."""
-    given = _flat(read_yaml(scene.path))
+    given = dict(flat(read_yaml(scene.path)))
     objects = list(given.get('scene.objects', []))
     remote.change({'scene.objects': objects})  # declares the parameters of new ones
     wanted = {p.name: p.default for p in GLOBAL if _belongs_to_scene(p)}
@@ -177,17 +180,7 @@ def _load(remote: Remote, scene: LoadScene) -> str:
 def _belongs_to_scene(parameter: Any) -> bool:
     name = parameter.name
     return not parameter.read_only and (
-        parameter.takes_effect == 'reload' or name.startswith(('wind.', 'gust.', 'demolition.')))
-
-
-def _flat(nested: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for key, value in nested.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f'{prefix}{key}.')
-        else:
-            flat[prefix + key] = value
-    return flat
+        parameter.takes_effect == 'reload' or name.startswith(_OF_SCENES))
 
 
 _ACTIONS: dict[type, Callable[[Remote, Any], str | None]] = {

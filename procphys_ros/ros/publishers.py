@@ -30,7 +30,7 @@ from procphys_ros import messages
 from procphys_ros.compilation.threads import beside
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.messages.ground import thinned
-from procphys_ros.messages.points import BREAK
+from procphys_ros.physics.terrain import FLAT
 from procphys_ros.ros import qos
 from procphys_ros.ros.late_joiners import LateJoinerTracker
 from procphys_ros.ros.leaf_publisher import LeafPublisher
@@ -86,7 +86,8 @@ class Publishers:
         self._marker_limiter = RateLimiter(parameters['marker_rate'], _EARLY)
         self._description_limiter = RateLimiter(_DESCRIPTIONS)
         self._broken_limiter = RateLimiter(_DESCRIPTIONS)
-        self._forget_breaks()
+        self._told_breaks = 0
+        self._has_news_of_breaks = True
         self._had_dust = False
         self._last = np.empty((0, 7))
         self._added: tuple[str, ...] = ()
@@ -99,7 +100,7 @@ class Publishers:
 
     def start_scene(self, simulation: Simulation) -> None:
         """Announce a scene that has been loaded; whoever watches gets all of it anew."""
-        self.reset()
+        self.reset(simulation)
         self._show_ground(simulation)
         self._describe(simulation)
         self._ready.publish(Bool(data=True))
@@ -110,13 +111,21 @@ class Publishers:
             self._wait_for_markers()
 
     def end_scene(self) -> None:
-        """Say that there is no scene any more."""
+        """Say that there is no scene any more, and clear what viewers show of it."""
+        self.close()
+        if self._scene_markers is not None:
+            self._markers.publish(self._scene_markers.deletions((0, 0)))
+            self._scene_markers = None
+        self._ground.publish(messages.ground_markers(FLAT, (), (0, 0), self._frame))
         self._ready.publish(Bool(data=False))
 
-    def reset(self) -> None:
-        """Begin anew, because time has jumped back."""
+    def reset(self, simulation: Simulation) -> None:
+        """Begin anew, because time has jumped."""
         self._describer: SceneDescription | None = None
-        self._forget_breaks()
+        # What breaks at the start is news; what a saved state brings along was told before.
+        self._told_breaks = simulation.log.total if simulation.time > 0.0 else 0
+        self._has_news_of_breaks = True
+        self._broken_limiter.hasten()
         self.restart()
 
     def restart(self) -> None:
@@ -165,11 +174,6 @@ class Publishers:
             self._publish_wind(simulation, at)
         if has_moved:
             self._publish_wrenches(simulation, at)
-
-    def _forget_breaks(self) -> None:
-        self._broken_rows = np.empty(0, BREAK)
-        self._has_news_of_breaks = True
-        self._broken_limiter.hasten()
 
     def _follow_content(self, simulation: Simulation) -> None:
         """Draw anew what users put in, which may have leaves, and describe what there is."""
@@ -237,15 +241,16 @@ class Publishers:
                            shard)
 
     def _publish_breaks(self, simulation: Simulation, at: messages.Stamp) -> None:
-        events = simulation.log.take()
-        if len(events):
-            rows = messages.break_rows(events)
-            self._broken_rows = np.concatenate([self._broken_rows, rows])
+        log = simulation.log
+        new, self._told_breaks = log.total - self._told_breaks, log.total
+        if new:
             self._has_news_of_breaks = True
             if self._breaks.get_subscription_count():
+                rows = messages.break_rows(log.recent(new))
                 self._breaks.publish(messages.point_cloud(rows, at, self._frame))
         if self._has_news_of_breaks and self._broken_limiter.is_due():
-            self._broken.publish(messages.point_cloud(self._broken_rows, at, self._frame))
+            rows = messages.break_rows(log.rows)
+            self._broken.publish(messages.point_cloud(rows, at, self._frame))
             self._has_news_of_breaks = False
 
     def _publish_dust(self, simulation: Simulation, at: messages.Stamp) -> None:

@@ -17,6 +17,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields
+import os
 from pathlib import Path
 from typing import Any
 
@@ -120,7 +121,7 @@ class Requests:
         name = self._parameters['state.file']
         if not name:
             raise CommandError('state.file is empty, it must name a file')
-        return Path(name)
+        return Path(os.path.expanduser(name))
 
     def _group(self, name: str, kind: Callable[..., Any]) -> Any:
         """Read a group of parameters as what it describes."""

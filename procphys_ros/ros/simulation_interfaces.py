@@ -210,10 +210,11 @@ class SimulationInterfacesServer:
         return await self._search(request, response, 'get_entities', look)
 
     async def get_entities_states(self, request: Any, response: Any) -> Any:
-        """Give the objects that fit the filters, and where they are."""
+        """Give the objects that fit the filters and of which something is left; and where."""
         def look() -> str:
             entities = self._entities()
-            response.entities = self._fitting(request.filters)
+            response.entities = [name for name in self._fitting(request.filters)
+                                 if entities.is_left(name)]
             response.states = [self._state_of(entities, name) for name in response.entities]
             return ''
         return await self._search(request, response, 'get_entities_states', look)
@@ -254,7 +255,7 @@ class SimulationInterfacesServer:
     def _present_state(self) -> int:
         if not self._session.paused:
             return self._state.STATE_PLAYING
-        began = self._session.simulation.time > 0.0
+        began = self._session.has_scene and self._session.simulation.time > 0.0
         return self._state.STATE_PAUSED if began else self._state.STATE_STOPPED
 
     def _fitting(self, filters: Any) -> list[str]:

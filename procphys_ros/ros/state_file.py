@@ -19,7 +19,7 @@ from pathlib import Path
 import stat
 
 from procphys_ros.errors import CommandError
-from procphys_ros.whole_files import write_whole
+from procphys_ros.output_files import write_beside
 
 _LARGEST = 2 << 30  # [bytes] of a file that is read
 
@@ -33,7 +33,7 @@ def write_state(path: Path, data: bytes) -> None:
     try:
         if path.exists() and not path.is_file():  # a device would be replaced by a file
             raise CommandError(f'state.file: {path} is not a regular file')
-        write_whole(path, data)
+        write_beside(path, lambda part: part.write_bytes(data))
     except (OSError, ValueError) as error:
         raise CommandError(f'state.file: {path} cannot be written: {_reason(error)}') from error
 
