@@ -110,6 +110,8 @@ def test_variations_are_combined(scene):
     ('gust.duration=[', 'YAML'), ('gust.duration=1..2', 'no values'), ('elm.count=2', 'elm.count'),
     ('gust.duration=1..x/3', 'first..last'),
     ('gust.duration=1..2/1000000000', 'at most 1000000'), ('gust.duration=2026-02-30', 'YAML'),
+    ('publish_rate=10,20', 'no run depends on it'), ('camera.part=a,b', 'no run depends'),
+    ('lidar.rate=1,2', 'no run depends'), ('spawn.name=a,b', 'no run depends'),
     ('gust.duration=' + 3000 * '[', 'YAML'), ('gust.duration=', 'no values')],
     ids=lambda value: value[:30])
 def test_variations_that_make_no_sense_are_refused(scene, text, reason):
@@ -148,6 +150,19 @@ def test_another_grammar_makes_another_sweep(scene, tmp_path):
     assert len({varied for _, varied in told}) == 3
 
 
+def test_another_include_makes_another_sweep(scene, tmp_path):
+    """Change what a grammar includes, and what that includes."""
+    (tmp_path / 'a.lsys').write_text('include: b.lsys\naxiom: F(0.5)\n')
+    (tmp_path / 'b.lsys').write_text('include: c.lsys\n')
+    read = CALM | {'post': {'grammar': 'a.lsys'}}
+    scene.write_text(json.dumps({'/**': {'ros__parameters': read}}), 'utf-8')
+    found = []
+    for length in (1, 2, 1):
+        (tmp_path / 'c.lsys').write_text(f'include: a.lsys\ndefine: r = {length}\n')
+        found.append(Sweep.read(scene, [], 1, 1.0).digest)
+    assert found[0] == found[2] != found[1]
+
+
 def test_a_table_goes_on_where_it_was_cut(tmp_path):
     """Cut the last row in half: it is done again; rows of another sweep are not taken over."""
     path = tmp_path / 'table.csv'
@@ -168,6 +183,38 @@ def test_a_table_goes_on_where_it_was_cut(tmp_path):
             Table(path, columns, digest)
     with pytest.raises(SceneError, match='.csv or .parquet'):
         Table(tmp_path / 'table.xlsx', ('seed',), 'abc')
+
+
+def test_texts_of_several_lines_are_cut_and_read_whole(tmp_path):
+    """Cut half a row within a text with line ends, and make Parquet of more than one block."""
+    told = run(Run(0, CALM, ROOT, 0.02))
+    text = 'axiom: F(1)  # "one"\r\n' + 'so it goes on\n' * 5000
+    path = tmp_path / 'table.csv'
+    table = Table(path, ('post.grammar_text',), 'abc')
+    table.add(0, (text,), told)
+    table.close(False)
+    whole = path.read_bytes()
+    path.write_bytes(whole + whole[:2000].partition(b'\n')[2])
+    table = Table(path, ('post.grammar_text',), 'abc')
+    assert table.done == {0} and path.read_bytes() == whole
+    table.close(True)
+
+    parquet = pytest.importorskip('pyarrow.parquet')
+    table = Table(tmp_path / 'table.parquet', ('post.grammar_text',), 'abc')
+    for number in range(30):
+        table.add(29 - number, (text,), told)
+    table.close(True)
+    assert parquet.read_table(tmp_path / 'table.parquet')['run'].to_pylist() == list(range(30))
+
+
+def test_two_batches_do_not_write_one_table(tmp_path):
+    """Refuse a table that another batch is writing, until that has ended."""
+    path = tmp_path / 'table.csv'
+    table = Table(path, ('seed',), 'abc')
+    with pytest.raises(SceneError, match='another batch is writing it'):
+        Table(path, ('seed',), 'abc')
+    table.close(False)
+    Table(path, ('seed',), 'abc').close(False)
 
 
 def test_a_killed_batch_goes_on(scene, tmp_path, capsys):
@@ -228,7 +275,9 @@ def test_runs_that_fail_are_told_and_done_again(scene, tmp_path, capsys, monkeyp
     assert len(rows(path)) == 1
 
 
-@pytest.mark.parametrize('content', [b'a note', b'\xff\xfe\n', b'a,b\n1,2\n3', b'run,seed\n4'])
+@pytest.mark.parametrize('content', [
+    b'a note', b'\xff\xfe\n', b'a,b\n1,2\n3', b'run,seed\n4', 140_000 * b'a' + b'\n'],
+    ids=lambda content: content[:9])
 def test_files_of_others_are_left_as_they_are(scene, tmp_path, content, capsys):
     """Refuse to go on in a file that no sweep has begun, and take nothing off its end."""
     path = tmp_path / 'notes.csv'

@@ -32,6 +32,7 @@ from procphys_ros.batch.table import check_format, Table
 from procphys_ros.batch.workers import dask_cluster, processes, Workers
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.progress_bar import ProgressBar
+from procphys_ros.scene.named import scene_file
 from procphys_ros.warning_lines import print_warning, told_to
 
 _EXAMPLES = """\
@@ -57,7 +58,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_format(options.out)
         with told_to(warn):
-            sweep = Sweep.read(options.scene, options.vary, options.seeds, options.duration)
+            sweep = Sweep.read(scene_file(options.scene), options.vary, options.seeds,
+                               options.duration)
         table = Table(options.out, sweep.columns, sweep.digest)
     except ProcPhysError as error:
         print(f'batch: {error}', file=sys.stderr)
@@ -110,7 +112,7 @@ def _parser() -> OneLineParser:
         prog='batch', epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Simulate a scene many times with varied parameters, without anyone '
                     'watching, and write a row of a table for each run.')
-    parser.add_argument('scene', type=Path, help='scene file (.yaml)')
+    parser.add_argument('scene', help='scene file (.yaml), or name of a shipped scene')
     parser.add_argument('--vary', action='append', default=[], metavar='NAME=VALUES',
                         help='values of a parameter; several are combined with each other')
     parser.add_argument('--seeds', type=count, default=1, metavar='N',

@@ -22,6 +22,7 @@ import hashlib
 from itertools import product
 import json
 from pathlib import Path
+import re
 from typing import Any
 
 import numpy as np
@@ -30,15 +31,21 @@ import yaml
 from procphys_ros import __version__
 from procphys_ros.batch.run import Run
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.resources import shared_folder
 from procphys_ros.scene.objects import read_objects
-from procphys_ros.scene.parameter_table import find, GLOBAL, OBJECT
+from procphys_ros.scene.parameter_table import find, GLOBAL, NODE, OBJECT
 from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.sources import locate
 from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.yaml_file import read_yaml
 
+_GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall)\b')  # name of a file
 _MOST = 1_000_000  # runs
 _LONGEST = 1e6  # [s] of a run, the latest time of a cue, too
+# What a run does not depend on: what goes out, what messages and services say, and pictures.
+_IDLE = {p.name for p in NODE} | {'world_frame'}
+_IDLE_GROUPS = ('camera', 'culling', 'inspect', 'intruder', 'intruders', 'lidar', 'sky', 'spawn',
+                'state', 'sun')
 
 
 @dataclass(frozen=True)
@@ -71,6 +78,9 @@ class Variation:
                              f'"{name.strip()}"{nearest_names(name.strip(), known)}')
         if name.strip() == 'seed':
             raise SceneError('--vary seed: say --seeds and their number')
+        if name.strip() in _IDLE or name.strip().partition('.')[0] in _IDLE_GROUPS:
+            raise SceneError(f'--vary {name.strip()}: no run depends on it; it is for a node that '
+                             'somebody listens or talks to, or for pictures')
         values = tuple(parameter.read(value, name.strip()) for value in _values(given, text))
         if not values:
             raise SceneError(f'--vary {text}: there are no values')
@@ -126,9 +136,9 @@ class Sweep:
     @property
     def digest(self) -> str:
         """
-        Tell sweeps apart: by all that was asked for, the version, and grammars that are named.
+        Tell sweeps apart: by all that was asked for, the version, and the texts of grammars.
 
-        What a grammar includes does not count.
+        Those that a grammar or a plan names count, too.
         """
         about = json.dumps([__version__, self.parameters, sorted(self._grammars()),
                             [(v.name, v.values) for v in self.variations],
@@ -141,10 +151,15 @@ class Sweep:
                  for spec in read_objects(self.parameters)}
         named |= {(v.name, value) for v in self.variations for value in v.values
                   if v.name.endswith('.grammar')}
-        for key, name in named:
-            if name:
-                path = locate(name, key, self.scene.absolute().parent)
-                yield hashlib.sha256(path.read_bytes()).hexdigest()
+        todo = [(name, key, self.scene.absolute().parent) for key, name in named if name]
+        seen: set[Path] = set()
+        while todo:
+            path = locate(*todo.pop()).resolve()
+            if path not in seen:
+                seen.add(path)
+                text = path.read_bytes()
+                yield hashlib.sha256(text).hexdigest()
+                todo += [(name, str(path), path.parent) for name in _names_in(text, path.parent)]
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -165,6 +180,13 @@ class Sweep:
                     target = target.setdefault(group, {})
                 target[last] = value
             yield values, Run(number, parameters, self.scene.absolute().parent, self.duration)
+
+
+def _names_in(text: bytes, folder: Path) -> Iterator[str]:
+    """Give the files that a grammar or a plan names, as far as they are there."""
+    for word in set(_GRAMMAR.findall(text.decode('utf-8', 'replace'))):
+        if any((place / word).is_file() for place in (folder, shared_folder() / 'grammars')):
+            yield word
 
 
 def _check_duration(duration: float, time_step: float) -> None:

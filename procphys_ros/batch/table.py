@@ -17,6 +17,7 @@
 
 from collections.abc import Mapping, Sequence
 import csv
+import fcntl
 import io
 import json
 import os
@@ -58,21 +59,33 @@ class Table:
         if self._path.suffix == '.parquet' and self._path.exists():
             self._check(*_parquet_rows(self._path))
             return
+        self._file = self._rows.open('a+', encoding='utf-8', newline='')
         try:
-            text = self._rows.read_text('utf-8') if self._rows.exists() else ''
-        except UnicodeDecodeError:
-            raise self._other_sweep() from None
-        whole = text[:text.rfind('\n') + 1]
-        if whole:
-            read = csv.DictReader(io.StringIO(whole))
-            self._check(list(read.fieldnames or []), list(read))
-        elif not ','.join(self._columns).startswith(text):
-            raise self._other_sweep()
+            self._lock(self._file)
+            self._file.seek(0)
+            text = self._file.read()
+            whole = text[:_end_of_rows(text)]
+            if whole:
+                read = csv.DictReader(io.StringIO(whole, newline=''))
+                self._check(list(read.fieldnames or []), list(read))
+            elif not ','.join(self._columns).startswith(text):
+                raise self._other_sweep()
+        except (SceneError, UnicodeDecodeError, csv.Error) as error:
+            self._file.close()
+            raise error if isinstance(error, SceneError) else self._other_sweep() from None
         if whole != text:  # half a row of ours
             os.truncate(self._rows, len(whole.encode()))
-        self._file = self._rows.open('a', encoding='utf-8', newline='')
         if not whole:
             self._append(self._columns)
+
+    def _lock(self, file: TextIO) -> None:
+        """Keep a second batch from writing the same rows, until the file is closed."""
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SceneError(f'--out {self._path}: another batch is writing it') from None
+        except OSError:
+            pass  # a file system without locks
 
     def _check(self, columns: list[str], rows: list[dict]) -> None:
         """Take over the rows that are there, unless they are those of another sweep."""
@@ -119,11 +132,20 @@ class Table:
             return
         from pyarrow import csv as arrow
         from pyarrow import parquet
-        rows = arrow.read_csv(self._rows).sort_by('run')
+        rows = arrow.read_csv(self._rows, parse_options=arrow.ParseOptions(
+            newlines_in_values=True)).sort_by('run')  # texts of grammars have lines
         whole = self._path.with_name(f'{self._path.name}.part')
         parquet.write_table(rows, whole)
         os.replace(whole, self._path)
         self._rows.unlink()
+
+
+def _end_of_rows(text: str) -> int:
+    """Find where the last whole row ends: behind a line end that no quotes hold."""
+    end = text.rfind('\n') + 1
+    while text.count('"', 0, end) % 2:
+        end = text.rfind('\n', 0, end - 1) + 1
+    return end
 
 
 def _parquet_rows(path: Path) -> tuple[list[str], list[dict]]:

@@ -74,8 +74,8 @@ def processes(count: int) -> Iterator[Workers]:
     pool = ProcessPoolExecutor(count, get_context('spawn'), initializer=_end_with_parent)
 
     def work(runs: Iterable[Run]) -> Iterator[Outcome]:
-        futures: list[Future] = [pool.submit(attempt, one) for one in runs]
         try:
+            futures: list[Future] = [pool.submit(attempt, one) for one in runs]
             for future in as_completed(futures):
                 yield future.result()
         except BrokenProcessPool as error:
