@@ -377,6 +377,7 @@ def test_command_refuses_bad_input_in_one_line(words, said, tmp_path, capsys):
     (['--camera', '1,2,3'], '20,-30,10'), (['--camera', 'orbits'], 'follow=PART'),
     (['--camera', '1,1,1,1,1,1'], 'looks'),
     (['--define', 'height'], '"height" is not like height=15'),
+    (['--define', 'seed=3'], 'a grammar has no value "seed"; say --seed'),
     (['--size', 'nanxnan'], '1280x720'),
     (['--fps', '0'], 'per second'), (['--seed', '-1'], 'whole number'),
     (['--to', 'x'], '3.0'), (['--view', '1', '2', 'z'], '20'),

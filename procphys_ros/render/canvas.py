@@ -78,6 +78,7 @@ class Canvas:
         self._size = size
         self._daylight = Daylight.of(sun, sky)
         self._sky = sky
+        self._terrain = terrain
         many = min(_SAMPLES, context.max_samples)
         self._many = context.framebuffer(
             [context.renderbuffer(size, 4, samples=many)],
@@ -114,8 +115,7 @@ class Canvas:
         drawing.single_out(view, self._size[1])
         context, batches = self.context, list(drawing.batches)
         to_shadow = _seen_from(self._daylight.towards, bounds)
-        near = max(0.05, 0.3 * (float(np.linalg.norm(view.eye - bounds.middle)) - bounds.radius))
-        planes = near, max(_FURTHEST, 60.0 * bounds.radius)
+        planes = self._nearest(view, bounds), max(_FURTHEST, 60.0 * bounds.radius)
         projection = view.projection(self._size[0] / self._size[1], planes)
         self._draw_shadow(batches, to_shadow)
         common = self._common(view, projection, to_shadow)
@@ -144,6 +144,12 @@ class Canvas:
         """Give everything back."""
         self.context.gc_mode = 'context_gc'
         self.context.release()
+
+    def _nearest(self, view: View, bounds: Bounds) -> float:
+        """Give a depth before all that is drawn, and before the ground below the camera [m]."""
+        away = float(np.linalg.norm(view.eye - bounds.middle)) - bounds.radius
+        above = float(view.eye[2] - self._terrain.height(view.eye[None, :2])[0])
+        return max(0.05, 0.3 * min(away, above))
 
     def _common(self, view: View, projection: np.ndarray, to_shadow: np.ndarray) -> dict[str, Any]:
         self._shadow_map.use(1)

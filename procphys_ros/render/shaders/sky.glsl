@@ -39,7 +39,9 @@ vec3 sky(vec3 towards) {
 float sunlit(vec3 place, vec3 facing, vec2 seed) {
     vec4 spot = to_shadow * vec4(place + 0.012 * facing + 0.006 * sun, 1.0);
     vec3 where = 0.5 * spot.xyz + 0.5;
-    if (any(lessThan(where, vec3(0.001))) || any(greaterThan(where, vec3(0.999)))) return 1.0;
+    if (any(lessThan(where.xy, vec2(0.001))) || any(greaterThan(where.xy, vec2(0.999)))) return 1.0;
+    // What lies behind all that throws shadows is shaded, too: low sun throws them far.
+    where.z = min(where.z, 0.9999);
     float turn = 6.2831853 * fract(52.9829189 * fract(dot(seed, vec2(0.06711056, 0.00583715))));
     vec2 a = vec2(cos(turn), sin(turn)) * texel, b = vec2(-a.y, a.x);
     float lit = texture(shadow_map, where);
