@@ -176,6 +176,28 @@ def test_whatever_strikes_momentum_is_kept_and_no_energy_won():
     assert through == {0, 1, 2}
 
 
+def test_a_wall_becomes_no_faster_than_what_strikes_it():
+    """
+    Strike a light wall with a tonne, while something faster flies far away: that changes nothing.
+
+    The momentum that it takes would make the wall of 60 kg faster than the box, if it had it all.
+    """
+    boxes, fastest = wall_boxes(12, 24), []
+    for others in ((), (Projectile('sphere', 0.2, 5.0, (1.3, 300.0, 90.0), (0.0, 100.0, 0.0)),)):
+        scene = Scene()
+        scene.add(bonded(*boxes, density=100.0, cohesion=2e6, tension=1e6))
+        simulation = Simulation(scene)
+        for projectile in (Projectile('box', 1.2, 1000.0, (1.3, -0.75, 0.7), (0.0, 4.0, 0.0)),
+                           *others):
+            simulation.launch(projectile)
+        speeds = []
+        for _ in range(30):
+            simulation.step()
+            speeds.append(np.linalg.norm(simulation.velocities[:len(boxes[0]), :3], axis=1).max())
+        fastest.append(max(speeds))
+    np.testing.assert_allclose(fastest, [4.0, 4.0], rtol=0.01)
+
+
 def test_twelve_tonnes_go_through_the_pier_of_an_arcade():
     """Drive all that the block covers out of the pier; it goes on, slower by their inertia."""
     simulation = Simulation(Scene.from_yaml(shared_folder() / 'config' / 'arcade_pier.yaml'))

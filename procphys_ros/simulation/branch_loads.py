@@ -51,11 +51,13 @@ def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
         resistance = masonry.resist(state, chosen, direction)
         if size / dt <= resistance.force:
             continue
-        withstood = resistance.force * float(contact_time(state.parts.mass[part]))
+        mass = float(state.parts.mass[part])
+        withstood = resistance.force * float(contact_time(mass))
         touching = contacts.part == part
         share = contacts.impulse[touching] * (withstood / size)
         state.forest.push(contacts.row[touching], contacts.point[touching], share)
-        masonry.apply_impulse_around(state, resistance.bonds, chosen, withstood * direction)
+        masonry.apply_impulse_around(state, resistance.bonds, chosen, withstood * direction,
+                                     size / mass)
         fragments.release(model, state, [chosen], np.zeros((1, 6)), Cause.IMPACT,
                           size / dt / max(resistance.force, masonry.NO_FORCE))
         broke = True

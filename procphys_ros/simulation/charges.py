@@ -72,7 +72,7 @@ def fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
     if len(hit):
         around = state.solver.graph.boundary(hit)
         thrown = _throw(model, state, light, hit[source.mass[hit] >= HEAVY], place, radius)
-        masonry.apply_impulse_around(state, around, hit, -thrown)
+        masonry.apply_impulse_around(state, around, hit, -thrown, speed)
 
 
 def speed_of(source: Blueprint, parts: np.ndarray) -> float:

@@ -196,7 +196,7 @@ def release(model: Model, state: State, out: Exit, blow: Strike) -> None:
 
 
 def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
-                   rate: float = WALL_RATE) -> None:
+                   rate: float = WALL_RATE, speed: float | None = None) -> None:
     """
     Let what stands feel impulses, until they have broken what they break.
 
@@ -204,14 +204,16 @@ def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
     :param impulses: at their centres of mass [N·s], world, (K, 3), or with angular impulses
         [N·m·s], (K, 6).
     :param rate: steady force of the same effect over impulse [1/s].
+    :param speed: of what strikes [m/s]; None = it is as heavy as the part.
     """
     wrenches = np.zeros((len(parts), 6))
     wrenches[:, :impulses.shape[1]] = rate * impulses
-    state.loads.add_blow(parts, wrenches)
+    state.loads.add_blow(parts, wrenches, speed if speed is not None else
+                         np.linalg.norm(impulses[:, :3], axis=1) / state.parts.mass[parts])
 
 
 def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
-                         impulse: np.ndarray) -> None:
+                         impulse: np.ndarray, speed: float) -> None:
     """
     Let what stands around parts that come out feel what breaking their bonds gave to it.
 
@@ -220,13 +222,15 @@ def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
     :param bonds: around the parts, rows of the graph, (B,).
     :param parts: that leave, (K,).
     :param impulse: on all neighbours together [N·s], world, (3,).
+    :param speed: of what strikes [m/s].
     """
     graph = state.solver.graph
     near = np.concatenate([graph.first[bonds], graph.second[bonds]])
     near = np.setdiff1d(near[near < graph.count], parts)
     if len(near):
         impulse = impulse + state.loads.take_blows(parts) / WALL_RATE
-        apply_impulses(state, near, np.tile(impulse / len(near), (len(near), 1)))
+        speed = max(speed, state.loads.striking_speed(parts))
+        apply_impulses(state, near, np.tile(impulse / len(near), (len(near), 1)), speed=speed)
 
 
 def is_stable(state: State) -> bool:
@@ -322,7 +326,7 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
 
     The steady force of the same effect is that on a wall that swings elastically. A mechanism has
     no such period: there the momentum counts. What is thrown over gets it, and becomes no faster
-    than the fastest thing there is.
+    than what struck it.
 
     :param moved: parts that a mechanism moves, (K,).
     """
@@ -331,9 +335,8 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
     mass = float(state.parts.mass[moved].sum())
     size = float(np.linalg.norm(blows))
     if max(size, float(np.linalg.norm(waves.sum(axis=0)))) > _TIPPING * mass:
-        bodies = state.world.bodies.velocities[state.world.awake, :3]
-        fastest = float(np.linalg.norm(bodies, axis=1).max(initial=0.0))
-        velocity = min(1.0, fastest * mass / max(size, 1e-12)) * blows / mass
+        most = state.loads.striking_speed(moved) * mass
+        velocity = min(1.0, most / max(size, 1e-12)) * blows / mass
         state.parts.velocities[moved[~waves.any(axis=1)], :3] = velocity
         return False
     state.loads.end_blows()

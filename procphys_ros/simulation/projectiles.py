@@ -224,7 +224,8 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
     if out is None:
         _bounce(velocity, normal, closing)
         lost = missile.mass * (before - velocity[:3])
-        masonry.apply_impulses(state, parts, np.tile(lost / len(parts), (len(parts), 1)))
+        masonry.apply_impulses(state, parts, np.tile(lost / len(parts), (len(parts), 1)),
+                               speed=float(np.linalg.norm(before)))
         _record(state, missile, point, parts, False, lost, np.zeros(3), 0.0)
         return False
     velocity[:3] -= (momentum / missile.mass - out.speed) * direction
@@ -234,7 +235,7 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
                                Cause.IMPACT)
     else:
         masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
-                                     out.passed_on * direction)
+                                     out.passed_on * direction, float(np.linalg.norm(before)))
         masonry.release(model, state, out, blow)
     _record(state, missile, point, out.parts, True, lost, out.mass * out.speed * direction,
             out.withstood.energy)

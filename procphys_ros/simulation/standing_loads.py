@@ -40,6 +40,7 @@ class StandingLoads:
 
     Blows act until nothing fails under them any more. Of blows that follow each other on one part
     only the strongest counts, since a part feels them one after the other. Those that wait fade.
+    Whatever they throw over becomes no faster than what struck it.
 
     :param count: number of parts in all buildings and elsewhere.
     """
@@ -48,6 +49,7 @@ class StandingLoads:
         self._count = count
         self._layers: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._struck: list[tuple[np.ndarray, np.ndarray]] = []
+        self._speed = np.zeros(count)  # of what has struck a part since blows ended last [m/s]
         self._waiting: np.ndarray | None = None
         self._blows: np.ndarray | None = None
         self._changed = False
@@ -88,20 +90,25 @@ class StandingLoads:
         """Make room for parts that join behind all others, (N,) with them."""
         more = np.zeros((count - self._count, 6))
         self._count = count
+        self._speed = np.concatenate([self._speed, more[:, 0]])
         if self._waiting is not None:
             self._waiting = np.concatenate([self._waiting, more])
         if self._blows is not None:
             self._blows = np.concatenate([self._blows, more])
         self._changed = True  # the solver is another one
 
-    def add_blow(self, parts: np.ndarray, wrenches: np.ndarray) -> None:
+    def add_blow(self, parts: np.ndarray, wrenches: np.ndarray,
+                 speed: np.ndarray | float) -> None:
         """
         Let blows act until the stresses under them have broken what they break.
 
         :param parts: indices; one that stands twice gets both, (K,).
         :param wrenches: force at the centre of mass and moment [N], [N·m], world, (K, 6).
+        :param speed: of what strikes each [m/s], (K,) or one for all.
         """
-        self._struck.append((np.asarray(parts, np.intp), np.asarray(wrenches, float)))
+        parts = np.asarray(parts, np.intp)
+        self._struck.append((parts, np.asarray(wrenches, float)))
+        np.maximum.at(self._speed, parts, speed)
 
     @property
     def struck(self) -> bool:
@@ -111,6 +118,10 @@ class StandingLoads:
     def blows_on(self, parts: np.ndarray) -> np.ndarray:
         """Give the force of all blows that act on parts [N], (3,)."""
         return np.zeros(3) if self._blows is None else self._blows[parts, :3].sum(axis=0)
+
+    def striking_speed(self, parts: np.ndarray) -> float:
+        """Give the speed of the fastest thing that has struck any of the parts [m/s]."""
+        return float(self._speed[parts].max(initial=0.0))
 
     def take_blows(self, parts: np.ndarray) -> np.ndarray:
         """Take the blows off parts that leave; give the force that they passed on [N], (3,)."""
@@ -148,6 +159,8 @@ class StandingLoads:
         if self._blows is not None:
             self._blows = None
             self._changed = True
+            if self._waiting is None and not self._struck:
+                self._speed[:] = 0.0
 
     def apply(self, solver: StressSolver, time: float, time_step: float) -> None:
         """
