@@ -230,6 +230,8 @@ def _lowest(simulation: Simulation, parts: np.ndarray) -> np.ndarray:
     ball = 0.5 * size[:, 0]
     shape = source.shape[parts]
     reach = np.where(shape == Shape.BOX, box, np.where(shape == Shape.CAPSULE, rod, ball))
+    cut = source.hexahedra.among(parts)
+    reach[cut.part] = poses[cut.part, 2] - cut.points(poses)[..., 2].min(axis=1)
     return poses[:, 2] - reach
 
 
