@@ -301,3 +301,31 @@ wing w
 layout running {{ unit: 0.215 0.1025 0.065 joint: 0.01 material: brick }}
 panel wall: running
 """).build()
+
+
+@pytest.mark.parametrize('facades, wing, out, words', [
+    ('pier', '(1, -1) (2, -1) (2, 0) (1, 0)', 0.1, 'stands 0.1 m out of "b", into "w"'),
+    ('pier wall', '(4, 0.05) (5, 0.05) (5, 2) (4, 2)', 0.1, None),
+    ('pier', '(4, -2) (5, -2) (5, 0.5) (4, 0.5)', 0.1, 'stands 0.1 m out of "b", into "w"'),
+    ('pier wall', '(1, -1) (2, -1) (2, 0) (1, 0)', 0.0, None)])
+def test_panels_do_not_stand_out_into_another_body(facades, wing, out, words):
+    """Refuse what stands out into a wing or a panel of it, by name; build what keeps clear."""
+    grammar = WallGrammar.parse(f"""building b
+  footprint: (0, 0) (4, 0) (4, 3) (0, 3)
+  facades: {facades}
+  storey_height: 1
+  floors: none
+wing w
+  footprint: {wing}
+  facades: wall
+  storey_height: 1
+rule pier -> extrude({out}) {{ wall }}
+layout stone {{ bond: running  unit: 0.4 0.2 0.19  material: brick }}
+panel wall: stone
+""")
+    if words is None:
+        built = grammar.build()
+        assert count_loose(built) == 0 and deepest_overlap(built) < OVERLAP
+    else:
+        with pytest.raises(GrammarError, match=words):
+            grammar.build()

@@ -14,7 +14,7 @@
 
 """Bodies: a building and its wings, each with walls, floors and a roof of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.language import Expression
 from procphys_ros.wallgrammar import footprint, walls
 from procphys_ros.wallgrammar.bonds import Layout
-from procphys_ros.wallgrammar.boxes import micro, micros
+from procphys_ros.wallgrammar.boxes import MICRO, micro, micros
 from procphys_ros.wallgrammar.derivation import Deriver, Piece
 from procphys_ros.wallgrammar.footprint import Footprint
 from procphys_ros.wallgrammar.spec import Building, Spec
@@ -187,6 +187,35 @@ def check_apart(bodies: Sequence[Body]) -> None:
                 raise body.building.place.error(
                     f'the plans of "{body.building.name}" and "{other.building.name}" overlap; '
                     f'wings may touch the building, not stand in it')
+    for body in bodies:
+        for piece, ground in _standing_out(body):
+            for other in bodies:
+                if other is not body and _stands_in(piece, ground, other):
+                    raise piece.place.error(
+                        f'the panel "{piece.panel}" stands {-piece.scope.depth / MICRO:g} m out '
+                        f'of "{body.building.name}", into "{other.building.name}"')
+
+
+def _stands_in(piece: Piece, ground: np.ndarray, other: Body) -> bool:
+    """Say whether a panel that stands out meets another body, or a panel that stands out of it."""
+    if piece.scope.bottom < other.height and _overlap(ground, _ground_of(other)):
+        return True
+    return any(max(piece.scope.bottom, of.scope.bottom) < min(piece.scope.top, of.scope.top)
+               and _overlap(ground, covered) for of, covered in _standing_out(other))
+
+
+def _standing_out(body: Body) -> Iterator[tuple[Piece, np.ndarray]]:
+    """Give the panels that stand out of facades, and the rectangles that they cover [m]."""
+    points = body.plan.points
+    for pieces, start, end in zip(body.pieces, points, np.roll(points, -1, axis=0)):
+        along = (end - start) / np.linalg.norm(end - start)
+        out = np.array([along[1], -along[0]])
+        for piece in pieces:
+            left, right, depth = (value / MICRO for value in (
+                piece.scope.left, piece.scope.right, piece.scope.depth))
+            if depth < 0.0:
+                yield piece, start + np.array([left * along, right * along, right * along
+                                               - depth * out, left * along - depth * out])
 
 
 def _ground_of(body: Body) -> np.ndarray:
