@@ -144,6 +144,16 @@ def test_a_refusal_is_shown(node, followed):
     assert 'pause it first' in says(followed, Step())
 
 
+def test_what_waits_behind_a_refusal_is_carried_out(node, followed):
+    """Pause, though a step before that was refused while both waited."""
+    wait_until(lambda: not followed.status().paused, 'time to pass')
+    followed.say(SetSpeed(1.0))  # takes the node a moment, in which the others gather
+    followed.say(Step())
+    followed.say(SetPause(True))
+    wait_until(lambda: followed.status().paused, 'the pause')
+    assert says(followed, SetPause(False)).startswith('running')
+
+
 def test_another_scene_is_loaded_into_the_node(node, followed, tmp_path):
     """Give the node a scene file's parameters; what the file leaves out goes to its default."""
     path = tmp_path / 'post.yaml'

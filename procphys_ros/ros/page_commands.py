@@ -15,7 +15,7 @@
 
 """Page commands: what is done at a page, said to a node in the order in which it was done."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from queue import Empty, Queue
 from threading import Event, Thread
 from time import monotonic
@@ -97,10 +97,8 @@ class PageCommands:
         try:
             if self._remote is None:
                 self._remote = Remote(self._name, _TIMEOUT, self._patience)
-            for command in waiting:
-                self._remote.patience = (_LONG_PATIENCE if isinstance(command, LoadScene)
-                                         else self._patience)
-                self.answer = carry_out(self._remote, command)
+            if waiting:
+                self.answer = self._answer_to(self._remote, waiting)
             if monotonic() > self._next_look:
                 self._next_look = monotonic() + _LOOK
                 self._remote.patience = self._patience
@@ -113,6 +111,18 @@ class PageCommands:
                 self._remote = None
         except ProcPhysError as error:
             self.answer = str(error)
+
+    def _answer_to(self, remote: Remote, commands: Sequence[Any]) -> str:
+        """Carry commands out; give the refusals, which hold up no others, or the answer."""
+        refusals, answer = [], ''
+        for command in commands:
+            remote.patience = (_LONG_PATIENCE if isinstance(command, LoadScene)
+                               else self._patience)
+            try:
+                answer = carry_out(remote, command)
+            except ProcPhysError as error:
+                refusals.append(str(error))
+        return '; '.join(refusals) or answer
 
     def _take(self) -> list[Any]:
         """Wait a moment for commands; of the positions of a slider only the last counts."""
