@@ -72,7 +72,7 @@ class Parameter:
         name = name or self.name
         if isinstance(self.default, bool):
             if not isinstance(value, bool):
-                raise SceneError(f'{name} is {value!r}, it must be true or false')
+                raise SceneError(f'{name} is {short(value)}, it must be true or false')
             return value
         if isinstance(self.default, (int, float)):
             return self._number(value, name)

@@ -118,6 +118,7 @@ def test_value_is_brought_to_its_type(name, value, expected):
     ('wind.velocity', 'strong', 'list of 3 numbers'),
     ('wind.velocity', None, 'list of 3 numbers'),
     ('publish_rate', True, 'number'),
+    ('dust.enabled', 'x' * 10**6, 'true or false'), ('dust.enabled', [0.0] * 10**5, 'true or false'),
     ('publish_rate', 0.0, 'from 0.1 to 240 Hz'),
     ('seed', 1.5, 'whole number'),
     ('seed', -1, 'whole number from 0'),

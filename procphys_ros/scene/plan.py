@@ -202,6 +202,12 @@ class _Keys:
             raise self.error(key, f'is {value!r}, it must be a number from {low:g} to {high:g}')
         return float(value)
 
+    def count(self, key: str, most: int) -> int:
+        value = self.value(key)
+        if type(value) is not int or not 1 <= value <= most:
+            raise self.error(key, f'is {value!r}, it must be a whole number from 1 to {most}')
+        return value
+
     def point(self, key: str) -> np.ndarray:
         value = self.value(key)
         if not _are_numbers(value, (2,)):
@@ -285,7 +291,7 @@ def _street(keys: _Keys) -> Street:
 def _plots(keys: _Keys, streets: Mapping[str, Street]) -> Row:
     street = streets[keys.choice('street', tuple(streets))]
     return Row(True, street, keys.choice('side', _SIDES) == 'left', keys.names('grammars'),
-               keys.ranges('defines'), int(keys.number('count', 1, MOST)),
+               keys.ranges('defines'), keys.count('count', MOST),
                keys.number('gap', 0.0, 1000.0, 2.0), keys.number('setback', 0.0, 1000.0, 2.0),
                keys.number('start', 0.0, street.length, 0.0), keys.where)
 
