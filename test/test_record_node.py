@@ -21,7 +21,7 @@ import signal
 import subprocess
 import sys
 
-from geometry_msgs.msg import PoseArray
+from geometry_msgs.msg import PoseArray, PoseStamped, WrenchStamped
 from node_process import Client, PARTS, PATIENCE, ROOT, SCENE, serve
 import numpy as np
 import pytest
@@ -37,7 +37,8 @@ from procphys_ros.ros import qos, record, replay
 pytest.importorskip('mcap')
 read_ros2_messages = pytest.importorskip('mcap_ros2.reader').read_ros2_messages
 _LONGEST = 600  # [s] for a process to end, on a machine however busy
-_WINDY = {**SCENE, 'wind': {'velocity': [8.0, 0.0, 0.0]}}
+_WINDY = {**SCENE, 'wind': {'velocity': [8.0, 0.0, 0.0]},
+          'intruders': {'names': ['arm'], 'shapes': ['sphere 0.3']}}
 
 
 @pytest.fixture(scope='module')
@@ -139,6 +140,23 @@ def test_full_disk_ends_the_recording_not_the_node(node, client, start, tmp_path
     later = client.next_message(Clock, '/clock', fits=lambda m: m.clock != first.clock)
     assert later.clock.sec >= first.clock.sec
     assert node.process.poll() is None
+
+
+def test_forces_on_intruders_with_names_are_recorded(node, client, start, tmp_path):
+    """Place one while recording, and find the wrench on it in the file."""
+    path = tmp_path / 'run.mcap'
+    process = start('record', '--out', str(path))
+    client.spin_until(lambda: client.node.count_subscribers('/sim/intruders/arm/wrench'),
+                      'the recorder')
+    felt = client.listen(WrenchStamped, '/sim/intruders/arm/wrench')
+    pose = PoseStamped()
+    pose.pose.orientation.w, pose.pose.position.z = 1.0, 9.0
+    client.send_until(lambda: len(felt) > 5, 'forces',
+                      (client.publisher(PoseStamped, '/sim/intruders/arm'), pose))
+    assert finish(process, signal.SIGINT)[0] == 0
+    topic = '/sim/intruders/arm/wrench'
+    assert Recording(path).topics[topic] == 'geometry_msgs/msg/WrenchStamped'
+    assert list(read_ros2_messages(str(path), topics=[topic]))
 
 
 def test_missing_node_is_said(node, start, tmp_path):

@@ -327,6 +327,27 @@ def test_missing_package_is_named(tmp_path, monkeypatch):
         Writer(tmp_path / 'run.mcap')
 
 
+def test_what_acts_on_intruders_is_recorded(tmp_path):
+    """Press a body against a wall, one beside it, and find forces once they are placed."""
+    simulation = Simulation(Scene.from_parameters({
+        'scene': {'objects': ['wall']}, 'wall': _STRUCK['wall'],
+        'intruders': {'names': ['arm', 'leg'], 'shapes': ['sphere 0.2', 'sphere 0.2']}}))
+    with Recorder(simulation, tmp_path / 'run.mcap') as recorder:
+        recorder.record()
+        for step in range(30):
+            simulation.place_intruder((0.2, -0.3 + 0.01 * step, 0.2, 0.0, 0.0, 0.0, 1.0))
+            simulation.place_intruder((5.0, -0.3, 0.2, 0.0, 0.0, 0.0, 1.0), name='leg')
+            simulation.step()
+            recorder.record()
+    pressed = decoded(tmp_path / 'run.mcap', '/sim/intruder_wrench')
+    free = decoded(tmp_path / 'run.mcap', '/sim/intruders/leg/wrench')
+    assert max(abs(m.ros_msg.wrench.force.y) for m in pressed) > 1.0
+    assert pressed[-1].ros_msg.wrench.force.y == simulation.wrench_on_intruder('intruder')[1]
+    assert len(free) == len(pressed) > 10
+    assert not any(m.ros_msg.wrench.force.y for m in free)
+    assert not decoded(tmp_path / 'run.mcap', '/sim/intruders/arm/wrench')
+
+
 def test_what_joins_and_leaves_is_recorded(tmp_path):
     """Add a bush with leaves and take the wall out while recording: viewers see just that."""
     simulation = Simulation(scene_of(wall=small_wall()))

@@ -27,6 +27,7 @@ from procphys_ros.messages.markers import MarkerStyle, SceneMarkers
 from procphys_ros.messages.scene_description import SceneDescription
 from procphys_ros.recording.recording import FULL_EVERY
 from procphys_ros.recording.writer import Writer
+from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.simulation import Simulation
 
 _EARLY = 1e-6     # [s], rounding of simulated time
@@ -97,6 +98,7 @@ class Recorder:
         self._put_breaks(at)
         self._put_dust(at)
         self._put_wind(at)
+        self._put_wrenches(at)
         return True
 
     def _put(self, topic: str, kind: str, data: bytes, at: messages.Stamp) -> None:
@@ -167,6 +169,17 @@ class Recorder:
         writer.numbers('d', *wind.tolist())
         self._put('wind_info', 'geometry_msgs/msg/Vector3Stamped',
                   ENCAPSULATION + writer.getvalue(), at)
+
+    def _put_wrenches(self, at: messages.Stamp) -> None:
+        """Write what acts on each intruder that has been placed."""
+        for name in self._simulation.intruders:
+            if self._simulation.pose_of_intruder(name) is None:
+                continue
+            writer = CdrWriter()
+            writer.header(at, self._frame)
+            writer.numbers('d', *self._simulation.wrench_on_intruder(name).tolist())
+            self._put('intruder_wrench' if name == INTRUDER else f'intruders/{name}/wrench',
+                      'geometry_msgs/msg/WrenchStamped', ENCAPSULATION + writer.getvalue(), at)
 
 
 def _clock(at: messages.Stamp) -> bytes:

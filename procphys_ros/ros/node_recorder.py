@@ -17,6 +17,7 @@
 import argparse
 from collections.abc import Callable, Sequence
 import os
+import re
 from time import monotonic, time_ns
 
 import rclpy
@@ -32,6 +33,8 @@ from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 from procphys_ros.ros.starting import start_ros
 
 _TURN = 0.05  # [s] between looks at the clock
+_WRENCH = 'intruder_wrench'
+_OF_INTRUDERS = re.compile('intruders/[^/]+/wrench')
 
 
 class NodeRecorder:
@@ -45,15 +48,35 @@ class NodeRecorder:
     """
 
     def __init__(self, node: Node, source: str, writer: Writer):
-        self._writer, self._source = writer, source
+        self._node, self._writer, self._source = node, writer, source
         self._markers = MarkerState()
         self._poses = b''
         self._full_due = monotonic()
         self.failure: RecordingError | None = None
-        for topic, (kind, profile) in TOPICS.items():
-            node.create_subscription(kind, self._name(topic), self._taker(topic), profile,
-                                     raw=True)
-        node.create_timer(FULL_EVERY, self._fill)
+        self._taken: set[str] = set()
+        for topic in TOPICS:
+            self._subscribe(topic)
+        self._find_intruders()
+        node.create_timer(FULL_EVERY, self._look)
+
+    def _subscribe(self, topic: str) -> None:
+        kind, profile = TOPICS.get(topic, TOPICS[_WRENCH])
+        self._node.create_subscription(kind, self._name(topic), self._taker(topic), profile,
+                                       raw=True)
+
+    def _find_intruders(self) -> None:
+        """Subscribe to the wrenches of intruders that have names."""
+        own = f'{self._source}/'
+        for full, kinds in self._node.get_topic_names_and_types():
+            topic = full.removeprefix(own)
+            if (full != topic and topic not in self._taken and _OF_INTRUDERS.fullmatch(topic)
+                    and kinds == [KIND_NAMES[TOPICS[_WRENCH][0]]]):
+                self._taken.add(topic)
+                self._subscribe(topic)
+
+    def _look(self) -> None:
+        self._find_intruders()
+        self._fill()
 
     def _name(self, topic: str) -> str:
         return topic if topic.startswith('/') else f'{self._source}/{topic}'
@@ -80,8 +103,8 @@ class NodeRecorder:
     def _write(self, topic: str, data: bytes) -> None:
         if self.failure is None:
             try:
-                self._writer.write(self._name(topic), KIND_NAMES[TOPICS[topic][0]], data,
-                                   time_ns())
+                kind = TOPICS.get(topic, TOPICS[_WRENCH])[0]
+                self._writer.write(self._name(topic), KIND_NAMES[kind], data, time_ns())
             except RecordingError as error:
                 self.failure = error
 
