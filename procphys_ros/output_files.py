@@ -20,8 +20,14 @@ import os
 from pathlib import Path
 
 
-def obstacle(path: Path) -> str:
-    """Say why a file cannot be written; '' = nothing is in the way yet."""
+def obstacle(path: Path, beside: bool = True) -> str:
+    """
+    Say why a file cannot be written; '' = nothing is in the way yet.
+
+    :param path: the file.
+    :param beside: whether it is written as `write_beside` does, which also makes a file in its
+        folder; else a file that is there is written over.
+    """
     try:
         if not path.parent.is_dir():
             return f'there is no folder "{path.parent}"'
@@ -29,8 +35,10 @@ def obstacle(path: Path) -> str:
             return 'it is a folder'
         if path.exists() and not path.is_file():
             return 'it is not a regular file'
-        if not os.access(path if path.exists() else path.parent, os.W_OK):
+        if path.exists() and not os.access(path, os.W_OK):
             return 'permission denied'
+        if (beside or not path.exists()) and not os.access(path.parent, os.W_OK):
+            return f'nothing can be written into its folder "{path.parent}"'
     except (OSError, ValueError) as error:  # ValueError: a null character
         return getattr(error, 'strerror', None) or str(error)
     return ''

@@ -14,6 +14,7 @@
 
 """The command `export` and what all formats share: times, names, complaints."""
 
+from pathlib import Path
 import resource
 import xml.etree.ElementTree as ElementTree
 
@@ -22,6 +23,7 @@ import numpy as np
 import pytest
 
 from procphys_ros import export as exporter
+from procphys_ros import output_files
 from procphys_ros.errors import ExportError
 from procphys_ros.export import command, Content, export, export_animation, formats
 from procphys_ros.export.markup import roll_pitch_yaw
@@ -120,6 +122,18 @@ def test_missing_package_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(formats, 'import_module', gone)
     with pytest.raises(ExportError, match='pip install usd-core'):
         export(scene_of(), tmp_path / 'x.usda')
+
+
+def test_a_folder_that_takes_nothing_is_told_before_anything_runs(tmp_path, monkeypatch):
+    """Refuse to replace a file that could be written, in a folder that cannot."""
+    target = tmp_path / 'x.xml'
+    target.write_text('before', 'utf-8')
+    monkeypatch.setattr(output_files.os, 'access', lambda path, mode: Path(path) != tmp_path)
+
+    monkeypatch.setattr(Simulation, 'step', lambda *_: pytest.fail('the scene was simulated'))
+    with pytest.raises(ExportError, match='nothing can be written into its folder'):
+        export(scene_of(wall=small_wall()), target, time=1.0)
+    assert not output_files.obstacle(target, beside=False)
 
 
 @pytest.mark.parametrize('suffix', ['.glb', '.xml', '.urdf', '.sdf', '.usda', '.usdc'])

@@ -25,6 +25,7 @@ from PIL import Image
 import pytest
 
 from procphys_ros import rotation
+from procphys_ros.errors import SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.palette import look, LOOKS, rgba
 from procphys_ros.render import (
@@ -405,6 +406,27 @@ def test_command_interrupted_while_it_loads_says_so(monkeypatch, tmp_path, capsy
     monkeypatch.setattr(LSystem, 'build', interrupted)
     assert main(['shrub.lsys', '--out', str(tmp_path / 'out.png')]) == 130
     assert capsys.readouterr().err == 'render: interrupted\n'
+
+
+@pytest.mark.parametrize(('given', 'said'), [
+    ({'poses': np.zeros((2, 7))}, r'poses: the shape is \(2, 7\), this blueprint takes \(3, 7\)'),
+    ({'leaf_poses': np.zeros((3, 7))}, 'leaf_poses: the shape is'),
+    ({'exists': [True]}, 'exists: the shape is'),
+    ({'camera': (1.0, 2.0, 3.0)}, 'camera is .* it must be six numbers'),
+    ({'camera': (1.0, 2.0, np.nan, 0.0, 0.0, 0.0)}, 'camera is .* it must be six numbers'),
+    ({'camera': (1, 2, 3, 1, 2, 3)}, 'it stands where it looks'),
+    ({'size': (0, 200)}, 'size is'), ({'size': (320,)}, 'size is'),
+    ({'size': (3.5, 2)}, 'size is'),
+    ({'path': 'picture'}, 'the suffix "" names no format'),
+    ({'path': 'no/picture.png'}, 'there is no folder'),
+])
+def test_what_cannot_be_drawn_is_refused_in_one_line(bush, tmp_path, monkeypatch, given, said):
+    """Say which argument of `draw` is wrong, before anything is drawn."""
+    monkeypatch.chdir(tmp_path)
+    arguments = {'poses': bush.poses, 'path': 'picture.png', 'size': _SIZE, **given}
+    with pytest.raises(SceneError, match=said):
+        draw(bush, **arguments)
+    assert not list(tmp_path.iterdir())
 
 
 def test_missing_moderngl_says_how_to_install_it(bush, monkeypatch, tmp_path, capsys):

@@ -143,7 +143,7 @@ def check_target(path: Path) -> None:
     """
     if path.suffix != '.mcap':
         raise RecordingError(f'"{path}": a recording must end in .mcap')
-    if reason := obstacle(path):
+    if reason := obstacle(path, beside=False):
         raise RecordingError(f'"{path}" cannot be written: {reason}')
     _check_room(path)
 

@@ -31,14 +31,13 @@ from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.render.backend import RenderUnavailableError
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.motion import CameraMotion
-from procphys_ros.render.picture import Renderer, scene_points
+from procphys_ros.render.picture import LARGEST_SIDE, Renderer, scene_points
 from procphys_ros.render.writers import check_output, FILMS, is_series, open_writer
 from procphys_ros.scene import Scene
 from procphys_ros.scene.named import open_scene
 from procphys_ros.scene.scenery import CameraSettings
 from procphys_ros.warning_lines import print_warning, told_to
 
-_LARGEST_SIDE = 8192  # [px], what OpenGL in software still allocates
 _MOST_FRAMES = 100_000
 _INTERRUPTED = 130  # exit code of what SIGINT has ended
 
@@ -207,8 +206,8 @@ def _seconds(text: str) -> float:
 
 def _size(text: str) -> tuple[int, int]:
     width, height = (int(value) for value in _numbers(text, 'x', 2, '1280x720'))
-    if not (1 <= width <= _LARGEST_SIDE and 1 <= height <= _LARGEST_SIDE):
-        raise argparse.ArgumentTypeError(f'{text} is not within 1 to {_LARGEST_SIDE} pixels')
+    if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
+        raise argparse.ArgumentTypeError(f'{text} is not within 1 to {LARGEST_SIDE} pixels')
     return width, height
 
 

@@ -15,12 +15,15 @@
 
 """Pictures: any blueprint at any poses, drawn off-screen, once or again and again."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from numbers import Integral, Real
 from pathlib import Path
 
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.errors import SceneError
+from procphys_ros.output_files import obstacle
 from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
@@ -29,7 +32,9 @@ from procphys_ros.render.camera import View
 from procphys_ros.render.canvas import Bounds, Canvas
 from procphys_ros.render.drawing import Drawing, Moment
 from procphys_ros.scene.scenery import SkySettings, SunSettings
+from procphys_ros.schema import short
 
+LARGEST_SIDE = 8192  # [px], what OpenGL in software still allocates
 _EMPTY_SCENE = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])  # [m] corners to look at
 _ROOM = 1.25  # by which shadows have more room than they need, so that it changes seldom
 _HANGING = 1e-6  # [m] a petiole stays this close to its place on the branch
@@ -109,9 +114,15 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     :param sky: how clear it is.
     :param terrain: the surface of the ground.
     :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
+    :raises SceneError: when something does not fit the blueprint, or the file cannot be written.
     """
     from PIL import Image
 
+    _check_rows('poses', poses, (len(blueprint), 7))
+    _check_rows('leaf_poses', leaf_poses, (len(blueprint.leaves), 7))
+    _check_rows('exists', exists, (len(blueprint),))
+    _check_view(camera, size)
+    _check_file(Path(path), Image.registered_extensions())
     moment = Moment(blueprint, np.asarray(poses, float), leaf_poses, exists,
                     np.zeros(0, int) if cracked is None else cracked,
                     Puffs.none() if dust is None else dust)
@@ -123,6 +134,34 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     pixels = renderer.draw(moment, view)
     renderer.close()
     Image.fromarray(pixels).save(path)
+
+
+def _check_rows(name: str, given: np.ndarray | None, expected: tuple[int, ...]) -> None:
+    if given is not None and np.shape(given) != expected:
+        raise SceneError(f'{name}: the shape is {np.shape(given)}, this blueprint takes '
+                         f'{expected}')
+
+
+def _check_view(camera: Sequence[float] | None, size: Sequence[int]) -> None:
+    if not (len(size) == 2 and all(isinstance(side, Integral) and 1 <= side <= LARGEST_SIDE
+                                   for side in size)):
+        raise SceneError(f'size is {short(size)}, it must be a width and a height within 1 to '
+                         f'{LARGEST_SIDE} pixels')
+    if camera is None:
+        return
+    if not (len(camera) == 6 and all(isinstance(value, Real) and abs(value) < 1e9
+                                     for value in camera)):
+        raise SceneError(f'camera is {short(camera)}, it must be six numbers: position and target')
+    if tuple(camera[:3]) == tuple(camera[3:]):
+        raise SceneError(f'camera is {short(camera)}: it stands where it looks')
+
+
+def _check_file(path: Path, known: Mapping[str, str]) -> None:
+    if path.suffix.lower() not in known:
+        raise SceneError(f'"{path}": the suffix "{path.suffix}" names no format of pictures; use '
+                         '.png or .jpg')
+    if reason := obstacle(path, beside=False):
+        raise SceneError(f'"{path}" cannot be written: {reason}')
 
 
 def scene_points(moment: Moment) -> np.ndarray:
