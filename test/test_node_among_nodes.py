@@ -265,6 +265,8 @@ def test_a_manager_leads_a_managed_node(client):
                                         if m.action == m.DELETE}, 'an empty view')
     reload = client.call(Trigger, '/managed/reload_scene', Trigger.Request())
     assert not reload.success and 'no scene' in reload.message
+    reset = client.call(Trigger, '/managed/reset_simulation', Trigger.Request())
+    assert not reset.success and 'until the node is configured' in reset.message
     node.set_parameters([Parameter('post.grammar_text', value='axiom: F(1')])
     assert node.trigger_configure() == FAILURE
     node.set_parameters([Parameter('post.grammar_text', value=SAPLING)])

@@ -112,7 +112,7 @@ class Loading:
         """
         wanted.check_name()
         if not self._session.has_scene:
-            raise CommandError('the first scene is still being built')
+            raise CommandError(self._session.without_scene)
         self._spawning = [thread for thread in self._spawning if thread.is_alive()]
         if len(self._spawning) >= _MOST_SPAWNS:
             raise CommandError(f'{_MOST_SPAWNS} objects are being built already')

@@ -98,6 +98,7 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
     def _begin(self) -> None:
         """Wait to be configured."""
         self.session.paused = True
+        self.session.without_scene = 'there is no scene until the node is configured'
 
     def _configure(self, answer: Answer) -> None:
         self._loading.load_first(lambda error: answer(False, str(error)), answer)

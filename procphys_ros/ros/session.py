@@ -44,6 +44,7 @@ class Session:
     :ivar on_steps: called when steps were run on demand, or something was put in or taken out.
     :ivar mean_wind: that blows at the reference height [m/s], (3,).
     :ivar on_wind: called when another mean wind blows.
+    :ivar without_scene: why what needs a scene is refused while there is none.
     """
 
     def __init__(self, pacer: Pacer):
@@ -55,6 +56,7 @@ class Session:
         self.on_steps: Callable[[], None] = lambda: None
         self.on_wind: Callable[[], None] = lambda: None
         self.mean_wind: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self.without_scene = 'the first scene is still being built'
         self._simulation: Simulation | None = None
 
     @property
@@ -70,7 +72,7 @@ class Session:
         :raises CommandError: when there is none yet.
         """
         if self._simulation is None:
-            raise CommandError('the first scene is still being built')
+            raise CommandError(self.without_scene)
         return self._simulation
 
     def adopt(self, simulation: Simulation) -> str:
