@@ -20,6 +20,7 @@ import select
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseArray, PoseStamped, WrenchStamped
 from node_process import Client, PARTS, PATIENCE, ROOT, SCENE, serve
@@ -32,7 +33,7 @@ from visualization_msgs.msg import MarkerArray
 from procphys_ros.messages import pose_array
 from procphys_ros.recording.recording import Recording
 from procphys_ros.recording.writer import Writer
-from procphys_ros.ros import qos, record, replay
+from procphys_ros.ros import qos, record, replay, replayer
 
 pytest.importorskip('mcap')
 read_ros2_messages = pytest.importorskip('mcap_ros2.reader').read_ros2_messages
@@ -167,6 +168,18 @@ def test_missing_node_is_said(node, start, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_ctrl_c_before_a_node_is_found_writes_nothing(node, client, start, tmp_path):
+    """Leave the recording that was there, instead of an empty one."""
+    path = tmp_path / 'x.mcap'
+    path.write_bytes(b'before')
+    process = start('record', '--out', str(path), '--node', '/nobody', '--timeout', '600')
+    name = f'record_{process.pid}'
+    client.spin_until(lambda: name in client.node.get_node_names(), 'the recorder')
+    code, out, err = finish(process, signal.SIGINT)
+    assert (code, out) == (3, '') and 'ended before /nobody was found' in err
+    assert path.read_bytes() == b'before'
+
+
 def test_bad_words_for_ros_are_said(start, tmp_path):
     """Say in one line, behind that of ROS, what cannot be read; exit with 1, leave no file."""
     code, _, err = finish(start('record', '--out', str(tmp_path / 'x.mcap'),
@@ -240,6 +253,21 @@ def test_replay_begins_in_the_middle(client, start, tape):
     client.spin_until(lambda: '82345678' in places(poses), 'two loops')
     assert not set('01') & set(places(poses))
     assert finish(process, signal.SIGTERM)[0] == 0
+
+
+def test_a_loop_over_nothing_does_not_flood(monkeypatch):
+    """Begin again once a second, where nothing comes behind the place to begin at."""
+    now, begun = [0.0], []
+
+    def sleep(duration):
+        now[0] += duration
+    monkeypatch.setattr(replayer, 'monotonic', lambda: now[0])
+    monkeypatch.setattr(replayer, 'sleep', sleep)
+    tape = SimpleNamespace(start=0, messages=lambda start: iter(()),
+                           state_at=lambda start: begun.append(now[0]) or [])
+    replayer._play(tape, SimpleNamespace(start=2.0, rate=1.0, loop=True), {},
+                   lambda: now[0] > 4.5 or len(begun) > 99, lambda: None)
+    np.testing.assert_allclose(begun, [0.0, 1.0, 2.0, 3.0, 4.0])
 
 
 def test_replay_of_a_node_is_its_run(client, start, recorded):

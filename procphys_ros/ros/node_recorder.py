@@ -150,3 +150,5 @@ def _find(node: Node, executor: SingleThreadedExecutor, source: str, timeout: fl
             raise LookupError(f'nothing publishes {source}/scene_description; is the node '
                               'running? --node names another one')
         executor.spin_once(timeout_sec=_TURN)
+    if ended():
+        raise LookupError(f'ended before {source} was found; nothing has been written')
