@@ -23,7 +23,9 @@ from geometry_msgs.msg import TransformStamped
 import numpy as np
 from rclpy.serialization import serialize_message
 
+from procphys_ros import messages
 from procphys_ros.messages.transforms import TransformMessage
+from procphys_ros.ros import qos
 from procphys_ros.ros.transforms import frames, TransformPublisher
 
 
@@ -79,3 +81,22 @@ def test_without_tf2_msgs_one_warning_is_all(monkeypatch):
     for moved in (True, False):
         publisher.publish(SimpleNamespace(), moved)
     assert len(node.said) == 1 and 'tf2-msgs' in node.said[0]
+
+
+def test_an_object_called_as_the_world_has_no_frame(monkeypatch):
+    """Send no transform from a frame to itself, which tf refuses, and say so once."""
+    sent = []
+    topic = SimpleNamespace(publish=sent.append, get_subscription_count=lambda: 1)
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', SimpleNamespace(TFMessage=object))
+    monkeypatch.setattr(qos, 'publisher', lambda *given, **options: topic)
+    node = Node()
+    publisher = TransformPublisher(node, 'oak')
+    objects = [SimpleNamespace(name=name, first=i, count=1)
+               for i, name in enumerate(('wall', 'oak', 'ball'))]
+    simulation = SimpleNamespace(poses=np.arange(21.0).reshape(3, 7), objects=objects, time=1.5)
+    for _ in range(2):
+        publisher.publish(simulation, True)
+    expected = TransformMessage(('wall', 'ball'), 'oak').write(simulation.poses[[0, 2]],
+                                                               messages.stamp(1.5))
+    assert sent == [expected, expected]
+    assert len(node.said) == 1 and 'oak' in node.said[0]

@@ -41,6 +41,8 @@ class TransformPublisher:
 
     def __init__(self, node: Node, frame: str):
         self._frame = frame
+        self._warn = node.get_logger().warning
+        self._has_warned = False
         self._new = LateJoinerTracker()
         self._written: tuple[tuple[str, ...], TransformMessage] | None = None
         try:
@@ -64,11 +66,21 @@ class TransformPublisher:
         if self._publisher is None or not is_news or not self._publisher.get_subscription_count():
             return
         names, parts = frames(simulation)
+        if self._frame in names:
+            self._warn_of_namesake()
+            kept = [name != self._frame for name in names]
+            names, parts = tuple(name for name in names if name != self._frame), parts[kept]
         if self._written is None or self._written[0] != names:
             self._written = names, TransformMessage(names, self._frame)
         if names:
             self._publisher.publish(self._written[1].write(
                 simulation.poses[parts], messages.stamp(simulation.time)))
+
+    def _warn_of_namesake(self) -> None:
+        if not self._has_warned:
+            self._has_warned = True
+            self._warn(f'the object {self._frame} has no frame on /tf: it is called as the frame '
+                       'that all are in; give it another name, or world_frame')
 
 
 def frames(simulation: Simulation) -> tuple[tuple[str, ...], np.ndarray]:
