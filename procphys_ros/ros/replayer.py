@@ -32,6 +32,7 @@ from procphys_ros.ros.starting import start_ros
 _NAP = 0.05    # [s], longest sleep, after which signals are looked at
 _HELLO = 0.5   # [s] for subscribers to find the publishers before the first message
 _GLANCE = 0.5  # [s] between two looks for others that publish the same
+_SHORTEST = 1.0  # [s] of a loop: one that begins near the end would flood whoever listens
 _PATIENCE = 1.0  # [s] for the last messages to arrive
 _CLASSES = {name: kind for kind, name in KIND_NAMES.items()}
 
@@ -55,18 +56,27 @@ def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[s
               'times the speed; Ctrl-C ends it', flush=True)
         rivals = _Rivals(node, list(publishers))
         sleep(_HELLO)
-        while not ended():
-            for message in recording.state_at(said.start):
-                _send(publishers, message)
-            _pass(recording.messages(said.start), publishers,
-                  recording.start + round(said.start * 1e9), said.rate, ended, rivals.look)
-            if not said.loop:
-                break
+        _play(recording, said, publishers, ended, rivals.look)
         for publisher in publishers.values():
             publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=_PATIENCE))
     finally:
         recording.close()
         rclpy.try_shutdown()
+
+
+def _play(recording: Recording, said: argparse.Namespace, publishers: dict[str, Publisher],
+          ended: Callable[[], bool], meanwhile: Callable[[], None]) -> None:
+    """Publish what holds where it begins and what follows, over and over if that is wanted."""
+    while not ended():
+        again = monotonic() + _SHORTEST
+        for message in recording.state_at(said.start):
+            _send(publishers, message)
+        _pass(recording.messages(said.start), publishers,
+              recording.start + round(said.start * 1e9), said.rate, ended, meanwhile)
+        if not said.loop:
+            return
+        while (left := again - monotonic()) > 0.0 and not ended():
+            sleep(min(left, _NAP))
 
 
 class _Rivals:
