@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.physics.world import narrow_phase, World
+from procphys_ros.physics.world import narrow_phase, rigid_states, World
 from procphys_ros.physics.world.friction import friction
 
 rapier = pytest.importorskip('procphys_ros.physics.world.rapier')
@@ -55,7 +55,32 @@ def test_bytes_tell_the_same_contacts(rubble):
             np.testing.assert_array_equal(one, other)
         most = max(most, len(slow.owners))
     assert most > 100
-    assert rapier._snapshots_are_known()
+    assert rapier._bytes_are_known()
+
+
+def test_bytes_tell_the_same_motion(rubble):
+    """Read where bodies are and how they move both ways in each step: all is the same to the bit."""
+    for _ in range(90):
+        rubble.step(DT)
+        bodies = list(rubble._engine._bodies.values())
+        slow = rigid_states.by_attributes(bodies)
+        np.testing.assert_array_equal(slow, rigid_states.by_bytes(bodies))
+    assert np.ptp(slow[1:], axis=0).min() > 0.0  # so that no number can stand for another
+
+
+def test_alike_bodies_share_a_collider():
+    """Add bricks alike, of other sizes and surfaces: only those alike get the same collider."""
+    with World(engine='rapier') as world:
+        bodies = [world.add_body(Shape.BOX, size, 1.0, at(x, 0, 1.0), friction=friction)
+                  for x, (size, friction) in enumerate([
+                      ([0.2, 0.1, 0.1], 0.5), ([0.2, 0.1, 0.1], 0.5), ([0.2, 0.1, 0.1], 0.9),
+                      ([0.3, 0.1, 0.1], 0.5)])]
+        engine = world._engine
+        told = [engine._world.colliders[engine._bodies[body].colliders[0]] for body in bodies]
+        found = [(collider.friction, 2.0 * collider.compute_aabb().half_extents.x)
+                 for collider in told]
+    assert [round(value, 3) for value, _ in found] == [0.5, 0.5, 0.9, 0.5]
+    assert [round(extent, 3) for _, extent in found] == [0.2, 0.2, 0.2, 0.3]
 
 
 class Snapshot:
@@ -88,7 +113,7 @@ def test_an_unknown_layout_changes_nothing(rubble, monkeypatch):
     for _ in range(60):
         rubble.step(DT)
     table = rubble._engine.contacts()
-    monkeypatch.setattr(rapier, '_snapshots_are_known', lambda: False)
+    monkeypatch.setattr(rapier, '_bytes_are_known', lambda: False)
     np.testing.assert_array_equal(rubble._engine.contacts(), table)
     assert len(table) > 0
 
@@ -98,11 +123,11 @@ def test_other_versions_are_noticed(monkeypatch):
     read = narrow_phase.by_bytes
     monkeypatch.setattr(rapier, 'by_bytes', lambda phase: read(Snapshot(
         phase.to_bytes()[:200] + b'\0' + phase.to_bytes()[200:])))
-    rapier._snapshots_are_known.cache_clear()
-    assert not rapier._snapshots_are_known()
-    rapier._snapshots_are_known.cache_clear()
+    rapier._bytes_are_known.cache_clear()
+    assert not rapier._bytes_are_known()
+    rapier._bytes_are_known.cache_clear()
     monkeypatch.undo()
-    assert rapier._snapshots_are_known()
+    assert rapier._bytes_are_known()
 
 
 def test_friction_is_the_least_that_explains_the_motion():

@@ -22,8 +22,8 @@ feels 1.00 of its coefficient, with a force per point 0.87 to 0.97. The default 
 friction forces, so that they are worked out from what the bodies' momenta lack, see `friction`.
 """
 
-from functools import cache
-from itertools import chain
+from collections.abc import Iterator, Sequence
+from functools import cache, lru_cache
 
 import numpy as np
 import rapier3d
@@ -31,7 +31,7 @@ import rapier3d
 from procphys_ros.blueprint import Shape
 from procphys_ros.hexahedron import inset
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.world import extents
+from procphys_ros.physics.world import extents, rigid_states
 from procphys_ros.physics.world.assembly import placed
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
@@ -112,38 +112,60 @@ class RapierEngine:
 
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids."""
+        self._note(table, ids)
+        owners, colliders, places = [], [], []
+        rigid_bodies, add_body = self._world.rigid_bodies, self._world.add_body
+        for body, builder, shapes in zip(ids.tolist(), _rigid_bodies(table, ids),
+                                         self._shapes(table, ids)):
+            handle = self._handles[body] = add_body(builder, shapes[0])
+            added = self._bodies[body] = rigid_bodies[handle]
+            for collider, pose in zip(added.colliders, shapes[1]):
+                owners.append(body)
+                colliders.append(collider.index)
+                places.append(pose)
+        self._own(owners, colliders, places)
+
+    def _note(self, table: BodyTable, ids: np.ndarray) -> None:
+        """Note what contacts are worked out with."""
         more = max(int(ids.max()) + 1 - len(self._mass), 0)
-        self._mass = np.concatenate([self._mass, np.full(more, np.inf)])
-        self._velocity = np.concatenate([self._velocity, np.zeros((more, 3))])
+        if more:
+            self._mass = np.concatenate([self._mass, np.full(more, np.inf)])
+            self._velocity = np.concatenate([self._velocity, np.zeros((more, 3))])
+            self._poses = np.concatenate([self._poses, np.zeros((more, 7))])
         self._mass[ids] = np.where(table.state[ids] == BodyState.AWAKE, table.mass[ids], np.inf)
         self._velocity[ids] = table.velocities[ids, :3]
-        self._poses = np.concatenate([self._poses, np.zeros((more, 7))])
         self._poses[ids] = table.poses[ids]
-        for body in ids.tolist():
-            state, pieces = BodyState(table.state[body]), table.pieces(body)
-            colliders = [
-                _collider(shape, size)
-                for shape, size in zip(pieces.shapes.tolist(), pieces.sizes.tolist())]
-            for piece, corners in zip(pieces.hexahedra.part, pieces.hexahedra.corners):
-                colliders[piece] = _hull(corners)
-            poses = pieces.local_poses.tolist()
-            if state == BodyState.GROUND:
-                colliders, poses = [_ground(self._terrain)], [_SAME]
-            handle = self._world.add_body(_rigid_body(table, body, state), [
-                _set_up(collider, table, body, state, pose)
-                for collider, pose in zip(colliders, poses)])
-            self._handles[body] = handle
-            self._bodies[body] = self._world.rigid_bodies[handle]
-            self._own(body, [owned.index for owned in self._bodies[body].colliders], poses)
 
-    def _own(self, body: int, colliders: list[int], poses: list[list[float]]) -> None:
-        """Note what body colliders belong to, and their poses in it."""
+    def _shapes(self, table: BodyTable, ids: np.ndarray) -> Iterator[tuple[list, list]]:
+        """Give the colliders of each body, and their poses in it."""
+        plain = (table.least[ids] > 0.0) & (table.hexahedron_count[ids] == 0)
+        columns = zip(ids.tolist(), plain.tolist(), table.state[ids].tolist(),
+                      table.first_piece[ids].tolist(), table.friction[ids].tolist(),
+                      table.restitution[ids].tolist())
+        for body, is_plain, state, piece, *surface in columns:
+            if is_plain:
+                yield [_plain(int(table.piece_shape[piece]),
+                              tuple(table.piece_size[piece].tolist()), state, *surface)], [_SAME]
+            elif state == BodyState.GROUND:
+                yield [_set_up(_ground(self._terrain), state, *surface)], [_SAME]
+            else:
+                pieces = table.pieces(body)
+                colliders = [_collider(shape, size) for shape, size in zip(
+                    pieces.shapes.tolist(), pieces.sizes.tolist())]
+                for number, corners in zip(pieces.hexahedra.part, pieces.hexahedra.corners):
+                    colliders[number] = _hull(corners)
+                poses = pieces.local_poses.tolist()
+                yield [_set_up(collider.position((pose[:3], pose[3:])), state, *surface)
+                       for collider, pose in zip(colliders, poses)], poses
+
+    def _own(self, bodies: list[int], colliders: list[int], poses: list[list[float]]) -> None:
+        """Note what bodies colliders belong to, and their poses in them."""
         more = max(colliders) + 1 - len(self._owner)
         if more > 0:
             room = max(more, len(self._owner))
             self._owner = np.concatenate([self._owner, np.zeros(room, np.intp)])
             self._inside = np.concatenate([self._inside, np.zeros((room, 7))])
-        self._owner[colliders], self._inside[colliders] = body, poses
+        self._owner[colliders], self._inside[colliders] = bodies, poses
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Let pairs of bodies pass through each other, or meet again, (K, 2) ids."""
@@ -203,9 +225,9 @@ class RapierEngine:
     def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Read poses (K, 7) and velocities (K, 6) of centres of mass, world axes."""
         moved = [self._bodies[body] for body in ids.tolist()]
-        table = np.fromiter(chain.from_iterable(chain.from_iterable(
-            (body.translation.to_tuple(), body.rotation.to_tuple(), body.linvel.to_tuple(),
-             body.angvel.to_tuple()) for body in moved)), float, 13 * len(moved)).reshape(-1, 13)
+        table = rigid_states.by_bytes(moved) if _bytes_are_known() else None
+        if table is None:
+            table = rigid_states.by_attributes(moved)
         table[:, 3:7] /= np.linalg.norm(table[:, 3:7], axis=1, keepdims=True)
         self._poses[ids] = table[:, :7]
         self._velocity[ids] = table[:, 7:10]
@@ -219,7 +241,7 @@ class RapierEngine:
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
         narrow_phase, touches = self._world.narrow_phase, None
-        if self._terrain.is_flat and _snapshots_are_known():
+        if self._terrain.is_flat and _bytes_are_known():
             touches = by_bytes(narrow_phase)
         return self._table(touches or by_attributes(narrow_phase))
 
@@ -248,27 +270,32 @@ class RapierEngine:
 
 
 @cache
-def _snapshots_are_known() -> bool:
-    """Try on a small world whether `by_bytes` reads contacts of this version of rapier right."""
+def _bytes_are_known() -> bool:
+    """Try on a small world whether bytes of this version of rapier are read right."""
     world = rapier3d.PhysicsWorld(gravity=(0.0, 0.0, -9.81))
     world.set_num_threads(1)
     world.add_body(rapier3d.RigidBody.fixed(), [_ground(FLAT)])
+    bodies = []
     corners = np.array([[x, y, z] for z in (-0.1, 0.1) for y in (-0.1, 0.1) for x in (-0.1, 0.1)])
     for place, collider in enumerate((
             _collider(Shape.BOX, [0.2, 0.2, 0.2]), _collider(Shape.CAPSULE, [0.2, 0.2, 0.2]),
             _collider(Shape.CAPSULE, [0.2, 0.2, 0.4]), _hull(corners.ravel()))):
         for height in (0.1, 0.3, 0.52):
             body = rapier3d.RigidBody.dynamic().position(([0.19 * place, 0.0, height], _SAME[3:]))
-            world.add_body(body.can_sleep(False), [collider.density(1e3)])
+            bodies.append(world.rigid_bodies[world.add_body(body.can_sleep(False),
+                                                            [collider.density(1e3)])])
     for _ in range(4):
         world.step()
         slow, quick = by_attributes(world.narrow_phase), by_bytes(world.narrow_phase)
         if quick is None or not all(map(np.array_equal, slow, quick)):
             return False
+        states = rigid_states.by_bytes(bodies)
+        if states is None or not np.array_equal(states, rigid_states.by_attributes(bodies)):
+            return False
     return len(slow.owners) > 0
 
 
-def _collider(shape: int, size: list[float]) -> rapier3d.ColliderBuilder:
+def _collider(shape: int, size: Sequence[float]) -> rapier3d.ColliderBuilder:
     """Begin the collider of a piece; a capsule no longer than wide is a sphere."""
     if shape == Shape.BOX:
         return rapier3d.Collider.cuboid(*(0.5 * extent for extent in size))
@@ -295,26 +322,36 @@ def _ground(terrain: Terrain) -> rapier3d.ColliderBuilder:
     return rapier3d.Collider.trimesh(points, faces, rapier3d.TriMeshFlags.FIX_INTERNAL_EDGES)
 
 
-def _set_up(collider: rapier3d.ColliderBuilder, table: BodyTable, body: int, state: BodyState,
-            pose: list[float]) -> rapier3d.ColliderBuilder:
-    """Give a collider its place, surface and filter; masses belong to bodies here."""
+@lru_cache(1024)
+def _plain(shape: int, size: tuple[float, float, float], state: int, friction: float,
+           restitution: float) -> rapier3d.ColliderBuilder:
+    """Build the collider of a plain body once for all alike."""
+    return _set_up(_collider(shape, size), state, friction, restitution)
+
+
+def _set_up(collider: rapier3d.ColliderBuilder, state: int, friction: float,
+            restitution: float) -> rapier3d.ColliderBuilder:
+    """Give a collider its surface and filter; masses belong to bodies here."""
     rule = rapier3d.CoefficientCombineRule.GEOMETRIC_MEAN
-    return (collider.position((pose[:3], pose[3:])).density(0.0)
-            .friction(float(table.friction[body])).friction_combine_rule(rule)
-            .restitution(float(table.restitution[body])).restitution_combine_rule(rule)
-            .collision_groups(_GROUPS[state]))
+    return (collider.density(0.0).friction(friction).friction_combine_rule(rule)
+            .restitution(restitution).restitution_combine_rule(rule)
+            .collision_groups(_GROUPS[BodyState(state)]))
 
 
-def _rigid_body(table: BodyTable, body: int, state: BodyState) -> rapier3d.RigidBodyBuilder:
-    """Build a body without its shapes."""
-    pose, velocity = table.poses[body].tolist(), table.velocities[body].tolist()
-    builder = (rapier3d.RigidBody.dynamic() if state >= BodyState.AWAKE
-               else rapier3d.RigidBody.fixed())
-    builder = builder.position((pose[:3], pose[3:])).can_sleep(False)
-    if state == BodyState.GROUND:
-        return builder
-    if state >= BodyState.AWAKE:
-        builder = builder.linvel(velocity[:3]).angvel(velocity[3:])
-    return builder.ccd_enabled(bool(table.swept_radius[body] > 0.0)).additional_mass_properties(
-        rapier3d.MassProperties((0.0, 0.0, 0.0), float(table.mass[body]),
-                                table.inertia[body].tolist()))
+def _rigid_bodies(table: BodyTable, ids: np.ndarray) -> Iterator[rapier3d.RigidBodyBuilder]:
+    """Build bodies without their shapes."""
+    state, swept = table.state[ids], table.swept_radius[ids] > 0.0
+    moves = state >= BodyState.AWAKE
+    columns = (state == BodyState.GROUND, moves, swept, table.poses[ids], table.velocities[ids],
+               table.mass[ids], table.inertia[ids])
+    dynamic = rapier3d.RigidBody.dynamic().can_sleep(False)
+    fixed = rapier3d.RigidBody.fixed().can_sleep(False)
+    for is_ground, moving, is_swept, pose, velocity, mass, inertia in zip(
+            *(column.tolist() for column in columns)):
+        builder = (dynamic if moving else fixed).position((pose[:3], pose[3:]))
+        if moving:
+            builder = builder.linvel(velocity[:3]).angvel(velocity[3:])
+        if is_swept:
+            builder = builder.ccd_enabled(True)
+        yield builder if is_ground else builder.additional_mass_properties(
+            rapier3d.MassProperties((0.0, 0.0, 0.0), mass, inertia))
