@@ -59,7 +59,7 @@ def test_bytes_tell_the_same_contacts(rubble):
 
 
 def test_bytes_tell_the_same_motion(rubble):
-    """Read where bodies are and how they move both ways in each step: all is the same to the bit."""
+    """Read how bodies of a falling heap lie and move both ways: all is the same to the bit."""
     for _ in range(90):
         rubble.step(DT)
         bodies = list(rubble._engine._bodies.values())

@@ -46,6 +46,22 @@ def _let_answer(simulation, velocity, most=40.0):
     return simulation.state.solver.utilisation()[0].max()
 
 
+def test_outsides_are_looked_for_when_the_wind_comes():
+    """Leave a wall in still air: nobody looks for its outsides until the wind blows."""
+    simulation = _blow('garden_wall')
+    own = simulation.state.wall_wind
+    simulation.step(30)
+    assert not len(own.parts)
+    simulation.set_wind((0.0, 15.0, 0.0))
+    simulation.step(30)
+    assert len(own.parts) and own.applied.any()
+    pressed = simulation.state.solver.utilisation()[0].max()
+    simulation.set_wind((0.0, 0.0, 0.0))
+    simulation.step(60)
+    assert not own.applied.any()
+    assert simulation.state.solver.utilisation()[0].max() < 0.5 * pressed
+
+
 @pytest.mark.parametrize('name', SHIPPED)
 def test_buildings_stand_a_gale_unbroken(name):
     """Blow at 20 m/s from all sides: walls and roofs feel it, and no bond breaks."""

@@ -143,7 +143,9 @@ def test_gust_in_still_air_needs_a_direction():
     wind = Wind(WindSettings())
     with pytest.raises(CommandError, match='gust.direction'):
         wind.start_gust(Gust(), 0.0)
+    assert wind.is_still(0.0)
     wind.start_gust(Gust(5.0, 4.0, direction=(2.0, 0.0, 0.0), upwind=0.0), 0.0)
+    assert not wind.is_still(0.0)
     np.testing.assert_allclose(wind.velocity([[0.0, 0.0, 10.0]], 2.0), [[5.0, 0.0, 0.0]])
 
 

@@ -46,6 +46,9 @@ def step(model: Model, state: State, dt: float) -> None:
     if not standing.any():
         return
     own.next_look = state.time + _INTERVAL
+    if state.wind.is_still(state.time):  # whatever the outsides are
+        _leave(state)
+        return
     lost = bool(not len(own.parts)
                 or np.count_nonzero(standing) < (1.0 - _GONE) * len(own.parts))
     if lost:
@@ -53,15 +56,21 @@ def step(model: Model, state: State, dt: float) -> None:
     air = state.wind.velocity(own.tops, state.time)
     now, before = _pressure(air), _pressure(own.applied)
     if now.max(initial=0.0) < _BREEZE:
-        if before.any():
-            own.applied = np.zeros_like(air)
-            state.loads.remove_layer(_LAYER)
+        _leave(state)
         return
     turned = AIR_DENSITY * np.sqrt(((air - own.applied) ** 2).sum(axis=1) * 2.0 * now
                                    / AIR_DENSITY)
     if lost or np.any(turned > _CHANGE * np.maximum(before, _BREEZE)):
         own.applied = air
         _press(model, state, standing)
+
+
+def _leave(state: State) -> None:
+    """Take the wind off all walls."""
+    own = state.wall_wind
+    if own.applied.any():
+        own.applied = np.zeros_like(own.applied)
+        state.loads.remove_layer(_LAYER)
 
 
 def _survey(model: Model, state: State, standing: np.ndarray) -> None:

@@ -188,7 +188,7 @@ class Wind:
         out = np.empty_like(points) if out is None else out
         if not len(points):
             return out
-        if self.enabled:
+        if self._blows(time, gusts):
             s = self.settings
             if not self._terrain.is_flat:  # what blows at a height blows at it over any ground
                 points = points - self._terrain.height(points)[:, None] * [0.0, 0.0, 1.0]
@@ -199,6 +199,13 @@ class Wind:
         else:
             out[:] = 0.0
         return out
+
+    def is_still(self, time: float) -> bool:
+        """Say whether the air rests everywhere: no mean wind, and no gust that is remembered."""
+        return not self._blows(time, self._gusts)
+
+    def _blows(self, time: float, gusts: np.ndarray) -> bool:
+        return self.enabled and (len(gusts) > 0 or any(self._history.velocity(time)))
 
     def at_reference(self, time: float) -> Reference:
         """

@@ -29,6 +29,7 @@ from procphys_ros.physics.world.waking import rim_speed
 
 _ROOM = 0.5  # [m] from what moves, beyond its way; engines look for contacts within 2 cm
 _WAYS = 2.0  # steps that it is looked ahead
+_GONE = 0.1  # share of the listed ones that may wait no more before they are listed anew
 
 
 class Queue:
@@ -47,8 +48,9 @@ class Queue:
         self._keep(np.zeros(0, np.intp))
 
     def _keep(self, ids: np.ndarray) -> None:
-        """Keep the ids and bounds of those that wait, some of which may be dropped since."""
+        """List the ids and bounds of those that wait; some of them may wait no more since."""
         self._ids, self._bounds = ids, self._bodies.bounds[ids]
+        self._left = 0  # of these
         self._low = self._bounds[:, :3].min(axis=0, initial=np.inf)
         self._high = self._bounds[:, 3:].max(axis=0, initial=-np.inf)
 
@@ -66,7 +68,7 @@ class Queue:
     def drop(self, ids: np.ndarray) -> np.ndarray:
         """Forget bodies that are removed, and give those that the engine has."""
         waits = self._find(ids)
-        self._waits[ids[waits]] = False
+        self._leave(ids[waits])
         return ids[~waits]
 
     def admit_among(self, ids: np.ndarray) -> np.ndarray:
@@ -101,6 +103,12 @@ class Queue:
 
     def _admit(self, ids: np.ndarray) -> None:
         if len(ids):
-            self._waits[ids] = False
+            self._leave(ids)
             self._engine.add(self._bodies, ids)
+
+    def _leave(self, ids: np.ndarray) -> None:
+        """Let bodies wait no more, (K,) ids."""
+        self._waits[ids] = False
+        self._left += len(ids)
+        if self._left > _GONE * len(self._ids):
             self._keep(self._ids[self._waits[self._ids]])

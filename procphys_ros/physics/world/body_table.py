@@ -128,11 +128,24 @@ class BodyTable:
         self._free: list[int] = []
         self._used, self._used_rows = 0, {name: 0 for name, _ in _ROWS}
         self._views: dict[int, Pieces] = {}
+        self._awake: np.ndarray | None = None  # see `awake`, until a state changes
 
     @property
     def ids(self) -> np.ndarray:
         """Ids of all bodies there are, ascending, (K,)."""
         return np.flatnonzero(self.state)
+
+    @property
+    def awake(self) -> np.ndarray:
+        """Ids of the bodies that move freely, ascending, (K,); not to be written to."""
+        if self._awake is None:
+            self._awake = np.flatnonzero(self.state[:self._used] == BodyState.AWAKE)
+        return self._awake
+
+    def set_state(self, ids: np.ndarray, state: BodyState) -> None:
+        """Let bodies do something else from now on."""
+        self.state[ids] = state
+        self._awake = None
 
     def add_ground(self, friction: float) -> np.ndarray:
         """Add the ground, which must be the first body, and give its id as an array, (1,)."""
@@ -204,7 +217,7 @@ class BodyTable:
 
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out; their ids may be given again."""
-        self.state[ids] = BodyState.GONE
+        self.set_state(ids, BodyState.GONE)
         for body in ids.tolist():
             self._free.append(body)
             self._views.pop(body, None)
@@ -294,7 +307,7 @@ class BodyTable:
         self._used = end
         for name in _COLUMNS:
             getattr(self, name)[ids] = 0
-        self.state[ids] = state
+        self.set_state(ids, state)
         return ids
 
     def _append(self, kind: str, *rows: np.ndarray) -> int:

@@ -93,7 +93,7 @@ class World:
     @property
     def awake(self) -> np.ndarray:
         """Ids of the bodies that move freely, ascending, (K,)."""
-        return np.flatnonzero(self._bodies.state == BodyState.AWAKE)
+        return self._bodies.awake
 
     @property
     def bodies(self) -> BodyTable:
@@ -242,7 +242,7 @@ class World:
         ids = np.atleast_1d(np.asarray(ids, np.intp))
         if not len(ids):
             return
-        self._bodies.state[ids] = BodyState.AWAKE
+        self._bodies.set_state(ids, BodyState.AWAKE)
         self._bodies.restart_clocks(ids, settling.TREMBLE_TIME)
         self._engine.thaw(self._bodies, self._queue.admit_among(ids))
         self._supports.drop(self._bodies.state)
@@ -258,7 +258,7 @@ class World:
         if not len(ids):
             return
         self._queue.admit_among(ids)
-        self._bodies.state[ids] = state
+        self._bodies.set_state(ids, state)
         self._bodies.velocities[ids] = 0.0
         self._engine.freeze(ids)
         self._bodies.bounds[ids] = self.bounds(ids)
