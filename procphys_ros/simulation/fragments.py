@@ -22,7 +22,15 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.world import BodyState, expand, FRICTION, rigid_sum
+from procphys_ros.physics.world import (
+    BodyState,
+    expand,
+    fragment,
+    FRICTION,
+    LooseBody,
+    plain,
+    rigid_sum,
+)
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
@@ -62,12 +70,12 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
     if stood.any():
         state.loose_bonds.take_over(state.solver.graph, parts[stood])
     poses = state.parts.poses[parts]
-    single = np.flatnonzero((np.diff(start) == 1) & stood[start[:-1]])
-    rows = start[single]
+    single = (np.diff(start) == 1) & stood[start[:-1]]
+    rows = start[:-1][single]
     bodies = state.parts.body[parts[rows]]
     state.world.thaw(bodies, velocities[rows])
     adopt(state, parts[rows], bodies)
-    for i in np.setdiff1d(np.arange(len(pieces)), single):
+    for i in np.flatnonzero(~single).tolist():
         piece = slice(start[i], start[i + 1])
         if stood[start[i]]:
             state.world.remove(state.parts.body[parts[piece]])
@@ -121,14 +129,31 @@ def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float
 
 def make_body(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
               velocities: np.ndarray) -> int:
-    """
-    Make one rigid body of parts; momentum and angular momentum are kept.
+    """Make one rigid body, see `make_bodies`, and give its id."""
+    return make_bodies(model, state, [(parts, poses, velocities)])[0]
 
-    :param parts: (P,) indices.
-    :param poses: of these parts, (P, 7).
-    :param velocities: of these parts, world axes, (P, 6).
-    :returns: id of the body.
+
+def make_bodies(model: Model, state: State, pieces: Sequence[tuple[
+        np.ndarray, np.ndarray, np.ndarray]]) -> list[int]:
     """
+    Make rigid bodies of parts, all at once; momentum and angular momentum are kept.
+
+    :param pieces: of each, the indices of its parts, (P,), their poses, (P, 7), and velocities,
+        world axes, (P, 6).
+    :returns: ids of the bodies.
+    """
+    if not pieces:
+        return []
+    made = [_joined(model, state, *piece) for piece in pieces]
+    bodies = state.world.add_loose([body for body, _, _ in made]).tolist()
+    for body, (_, parts, local) in zip(bodies, made):
+        _enter(state, body, parts, local)
+    return bodies
+
+
+def _joined(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
+            velocities: np.ndarray) -> tuple[LooseBody, np.ndarray, np.ndarray]:
+    """Describe a body of parts; give these in order, and their poses in it."""
     order = np.argsort(parts)  # rows of a tree follow its branches, not the part indices
     parts, poses, velocities = np.asarray(parts)[order], poses[order], velocities[order]
     columns = state.parts
@@ -136,17 +161,13 @@ def make_body(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
     sizes, hexahedra = columns.solid_size[parts], model.blueprint.hexahedra.among(parts)
     if len(parts) == 1:
         part = int(parts[0])
-        body = state.world.add_body(
-            columns.shape[part], sizes[0], float(columns.mass[part]), poses[0], velocities[0],
-            columns.inertia[part], friction, hexahedra=hexahedra)
-        _enter(state, body, parts, _IDENTITY)
-        return body
+        return plain(columns.shape[part], sizes[0], float(columns.mass[part]), poses[0],
+                     velocities[0], columns.inertia[part], friction,
+                     hexahedra=hexahedra), parts, _IDENTITY
     total = rigid_sum(columns.mass[parts], columns.inertia[parts], poses, velocities)
-    body = state.world.add_fragment(
-        columns.shape[parts], sizes, total.local_poses, total.mass, total.inertia, total.pose,
-        total.velocity, friction=friction, hexahedra=hexahedra)
-    _enter(state, body, parts, total.local_poses)
-    return body
+    return fragment(columns.shape[parts], sizes, total.local_poses, total.mass, total.inertia,
+                    total.pose, total.velocity, friction,
+                    hexahedra=hexahedra), parts, total.local_poses
 
 
 def adopt(state: State, parts: np.ndarray, bodies: np.ndarray) -> None:
@@ -175,7 +196,7 @@ def split(model: Model, state: State, body: int, pieces: Sequence[np.ndarray]) -
     state.bodies.carried = None
     state.world.remove(np.array([body]))
     rows = [np.searchsorted(whole, np.sort(parts)) for parts in pieces]
-    return [make_body(model, state, whole[row], poses[row], velocities[row]) for row in rows]
+    return make_bodies(model, state, [(whole[row], poses[row], velocities[row]) for row in rows])
 
 
 def take_out(model: Model, state: State, body: int, parts: np.ndarray) -> None:

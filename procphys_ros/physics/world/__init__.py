@@ -19,10 +19,11 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, ENGINES, installed_engines
 from procphys_ros.physics.world.kinematic import velocity_between
+from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
 from procphys_ros.physics.world.merging import merge_boxes
 from procphys_ros.physics.world.pieces import Pieces, solid_inertia
-from procphys_ros.physics.world.world import FRICTION, World
+from procphys_ros.physics.world.world import World
 
 __all__ = ['BodyState', 'BodyTable', 'Contacts', 'DEFAULT_ENGINE', 'ENGINES', 'expand',
-           'FRICTION', 'installed_engines', 'merge_boxes', 'Pieces', 'rigid_sum', 'RigidSum',
-           'solid_inertia', 'velocity_between', 'World']
+           'fragment', 'FRICTION', 'installed_engines', 'LooseBody', 'merge_boxes', 'Pieces',
+           'plain', 'rigid_sum', 'RigidSum', 'solid_inertia', 'velocity_between', 'World']

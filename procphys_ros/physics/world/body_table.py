@@ -14,12 +14,14 @@
 
 """Everything that is known of the bodies of a world, as plain columns; row = id of a body."""
 
+from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Hexahedra, Shape
+from procphys_ros.physics.world.loose_bodies import LooseBody, radii
 from procphys_ros.physics.world.pieces import Pieces
 
 
@@ -155,32 +157,34 @@ class BodyTable:
         self.poses[ids, 6] = 1.0
         return ids
 
-    def add_body(self, state: BodyState, pieces: Pieces, mass: float, inertia: np.ndarray,
-                 pose: np.ndarray, velocity: np.ndarray | None, friction: float,
-                 restitution: float, least: float) -> int:
-        """
-        Add a body with the values of the columns of the same names, and give its id.
-
-        :param velocity: (6,); None = at rest.
-        :param least: [m]; 0 for compounds, all but one piece in the body's own frame.
-        """
-        ids = self._add_rows(1, state)
-        body = int(ids[0])
-        first = self._append('piece', pieces.shapes, pieces.sizes, pieces.local_poses)
-        self.first_piece[body], self.piece_count[body] = first, len(pieces.shapes)
-        first = self._append('point', pieces.ground_points)
-        self.first_point[body], self.point_count[body] = first, len(pieces.ground_points)
-        solids = pieces.hexahedra
-        first = self._append('hexahedron', solids.part, solids.corners)
-        self.first_hexahedron[body], self.hexahedron_count[body] = first, len(solids)
-        self.radius[body] = pieces.radius()
-        self.least[body] = least
-        self.mass[body], self.inertia[body] = mass, inertia
-        self.friction[body], self.restitution[body] = friction, restitution
-        self.poses[body] = self.target[body] = pose
-        self.velocities[body] = 0.0 if velocity is None else velocity
+    def add_bodies(self, state: BodyState, bodies: Sequence[LooseBody]) -> np.ndarray:
+        """Add bodies with the values of the columns of the same names, and give their ids."""
+        ids = self._add_rows(len(bodies), state)
+        pieces = [body.pieces for body in bodies]
+        solids = [own.hexahedra for own in pieces]
+        self._append_all('piece', ids, [own.shapes for own in pieces],
+                         [own.sizes for own in pieces], [own.local_poses for own in pieces])
+        self._append_all('point', ids, [own.ground_points for own in pieces])
+        self._append_all('hexahedron', ids, [own.part for own in solids],
+                         [own.corners for own in solids])
+        self.radius[ids] = radii(pieces)
+        for name in ('least', 'mass', 'inertia', 'friction', 'restitution'):
+            getattr(self, name)[ids] = [getattr(body, name) for body in bodies]
+        self.poses[ids] = self.target[ids] = [body.pose for body in bodies]
+        self.velocities[ids] = [np.zeros(6) if body.velocity is None else body.velocity
+                                for body in bodies]
         self.restart_clocks(ids, 0.0)
-        return body
+        return ids
+
+    def _append_all(self, kind: str, ids: np.ndarray, *rows: Sequence[np.ndarray]) -> None:
+        """Write rows of several bodies, one list per column, and note where they are."""
+        count = np.array([len(own) for own in rows[0]])
+        if count.any():
+            first = self._append(kind, *map(np.concatenate, rows))
+        else:
+            first = self._used_rows[kind]
+        getattr(self, f'first_{kind}')[ids] = first + np.cumsum(count) - count
+        getattr(self, f'{kind}_count')[ids] = count
 
     def add_boxes(self, state: BodyState, poses: np.ndarray, sizes: np.ndarray,
                   mass: np.ndarray | float, friction: float, restitution: float,

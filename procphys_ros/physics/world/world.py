@@ -32,15 +32,15 @@ from procphys_ros.physics.world.ground import (
     lift_settled,
     touch_with_points,
 )
+from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
 from procphys_ros.physics.world.merging import TOOTHING
-from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
+from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.rolling import resist_rolling
 from procphys_ros.physics.world.spin import limit_spin
 from procphys_ros.physics.world.substeps import move
 from procphys_ros.physics.world.waking import about_to_be_hit, sweep_fast
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
-FRICTION = 0.7  # dry brick on brick, broken mortar; also wood on earth
 
 
 class World:
@@ -125,24 +125,9 @@ class World:
                  velocity: np.ndarray | None = None, inertia: np.ndarray | None = None,
                  friction: float = FRICTION, restitution: float = 0.0,
                  hexahedra: Hexahedra | None = None) -> int:
-        """
-        Add one loose box or capsule (a capsule no longer than wide is a sphere).
-
-        :param size: as in `Blueprint.size` [m], (3,).
-        :param mass: [kg].
-        :param pose: of its centre of mass, (7,).
-        :param velocity: world axes, (6,); None = at rest.
-        :param inertia: principal moments in its axes [kg·m²], (3,); None = of a solid.
-        :param friction: against a body of the same kind.
-        :param restitution: against a body of the same kind; against the ground its root.
-        :param hexahedra: the corners of a box that is no rectangular one.
-        """
-        size = np.asarray(size, float)
-        if inertia is None:
-            inertia = solid_inertia(shape, size, mass)
-        return self._enter(self._bodies.add_body(
-            BodyState.AWAKE, single(shape, size, hexahedra), mass, inertia, pose, velocity,
-            friction, restitution, least=float(size.min())))
+        """Add one loose box or capsule; see `loose_bodies.plain`."""
+        return int(self.add_loose([plain(shape, size, mass, pose, velocity, inertia, friction,
+                                         restitution, hexahedra)])[0])
 
     def add_projectile(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
                        velocity: np.ndarray, friction: float = FRICTION,
@@ -155,27 +140,14 @@ class World:
                      velocity: np.ndarray | None = None, friction: float = FRICTION,
                      restitution: float = 0.0, tolerance: float = TOOTHING,
                      hexahedra: Hexahedra | None = None) -> int:
-        """
-        Add a loose rigid body made of boxes and capsules; `assembly.rigid_sum` gives the values.
+        """Add a loose rigid body made of boxes and capsules; see `loose_bodies.fragment`."""
+        return int(self.add_loose([fragment(shapes, sizes, local_poses, mass, inertia, pose,
+                                            velocity, friction, restitution, tolerance,
+                                            hexahedra)])[0])
 
-        :param shapes: `Shape` of each part, (P,).
-        :param sizes: as in `Blueprint.size` [m], (P, 3).
-        :param local_poses: of the parts in the principal frame, (P, 7).
-        :param mass: [kg].
-        :param inertia: principal moments [kg·m²], (3,).
-        :param pose: of centre of mass and principal axes in the world, (7,).
-        :param velocity: world axes, (6,); None = at rest.
-        :param friction: against a body of the same kind.
-        :param restitution: against a body of the same kind.
-        :param tolerance: how far ends may be apart that `merge_boxes` makes one [m].
-        :param hexahedra: those of the boxes that are no rectangular ones.
-        """
-        pieces = merge_pieces(
-            Pieces(np.asarray(shapes, np.int64), np.asarray(sizes, float),
-                   np.asarray(local_poses, float), hexahedra=hexahedra or Hexahedra()), tolerance)
-        return self._enter(self._bodies.add_body(
-            BodyState.AWAKE, pieces, mass, inertia, pose, velocity, friction, restitution,
-            least=0.0))
+    def add_loose(self, bodies: Sequence[LooseBody]) -> np.ndarray:
+        """Add bodies that move freely, all at once, and give their ids, (K,)."""
+        return self._enter(self._bodies.add_bodies(BodyState.AWAKE, bodies))
 
     def add_driven(self, pieces: Pieces, pose: np.ndarray, friction: float = FRICTION) -> int:
         """
@@ -186,11 +158,11 @@ class World:
         :param friction: against a body of the same kind.
         """
         inertia = np.full(3, 0.4 * kinematic.MASS * pieces.radius() ** 2)  # nothing can turn it
-        plain = len(pieces.shapes) == 1 and np.array_equal(pieces.local_poses[0],
-                                                           [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-        return self._enter(self._bodies.add_body(
-            BodyState.KINEMATIC, pieces, kinematic.MASS, inertia, pose, None, friction, 0.0,
-            least=float(pieces.sizes[0].min()) if plain else 0.0))
+        is_plain = len(pieces.shapes) == 1 and np.array_equal(
+            pieces.local_poses[0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+        least = float(pieces.sizes[0].min()) if is_plain else 0.0
+        return int(self._enter(self._bodies.add_bodies(BodyState.KINEMATIC, [LooseBody(
+            pieces, kinematic.MASS, inertia, pose, None, friction, 0.0, least)]))[0])
 
     def add_bricks(self, poses: np.ndarray, sizes: np.ndarray, mass: np.ndarray,
                    friction: float = FRICTION, restitution: float = 0.0,
@@ -213,9 +185,9 @@ class World:
         self._queue.append(ids)
         return ids
 
-    def _enter(self, body: int) -> int:
-        self._engine.add(self._bodies, np.array([body]))
-        return body
+    def _enter(self, ids: np.ndarray) -> np.ndarray:
+        self._engine.add(self._bodies, ids)
+        return ids
 
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out; what rested on them is set free. Their ids may be given again."""
