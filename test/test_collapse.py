@@ -117,6 +117,27 @@ def test_a_split_keeps_momentum_and_every_part_its_velocity():
                                rtol=1e-9, atol=1e-9)
 
 
+def test_parts_that_leave_at_once_cut_their_bonds_once_each_with_its_own_load():
+    """Knock two neighbours out of a wall: the bond between them breaks by the first load."""
+    scene = Scene()
+    scene.add(wall(6, 6), name='wall')
+    simulation = Simulation(scene)
+    state, changes = simulation.state, []
+    cut = state.solver.cut
+    state.solver.cut = lambda *values: changes.append(len(values[0])) or cut(*values)
+    graph = state.solver.graph
+    first, second = next((a, b) for a, b in zip(graph.first.tolist(), graph.second.tolist())
+                         if max(a, b) < graph.count and a > 12)
+    fragments.release(simulation.model, state, [np.array([second]), np.array([first])],
+                      np.zeros((2, 6)), Cause.IMPACT, np.array([2.0, 5.0]))
+    events = state.log.take()
+    touches = (events['part_a'] == second) | (events['part_b'] == second)
+    np.testing.assert_array_equal(events['load'], np.where(touches, 2.0, 5.0))
+    assert len(events) == len(set(events['bond'].tolist())) == sum(changes) and len(changes) == 1
+    assert touches.any() and not touches.all()
+    assert (state.carrier[[first, second]] >= 0).all()
+
+
 def test_stress_in_a_free_bar_is_that_of_inertia_relief():
     """Push a free bar of equal blocks at one end: its middle carries half of the push."""
     count, force = 10, 1000.0

@@ -124,9 +124,9 @@ def knock_out(model: Model, state: State, found: list[Knockout]) -> None:
 
     :param found: from `knockouts`, after their impulses were taken back.
     """
-    for knock in found:
-        fragments.release(model, state, [np.array([knock.part])], np.zeros((1, 6)), Cause.IMPACT,
-                          1.0 / max(knock.share, 1e-3))
+    share = np.array([knock.share for knock in found])
+    fragments.release(model, state, [np.array([knock.part]) for knock in found],
+                      np.zeros((len(found), 6)), Cause.IMPACT, 1.0 / np.maximum(share, 1e-3))
 
 
 def _part_of_body(state: State) -> np.ndarray:

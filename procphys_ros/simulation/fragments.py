@@ -38,12 +38,13 @@ from procphys_ros.simulation.state import State
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
 _NEGLIGIBLE = 0.05  # [m/s²] drag not worth the call that sets a velocity, 0.5 % of gravity
 _SUDDEN = 2.0  # dynamic factor of supports that vanish at once, see `StressSolver.cut`
+_NONE = np.iinfo(np.intp).max  # behind all numbers of pieces
 _IDENTITY = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
 
 
 def release(model: Model, state: State, pieces: Sequence[np.ndarray],
             velocities: np.ndarray | None = None, cause: Cause | None = None,
-            load: float = 1.0) -> None:
+            load: float | np.ndarray = 1.0) -> None:
     """
     Let pieces of walls or trees go: each becomes one rigid body.
 
@@ -55,7 +56,7 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
         the state has them.
     :param cause: cuts the bonds that still hold the pieces, for this reason; None = they are cut
         and recorded already.
-    :param load: load over strength of bonds cut here.
+    :param load: load over strength of bonds cut here, of all or of each piece.
     """
     if not len(pieces):
         return
@@ -102,29 +103,35 @@ def vanish(state: State, parts: np.ndarray) -> None:
     state.parts.velocities[parts] = 0.0
 
 
-def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float,
+def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float | np.ndarray,
         piece: np.ndarray | None = None) -> None:
     """
     Break and record bonds of standing parts.
 
     :param parts: (K,) indices.
     :param cause: why.
-    :param load: load over strength.
+    :param load: load over strength, of all or of each piece; between two it is that of the first.
     :param piece: number of the piece that each part is of, whose own bonds stay, (K,); None =
         each part is a piece.
     """
     graph = state.solver.graph
     bonds = graph.neighbours(parts)
     bonds = bonds[graph.alive[bonds]]
+    loads = np.full(len(bonds), load if np.ndim(load) == 0 else 0.0)
     if piece is not None:
-        owner = np.full(graph.count + 1, -1, np.intp)
+        owner = np.full(graph.count + 1, _NONE, np.intp)
         owner[parts] = piece
-        bonds = bonds[owner[graph.first[bonds]] != owner[graph.second[bonds]]]
-    rows = graph.rows[bonds[~graph.has_cracked(bonds)]]
+        one, other = owner[graph.first[bonds]], owner[graph.second[bonds]]
+        ends = one != other
+        if np.ndim(load):
+            loads[ends] = np.asarray(load)[np.minimum(one, other)[ends]]
+        bonds, loads = bonds[ends], loads[ends]
+    whole = ~graph.has_cracked(bonds)
+    rows = graph.rows[bonds[whole]]
     state.solver.cut(bonds, _SUDDEN)
     state.loose_bonds.graph.cut(graph.rows[bonds])
     state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
-                     model.blueprint.bonds[rows], cause, np.full(len(rows), load))
+                     model.blueprint.bonds[rows], cause, loads[whole])
 
 
 def make_body(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
