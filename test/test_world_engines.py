@@ -22,6 +22,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.world import BodyState, FRICTION, installed_engines, rigid_sum, World
+from procphys_ros.physics.world.gain import pairs_around
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.simulation import Simulation
@@ -154,6 +155,41 @@ def test_collisions_of_loose_bodies_keep_momentum(engine):
         momentum = world.bodies.mass[bodies] @ world.velocities(bodies)[:, :3]
         np.testing.assert_allclose(momentum, [36.0, 0.0, 0.0], atol=2e-4)
         assert np.linalg.norm(world.velocities(bodies[:5]), axis=1).min() > 0.0
+
+
+def test_each_body_tells_what_it_touches(engine):
+    """Ask all bodies of two heaps one by one: they touch what the list of contacts says."""
+    with World(engine=engine) as world:
+        bodies = heap(world, 1, 2, 12) + heap(world, 2, 2, 12)
+        size = np.array([[1.0, 0.2, 0.2], [0.2, 0.2, 0.6]])
+        total = rigid_sum(np.array([40.0, 20.0]), box_inertia(np.array([40.0, 20.0]), size),
+                          np.array([at(0, 0, 1), at(0.4, 0, 1.4)]))
+        bodies.append(world.add_fragment(np.full(2, Shape.BOX), size, total.local_poses,
+                                         total.mass, total.inertia, total.pose))
+        most = 0
+        for _ in range(60):
+            world.step(DT)
+            pairs = {tuple(pair) for pair in world._engine.contacts()[:, :2].astype(int).tolist()}
+            for body in bodies:
+                both = {other for pair in pairs if body in pair for other in pair} - {body}
+                assert set(world._engine.touched(body)) == both
+            around = pairs_around(world._engine, world.bodies, np.array(bodies[:1]))
+            most = max(most, 0 if around is None else len(around))
+        assert most > 20
+
+
+def test_what_loses_its_support_tells_the_contacts_of_that_step(engine):
+    """Pull the lower of two bricks away: the upper one is set free, and has rubbed on it."""
+    with World(engine=engine) as world:
+        low, high = (world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, (n + 0.5) * BRICK[2]))
+                     for n in range(2))
+        run(world, 120)
+        assert (world.bodies.state[[low, high]] == BodyState.RESTING).all()
+        world.apply_impulse(low, [2.0 * BRICK_MASS, 0.0, 0.0])
+        world.step(DT)
+        assert world.bodies.state[high] == BodyState.AWAKE
+        others, _, impulses = world.contacts().on(high)
+        assert set(others.tolist()) == {low} and impulses[:, 2].sum() > 0.0
 
 
 def test_compounds_have_their_own_inertia(engine):

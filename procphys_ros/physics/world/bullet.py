@@ -396,6 +396,12 @@ class BulletEngine:
         ids = self._ids[size[:, :2].astype(np.intp)]
         return np.column_stack([ids, way[:, :6], size[:, 2], force, size[:, 3]])
 
+    def touched(self, body: int) -> list[int]:
+        """List the ids that a body has contact points with."""
+        handle = int(self._handles[body])
+        found = pybullet.getContactPoints(handle, physicsClientId=self._client)
+        return [int(self._ids[one if one != handle else other]) for _, one, other, *_ in found]
+
 
 def _dynamics(table: BodyTable, ids: np.ndarray) -> list[dict[str, Any]]:
     """

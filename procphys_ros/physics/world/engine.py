@@ -125,6 +125,10 @@ class Engine(Protocol):
         """
         raise NotImplementedError
 
+    def touched(self, body: int) -> list[int]:
+        """List the ids that a body has a contact with in `contacts`, in any order, or twice."""
+        raise NotImplementedError
+
 
 def installed_engines() -> list[str]:
     """List the engines whose libraries are installed, the default first."""

@@ -21,15 +21,18 @@ import numpy as np
 
 from procphys_ros.physics.masonry.components import label
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.engine import Engine
 from procphys_ros.physics.world.spin import FAST, rotational_energy
 
 _LEAP = 1.0  # [m/s] by which a body has become faster in a step that is looked at; falls give 0.16
+_ASKED = 40  # bodies whose contacts are asked for one by one: so many take as long as all do
+_FREE = int(BodyState.AWAKE)
 _SLACK = 1.01  # share of its energy that a body may have won by rounding
 
 
 def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
                time_step: float, gravity: np.ndarray,
-               touching: Callable[[], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+               touching: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """
     Slow down what turns very fast or leaps, and won energy that none of those it touches has lost.
 
@@ -44,7 +47,8 @@ def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities
     :param velocities: likewise, (K, 6).
     :param time_step: [s].
     :param gravity: [m/s²], (3,).
-    :param touching: gives pairs of bodies that touched, (C, 2); called where it matters.
+    :param touching: gives pairs of bodies that touched, (C, 2), of all the islands that some
+        bodies are in; called where it matters.
     :returns: bodies, and their velocities, (M, 6).
     """
     fast = _fast(bodies, ids, velocities, time_step)
@@ -52,7 +56,7 @@ def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities
     fast = fast[now > _SLACK * most]
     if not len(fast):
         return ids[:0], velocities[:0]
-    island, driven = _islands(bodies, ids, touching())
+    island, driven = _islands(bodies, ids, touching(ids[fast]))
     most, now = _energies(bodies, ids, poses, velocities, gravity)
     won = np.bincount(island, now - most, len(ids))
     won[(won <= (_SLACK - 1.0) * np.bincount(island, most, len(ids))) | driven] = 0.0
@@ -62,6 +66,26 @@ def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities
     fast = fast[gained]
     share = np.sqrt(1.0 - back[gained] * (1.0 - most[fast] / now[fast]))
     return ids[fast], share[:, None] * bodies.velocities[ids[fast]]
+
+
+def pairs_around(engine: Engine, bodies: BodyTable, ids: np.ndarray) -> np.ndarray | None:
+    """
+    Follow contacts from some bodies to all that move freely and hang together with them.
+
+    :returns: pairs of bodies that touched, (C, 2); None = too many to ask one by one.
+    """
+    pairs, waiting = [], ids.tolist()
+    seen = set(waiting)
+    while waiting:
+        if len(seen) > _ASKED:
+            return None
+        body = waiting.pop()
+        for other in engine.touched(body):
+            pairs.append((body, other))
+            if other not in seen and bodies.state[other] == _FREE:
+                seen.add(other)
+                waiting.append(other)
+    return np.array(pairs, np.intp).reshape(-1, 2)
 
 
 def _fast(bodies: BodyTable, ids: np.ndarray, velocities: np.ndarray,

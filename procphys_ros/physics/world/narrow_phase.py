@@ -83,6 +83,16 @@ def by_attributes(narrow_phase: Any) -> Touches:
                    np.repeat(_rows(normals, 3), count, axis=0), sizes)
 
 
+def touched(narrow_phase: Any, collider: Any) -> list[int]:
+    """List the colliders that one presses, or nearly touches."""
+    found = []
+    for pair in narrow_phase.contact_pairs_with(collider):
+        if pair.has_any_active_contact and _touches(pair):
+            one, other = pair.collider1.index, pair.collider2.index
+            found.append(other if one == collider.index else one)
+    return found
+
+
 def _touches(pair: Any) -> bool:
     """Say whether any contact of a pair is told; copies of all its contacts take longer."""
     if pair.total_impulse_magnitude() > 0.0:

@@ -36,7 +36,7 @@ from procphys_ros.physics.world.assembly import placed
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
 from procphys_ros.physics.world.friction import friction
-from procphys_ros.physics.world.narrow_phase import by_attributes, by_bytes, Touches
+from procphys_ros.physics.world.narrow_phase import by_attributes, by_bytes, touched, Touches
 
 ITERATIONS = 4  # substeps of the contact solver
 STABILIZATION = 4  # iterations that take out the velocities with which overlaps are undone: with
@@ -244,6 +244,12 @@ class RapierEngine:
         if self._terrain.is_flat and _bytes_are_known():
             touches = by_bytes(narrow_phase)
         return self._table(touches or by_attributes(narrow_phase))
+
+    def touched(self, body: int) -> list[int]:
+        """List the ids that a body presses, or nearly touches."""
+        narrow_phase = self._world.narrow_phase
+        return [int(self._owner[other]) for collider in self._bodies[body].colliders
+                for other in touched(narrow_phase, collider)]
 
     def _table(self, touches: Touches) -> np.ndarray:
         """Turn contacts of rapier into rows of `Engine.contacts`."""

@@ -25,7 +25,7 @@ from procphys_ros.physics.world import admission, extents, kinematic, settling
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, make_engine
-from procphys_ros.physics.world.gain import limit_gain
+from procphys_ros.physics.world.gain import limit_gain, pairs_around
 from procphys_ros.physics.world.ground import (
     Correction,
     lift_fallen,
@@ -73,6 +73,7 @@ class World:
         self._places, self._excluded = np.zeros((0, 3)), np.zeros((0, 2), np.intp)
         self._late_contacts: Callable[[], np.ndarray] = lambda: np.zeros((0, 13))
         self._time_step, self._since_check = 1.0 / 60.0, 0.0
+        self._asked, self._steps_asked = False, 0  # see `_touching`
         self._engine.add(self._bodies, self._bodies.add_ground(friction))
 
     def __enter__(self) -> Self:
@@ -282,12 +283,27 @@ class World:
 
     def contacts(self) -> Contacts:
         """Give the contacts of the last step; ask before bodies are changed."""
+        self._asked = True
+        return self._read_contacts()
+
+    def _read_contacts(self) -> Contacts:
         if self._contacts is None:
             tables = [self._early_contacts, self._point_contacts]
             if (self._bodies.state >= BodyState.AWAKE).any():
                 tables.insert(1, self._late_contacts())
             self._contacts = Contacts.of(np.concatenate(tables), self._time_step)
         return self._contacts
+
+    def _touching(self, ids: np.ndarray) -> np.ndarray:
+        """
+        Give pairs of bodies that touched in the step, of all islands that some are in, (C, 2).
+
+        Where all contacts were wanted twice in a row, they will probably be read anyway.
+        """
+        early, pairs = self._early_contacts, None
+        if self._steps_asked < 2 and not len(early):
+            pairs = pairs_around(self._engine, self._bodies, ids)
+        return np.vstack([early, self._late_contacts()])[:, :2] if pairs is None else pairs
 
     def lifts(self) -> Contacts:
         """Give what the ground did in the last step to bodies that were put back onto it."""
@@ -315,6 +331,8 @@ class World:
         bodies = self._bodies
         self._time_step = time_step
         self._contacts = None
+        self._steps_asked = self._steps_asked + 1 if self._asked else 0
+        self._asked = False
         if not (bodies.state >= BodyState.AWAKE).any():
             self._pass_time(time_step)
             return
@@ -333,7 +351,7 @@ class World:
             self.set_velocities(*limit_spin(bodies, awake, poses, before[:, 3:], time_step))
             self.set_velocities(*limit_gain(
                 bodies, awake, poses, before, time_step, np.asarray(self._gravity),
-                lambda: np.vstack([self._early_contacts, self._late_contacts()])[:, :2]))
+                self._touching))
         self._lifts = self._correct(lift_fallen(
             bodies, awake, self._places[awake], self._gravity, time_step, self._terrain))
         self._point_contacts = self._correct(touch_with_points(
@@ -362,13 +380,16 @@ class World:
         if self._since_check > settling.CHECK_INTERVAL - 1e-9:
             self._since_check = 0.0
             if len(candidates):
-                contacts = self.contacts().both_ways()
+                contacts = self._read_contacts().both_ways()
                 rests, jammed = settling.at_rest(bodies, candidates, contacts)
                 self._take_out(rests)
                 self._supports.add(bodies, contacts, rests)
                 self._hold(rests, BodyState.RESTING)
                 self.thaw(jammed)
-        self.thaw(self._supports.lost(bodies))
+        lost = self._supports.lost(bodies)
+        if len(lost):
+            self._late_contacts()  # Bullet forgets those of bodies that are set free
+        self.thaw(lost)
 
     def _take_out(self, rests: np.ndarray) -> None:
         """Lift bodies that come to rest out of the ground; what lies on them settles anew."""
