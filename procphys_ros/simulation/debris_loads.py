@@ -81,7 +81,18 @@ def update(model: Model, state: State, dt: float) -> None:
 
 
 def may_touch(model: Model, state: State) -> bool:
-    """Say whether anything that moves may touch masonry; reading contacts is expensive."""
+    """
+    Say whether anything that moves may touch masonry; reading contacts is expensive.
+
+    It is worked out once per step, after bodies have moved.
+    """
+    own = state.rubble
+    if own.touches[0] != state.steps:
+        own.touches = state.steps, _is_near(model, state)
+    return own.touches[1]
+
+
+def _is_near(model: Model, state: State) -> bool:
     bodies, awake = state.world.bodies, state.world.awake
     place, room = bodies.poses[awake, :3], bodies.radius[awake, None] + _ROOM
     bounds = np.hstack([place - room, place + room])

@@ -184,9 +184,9 @@ class RubbleState:
     :ivar waiting: blows on pieces that are judged in the next step.
     :ivar moving: smoothed wrench of moving bodies on standing parts [N], [N·m], (N, 6).
     :ivar given: wrench of all bodies that the stress solver knows of, (N, 6).
-    :ivar since: time since that was last looked at [s].
     :ivar borne: by body, its parts and samples of the contact forces that it bears.
-    :ivar unsampled: time since the last of these [s].
+    :ivar since, unsampled: time since `given` was looked at, and since the last sample [s].
+    :ivar touches: the last step in which it was asked whether bodies touch masonry, and if so.
     """
 
     moving: np.ndarray
@@ -197,6 +197,7 @@ class RubbleState:
     since: float = 0.0
     borne: dict = field(default_factory=dict)
     unsampled: float = 0.0
+    touches: tuple[int, bool] = (-1, False)
 
 
 @dataclass
@@ -316,8 +317,7 @@ class State:
     :ivar dust: likewise.
     :ivar climbers: what climbing plants hold on to.
     :ivar tree_bounds: bounds of segments and trees, kept from step to step.
-    :ivar steps: number of steps made.
-    :ivar time: simulated [s].
+    :ivar steps, time: number of steps made, and simulated time [s].
     :ivar cue: number of the scene's next cue.
     :ivar unjudged: time since the stresses were last judged [s].
     :ivar next_round: when masonry may fail again [s].

@@ -72,6 +72,35 @@ def label(count: int, first: np.ndarray, second: np.ndarray,
     return label_living(count, first, second, alive)
 
 
+@kernel
+def joints_of_fallen(first, second, cracked, supported):
+    """List the cracked joints of parts that have lost the ground."""
+    count = len(supported)
+    found = np.zeros(len(first), np.bool_)
+    for m in range(len(first)):
+        if cracked[m]:
+            i, j = first[m], second[m]
+            found[m] = i < count and not supported[i] or j < count and not supported[j]
+    return np.flatnonzero(found)
+
+
+@kernel
+def forget_fallen(supported, displacement, residual, sudden):
+    """
+    Let parts that have lost the ground neither move nor be loaded, rows of (N + 1, 6) each.
+
+    :returns: whether any other sudden load is left.
+    """
+    left = False
+    for i in range(len(sudden)):
+        if i == len(supported) or supported[i]:
+            for c in range(6):
+                left |= sudden[i, c] != 0.0
+        else:
+            displacement[i], residual[i], sudden[i] = 0.0, 0.0, 0.0
+    return left
+
+
 def groups(labels: np.ndarray, chosen: np.ndarray) -> list[np.ndarray]:
     """
     List the components among the chosen parts, each as ascending part indices.

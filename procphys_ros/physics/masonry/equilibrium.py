@@ -159,14 +159,14 @@ class Equilibrium:
         graph = self.graph
         self.labels, self.supported = components.label(graph.count, graph.first, graph.second,
                                                        graph.alive)
-        fallen = np.append(~self.supported, False)
-        falls = graph.cracked & (fallen[graph.first] | fallen[graph.second])
-        if falls.any():  # nothing presses them together any more
-            graph.cut(np.flatnonzero(falls))
+        falls = components.joints_of_fallen(graph.first, graph.second, graph.cracked,
+                                            self.supported)
+        if len(falls):  # nothing presses them together any more
+            graph.cut(falls)
             self.relabel()
-        for array in (self.displacement, self.residual, self._sudden):
-            array[:-1][~self.supported] = 0.0
-        self.sudden = bool(np.any(self._sudden))
+            return
+        self.sudden = components.forget_fallen(self.supported, self.displacement, self.residual,
+                                               self._sudden)
 
     def rewind(self, displacement: np.ndarray) -> None:
         """Return to displacements, (N + 1, 6); the residual is worked out anew."""

@@ -54,20 +54,27 @@ def _gather(sizes, goal, labels, supported, first, second, alive):
     """List parts and bonds island by island, these in the order of their labels."""
     count = len(sizes)
     island = np.full(count, -1)  # by label, 0 where one is restless, then its number
+    found = 0
     for i in range(count):
         if sizes[i] > goal:
             island[labels[i]] = 0
+            found += supported[i]
+    if not found:
+        none = np.zeros(0, np.int64)
+        return none, none.copy(), np.zeros(1, np.int64), np.zeros(1, np.int64)
     part, bond = np.zeros(count + 2, np.int64), np.zeros(count + 2, np.int64)
     found = 0
     for i in range(count):
         if island[i] == 0:
             island[i] = found if supported[i] else -1
             found += supported[i]
+    place = np.zeros(len(first), np.int32)  # of the island that each bond is of
     for i in range(count):
         part[island[labels[i]] + 2] += 1
     for m in range(len(first)):
         if alive[m]:
-            bond[island[labels[min(first[m], second[m])]] + 2] += 1
+            place[m] = island[labels[min(first[m], second[m])]] + 1
+            bond[place[m] + 1] += 1
     part[1], bond[1] = 0, 0  # those of no island
     for k in range(1, found + 2):
         part[k] += part[k - 1]
@@ -79,7 +86,7 @@ def _gather(sizes, goal, labels, supported, first, second, alive):
             parts[part[k]] = i
             part[k] += 1
     for m in range(len(first)):
-        k = island[labels[min(first[m], second[m])]] + 1 if alive[m] else 0
+        k = place[m]
         if k > 0:
             bonds[bond[k]] = m
             bond[k] += 1

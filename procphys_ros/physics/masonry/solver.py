@@ -406,6 +406,8 @@ class StressSolver:
     def _hinges(self, least: Reach) -> np.ndarray:
         """List the joints that `part_hinges` would cut; none while a step is under way."""
         rows = np.flatnonzero(self.graph.cracked) if self.known else np.zeros(0, np.intp)
+        if not len(rows):
+            return rows
         return self.equilibrium.joints.hinges(rows, self.displacement - self._calm,
                                               CREEP if self._exhausted else least)
 

@@ -39,7 +39,9 @@ def friction(ids: np.ndarray, impulse: np.ndarray, normal: np.ndarray, mass: np.
     :param change: of their velocities beyond gravity [m/s], (B, 3).
     :returns: on the first bodies [N·s], (C, 3).
     """
-    moved = np.unique(ids[(mass[ids] > 0.0) & (normal > 0.0)])
+    pressed = np.zeros(len(mass), bool)
+    pressed[ids[:, normal > 0.0]] = True
+    moved = np.flatnonzero(pressed & (mass > 0.0))
     if not len(moved):
         return np.zeros_like(impulse)
     row = np.full(len(mass), -1)
