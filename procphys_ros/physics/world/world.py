@@ -147,8 +147,17 @@ class World:
                                             hexahedra)])[0])
 
     def add_loose(self, bodies: Sequence[LooseBody]) -> np.ndarray:
-        """Add bodies that move freely, all at once, and give their ids, (K,)."""
-        return self._enter(self._bodies.add_bodies(BodyState.AWAKE, bodies))
+        """
+        Add bodies that move freely, and give their ids, (K,).
+
+        The engine gets them in this order, which decides how contacts are rounded; of a list with
+        plain ones it would take these last.
+        """
+        ids = self._bodies.add_bodies(BodyState.AWAKE, bodies)
+        is_plain = self._bodies.least[ids] > 0.0
+        for some in np.split(ids, np.flatnonzero(is_plain[1:] | is_plain[:-1]) + 1):
+            self._engine.add(self._bodies, some)
+        return ids
 
     def add_driven(self, pieces: Pieces, pose: np.ndarray, friction: float = FRICTION) -> int:
         """
@@ -162,8 +171,10 @@ class World:
         is_plain = len(pieces.shapes) == 1 and np.array_equal(
             pieces.local_poses[0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
         least = float(pieces.sizes[0].min()) if is_plain else 0.0
-        return int(self._enter(self._bodies.add_bodies(BodyState.KINEMATIC, [LooseBody(
-            pieces, kinematic.MASS, inertia, pose, None, friction, 0.0, least)]))[0])
+        ids = self._bodies.add_bodies(BodyState.KINEMATIC, [LooseBody(
+            pieces, kinematic.MASS, inertia, pose, None, friction, 0.0, least)])
+        self._engine.add(self._bodies, ids)
+        return int(ids[0])
 
     def add_bricks(self, poses: np.ndarray, sizes: np.ndarray, mass: np.ndarray,
                    friction: float = FRICTION, restitution: float = 0.0,
@@ -184,10 +195,6 @@ class World:
         ids = self._bodies.add_boxes(BodyState.FIXED, poses, sizes, mass, friction, restitution,
                                      hexahedra or Hexahedra(), inertia)
         self._queue.append(ids)
-        return ids
-
-    def _enter(self, ids: np.ndarray) -> np.ndarray:
-        self._engine.add(self._bodies, ids)
         return ids
 
     def remove(self, ids: np.ndarray) -> None:
