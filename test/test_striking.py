@@ -78,7 +78,8 @@ def energy(simulation):
     bodies = np.unique(simulation.state.carrier[parts])
     world = simulation.state.world.bodies
     v, mass = world.velocities[bodies], world.mass[bodies]
-    spin = 0.5 * (world.inertia[bodies].max(axis=1) * (v[:, 3:] ** 2).sum(axis=1)).sum()
+    own = rotation.rotate(rotation.conjugate(world.poses[bodies, 3:]), v[:, 3:])
+    spin = 0.5 * (world.inertia[bodies] * own ** 2).sum()
     return float((mass * (0.5 * (v[:, :3] ** 2).sum(axis=1)
                           + GRAVITY * world.poses[bodies, 2])).sum() + spin)
 
