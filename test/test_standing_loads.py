@@ -60,12 +60,12 @@ def test_blows_end_when_they_have_been_judged_and_those_in_between_are_kept():
     solver = Slow()
     loads = StandingLoads(3)
     loads.set_layer('wind', np.array([0, 1]), np.repeat(push(-5.0), 2, axis=0))
-    loads.add_blow(np.array([1]), push(1000.0))
-    loads.add_blow(np.array([1]), push(500.0))  # at the same time
+    loads.add_blow(np.array([1]), push(1000.0), 1.0)
+    loads.add_blow(np.array([1]), push(500.0), 1.0)  # at the same time
     loads.apply(solver, 0.0, _DT)
     assert solver.given[-1][:, 2] == pytest.approx([-5.0, 1495.0, 0.0])
     for i in range(30, 60):
-        loads.add_blow(np.array([2]), push(200.0 + i))
+        loads.add_blow(np.array([2]), push(200.0 + i), 1.0)
         loads.apply(solver, i * _DT, _DT)
     assert len(solver.given) == 1
     loads.end_blows()
@@ -80,9 +80,9 @@ def test_blows_that_wait_too_long_are_over():
     """Forget a blow within seconds when nothing can be judged meanwhile."""
     solver = Slow()
     loads = StandingLoads(3)
-    loads.add_blow(np.array([0]), push(1000.0))
+    loads.add_blow(np.array([0]), push(1000.0), 1.0)
     loads.apply(solver, 0.0, _DT)
-    loads.add_blow(np.array([1]), push(1000.0))
+    loads.add_blow(np.array([1]), push(1000.0), 1.0)
     for i in range(30, 210):
         loads.apply(solver, i * _DT, _DT)
     loads.end_blows()
@@ -94,7 +94,7 @@ def test_blows_act_for_a_while_after_the_first_failure():
     """Let cracks run on under a blow, but not for ever."""
     solver = Slow()
     loads = StandingLoads(2)
-    loads.add_blow(np.array([0]), push(1000.0))
+    loads.add_blow(np.array([0]), push(1000.0), 1.0)
     loads.apply(solver, 0.0, _DT)
     for i in range(1, 120):
         if i % 6 == 0 and i >= 60:
@@ -108,11 +108,27 @@ def test_what_leaves_a_wall_has_passed_its_blow_on():
     """Give back the force of all blows on parts that leave, and leave it to no one else."""
     solver = Slow()
     loads = StandingLoads(3)
-    loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0))
+    loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0), 1.0)
     loads.apply(solver, 0.0, _DT)
-    loads.add_blow(np.array([1, 2]), np.repeat(push(50.0), 2, axis=0))
+    loads.add_blow(np.array([1, 2]), np.repeat(push(50.0), 2, axis=0), 1.0)
     assert loads.take_blows(np.array([1])) == pytest.approx([0.0, 0.0, 150.0])
     assert loads.take_blows(np.array([1])) == pytest.approx(np.zeros(3))
     loads.end_blows()
     loads.apply(solver, _DT, _DT)
     assert solver.given[-1][:, 2] == pytest.approx([0.0, 0.0, 50.0])
+
+
+def test_the_speed_of_what_strikes_is_known_while_its_blow_acts_or_waits():
+    """Give that of the fastest on any of some parts, until all blows are over."""
+    solver = Slow()
+    loads = StandingLoads(3)
+    loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0), np.array([4.0, 7.0]))
+    loads.apply(solver, 0.0, _DT)
+    loads.add_blow(np.array([1]), push(50.0), 5.0)
+    assert [loads.striking_speed(np.array(parts)) for parts in ([0], [0, 1], [2])] == [4, 7, 0]
+    loads.end_blows()
+    loads.apply(solver, _DT, _DT)
+    assert loads.striking_speed(np.array([1])) == 7.0
+    loads.end_blows()
+    loads.resize(5)
+    assert loads.striking_speed(np.arange(5)) == 0.0

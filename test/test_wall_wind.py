@@ -22,6 +22,7 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import exposed_faces, WallPressure
 from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Demolition
 from procphys_ros.simulation import masonry, Simulation
 
 SHIPPED = ['barn', 'church', 'cottage', 'dry_stone', 'garden_wall', 'office', 'terrace', 'tower']
@@ -60,6 +61,23 @@ def test_outsides_are_looked_for_when_the_wind_comes():
     simulation.step(60)
     assert not own.applied.any()
     assert simulation.state.solver.utilisation()[0].max() < 0.5 * pressed
+
+
+def test_wind_that_drops_while_a_wall_falls_presses_no_more():
+    """Let the wind become a breeze, and a part of the wall go, between two looks."""
+    simulation = _blow('garden_wall')
+    own = simulation.state.wall_wind
+    simulation.set_wind((0.0, 15.0, 0.0))
+    simulation.step(30)
+    assert 'wind' in simulation.state.loads.sources
+    simulation.set_wind((0.0, 0.1, 0.0))
+    own.next_look = np.inf
+    simulation.step(60)
+    simulation.demolish(Demolition((0.0,), (1.0, 0.0, 0.5), (0.6,)))
+    simulation.step(2)
+    own.next_look = 0.0
+    simulation.step()
+    assert 'wind' not in simulation.state.loads.sources
 
 
 @pytest.mark.parametrize('name', SHIPPED)

@@ -67,10 +67,8 @@ def step(model: Model, state: State, dt: float) -> None:
 
 def _leave(state: State) -> None:
     """Take the wind off all walls."""
-    own = state.wall_wind
-    if own.applied.any():
-        own.applied = np.zeros_like(own.applied)
-        state.loads.remove_layer(_LAYER)
+    state.wall_wind.applied = np.zeros_like(state.wall_wind.applied)
+    state.loads.remove_layer(_LAYER)  # also where a survey has just forgotten what was applied
 
 
 def _survey(model: Model, state: State, standing: np.ndarray) -> None:
