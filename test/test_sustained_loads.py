@@ -55,6 +55,53 @@ def test_what_lies_flat_holds():
     assert laid_on_a_stone(2e4, flat=True).bonds_broken == 0
 
 
+def yoke_on_teeth(tension, load):
+    """
+    Lay a yoke on both ends of a tee of five stones, which stick out by half of their length.
+
+    :param tension: of the joints of the tee [Pa].
+    :param load: mass of the yoke [kg].
+    """
+    stone = (0.4, 0.4, 0.2)
+    centres = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1], [-0.4, 0.0, 0.301], [0.0, 0.0, 0.301],
+               [0.4, 0.0, 0.301]]
+    tee = bonded(centres, stone, density=_DENSITY, gap=2e-3, ground=False, tension=tension,
+                 cohesion=2.0 * tension)
+    sizes = np.array([[1.6, 1.6, 0.4], [0.1, 0.4, 0.2], [0.1, 0.4, 0.2]])
+    yoke = bonded([[0.0, 0.0, 0.4], [-0.5, 0.0, 0.1], [0.5, 0.0, 0.1]], sizes, gap=2e-3,
+                  density=load / sizes.prod(axis=1).sum(), ground=False, tension=1e8,
+                  cohesion=1e8)
+    scene = Scene()
+    scene.add(tee, name='tee')
+    scene.add(yoke, (0.0, 0.0, 0.4014), name='yoke')
+    simulation = Simulation(scene)
+    simulation.step(60)
+    return simulation
+
+
+@pytest.mark.parametrize(('tension', 'load', 'breaks'), [
+    (0.2e6, 16_000.0, True), (20e6, 16_000.0, False), (0.2e6, 300.0, False)])
+def test_stones_that_stick_out_come_off_under_what_lies_on_them(tension, load, breaks):
+    """
+    Lay 16 t or 0.3 t on teeth: F at e from the bed joint bends it by 6·F·e/(A·h), A = h·b.
+
+    With half of 16 t these are 5.9 MPa, with 0.3 t 0.11 MPa; the joint at the end takes a part.
+    The yoke ties loose teeth together by friction, so they are not bound to fall.
+    """
+    simulation = yoke_on_teeth(tension, load)
+    assert (simulation.bonds_broken > 0) == breaks
+    assert (simulation.events['cause'] == Cause.TENSION).all()
+    middle, tooth = simulation.state.parts.body[[3, 4]]
+    assert (middle != tooth) == breaks
+
+
+def test_what_is_pressed_breaks_whatever_room_there_is():
+    """Give small pieces under lasting forces eight cells at most, as large ones."""
+    blows = [Blow(0, np.arange(n), None, np.inf, np.zeros(0, int)) for n in (1000, 15, 5)]
+    assert impacts._cells(blows, 0, 10.0) == [8, 8, 5]
+    assert impacts._cells(blows, 60, 10.0) == [8, 8, 5]
+
+
 def test_lumps_break_whatever_room_there_is():
     """Give a storey among bricks some cells where there is no room for more bodies."""
     blows = [Blow(0, np.arange(count), None, 0.0, np.zeros(0, int)) for count in (1000, 90, 30)]

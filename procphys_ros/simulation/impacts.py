@@ -76,7 +76,8 @@ def step(model: Model, state: State, dt: float) -> None:
     change[state.world.awake] = jump
     touches = debris_loads.may_touch(model, state)
     grain, room = _grain(state), _room(state)
-    splits = np.max(state.bodies.size, initial=0) >= 2.0 * (grain if room >= 2 else _LUMP * grain)
+    splits = (len(state.rubble.waiting) > 0 or np.max(state.bodies.size, initial=0)
+              >= 2.0 * (grain if room >= 2 else _LUMP * grain))
     broken = []
     made = blows_of(model, state, change) if touches or splits else None
     if made is not None:
@@ -137,7 +138,7 @@ def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: f
     far = _far(model, state, np.array([b.body for b in blows], np.intp))
     chosen, wanted, work = [], [], 0
     for turn, cells in enumerate(_cells(blows, room, grain)):
-        cells = min(cells, _COARSE) if far[turn] or blows[turn].energy == np.inf else cells
+        cells = min(cells, _COARSE) if far[turn] else cells
         if cells < 2:
             continue
         if work > _WORK:
@@ -293,6 +294,9 @@ def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
     """
     Say in how many cells each piece may break; below 2 it stays as it is.
 
+    Small pieces under lasting forces are pressed hard, see `sustained_loads`: they break whatever
+    room there is.
+
     :param blows: the hardest first.
     :param room: for more bodies.
     :param grain: parts of the smallest pieces that there is room for in the long run.
@@ -300,8 +304,13 @@ def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
     total = sum(len(b.parts) for b in blows)
     cells = []
     for blow in blows:
+        lasts = blow.energy == np.inf
+        if lasts and len(blow.parts) < 2.0 * grain:
+            cells.append(min(len(blow.parts), _COARSE))
+            continue
         fair = int(np.ceil(room * len(blow.parts) / total))
         fitting = min(max(fair, 2), room, int(len(blow.parts) / grain))
-        cells.append(min(max(fitting, int(len(blow.parts) / (_LUMP * grain))), _NODES))
+        cells.append(min(max(fitting, int(len(blow.parts) / (_LUMP * grain))),
+                         _COARSE if lasts else _NODES))
         room = max(room - cells[-1], 0) if cells[-1] > 1 else room
     return cells

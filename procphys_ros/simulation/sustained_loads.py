@@ -27,6 +27,10 @@ from procphys_ros.simulation.state import State
 _INTERVAL = 0.05  # [s] between looks at contacts: reading them is expensive
 _LONG = 1.5       # [m] radius of pieces that may break so: a piece that rests on its middle bears
 #                   3·ρ·g·l²/h, some 60 kPa per metre for l = h, and mortar 0.1 MPa and more
+_PRESSED = 1e5    # [N] that normal forces on a piece of any size add up to, those below and those
+#                   above, from which on it is judged: 5 t go through it
+_BORNE = 10.0     # of its own weight that they do so, too: less is little more than its weight
+_SHARE = 0.1      # of the weight of all that moves, likewise: few pieces can bear that much
 _SAMPLES = 5      # whose mean counts as lasting: 0.25 s are some periods of a storey-high wall,
 #                   and single steps of the engine tremble
 
@@ -36,9 +40,10 @@ def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
     """
     List the pieces that the forces of what carries them, and of what they carry, might break.
 
-    A piece that a heap stops little by little was never hit, but may rest on a few points. The
-    mean of its contact forces is a blow that lasts, and takes nothing from the motion: with the
-    weight, and the inertia of what still moves, it is in balance.
+    A piece that a heap stops little by little was never hit, but may rest on a few points, and a
+    storey may come to stand on a few bricks. The mean of the contact forces of a piece is a blow
+    that lasts, and takes nothing from the motion: with the weight, and the inertia of what still
+    moves, it is in balance.
 
     Writes `state.rubble.borne`.
 
@@ -51,8 +56,9 @@ def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
         return []
     own.unsampled = 0.0
     awake = state.world.awake[state.world.awake < len(known.size)]
-    chosen = awake[(known.size[awake] >= 2.0 * grain) & ~struck[awake]
-                   & (state.world.bodies.radius[awake] > _LONG)]
+    large = awake[(known.size[awake] >= 2.0 * grain) & ~struck[awake]
+                  & (state.world.bodies.radius[awake] > _LONG)]
+    chosen = np.union1d(large, _pressed(model, state, awake, dt))
     waits = {blow.body for blow in own.waiting}
     samples, due = {}, []
     for body, contacts in zip(chosen.tolist(), _contacts_of(state, chosen, dt)):
@@ -64,6 +70,24 @@ def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
             due.append(Blow(body, parts, _mean(samples.pop(body)[1]), np.inf, np.zeros(0, int)))
     own.borne = samples
     return due
+
+
+def _pressed(model: Model, state: State, awake: np.ndarray, dt: float) -> np.ndarray:
+    """
+    List the pieces that bear far more than their own weight, however small they are.
+
+    What is pressed hard trembles, and counts as struck in most steps: that is no reason to wait.
+    """
+    weight = state.world.bodies.mass[awake] * model.gravity
+    if 2.0 * weight.sum() < _PRESSED:
+        return awake[:0]  # there is not enough in motion to press so hard
+    contacts, several = state.world.contacts(), state.bodies.size[awake] > 1
+    force = np.zeros(len(state.world.bodies.state))
+    for side in (contacts.body_a, contacts.body_b):
+        force += np.bincount(side, np.abs(contacts.normal_impulse) / dt, len(force))
+    least = max(_PRESSED, _SHARE * weight.sum())
+    bears = force[awake] > np.maximum(_BORNE * weight, least)
+    return awake[several & bears]
 
 
 def _contacts_of(state: State, chosen: np.ndarray, dt: float) -> list[BodyContacts]:
