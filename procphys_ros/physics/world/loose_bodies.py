@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra, Shape
-from procphys_ros.physics.world.merging import TOOTHING
+from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
 
 FRICTION = 0.7  # dry brick on brick, broken mortar; also wood on earth
@@ -71,7 +71,7 @@ def plain(shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
 
 def fragment(shapes: np.ndarray, sizes: np.ndarray, local_poses: np.ndarray, mass: float,
              inertia: np.ndarray, pose: np.ndarray, velocity: np.ndarray | None = None,
-             friction: float = FRICTION, restitution: float = 0.0, tolerance: float = TOOTHING,
+             friction: float = FRICTION, restitution: float = 0.0, tolerance: float = LEVEL,
              hexahedra: Hexahedra | None = None) -> LooseBody:
     """
     Describe a body made of boxes and capsules; `assembly.rigid_sum` gives the values.

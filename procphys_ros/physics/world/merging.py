@@ -21,13 +21,13 @@ from procphys_ros.physics.world.assembly import aligned_extents, relative_rows
 from procphys_ros.rotation_kernels import matrix_rows
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
-TOOTHING = 0.12  # [m], half a brick and a joint: how far courses of a bond stick out
+LEVEL = 0.03   # [m], ends of courses that are less apart are one, more than that are teeth
 _FLUSH = 2e-3  # [m], faces less apart are one
 _ALIKE = 0.3  # largest difference of the extents across of boxes that are joined
 _ALIGNED = 1e-3  # largest deviation of a rotation matrix from a quarter turn
 
 
-def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = TOOTHING
+def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = LEVEL
                 ) -> tuple[np.ndarray, np.ndarray]:
     """
     Join boxes that lie end to end into larger ones.
@@ -39,7 +39,7 @@ def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = TOOTHIN
     :param poses: (P, 7).
     :param sizes: full extents [m], (P, 3).
     :param tolerance: how far the ends of courses that are stacked may be apart [m]; the mean is
-        taken. Toothed ends, if kept, interlock and never come to rest.
+        taken. Teeth of a bond are kept: level ends would let bricks of two pieces overlap.
     :returns: poses (K, 7) and sizes (K, 3), K ≤ P.
     """
     return _merge(np.ascontiguousarray(poses, float), np.ascontiguousarray(sizes, float),

@@ -33,7 +33,7 @@ from procphys_ros.physics.world.ground import (
     touch_with_points,
 )
 from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
-from procphys_ros.physics.world.merging import TOOTHING
+from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.rolling import resist_rolling
 from procphys_ros.physics.world.spin import limit_spin
@@ -139,7 +139,7 @@ class World:
     def add_fragment(self, shapes: np.ndarray, sizes: np.ndarray, local_poses: np.ndarray,
                      mass: float, inertia: np.ndarray, pose: np.ndarray,
                      velocity: np.ndarray | None = None, friction: float = FRICTION,
-                     restitution: float = 0.0, tolerance: float = TOOTHING,
+                     restitution: float = 0.0, tolerance: float = LEVEL,
                      hexahedra: Hexahedra | None = None) -> int:
         """Add a loose rigid body made of boxes and capsules; see `loose_bodies.fragment`."""
         return int(self.add_loose([fragment(shapes, sizes, local_poses, mass, inertia, pose,
