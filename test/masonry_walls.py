@@ -135,6 +135,20 @@ def wall_boxes(length, courses, holes=(), shift=(0.0, 0.0, 0.0), along=0, offset
     return centres + np.asarray(shift), sizes
 
 
+def braced(length, courses, strength):
+    """
+    Lay a wall along x, so many bricks long, with a return of six bricks behind each of its ends.
+
+    :param strength: of the mortar in tension and in shear [Pa].
+    """
+    inset, far = BRICK[1] / 2, length * (BRICK[0] + JOINT) - JOINT - BRICK[1]
+    boxes = [wall_boxes(length, courses, shift=(0.0, inset, 0.0))]
+    boxes += [wall_boxes(6, courses, shift=(x + inset, BRICK[1] + JOINT, 0.0), along=1, offset=1)
+              for x in (0.0, far)]
+    return bonded(*(np.vstack(column) for column in zip(*boxes)), tension=strength,
+                  cohesion=strength)
+
+
 def wall(length, courses, holes=(), **strengths):
     """Build a free-standing half-brick wall in running bond."""
     return bonded(*wall_boxes(length, courses, holes), **strengths)

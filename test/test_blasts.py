@@ -114,20 +114,21 @@ def test_a_tree_feels_the_wave():
     assert bends[0] > 1e-4 and bends[1] < 0.1 * bends[0]
 
 
-def test_a_wall_is_torn_near_a_charge_and_stands_far_from_it():
+def test_a_wall_is_torn_near_a_charge_thrown_over_at_4_m_and_stands_far_from_it():
     """Tear a hole that ends where the wave is too weak; say that the blast did it."""
     losses = []
     for distance in (40.0, 4.0, 2.0):
         simulation = stand((wall(24, 32), (0.0, 0.0, 0.0)))
         simulation.explode((2.7, -distance, 1.2), 3.0)
         simulation.step(6)
-        events = simulation.events
         losses.append(len(simulation.blueprint) - left(simulation))
         if losses[-1]:
-            assert (events['cause'] == Cause.BLAST).any()
             torn = np.flatnonzero(~simulation.state.standing)
             assert simulation.velocities[torn, 1].mean() > 0.5
-    assert losses[0] == 0 and losses[2] > 0 and losses[1] <= losses[2]
+        holed = np.any(simulation.events['cause'] == Cause.BLAST)
+        assert holed == (distance == 2.0)
+    assert losses[0] == 0 and losses[2] > 0
+    assert losses[1] > 0.95 * len(simulation.blueprint)  # as one plate: its foot breaks
 
 
 def test_a_one_brick_wall_is_breached_by_15_kg_at_2_m():

@@ -35,10 +35,12 @@ WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick w
 
 NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
 _ROUNDS = 60.0   # [1/s] of failures under lasting loads: the speed of cracks (decision 39)
-_PACE = 1200.0   # [1/s] iterations of the stress solver per simulated second under blows; ...
-_LASTING = 6.0   # ... times as many under lasting loads, enough for a round in a step of 1/60 s
-_CURVED = 1.6    # times as many as joints open and close, which takes more of them, ...
+_PACE = 1200.0   # [1/s] iterations of the stress solver per simulated second, at least; ...
+_ROUND = 6.0     # ... times as many while all is linear, enough for a round in 1/60 s; ...
+_CURVED = 1.6    # ... times as many as joints open and close, which takes more of them, ...
 _WORK = 45_000   # ... unless parts times iterations, a third of a step of 1/60 s, are more
+_STRUCK = 6e6    # [1/s] parts times iterations under blows, up to as many as while all is linear:
+#                  most of their rounds end in the step that they begin in (decision 52)
 _TIPPING = 0.15  # [m/s] of its middle, with which a wall of thickness t and height h tips over:
 #                  √(3·g·t²/(8·h)) is 0.12 for a storey half a brick thick, 0.25 for one brick
 _PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
@@ -260,7 +262,7 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
     """
     settled = is_stable(state)
     state.unjudged += dt
-    if not state.loads.struck and state.time + 0.5 * dt < state.next_round:
+    if state.time + 0.5 * dt < state.next_round:
         return
     pieces, rounds = _advance(model, state, _iterations(state, dt), max(round(_ROUNDS * dt), 1))
     if rounds:
@@ -276,16 +278,17 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
             state.parts.velocities[state.standing] = 0.0  # of what blows did not throw over
         state.loads.end_blows()
     elif rounds:
-        state.loads.take_more(state.time, broke)
+        state.loads.take_more(broke)
 
 
 def _iterations(state: State, dt: float) -> int:
     """Give the largest number of iterations in a step."""
-    each = max(round(_PACE * dt), 1)
+    each, working = max(round(_PACE * dt), 1), max(state.solver.working, 1)
+    if state.loads.struck:
+        return max(min(round(_ROUND * each), round(_STRUCK * dt) // working), each)
     if state.solver.curved:
-        most = _WORK // max(state.solver.working, 1)
-        return max(min(round(_CURVED * _PACE * dt), most), each)
-    return each if state.loads.struck else round(_LASTING * each)
+        return max(min(round(_CURVED * _PACE * dt), _WORK // working), each)
+    return round(_ROUND * each)
 
 
 def _advance(model: Model, state: State, iterations: int,
@@ -297,9 +300,10 @@ def _advance(model: Model, state: State, iterations: int,
     """
     if is_stable(state):
         return [], []
-    struck = state.loads.struck
-    rounds = state.fracture.advance(iterations, partial(_ride_out, state) if struck else None,
-                                    None if struck else most)
+    if state.loads.struck:
+        rounds = _withstand(state, iterations)
+    else:
+        rounds = state.fracture.advance(iterations, most=most)
     standing = state.standing[:model.masonry.graph.count]
     loose = standing & ~state.solver.supported
     pieces = groups(state.solver.labels, loose) if loose.any() else []
@@ -320,23 +324,36 @@ def _advance(model: Model, state: State, iterations: int,
     return pieces, rounds
 
 
+def _withstand(state: State, iterations: int) -> list[Failures]:
+    """Work on what stands under blows; give what failed, and end them when they are over."""
+    loads = state.loads
+    rounds, over = state.fracture.withstand(iterations, loads.largest_blow,
+                                            partial(_ride_out, state), loads.cracked)
+    if over:
+        loads.end_blows()
+    return rounds
+
+
 def _ride_out(state: State, moved: np.ndarray) -> bool:
     """
     End blows under which a cracked wall rocks without being thrown over; say whether it does.
 
     The steady force of the same effect is that on a wall that swings elastically. A mechanism has
-    no such period: there the momentum counts. What is thrown over gets it, and becomes no faster
-    than what struck it.
+    no such period: there the momentum counts, along the way that its middle goes; what presses on
+    the ground moves nothing. What is thrown over gets it, and becomes no faster than what struck
+    it.
 
     :param moved: parts that a mechanism moves, (K,).
     """
     waves = state.blasts.momentum[moved]  # which `_let_go` hands over
-    blows = state.loads.blows_on(moved) / WALL_RATE
-    mass = float(state.parts.mass[moved].sum())
+    whole = float(state.parts.mass[moved].sum())
+    way = state.parts.mass[moved] @ state.solver.motion(moved)
+    way /= max(float(np.linalg.norm(way)), 1e-12)
+    blows = max(float(state.loads.blows_on(moved) @ way) / WALL_RATE, 0.0) * way
     size = float(np.linalg.norm(blows))
-    if max(size, float(np.linalg.norm(waves.sum(axis=0)))) > _TIPPING * mass:
-        most = state.loads.striking_speed(moved) * mass
-        velocity = min(1.0, most / max(size, 1e-12)) * blows / mass
+    if max(size, float(np.linalg.norm(waves.sum(axis=0)))) > _TIPPING * whole:
+        most = state.loads.striking_speed(moved) * whole
+        velocity = min(1.0, most / max(size, 1e-12)) * blows / whole
         state.parts.velocities[moved[~waves.any(axis=1)], :3] = velocity
         return False
     state.loads.end_blows()

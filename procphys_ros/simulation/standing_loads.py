@@ -25,9 +25,8 @@ _TOGETHER = 0.1  # [s] loads that change within this act together: about two per
 #                  storey-high wall, which has not answered to the first of them before
 _FADING = 0.5    # [s] time constant of blows that wait: walls have swung out by then, and blows
 #                  of many seconds must not act as one
-_LONGEST = 0.06  # [s] that a blow acts from the first failure on, three rounds at their pace
-#                  (decision 24): cracks run through a panel while it swings out, but what crumbles
-#                  on must not feel it for ever
+_ROUNDS = 3      # that fail something under a blow, some 0.06 s: cracks run through a panel
+#                  while it swings out, but what crumbles on must not feel the blow for ever
 
 
 class StandingLoads:
@@ -38,7 +37,8 @@ class StandingLoads:
     changes while it works on earlier loads waits until these have been judged: loads that never
     stay the same, such as of moving rubble, would keep it from ever finding a stress.
 
-    Blows act until nothing fails under them any more. Of blows that follow each other on one part
+    Blows act until nothing fails under them any more, or cracks have run as far as they do while
+    a panel swings out. Of blows that follow each other on one part
     only the strongest counts, since a part feels them one after the other. Those that wait fade.
     Whatever they throw over becomes no faster than what struck it.
 
@@ -55,7 +55,7 @@ class StandingLoads:
         self._changed = False
         self._open = True
         self._opened = 0.0
-        self._since = math.inf  # when blows made something fail first
+        self._rounds = 0  # in which the blows that act made something fail
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -115,6 +115,17 @@ class StandingLoads:
         """Whether blows act at present."""
         return self._blows is not None
 
+    @property
+    def cracked(self) -> bool:
+        """Whether cracks under the present blows have run as far as they do."""
+        return self._rounds >= _ROUNDS
+
+    @property
+    def largest_blow(self) -> float:
+        """Give the largest force of a blow that acts on a part at present [N]."""
+        blows = self._blows
+        return 0.0 if blows is None else float(np.linalg.norm(blows[:, :3], axis=1).max())
+
     def blows_on(self, parts: np.ndarray) -> np.ndarray:
         """Give the force of all blows that act on parts [N], (3,)."""
         return np.zeros(3) if self._blows is None else self._blows[parts, :3].sum(axis=0)
@@ -143,14 +154,13 @@ class StandingLoads:
             self._blows[parts] *= share
             self._changed = True
 
-    def take_more(self, time: float, broke: bool) -> None:
+    def take_more(self, broke: bool) -> None:
         """
-        Take note that something failed under the loads handed over.
+        Take note that something failed in a round under the loads handed over.
 
-        :param time: [s].
         :param broke: whether anything is gone, and not just cracked: then other loads may follow.
         """
-        self._since = min(self._since, time)
+        self._rounds += 1
         self._open |= broke
 
     def end_blows(self) -> None:
@@ -175,8 +185,6 @@ class StandingLoads:
         if self._struck:
             self._waiting = _strongest(self._waiting, self._total(self._struck))
             self._struck.clear()
-        if self._blows is not None and time > self._since + _LONGEST:
-            self.end_blows()
         if not self._changed and self._waiting is None:
             return
         if self._open:
@@ -185,7 +193,7 @@ class StandingLoads:
             return
         if self._waiting is not None:
             self._blows = _strongest(self._blows, self._waiting)
-            self._waiting, self._since = None, math.inf
+            self._waiting, self._rounds = None, 0
         total = self._total(list(self._layers.values()))
         if self._blows is not None:
             total += self._blows

@@ -22,13 +22,14 @@ import numpy as np
 
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import mechanisms, strength, ties
-from procphys_ros.physics.masonry.joints import BRIEF, PLAY
+from procphys_ros.physics.masonry.joints import BRIEF
 from procphys_ros.physics.masonry.solver import DRIFT, StressSolver, SWAY
 
 _BAND = 0.7  # of the worst utilisation
 _ROUGH = 10.0  # tolerances of the solver, at which utilisations are right to 0.1 or so (test), ...
 _CLEARLY = 2.0  # ... and from which utilisation on bonds may break so early
 _HOPELESS = 3.0  # utilisation under a blow that others do not relieve before it is over
+_FAINT = 0.01  # of a blow, on the part that it hits hardest: what may be left of it unbalanced
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,9 @@ class Fracture:
         self.band = band
         self._judged: int | None = None
         self._glanced: int | None = None
+        self._thrown = False  # whether a blow throws a mechanism over in the present round
+        self._hanging = np.zeros(0, np.intp)  # parts that a blow has thrown over
+        self._released: tuple[int | None, float] = None, 0.0  # of which problem, its residual [N]
         mortar = solver.graph.mortar
         self._dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
 
@@ -86,35 +90,23 @@ class Fracture:
         """Whether the present loads are carried and the last judgement broke nothing."""
         return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
-    def advance(self, iterations: int, relieve: Callable[[np.ndarray], bool] | None = None,
-                most: int | None = None) -> list[Failures]:
+    def advance(self, iterations: int, most: int | None = None) -> list[Failures]:
         """
         Spend some iterations; fail what is overloaded each time that equilibrium is reached.
 
         :param iterations: largest number, over all rounds.
-        :param relieve: given while loads act that are soon over, such as blows: what they pull
-            apart closes again, and is not gone. Asked before what no equilibrium holds is let go,
-            with these parts; takes the loads away if they do not throw it over, and says whether
-            it has.
         :param most: rounds in which something cracks or breaks; None = as many as there are.
         :returns: one entry per round in which something cracked or broke.
         """
         solver, graph = self.solver, self.solver.graph
         rounds: list[Failures] = []
-        least = PLAY if relieve is None else BRIEF
         while iterations > 0 and not self.stable and len(rounds) != most:
             before = solver.spent
-            solver.iterate(iterations, _ROUGH if self._glances() else 1.0, least)
+            solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
             iterations -= max(solver.spent - before, 1)
-            if relieve is not None and len(moved := solver.in_motion(least)):
-                relieved, relieve = relieve(moved), None
-                if relieved:
-                    least = PLAY
-                    solver.rewind()
-                    continue
-            if not solver.converged and len(solver.part_hinges(least)):
+            if not solver.converged and len(solver.part_hinges()):
                 continue
-            furthest = SWAY if self._judged is None or relieve is not None else DRIFT
+            furthest = SWAY if self._judged is None else DRIFT
             adrift = solver.mechanisms(furthest)
             settled = solver.converged or len(adrift) > 0
             if not settled and not self._may_glance():
@@ -124,7 +116,7 @@ class Fracture:
                 continue  # what is adrift is solved to the end
             if not solver.converged and self._straighten(adrift):
                 continue
-            failures = self._judge(adrift, 1.0 if settled else _CLEARLY, relieve is not None)
+            failures = self._judge(adrift, 1.0 if settled else _CLEARLY, solver.converged)
             if len(failures.bond):
                 rounds.append(failures)
             elif not settled:
@@ -139,6 +131,92 @@ class Fracture:
                 solver.cut(graph.boundary(solver.unbalanced()))
         return rounds
 
+    def withstand(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],
+                  last: bool = False) -> tuple[list[Failures], bool]:
+        """
+        Spend some iterations on one round under loads that are soon over, such as blows.
+
+        What these pull apart closes again, and is not gone. They need not be balanced to the end:
+        what carries much more than it can is found while more is left.
+
+        :param iterations: largest number; the next call goes on from there.
+        :param blow: largest force of these loads on one part [N].
+        :param relieve: asked before what no equilibrium holds is let go, with these parts; takes
+            the loads away if they do not throw it over, and says whether it has.
+        :param last: whether cracks have run by now, and only what moves is looked for.
+        :returns: the round in which something cracked or broke, if there was one, and whether the
+            loads are over.
+        """
+        rounds, over = self._round(iterations, blow, relieve, last)
+        if rounds or over:
+            self._thrown = False
+        if over:
+            self._hanging = np.zeros(0, np.intp)
+        return rounds, over
+
+    def _round(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],
+               last: bool) -> tuple[list[Failures], bool]:
+        """Go on with a round, see `withstand`."""
+        solver = self.solver
+        while iterations > 0:
+            before = solver.spent
+            solver.iterate(iterations, self._enough(blow) / solver.goal, BRIEF)
+            iterations -= max(solver.spent - before, 1)
+            near = solver.known and solver.residual <= self._enough(blow)
+            settled = near and solver.residual <= self._left(blow)
+            if not self._thrown and len(moved := solver.in_motion(BRIEF, near)):
+                if relieve(moved):
+                    solver.rewind()
+                    return [], True
+                self._thrown, self._hanging = True, moved
+            if not near and len(solver.part_hinges(BRIEF)):
+                continue
+            furthest = DRIFT if self._thrown else SWAY
+            adrift = solver.adrift(furthest) if near else solver.mechanisms(furthest)
+            if not near and not len(adrift):
+                break
+            self._glanced = solver.problem
+            if not near and self._straighten(adrift):
+                continue
+            least = np.inf if last else 1.0 if settled or not near else _CLEARLY
+            failures = self._judge(adrift, least, near, not self._thrown)
+            if len(failures.bond):
+                return [failures], False
+            if settled and last:
+                rounds = self._part_thrown()
+                return rounds, not rounds
+            if settled:
+                return [], True
+            if not near:
+                solver.cut(solver.graph.boundary(solver.unbalanced()))
+        return [], False
+
+    def _part_thrown(self) -> list[Failures]:
+        """Let go what a blow has thrown over and what still hangs on when the blow ends."""
+        solver, graph = self.solver, self.solver.graph
+        parts = self._hanging[solver.supported[self._hanging]]
+        self._hanging = np.zeros(0, np.intp)
+        if not len(parts):
+            return []
+        share, cause = strength.utilisation(graph, solver.wrenches())
+        rows = mechanisms.parting(graph, share, parts, solver.labels, solver.drift)
+        had_cracked = graph.has_cracked(rows)
+        cause[rows] = Cause.TENSION
+        solver.cut(rows)
+        return [Failures(rows, cause[rows], share[rows], np.ones(len(rows), bool), had_cracked)]
+
+    def _left(self, blow: float) -> float:
+        """Give what may be left unbalanced when all holds under a blow [N]."""
+        return max(self.solver.goal, _FAINT * blow)
+
+    def _enough(self, blow: float) -> float:
+        """Give what may be left unbalanced when the next round is judged under a blow [N]."""
+        solver = self.solver
+        if not solver.converged and self._released[0] != solver.problem:
+            self._released = solver.problem, solver.residual
+        left = self._left(blow)
+        return max(left, _FAINT * self._released[1]) if self._glances() else left
+
     def _is_judged(self) -> bool:
         return self._judged == self.solver.state
 
@@ -152,10 +230,12 @@ class Fracture:
         """Say whether the problem is to be glanced at."""
         return self._glanced != self.solver.problem
 
-    def _judge(self, adrift: np.ndarray, least: float, brief: bool) -> Failures:
+    def _judge(self, adrift: np.ndarray, least: float, balanced: bool,
+               brief: bool = False) -> Failures:
         """
         Fail what fails, if anything does; the worst bond must carry `least` its strength.
 
+        :param balanced: whether what is left unbalanced matters to no bond.
         :param brief: whether the loads are soon over.
         """
         solver = self.solver
@@ -163,11 +243,11 @@ class Fracture:
         wrench = solver.wrenches()
         share, cause = strength.utilisation(graph, wrench)
         chosen = np.zeros(len(graph), bool)
-        if (solver.converged or not len(adrift)) and share.max(initial=0.0) > least:
+        if (balanced or not len(adrift)) and share.max(initial=0.0) > least:
             hopeless = _HOPELESS if brief else np.inf
             chosen[strength.worst_first(graph, share, self.band, hopeless)] = True
             chosen |= (share > 1.0) & self._dry
-        moving = self._lets_go(adrift, share)
+        moving = self._lets_go(adrift, share, balanced)
         cause[moving] = Cause.TENSION  # nothing to redistribute to: they go at once
         bonds = np.flatnonzero(chosen | moving)
         gone = ~(strength.opening(graph, bonds, wrench[bonds])[0] | self._dry[bonds] | brief)
@@ -181,13 +261,13 @@ class Fracture:
         solver.cut(bonds[gone], self.dynamic_factor)
         return Failures(bonds, cause[bonds], share[bonds], gone, had_cracked)
 
-    def _lets_go(self, adrift: np.ndarray, share: np.ndarray) -> np.ndarray:
+    def _lets_go(self, adrift: np.ndarray, share: np.ndarray, balanced: bool) -> np.ndarray:
         """Mark the overloaded bonds that break because what they hold has no balance, (M,)."""
         solver, graph = self.solver, self.solver.graph
         moving = np.zeros(len(graph), bool)
         if len(adrift):
             moving = mechanisms.loosening(graph, share, adrift, solver.labels, solver.drift)
-            if not solver.converged and not moving.any():
+            if not balanced and not moving.any():
                 moving[graph.neighbours(adrift)] = True  # displacements that tell nothing
         return moving & (share > 1.0)
 

@@ -74,3 +74,25 @@ def loosening(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np
     separate(graph.count, graph.first, graph.second,
              living[np.argsort(weight[living], kind='stable')], furthest, cut)
     return cut & around
+
+
+def parting(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np.ndarray,
+            drift: np.ndarray) -> np.ndarray:
+    """
+    Choose the bonds by which parts that are thrown over come off, however sound they are.
+
+    :param share: utilisation, (M,).
+    :param parts, labels, drift: see `loosening`.
+    :returns: rows of these bonds, (K,).
+    """
+    thrown = np.zeros(graph.count + 1, bool)
+    thrown[parts] = True
+    weight = np.where(thrown[graph.first] | thrown[graph.second], 1.0 + share,
+                      np.minimum(share, 1.0))
+    living = np.flatnonzero(graph.alive)
+    parts = parts[np.argsort(-drift[parts], kind='stable')]
+    furthest = parts[np.unique(labels[parts], return_index=True)[1]]
+    cut = np.zeros(len(graph), bool)
+    separate(graph.count, graph.first, graph.second,
+             living[np.argsort(weight[living], kind='stable')], furthest, cut)
+    return np.flatnonzero(cut)

@@ -390,10 +390,20 @@ class StressSolver:
             self.equilibrium.rewind(self._calm)
         return rows
 
-    def in_motion(self, least: Reach) -> np.ndarray:
-        """List the parts that a mechanism moves away from where they were in equilibrium last."""
-        moves = len(self._hinges(least)) or len(self.mechanisms(SWAY))
+    def in_motion(self, least: Reach, balanced: bool) -> np.ndarray:
+        """
+        List the parts that a mechanism moves away from where they were in equilibrium last.
+
+        :param least: that hinges have moved by.
+        :param balanced: whether displacements tell how far all has come.
+        """
+        far = self.adrift(SWAY) if balanced else self.mechanisms(SWAY)
+        moves = len(self._hinges(least)) or len(far)
         return self.equilibrium.moved_from(self._calm) if moves else np.zeros(0, np.intp)
+
+    def motion(self, parts: np.ndarray) -> np.ndarray:
+        """Give how far parts have come since they were in equilibrium last [m], (K, 3)."""
+        return (self.displacement - self._calm)[parts, :3]
 
     def rewind(self) -> None:
         """Go back to where all was in equilibrium last; loads and bonds stay as they are."""
