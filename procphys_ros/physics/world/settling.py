@@ -243,10 +243,20 @@ def _jammed(bodies: BodyTable, rests: np.ndarray, contacts: Contacts) -> np.ndar
 
 
 def _is_creeping(bodies: BodyTable, ids: np.ndarray, rim: np.ndarray) -> np.ndarray:
-    """Tell which bodies have been too slow for too long to slide or to fall, (K,) bool."""
-    way, turn = _moved(bodies.mark[ids], bodies.poses[ids])
+    """
+    Tell which bodies have been too slow for too long to slide or to fall, (K,) bool.
+
+    Turns count with the farthest corner of a box of the same inertia: what is long and rolls about
+    its axis, as a stem does that leans on an edge, moves no rim by that.
+    """
+    mark, pose = bodies.mark[ids], bodies.poses[ids]
+    way, turn = _moved(mark, pose)
+    axis = rotation.multiply(rotation.conjugate(mark[:, 3:]), pose[:, 3:])[:, :3]
+    axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-12)[:, None]
+    reach = np.sqrt((3.0 * bodies.inertia[ids] * axis ** 2).sum(axis=1) / bodies.mass[ids])
+    turned = turn * np.minimum(reach, bodies.radius[ids])
     creeps = ((bodies.quiet[ids] > CREEP_TIME) & (rim < REST_RIM)
-              & (way + turn * bodies.radius[ids] < CREEP_SPEED * bodies.quiet[ids]))
+              & (way + turned < CREEP_SPEED * bodies.quiet[ids]))
     creeps[creeps] = ~_is_starting(bodies, ids[creeps])
     return creeps
 
