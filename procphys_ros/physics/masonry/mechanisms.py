@@ -67,13 +67,7 @@ def loosening(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np
     drifts[parts] = True
     around = (drifts[graph.first] | drifts[graph.second]) & (share > 1.0)
     weight = np.where(around, share, np.minimum(share, 1.0))
-    living = np.flatnonzero(graph.alive)
-    parts = parts[np.argsort(-drift[parts], kind='stable')]
-    furthest = parts[np.unique(labels[parts], return_index=True)[1]]
-    cut = np.zeros(len(graph), bool)
-    separate(graph.count, graph.first, graph.second,
-             living[np.argsort(weight[living], kind='stable')], furthest, cut)
-    return cut & around
+    return _watershed(graph, weight, parts, labels, drift) & around
 
 
 def parting(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np.ndarray,
@@ -89,10 +83,16 @@ def parting(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np.n
     thrown[parts] = True
     weight = np.where(thrown[graph.first] | thrown[graph.second], 1.0 + share,
                       np.minimum(share, 1.0))
+    return np.flatnonzero(_watershed(graph, weight, parts, labels, drift))
+
+
+def _watershed(graph: BondGraph, weight: np.ndarray, parts: np.ndarray, labels: np.ndarray,
+               drift: np.ndarray) -> np.ndarray:
+    """Mark the heaviest bonds between the ground and the part of each island that is furthest."""
     living = np.flatnonzero(graph.alive)
     parts = parts[np.argsort(-drift[parts], kind='stable')]
     furthest = parts[np.unique(labels[parts], return_index=True)[1]]
     cut = np.zeros(len(graph), bool)
     separate(graph.count, graph.first, graph.second,
              living[np.argsort(weight[living], kind='stable')], furthest, cut)
-    return np.flatnonzero(cut)
+    return cut
