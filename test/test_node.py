@@ -22,6 +22,7 @@ from geometry_msgs.msg import PoseArray, Vector3Stamped, WrenchStamped
 from node_process import Client, PARTS, SAPLING, SCENE, serve
 import numpy as np
 import pytest
+from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.clock import ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -345,6 +346,26 @@ def test_bad_parameter_is_refused_with_a_reason(client, name, value, said):
     result = client.set_parameter(name, value)
     assert not result.successful and said in result.reason
     assert client.get_parameter(name) == before
+
+
+@pytest.mark.parametrize(('names', 'said'), [
+    (['wind.velocty'], 'there is no parameter wind.velocty; did you mean wind.velocity'),
+    (['publish_rate', 'wind.velocty'], 'there is no parameter wind.velocty'),
+    (['scene.objects', 'elm.grammar'], 'elm are not used, scene.objects does not name them'),
+    (['qos_overrides.nothing'], 'qos_overrides.nothing'),
+])
+def test_an_unknown_parameter_is_named(client, names, said):
+    """Say which one of those that are set at once does not exist, and change none."""
+    before = client.get_parameter('publish_rate')
+    given = {'publish_rate': 7.0, 'scene.objects': ['elm'], 'elm.grammar': 'oak.lsys'}
+    result = client.call(
+        SetParametersAtomically, '/sim/set_parameters_atomically',
+        SetParametersAtomically.Request(parameters=[
+            Parameter(name, value=given.get(name, 1.0)).to_parameter_msg() for name in names]))
+    assert not result.result.successful and said in result.result.reason
+    assert client.get_parameter('publish_rate') == before
+    if len(names) == 1:
+        assert client.set_parameter(names[0], 1.0) == result.result
 
 
 def test_reload_takes_new_objects_and_keeps_the_scene_on_an_error(client):

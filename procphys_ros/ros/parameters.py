@@ -25,6 +25,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -42,6 +43,17 @@ from procphys_ros.scene.parameter_table import (
 from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.unused import flat, unused
 from procphys_ros.scene.yaml_file import read_yaml
+
+
+class UnknownParameterError(ParameterNotDeclaredException):
+    """
+    A change of parameters that do not exist; rclpy itself forgets the name of the first one.
+
+    :param message: names them.
+    """
+
+    def __init__(self, message: str):
+        Exception.__init__(self, message)
 
 
 class Parameters:
@@ -68,7 +80,7 @@ class Parameters:
             self._declare(parameter, parameter.name)
         self._declare_objects()
         _check_groups(self.nested())
-        node.add_pre_set_parameters_callback(self._type_empty_lists)
+        node.add_pre_set_parameters_callback(self._prepare)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take_over)
 
@@ -114,8 +126,16 @@ class Parameters:
                 for parameter in OBJECT:
                     self._declare(parameter, f'{name}.{parameter.name}')
 
-    def _type_empty_lists(self, changes: list[RosParameter]) -> list[RosParameter]:
-        """Let a list be emptied however that is said: tools send no value, or no type."""
+    def _prepare(self, changes: list[RosParameter]) -> list[RosParameter]:
+        """
+        Let a list be emptied however that is said: tools send no value, or no type.
+
+        :raises UnknownParameterError: when there is no such parameter.
+        """
+        unknown = [c.name for c in changes if not self._node.has_parameter(c.name)]
+        if unknown:
+            raise UnknownParameterError(shortened('; '.join(unused(unknown, self._objects))
+                                                  or f'there is no parameter {unknown[0]}'))
         typed = []
         for change in changes:
             parameter = find(change.name, self._objects)
