@@ -70,7 +70,8 @@ RESPONSE = record(result=RESULT, state=STATE,
                   entities=list, states=list, info=record(category=CATEGORY, description='',
                                                           tags=list),
                   entity_name='', spawnables=list, results=list, bounds=BOUNDS,
-                  ALREADY_IN_TARGET_STATE=101, ENTITIES_SPAWN_FAILED=150, **CODES)
+                  ALREADY_IN_TARGET_STATE=101,
+                  STATE_TRANSITION_ERROR=102, ENTITIES_SPAWN_FAILED=150, **CODES)
 REQUEST = record(state=STATE, steps=0, scope=0, filters=FILTERS, entity='',
                  name='', allow_renaming=False, entity_resource=RESOURCE, entity_namespace='',
                  initial_pose=STAMPED, sources=list, spawn_requests=list,

@@ -103,6 +103,17 @@ def test_refused_command_is_counted_and_reported():
     assert record.answers == [(False, 'no such part'), (True, 'blows')]
 
 
+def test_a_reason_is_one_line_whatever_was_named():
+    """Write line breaks and lone surrogates of a name by their codes."""
+    record = Record()
+
+    def refuse():
+        raise CommandError('there is no part "oak\n[ERROR] ä\udce4"')
+    record.submit('impulse', refuse)
+    record.queue.drain()
+    assert record.answers == [(False, r'there is no part "oak\n[ERROR] ä\udce4"')]
+
+
 def test_queue_is_bounded_and_the_rest_is_counted():
     """Reject what does not fit, so that taken and rejected add up to all."""
     record = Record()

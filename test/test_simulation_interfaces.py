@@ -103,6 +103,26 @@ def test_states_follow_each_other(server):
     assert change(STATE.STATE_PLAYING) == (1, '') and not server.session.paused
 
 
+def test_stopping_resets_everything_and_pausing_lasts(server):
+    """Take out what was spawned when stopped; pause what is stopped, and let it stay paused."""
+    def change(to):
+        return call(server, 'set_simulation_state', state__state=to).result
+
+    def state():
+        return call(server, 'get_simulation_state').state.state
+    assert change(STATE.STATE_PAUSED).result == 1
+    assert state() == STATE.STATE_PAUSED
+    assert call(server, 'spawn_entity', name='elm', entity_resource=resource(text=TREE),
+                initial_pose=place(5.0, 5.0)).result.result == 1
+    assert change(STATE.STATE_STOPPED).result == 1 and state() == STATE.STATE_STOPPED
+    assert call(server, 'get_entities').entities == ['oak_0', 'oak_1']
+    assert change(STATE.STATE_STOPPED).result == 101
+    assert change(STATE.STATE_PAUSED).result == 1 and state() == STATE.STATE_PAUSED
+    server.session.fail(RuntimeError('a step'))
+    failed = change(STATE.STATE_PLAYING)
+    assert failed.result == 102 and 'went wrong' in failed.error_message
+
+
 def test_reset_is_all_or_nothing(server):
     """Reset everything; a part of it is not supported and changes nothing."""
     server.session.simulation.step(3)
@@ -129,6 +149,8 @@ def category(number):
 
 @pytest.mark.parametrize('fields, expected', [
     ({}, ['oak_0', 'oak_1']), ({'filters__filter': '_1$'}, ['oak_1']),
+    ({'filters__filter': '^[[:alpha:]]+_[^[:lower:][:space:]2-9]$'}, ['oak_0', 'oak_1']),
+    ({'filters__filter': '[[:digit:]]{2}'}, []),
     ({'filters__filter': 'elm'}, []), ({'filters__tags__tags': ['segment']}, ['oak_0', 'oak_1']),
     ({'filters__tags__tags': ['segment', 'pane'], 'filters__tags__filter_mode': 1}, []),
     ({'filters__categories': [category(2)]}, []),
@@ -146,6 +168,7 @@ def test_entities_are_filtered(unchanged, fields, expected):
 
 @pytest.mark.parametrize('fields, reason, code', [
     ({'filters__filter': '('}, 'regular expression', RESULT.RESULT_OPERATION_FAILED),
+    ({'filters__filter': '[[:digits:]]'}, 'xdigit', RESULT.RESULT_OPERATION_FAILED),
     ({'filters__bounds__points': [point(0, 0, 0)] * 4}, 'two', RESULT.RESULT_OPERATION_FAILED),
     ({'filters__bounds__type': 1, 'filters__bounds__points': [point(0, 0, 0)] * 4}, 'a sphere',
      RESULT.RESULT_FEATURE_UNSUPPORTED),
@@ -416,5 +439,11 @@ def test_states_of_loose_entities_can_be_set(server):
     refused = put('oak_0', set_pose=True)
     assert refused.result == RESULT.RESULT_OPERATION_FAILED and 'loose' in refused.error_message
     assert put('elm', set_pose=True).result == RESULT.RESULT_NOT_FOUND
+    state.pose.position.x = 1e8
+    assert put('projectile_0', set_pose=True).result == 109
     state.pose.position.x = math.inf
     assert put('projectile_0', set_pose=True).result == 109
+    assert put('projectile_0', set_twist=True).result == RESULT.RESULT_OK
+    state.pose.position.x, state.twist.angular.y = 3.0, math.nan
+    assert put('projectile_0', set_pose=True).result == RESULT.RESULT_OK
+    assert put('projectile_0', set_twist=True).result == RESULT.RESULT_OPERATION_FAILED

@@ -207,8 +207,9 @@ def describe(error: Exception) -> str:
 
 
 def shortened(reason: str) -> str:
-    """Make a reason fit for a message: whoever sent a long list need not get it back."""
-    reason = reason.encode('utf-8', 'backslashreplace').decode('utf-8')  # no lone surrogates
+    """Make a reason fit for a message, one line: who sent a long list need not get it back."""
+    if not reason.isprintable():  # line breaks of a name, and surrogates, which UTF-8 has not
+        reason = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in reason)
     if len(reason) <= _LONGEST_REASON:
         return reason
     return f'{reason[:_LONGEST_REASON // 2]} … {reason[-_LONGEST_REASON // 2:]}'

@@ -28,10 +28,11 @@ from procphys_ros.argument_parser import whole
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, ProcPhysError, SceneError
 from procphys_ros.resources import shared_folder
-from procphys_ros.ros.conversions import Act, check_frame, pose, triple
+from procphys_ros.ros.conversions import Act, check_frame, pose
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.spawn import Spawn
+from procphys_ros.simulation.validation import checked_rotation, checked_vector
 
 FORMATS = ('lsys', 'wall')
 _UPRIGHT = 1e-3  # [-] least part of an attitude that is no turn about the vertical
@@ -128,20 +129,20 @@ class EntityServer:
     async def set_entity_state(self, request: Any, response: Any) -> Any:
         """Put what is loose somewhere else, or give it another velocity."""
         name, state = _entity(request), request.state
-        flags = getattr(request, 'set_pose', True), getattr(request, 'set_twist', True)
+        wanted = twist = None
         try:
             check_frame(state.header, self._frame)
-            twist = (*triple(state.twist.linear, 'twist.linear'),
-                     *triple(state.twist.angular, 'twist.angular'))
-            wanted = pose(state.pose)
-            if flags[0] and (not all(map(math.isfinite, wanted)) or not any(wanted[3:])):
-                raise CommandError(f'the pose {list(wanted)} is none')
+            if getattr(request, 'set_pose', True):
+                wanted = pose(state.pose)
+                checked_vector('the position', wanted[:3])
+                checked_rotation('the orientation', wanted[3:])
         except CommandError as error:
             return self._failed(response, 'INVALID_POSE', str(error))
-        return await self._carry_out(
-            response, 'set_entity_state', name,
-            lambda: self._session.move(name, wanted if flags[0] else None,
-                                       twist if flags[1] else None))
+        if getattr(request, 'set_twist', True):
+            linear, angular = state.twist.linear, state.twist.angular
+            twist = linear.x, linear.y, linear.z, angular.x, angular.y, angular.z
+        return await self._carry_out(response, 'set_entity_state', name,
+                                     lambda: self._session.move(name, wanted, twist))
 
     async def _carry_out(self, response: Any, service: str, name: str, act: Act) -> Any:
         """Do something to an entity; tell one that is not there from what cannot be done."""

@@ -62,6 +62,10 @@ _SERVICES = {'get_simulator_features': 'GetSimulatorFeatures',
              'spawn_entities': 'SpawnEntities', 'delete_entity': 'DeleteEntity',
              'set_entity_state': 'SetEntityState'}
 _ACTIONS = {'simulate_steps': 'SimulateSteps'}
+# Classes of characters of POSIX, in which filters are written, as Python writes them.
+_CLASSES = {'alnum': 'A-Za-z0-9', 'alpha': 'A-Za-z', 'blank': r' \t', 'digit': '0-9',
+            'lower': 'a-z', 'punct': r'!-/:-@\[-`{-~', 'space': r'\s', 'upper': 'A-Z',
+            'xdigit': '0-9A-Fa-f'}
 
 
 def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpawn) -> list[str]:
@@ -120,6 +124,7 @@ class SimulationInterfacesServer:
         self._session = session
         self._frame = frame
         self._offered = offered
+        self._is_held = False  # paused on demand before the first step, which is not stopped
 
     async def get_simulator_features(self, request: Any, response: Any) -> Any:
         """List what is offered here."""
@@ -134,12 +139,12 @@ class SimulationInterfacesServer:
         return response
 
     async def get_simulation_state(self, request: Any, response: Any) -> Any:
-        """Say whether time passes; paused at time 0 counts as stopped."""
+        """Say whether time passes; paused, whole and at time 0 counts as stopped."""
         response.state.state = self._present_state()
         return self._done(response)
 
     async def set_simulation_state(self, request: Any, response: Any) -> Any:
-        """Play, pause, or stop, which is to reset and pause."""
+        """Play, pause, or stop, which is to reset everything and pause."""
         wanted, state = request.state.state, self._state
         if wanted not in (state.STATE_STOPPED, state.STATE_PLAYING, state.STATE_PAUSED):
             return self._failed(response, self._result.RESULT_FEATURE_UNSUPPORTED,
@@ -150,9 +155,11 @@ class SimulationInterfacesServer:
 
         def change() -> str:
             if wanted == state.STATE_STOPPED:
-                self._session.reset_simulation()
+                self._session.revert()
+            self._is_held = wanted == state.STATE_PAUSED
             return self._session.set_pause(wanted != state.STATE_PLAYING)
-        return await self._carry_out(response, 'set_simulation_state', change)
+        return await self._carry_out(response, 'set_simulation_state', change,
+                                     response.STATE_TRANSITION_ERROR)
 
     async def step_simulation(self, request: Any, response: Any) -> Any:
         """Run some steps while paused; other commands are heard between them."""
@@ -255,8 +262,12 @@ class SimulationInterfacesServer:
     def _present_state(self) -> int:
         if not self._session.paused:
             return self._state.STATE_PLAYING
-        began = self._session.has_scene and self._session.simulation.time > 0.0
-        return self._state.STATE_PAUSED if began else self._state.STATE_STOPPED
+        if not self._session.has_scene:
+            return self._state.STATE_STOPPED
+        simulation = self._session.simulation
+        is_new = not (simulation.time > 0.0 or simulation.added or simulation.removed)
+        return (self._state.STATE_STOPPED if is_new and not self._is_held
+                else self._state.STATE_PAUSED)
 
     def _fitting(self, filters: Any) -> list[str]:
         """
@@ -265,10 +276,7 @@ class SimulationInterfacesServer:
         :raises CommandError: when a filter makes no sense.
         """
         entities = self._entities()
-        try:
-            pattern = re.compile(filters.filter)
-        except re.error as error:
-            raise CommandError(f'"{filters.filter}" is no regular expression: {error}') from error
+        pattern = _pattern(filters.filter)
         category = self._types.EntityCategory.CATEGORY_OBJECT
         if len(filters.categories) and category not in [c.category for c in filters.categories]:
             return []
@@ -326,3 +334,18 @@ class SimulationInterfacesServer:
         response.result.result = code
         response.result.error_message = message
         return response
+
+
+def _pattern(text: str) -> re.Pattern:
+    """
+    Read a regular expression, with the classes of POSIX such as [[:digit:]].
+
+    :raises CommandError: when it is none.
+    """
+    try:
+        return re.compile(re.sub(r'\[:(\w+):\]', lambda found: _CLASSES[found[1]], text))
+    except re.error as error:
+        raise CommandError(f'"{text}" is no regular expression: {error}') from error
+    except KeyError as error:
+        raise CommandError(f'"{text}" is no regular expression: there is no class {error} '
+                           f'({", ".join(_CLASSES)})') from error
