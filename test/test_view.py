@@ -454,6 +454,15 @@ def test_a_port_that_is_taken_is_named(frame):
             Page(Scripted(frame), port=port)
 
 
+@pytest.mark.parametrize('asked', [b'', b'HEAD / HTTP/1.1\r\n\r\n', b'\x16\x03'])
+def test_who_asks_for_no_page_is_not_logged(page, caplog, asked):
+    """Close the connections of browsers that change their mind, of scanners and health checks."""
+    with socket.create_connection(('localhost', page.server.get_port())) as visitor:
+        visitor.sendall(asked)
+        visitor.shutdown(socket.SHUT_WR)
+        assert visitor.recv(999) == b'' and not caplog.records
+
+
 def test_without_viser_the_remedy_is_said(frame, monkeypatch):
     """Say what to install."""
     monkeypatch.setitem(sys.modules, 'viser', None)

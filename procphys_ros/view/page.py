@@ -18,6 +18,7 @@
 from collections.abc import Mapping
 from contextlib import redirect_stdout
 import io
+import logging
 from pathlib import Path
 import socket
 from threading import Event, Thread
@@ -170,6 +171,8 @@ class Page:
 def _serve(host: str, port: int) -> Any:
     """Start a server, quietly; viser itself would take another port than the one asked for."""
     viser = load_viser()
+    # It logs the stack of whoever connects and asks for no page, as browsers do in advance.
+    logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
     try:
         family, *_, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, socket.SOCK_STREAM) as probe:
