@@ -18,7 +18,9 @@ import argparse
 from collections.abc import Sequence
 import math
 import re
-from typing import NoReturn
+from typing import Any, NoReturn
+
+from procphys_ros import __version__
 
 _MOST_DIGITS = 18  # what fits into 64 bits
 _LAST_PORT = 65535
@@ -27,6 +29,12 @@ _NODE = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z')
 
 class OneLineParser(argparse.ArgumentParser):
     """Parser that answers a mistake with one line and exit code 2, without its usage."""
+
+    def __init__(self, **keywords: Any):
+        super().__init__(**keywords)
+        if ' ' not in self.prog:  # as in those of the verbs of `command`
+            self.add_argument('--version', action='version',
+                              version=f'procphys_ros {__version__}')
 
     def error(self, message: str) -> NoReturn:
         """Print a complaint and exit."""

@@ -29,6 +29,8 @@ import signal
 import sys
 from typing import NoReturn
 
+from procphys_ros import __version__
+
 INTERRUPTED = 130
 COMMANDS = {
     'batch': 'procphys_ros.batch.command',
@@ -103,6 +105,9 @@ def main(words: Sequence[str] | None = None) -> int:
         return start(words[0], words[1:])
     if words and words[0] in NODES:
         return import_module(NODES[words[0]]).main(words[1:])
+    if words == ['--version']:
+        print(f'procphys_ros {__version__}')
+        return 0
     names = ','.join(sorted({**COMMANDS, **NODES}))
     print(f'usage: python -m procphys_ros {{{names}}} ...; each tells more after --help',
           file=sys.stdout if words in (['-h'], ['--help']) else sys.stderr)

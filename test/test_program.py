@@ -24,7 +24,7 @@ from types import ModuleType
 
 import pytest
 
-from procphys_ros import program
+from procphys_ros import __version__, program
 from procphys_ros.compilation import warming
 from procphys_ros.ros import view
 
@@ -74,6 +74,17 @@ def test_ctrl_c_ends_a_command_that_runs(name, monkeypatch, capsys):
     finally:
         signal.signal(signal.SIGINT, handler)
     assert capsys.readouterr().err == f'{name}: interrupted\n'
+
+
+@pytest.mark.parametrize('words', [[], *([name] for name in program.COMMANDS),
+                                   *([name] for name in program.NODES)])
+def test_all_commands_tell_their_version(words, capsys):
+    """Print the version of the package, whichever command is asked."""
+    try:
+        code = program.main([*words, '--version'])
+    except SystemExit as ended:
+        code = ended.code
+    assert (code, capsys.readouterr().out) == (0, f'procphys_ros {__version__}\n')
 
 
 def test_ctrl_c_ends_view_while_it_builds(monkeypatch, capsys):

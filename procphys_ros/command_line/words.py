@@ -19,7 +19,6 @@ import argparse
 from collections.abc import Sequence
 import re
 
-from procphys_ros import __version__
 from procphys_ros.argument_parser import (
     count,
     node,
@@ -83,7 +82,6 @@ def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
     """Make the parser, and give it with those of its verbs."""
     parser = _Parser(prog='command', description='Talk to a running simulation.',
                      epilog=f'{_EXAMPLES}\n{EXIT_CODES}')
-    parser.add_argument('--version', action='version', version=f'procphys_ros {__version__}')
     parser.add_argument('--node', type=node, default='/sim', metavar='NAME',
                         help='the node to talk to (default %(default)s)')
     parser.add_argument('--timeout', type=positive, default=5.0, metavar='S',
