@@ -25,6 +25,7 @@ from procphys_ros.language import shorten
 from procphys_ros.scene.data_file import find_data_file
 
 MOST_CORNERS = 1_050_625  # 1025 x 1025, what PyBullet takes with room to spare
+_TALLEST = 9300.0  # [m] from the shore of the Dead Sea to the summit of Mount Everest
 _KEY = 'terrain.file'
 _HEADER = ('ncols', 'nrows', 'xllcorner', 'yllcorner', 'xllcenter', 'yllcenter', 'cellsize',
            'nodata_value')
@@ -59,6 +60,11 @@ def read_heights(name: str, beside: Path | None,
     if len(gaps):
         raise SceneError(f'{_KEY}: {path} has {len(gaps)} cells without a height, the first in '
                          f'row {gaps[0][0] + 1}, column {gaps[0][1] + 1}; every cell needs one')
+    low, high = float(heights.min()), float(heights.max())
+    if not high - low <= _TALLEST:  # what maps put where they know nothing is often a number
+        raise SceneError(f'{_KEY}: {path} has heights from {low:g} to {high:g} m, at most '
+                         f'{_TALLEST:g} m may lie between the lowest and the highest; is one of '
+                         'them no height, but stands for a gap?')
     if not (np.isfinite(cell) and cell >= 0.0):
         raise SceneError(f'{_KEY}: {path} has cells of {cell} m, they must be larger than 0')
     if reader is _png:
@@ -101,7 +107,7 @@ def _npz(path: Path) -> tuple[np.ndarray, float]:
 
 def _ascii(path: Path) -> tuple[np.ndarray, float]:
     """Read a header of names and numbers, then rows of heights from north to south."""
-    lines = path.read_text(encoding='ascii').splitlines()
+    lines = path.read_text(encoding='utf-8-sig').splitlines()
     header: dict[str, float] = {}
     for number, line in enumerate(lines, 1):
         words = line.split()
