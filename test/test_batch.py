@@ -107,7 +107,8 @@ def test_variations_are_combined(scene):
 @pytest.mark.parametrize('text, reason', [
     ('wind.velocty=[1,0,0]', 'did you mean wind.velocity'), ('wind.velocity', 'name=values'),
     ('wind.velocity=1,2', 'list of 3'), ('post.count=-1', 'post.count'), ('seed=1,2', '--seeds'),
-    ('gust.duration=[', 'YAML'), ('gust.duration=1..2', 'no values'), ('elm.count=2', 'elm.count'),
+    ('gust.duration=[', 'YAML'),
+    ('gust.duration=1..2', 'first..last/number'), ('elm.count=2', 'elm.count'),
     ('gust.duration=1..x/3', 'first..last'),
     ('gust.duration=1..2/1000000000', 'at most 1000000'), ('gust.duration=2026-02-30', 'YAML'),
     ('publish_rate=10,20', 'no run depends on it'), ('camera.part=a,b', 'no run depends'),
@@ -118,6 +119,18 @@ def test_variations_that_make_no_sense_are_refused(scene, text, reason):
     """Say what is wrong in one line."""
     with pytest.raises(SceneError, match=reason):
         Sweep.read(scene, [text], 1, 1.0)
+
+
+@pytest.mark.parametrize(('variations', 'reason'), [
+    (['scene.cues=[["0 gust"], ["1 gst"]]'], 'scene.cues.*did you mean gust'),
+    (['gust.duration=8,2', 'gust.rise=1,4'], 'gust.rise is 4'),
+    (['time_step=0.001,0.1'], r'one time step \(0.1 s\)'),
+    (['post.grammar=a.lsys'], 'post')])
+def test_values_that_do_not_go_together_are_refused(scene, variations, reason):
+    """Look at each combination before any of them runs; what fits with others is no mistake."""
+    with pytest.raises(SceneError, match=reason):
+        Sweep.read(scene, variations, 1, 0.05)
+    assert len(Sweep.read(scene, ['gust.duration=8,10', 'gust.rise=1,4'], 2, 0.05)) == 8
 
 
 @pytest.mark.parametrize('duration', [1e300, float('inf'), float('nan'), 1e-300, 0.0, -1.0])
@@ -148,6 +161,26 @@ def test_another_grammar_makes_another_sweep(scene, tmp_path):
                      for vary in ([], ['post.grammar=a.lsys,b.lsys'])])
     assert told[0][0] != told[1][0] == told[2][0]
     assert len({varied for _, varied in told}) == 3
+
+
+@pytest.mark.parametrize(('name', 'texts'), [
+    ('terrain.file', ['ncols 2\nnrows 2\ncellsize 9\n0 1\n1 {}\n', 'a.asc']),
+    ('wind.file', ['time,speed,direction\n0,5,270\n9,{},270\n', 'a.csv'])])
+def test_other_data_make_another_sweep(scene, tmp_path, name, texts):
+    """Change the file that the ground or the wind comes from, named by the scene or varied."""
+    text, file = texts
+    group, _, key = name.partition('.')
+    named = tmp_path / 'named.yaml'
+    named.write_text(json.dumps({'/**': {'ros__parameters': CALM | {group: {key: file}}}}))
+    found = []
+    for number in (3, 4, 3):
+        (tmp_path / file).write_text(text.format(number))
+        found.append((Sweep.read(named, [], 1, 1.0).digest,
+                      Sweep.read(scene, [f'{name}={file}'], 1, 1.0).digest))
+    assert found[0] == found[2] and not {*found[0]} & {*found[1]}
+    (tmp_path / file).unlink()
+    with pytest.raises(SceneError, match=f'{name}: there is no file "{file}"'):
+        _ = Sweep.read(scene, [f'{name}={file}'], 1, 1.0).digest
 
 
 def test_another_include_makes_another_sweep(scene, tmp_path):

@@ -17,7 +17,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import hashlib
 from itertools import product
 import json
@@ -32,6 +32,7 @@ from procphys_ros import __version__
 from procphys_ros.batch.run import Run
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.resources import shared_folder
+from procphys_ros.scene.data_file import find_data_file
 from procphys_ros.scene.objects import read_objects
 from procphys_ros.scene.parameter_table import find, GLOBAL, NODE, OBJECT
 from procphys_ros.scene.settings import read_settings
@@ -40,6 +41,7 @@ from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.yaml_file import read_yaml
 
 _GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall)\b')  # name of a file
+_DATA_FILES = ('terrain.file', 'wind.file')
 _MOST = 1_000_000  # runs
 _LONGEST = 1e6  # [s] of a run, the latest time of a cue, too
 # What a run does not depend on: what goes out, what messages and services say, and pictures.
@@ -127,6 +129,9 @@ class Sweep:
         sweep = cls(scene, parameters, read, seeds, duration)
         if len(sweep) > _MOST:
             raise SceneError(f'these are {len(sweep)} runs, at most {_MOST} are possible')
+        for _, run in replace(sweep, seeds=1).runs():  # values that do not go together, too
+            read_objects(run.parameters)
+            _check_duration(duration, read_settings(run.parameters).time_step)
         return sweep
 
     def __len__(self) -> int:
@@ -136,11 +141,12 @@ class Sweep:
     @property
     def digest(self) -> str:
         """
-        Tell sweeps apart: by all that was asked for, the version, and the texts of grammars.
+        Tell sweeps apart: by all that was asked for, the version, and what is in the files named.
 
         Those that a grammar or a plan names count, too.
         """
         about = json.dumps([__version__, self.parameters, sorted(self._grammars()),
+                            [*self._data()],
                             [(v.name, v.values) for v in self.variations],
                             self.seeds, self.duration], sort_keys=True, default=str)
         return hashlib.sha256(about.encode()).hexdigest()[:12]
@@ -160,6 +166,16 @@ class Sweep:
                 text = path.read_bytes()
                 yield hashlib.sha256(text).hexdigest()
                 todo += [(name, str(path), path.parent) for name in _names_in(text, path.parent)]
+
+    def _data(self) -> Iterator[str]:
+        """Give the digests of the other files of the scene, varied ones included."""
+        for key in _DATA_FILES:
+            group, _, name = key.partition('.')
+            names = {self.parameters.get(group, {}).get(name, '')}
+            names.update(*(v.values for v in self.variations if v.name == key))
+            for named in sorted(names - {''}):
+                path = find_data_file(key, named, self.scene.absolute().parent)
+                yield hashlib.sha256(path.read_bytes()).hexdigest()
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -202,7 +218,7 @@ def _values(given: str, text: str) -> list[Any]:
     if dots and not given.startswith('['):
         last, _, number = rest.partition('/')
         try:
-            count = int(number or 0)
+            count = int(number)
             if count > _MOST:
                 raise SceneError(f'--vary {text}: at most {_MOST} values are possible')
             return [float(v) for v in np.linspace(float(first), float(last), count)]
