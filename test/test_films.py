@@ -14,6 +14,7 @@
 
 """Tests of films and series of pictures: cameras, files, and what is refused."""
 
+import errno
 import os
 from pathlib import Path
 import signal
@@ -245,6 +246,22 @@ def test_missing_encoder_says_what_to_install(scene, tmp_path, monkeypatch, caps
     assert main([str(scene), '--out', str(tmp_path / 'film.mp4'), '--to', '1']) == 1
     assert 'pip install av' in capsys.readouterr().err
     assert main([str(scene), '--out', str(tmp_path / 'one.png'), '--size', '96x64']) == 0
+
+
+@pytest.mark.parametrize('name', ['a.png', 'a.mp4', 'a.gif', '%d.png'])
+def test_a_disk_that_fills_up_is_told_with_the_file(name, scene, tmp_path, monkeypatch, capsys):
+    """Name the file that cannot be put in its place, and leave nothing of it."""
+    def fail(part, path):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    folder = tmp_path / 'pictures'
+    folder.mkdir()
+    monkeypatch.setattr(os, 'replace', fail)
+    words = [] if name == 'a.png' else ['--to', '0.1', '--fps', '20']
+    assert main([str(scene), '--out', str(folder / name), '--size', '64x48', *words]) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said == f'render: --out: "{folder / name}" cannot be written: No space left on device'
+    assert not list(folder.iterdir())
 
 
 def test_interrupted_film_is_whole(scene, tmp_path):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Render: pictures of scenes without a display; needs PyVista (`pip install pyvista`)."""
+"""Render: pictures of scenes without a display; needs the extra `[render]`."""
 
 from procphys_ros.render.backend import RenderUnavailableError
 from procphys_ros.render.picture import draw

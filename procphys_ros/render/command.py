@@ -55,8 +55,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with told_to(print_warning):
             scene = open_scene(options.scene, options.seed, dict(options.define))
             return _draw(scene, options)
-    except (ProcPhysError, RenderUnavailableError, OSError) as error:
+    except (ProcPhysError, RenderUnavailableError) as error:
         print(f'render: {error}', file=sys.stderr)
+        return 1
+    except OSError as error:  # of the file that is written; what is read says more by itself
+        print(f'render: --out: "{options.out}" cannot be written: {error.strerror or error}',
+              file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         print('render: interrupted', file=sys.stderr)

@@ -160,9 +160,13 @@ class _Mp4:
         self._container.mux(self._stream.encode(frame))
 
     def finish(self) -> None:
-        self._container.mux(self._stream.encode())
-        self._container.close()
-        os.replace(self._part, self._path)
+        try:
+            self._container.mux(self._stream.encode())
+            self._container.close()
+            os.replace(self._part, self._path)
+        except BaseException:
+            self.discard()
+            raise
 
     def discard(self) -> None:
         with suppress(Exception):  # it is thrown away
