@@ -23,6 +23,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
+import io
 import os
 import select
 import signal
@@ -61,6 +62,7 @@ def run(name: str, words: Sequence[str] | None = None) -> int:
     if heeds:
         # Modules that are half loaded may swallow an exception, and nothing is open yet.
         signal.signal(signal.SIGINT, lambda *_: _end(name))
+    _print_all_signs()
     main = import_module(COMMANDS[name]).main
     if heeds:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -112,6 +114,12 @@ def main(words: Sequence[str] | None = None) -> int:
     print(f'usage: python -m procphys_ros {{{names}}} ...; each tells more after --help',
           file=sys.stdout if words in (['-h'], ['--help']) else sys.stderr)
     return 0 if words in (['-h'], ['--help']) else 2
+
+
+def _print_all_signs() -> None:
+    """Have signs that the encoding of the output lacks written by their codes, as on stderr."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == 'strict':
+        sys.stdout.reconfigure(errors='backslashreplace')
 
 
 def _has_gone() -> bool:

@@ -209,3 +209,11 @@ def test_names_of_objects_meet_no_others(tmp_path, suffix):
     found = [e.get('name') for e in (root[0] if suffix == '.sdf' else root)
              if e.tag in ('model', 'joint', 'link')]
     assert len(found) == len(set(found)) >= 5
+
+
+def test_a_path_that_usd_cannot_take_is_told(tmp_path):
+    """Refuse in one line a folder whose name has a byte that is not UTF-8."""
+    folder = tmp_path / 'b\udce4ume'
+    folder.mkdir()
+    with pytest.raises(ExportError, match='cannot be written: USD takes no path'):
+        export(scene_of(bush=grown('shrub.lsys')), folder / 'a.usda')

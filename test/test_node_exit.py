@@ -171,6 +171,13 @@ def test_missing_parameter_file_is_named(start):
     assert '/does/not/exist.yaml' in errors and 'Traceback' not in errors
 
 
+def test_a_name_that_ros_cannot_take_is_told(start):
+    """Exit with code 1 on a name of a file with a byte that is not UTF-8, as old archives have."""
+    code, errors = start(None, '--params-file', 'b\udce4ume.yaml').finish()
+    assert code == 1 and r'"b\udce4ume.yaml" is not UTF-8' in errors
+    assert 'Traceback' not in errors
+
+
 def test_mixed_list_is_explained(start):
     """Tell how to write a list that the YAML reader of ROS refuses."""
     code, errors = start(None, '-p', 'wind.velocity:=[1, 2.5, 0]').finish()

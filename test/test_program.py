@@ -15,6 +15,7 @@
 
 """Commands end with one line and exit code 130 on Ctrl-C, whenever it comes."""
 
+import io
 from pathlib import Path
 import re
 import signal
@@ -85,6 +86,16 @@ def test_all_commands_tell_their_version(words, capsys):
     except SystemExit as ended:
         code = ended.code
     assert (code, capsys.readouterr().out) == (0, f'procphys_ros {__version__}\n')
+
+
+def test_signs_that_the_output_lacks_are_printed_by_their_codes(monkeypatch):
+    """Print help where the locale has no ellipsis, as ISO 8859-1 has none."""
+    printed = io.BytesIO()
+    monkeypatch.setattr(sys, 'stdout', io.TextIOWrapper(printed, 'latin-1'))
+    with pytest.raises(SystemExit, match='0'):
+        program.run('batch', ['--help'])
+    sys.stdout.flush()
+    assert b'name=[v, \\u2026]' in printed.getvalue()
 
 
 def test_ctrl_c_ends_view_while_it_builds(monkeypatch, capsys):

@@ -120,6 +120,16 @@ def test_what_was_said_is_not_suggested():
     assert nearest_names('oak_0', ['oak_0', 'oak_1']) == '; did you mean oak_1?'
 
 
+def test_names_that_the_system_cannot_have_are_refused():
+    """Say so in one line where names of files are ASCII and that of a grammar is not."""
+    code = ('from procphys_ros.scene.sources import load_grammar\n'
+            'try: load_grammar("b\\xe4ume.lsys", "oak.grammar")\n'
+            'except Exception as error: print(ascii(str(error)))')
+    done = subprocess.run([sys.executable, '-c', code], text=True, capture_output=True, env={
+        **os.environ, 'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'})
+    assert 'oak.grammar: "b\\xe4ume.lsys" cannot be read' in done.stdout, done.stderr
+
+
 def test_forests_do_not_import_walls():
     """Leave the language of walls, a tenth of all imports, to scenes that have some."""
     code = ('import sys; from procphys_ros.scene import Scene; import procphys_ros.simulation; '

@@ -90,6 +90,8 @@ class Layer:
             done = self._layer.Export(str(path))
         except Tf.ErrorException:  # many lines, and not always the reason
             done = False
+        except UnicodeEncodeError as error:
+            raise OSError('USD takes no path that is not UTF-8') from error
         if not done:
             raise OSError('USD could not write it, the disk may be full')
 

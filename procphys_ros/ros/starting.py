@@ -19,6 +19,7 @@ from typing import Any
 import rclpy
 
 from procphys_ros.errors import SceneError
+from procphys_ros.language import shorten
 
 
 def start_ros(args: list[str] | None, **options: Any) -> None:
@@ -36,3 +37,6 @@ def start_ros(args: list[str] | None, **options: Any) -> None:
         hint = ('; write the numbers of a list alike, [1.0, 2.5, 0.0]'
                 if 'Sequence should be of same type' in reason else '')
         raise SceneError(reason.split(', at /')[0] + hint) from error
+    except UnicodeEncodeError as error:
+        raise SceneError(f'arguments for ROS: "{shorten(error.object)}" is not UTF-8, which ROS '
+                         'needs, in names of files, too') from error

@@ -114,6 +114,8 @@ def _unreadable(path: Path) -> str | None:
     except OSError as problem:
         gone = isinstance(problem, FileNotFoundError | NotADirectoryError)
         return '' if gone else problem.strerror or str(problem)
+    except UnicodeEncodeError as problem:
+        return f'names of files are {problem.encoding} here'
     if stat.S_ISDIR(mode):
         return 'it is a folder'
     return None if stat.S_ISREG(mode) else 'it is not a regular file'
