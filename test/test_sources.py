@@ -22,6 +22,7 @@ import sys
 import pytest
 
 from procphys_ros.errors import GrammarError, nearest_names, ProcPhysError, SceneError
+from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.sources import load_grammar, parse_grammar
 
@@ -59,6 +60,7 @@ def test_a_folder_that_cannot_be_searched(monkeypatch, tmp_path):
     """Report what the system answers, whoever asks."""
     def refuse(path, **_):
         raise PermissionError(13, 'Permission denied', str(path))
+    shared_folder()  # has been found by then
     monkeypatch.setattr('pathlib.Path.stat', refuse)
     with pytest.raises(SceneError, match='cannot be read: Permission denied'):
         load_grammar(str(tmp_path / 'oak.lsys'), 'tree.grammar')

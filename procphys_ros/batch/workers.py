@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import as_completed, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+import logging
 from multiprocessing import active_children, get_context, parent_process
 import os
 import signal
@@ -111,7 +112,8 @@ def dask_cluster(address: str, count: int) -> Iterator[Workers]:
     except ImportError as error:
         raise SceneError('--dask needs the package distributed, pip install it') from error
     cluster = None if address else LocalCluster(n_workers=count, threads_per_worker=1,
-                                                dashboard_address=None)
+                                                dashboard_address=None,
+                                                silence_logs=logging.ERROR)
     try:
         client = Client(cluster or address, timeout='20s')
     except (OSError, ValueError) as error:

@@ -320,8 +320,8 @@ class SimNode(Node):
 
     def _warn_about_settings(self) -> None:
         if self.get_parameter('use_sim_time').value:
-            self.get_logger().warning('use_sim_time is set on the node that publishes /clock; '
-                                      'it keeps its own time')
+            self.get_logger().warning('use_sim_time changes nothing: this node keeps its own '
+                                      'time, whoever publishes /clock')
         for line in self.parameters.unused_overrides():
             self.get_logger().warning(line)
         if self.parameters.is_demo:
