@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from procphys_ros import rotation
-from procphys_ros.errors import CommandError
+from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
@@ -122,6 +122,17 @@ def test_names_do_not_collide_and_bad_objects_change_nothing():
     assert len(simulation.poses) == len(wall(4, 4)) and len(simulation.objects) == 1
     with pytest.raises(CommandError, match='did you mean thing_0'):
         simulation.remove('thing_1')
+
+
+@pytest.mark.parametrize('name', ['a/b', 'a\nb', 3])
+def test_names_that_name_no_part_are_refused(name):
+    """Refuse an object whose parts could not be named, in a scene and in a running one."""
+    simulation = stand(wall(3, 4))
+    with pytest.raises(CommandError, match='cannot name an object'):
+        simulation.add(wall(3, 4), (9.0, 0.0, 0.0), name=name)
+    assert len(simulation.objects) == 1
+    with pytest.raises(SceneError, match='cannot name an object'):
+        Scene().add(wall(3, 4), name=name)
 
 
 def test_snapshots_and_resets_know_what_joined():

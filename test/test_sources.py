@@ -27,6 +27,13 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.sources import load_grammar, parse_grammar
 
 _POLE = 'axiom: Width(0.1) F(1) F(1)'
+_BLOCK = """building block()
+  footprint: (0, 0) (1, 0)
+  facades: wall
+  storey_height: 0.5
+layout running { unit: 0.215 0.1025 0.065  material: brick }
+panel wall: running
+"""
 
 
 @pytest.mark.parametrize('name, words', [
@@ -130,6 +137,15 @@ def test_names_that_the_system_cannot_have_are_refused():
     done = subprocess.run([sys.executable, '-c', code], text=True, capture_output=True, env={
         **os.environ, 'LC_ALL': 'C', 'PYTHONUTF8': '0', 'PYTHONCOERCECLOCALE': '0'})
     assert 'oak.grammar: "b\\xe4ume.lsys" cannot be read' in done.stdout, done.stderr
+
+
+@pytest.mark.parametrize('text', [_POLE, _BLOCK])
+@pytest.mark.parametrize('seed', [-1, 1.5, 'a', None])
+def test_seeds_of_grammars_are_whole_numbers(text, seed):
+    """Name the seed; none at all would make another object each time."""
+    grammar = parse_grammar(text, 'thing.grammar_text')
+    with pytest.raises(GrammarError, match=f'thing.grammar_text: the seed is {seed!r}, it must'):
+        grammar.build(seed=seed)
 
 
 def test_forests_do_not_import_walls():

@@ -16,7 +16,7 @@
 """Language: arithmetic, places and error messages that both grammar languages share."""
 
 from procphys_ros.language.arithmetic import Value
-from procphys_ros.language.defines import resolve_defines
+from procphys_ros.language.defines import generator_of, resolve_defines
 from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
 from procphys_ros.language.includes import find_grammar, read_include
@@ -32,6 +32,7 @@ __all__ = [
     'check_length',
     'compile_expression',
     'find_grammar',
+    'generator_of',
     'read_include',
     'read_text',
     'resolve_defines',

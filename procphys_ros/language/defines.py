@@ -27,6 +27,18 @@ from procphys_ros.language.expressions import Expression
 _LARGEST = sys.float_info.max
 
 
+def generator_of(seed: int, source: str) -> np.random.Generator:
+    """
+    Make the source of all random numbers of a derivation.
+
+    :param source: name of the grammar, for errors.
+    :raises GrammarError: for a seed that is no whole number, or negative.
+    """
+    if not isinstance(seed, numbers.Integral) or seed < 0:
+        raise GrammarError(f'the seed is {seed!r}, it must be a whole number, 0 or more', source)
+    return np.random.default_rng(int(seed))
+
+
 def resolve_defines(definitions: Sequence[tuple[str, Expression]],
                     overrides: Mapping[str, float], generator: np.random.Generator,
                     source: str = '<text>') -> dict[str, float]:

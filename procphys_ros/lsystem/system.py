@@ -27,6 +27,7 @@ from procphys_ros.language import (
     check_length,
     Expression,
     find_grammar,
+    generator_of,
     read_text,
     resolve_defines,
 )
@@ -94,18 +95,18 @@ class LSystem:
         :param defines: values that replace those of the grammar.
         :raises GrammarError: when growth passes its bounds or an expression has no value.
         """
-        return self._derive(steps, np.random.default_rng(seed), defines)[0]
+        return self._derive(steps, generator_of(seed, self.grammar.source), defines)[0]
 
     def interpret(self, /, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
         """Derive the string and apply the interpretation rules; parameters as in `derive`."""
-        return self._interpret(steps, np.random.default_rng(seed), defines)[0]
+        return self._interpret(steps, generator_of(seed, self.grammar.source), defines)[0]
 
     def draw(self, /, steps: int | None = None, seed: int = 0, **defines: float) -> Drawing:
         """Let the turtle read the interpreted string; parameters as in `derive`."""
         return self._draw(steps, seed, defines)
 
     def _draw(self, steps: int | None, seed: int, overrides: dict[str, float]) -> Drawing:
-        generator = np.random.default_rng(seed)
+        generator = generator_of(seed, self.grammar.source)
         modules, values = self._interpret(steps, generator, overrides)
         angle = self.grammar.angle
         turtle = Turtle(self.grammar.origins, self.grammar.source,

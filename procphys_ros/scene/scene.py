@@ -42,6 +42,7 @@ from procphys_ros.scene.terrain import make_terrain
 from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.wind_record import read_wind_record
 from procphys_ros.scene.yaml_file import read_yaml
+from procphys_ros.schema import short
 
 _LOG = logging.getLogger(__name__)
 _SMALLEST = 0.5  # of the mean number of parts of the individuals so far: those to come have more
@@ -60,6 +61,17 @@ class SceneObject:
     name: str
     first: int
     count: int
+
+
+def check_name(name: str) -> None:
+    """
+    Refuse a name by which the parts of an object could not be named, as in oak_0/17.
+
+    :raises SceneError: when it is no text, holds a slash, or a sign that no screen shows.
+    """
+    if not isinstance(name, str) or '/' in name or not name.isprintable():
+        raise SceneError(f'{short(name)} cannot name an object; a name is a text without a slash '
+                         'and line breaks')
 
 
 class Scene:
@@ -151,10 +163,12 @@ class Scene:
         :param yaw: turn about the vertical [rad].
         :param name: unique name, `object_<n>` when left out.
         :param on: object that it stands on and is bonded to, z counts from its top; '' = ground.
-        :raises SceneError: when the name is taken, the place not finite or off the terrain, when
-            nothing of the object `on` is under it, or when memory cannot hold so many parts.
+        :raises SceneError: when the name is none or taken, the place not finite or off the
+            terrain, when nothing of the object `on` is under it, or when memory cannot hold so
+            many parts.
         """
         name = name or f'object_{len(self.objects)}'
+        check_name(name)
         if name in self._names:
             raise SceneError(f'there are two objects called "{name}"')
         if np.shape(position) != (3,):

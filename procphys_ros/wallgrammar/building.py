@@ -22,7 +22,13 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.language import check_length, find_grammar, read_text, resolve_defines
+from procphys_ros.language import (
+    check_length,
+    find_grammar,
+    generator_of,
+    read_text,
+    resolve_defines,
+)
 from procphys_ros.wallgrammar import bodies, contacts, corners, polygons, references
 from procphys_ros.wallgrammar.assembly import (
     assemble,
@@ -104,7 +110,7 @@ class WallGrammar:
         :returns: parts and mortar bonds, the footprint's coordinates in x and y, the ground at 0.
         :raises GrammarError: when rules, sizes or materials make no building that stands.
         """
-        generator = np.random.default_rng(seed)
+        generator = generator_of(seed, self.source)
         spec = self.spec
         values = resolve_defines(spec.building.parameters, defines, generator, self.source)
         found: list[Body] = []
