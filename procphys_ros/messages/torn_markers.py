@@ -93,7 +93,7 @@ def _joined(torn: dict[int, list[End]], name: str) -> tuple[np.ndarray, np.ndarr
 
 def _placed(poses: np.ndarray, part: np.ndarray, corners: np.ndarray) -> np.ndarray:
     """Put corners into the world, those of parts that there are, [m], (P, 3)."""
-    there = (part == GROUND) | np.isfinite(poses[part]).all(axis=1)
+    there = (part == GROUND) | np.isfinite(poses[part, 0])
     if not there.all():
         part, corners = part[there], corners[there]
     out = np.empty_like(corners)
