@@ -82,7 +82,7 @@ def test_a_flexible_branch_leaves_the_crown_it_grew_in():
     simulation.step()
     forest = simulation.state.forest
     branch = max(range(1, len(forest)), key=lambda row: len(forest.subtree(row)))
-    contact_exclusions.add_branch(simulation.model, simulation.state, branch)
+    contact_exclusions.add_branch(simulation.state, branch, simulation.model.trees.sizes)
     rows = forest.subtree(branch)
     forest.release(branch)
     assert len(rows) == 11 and len(simulation.state.excluded)

@@ -28,11 +28,13 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.touch import capsule_bounds, meet, overlaps, piece_bounds
+from procphys_ros.physics.touch import capsule_bounds, meet, piece_bounds
+from procphys_ros.physics.trees.state import Joint
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
+_TREE, _FREE = int(Owner.TREE), int(Joint.FREE)  # numba reads no enums
 _HALF = 32  # bits of one of the two numbers that a key is made of
 
 
@@ -84,52 +86,66 @@ def _between(pairs, start):
     return first, second
 
 
-def add_branch(model: Model, state: State, row: int) -> None:
+def add_branch(state: State, row: int, sizes: np.ndarray) -> None:
     """
     Exclude what a branch is inside of; call this before it comes off.
 
     :param row: of the forest, the first one of the branch.
+    :param sizes: of the segments [m], (S, 3).
     """
-    forest, sizes = state.forest, model.trees.sizes
-    rows = forest.subtree(row)
-    bounds = capsule_bounds(rows, forest.poses, sizes, forest.velocities, 0.0, 0.0)
-    room = sizes.max()
-    others = _passed_near(rows, forest.parents, forest.active,
-                          forest.is_free(np.arange(len(forest))), forest.poses,
-                          bounds[:, :3].min(axis=0) - room, bounds[:, 3:].max(axis=0) + room)
-    own, other = overlaps(bounds, capsule_bounds(others, forest.poses, sizes, forest.velocities,
-                                                 0.0, 0.0))
-    found = _overlapping(state, forest.parts[rows[own]], forest.parts[others[other]])
+    forest = state.forest
+    own, other = _passed_near(forest.subtree(row), forest.parents, forest.active,
+                              forest.model.joint, forest.poses, forest.velocities, sizes)
+    found = _overlapping(state, forest.parts[own], forest.parts[other])
     state.excluded = np.concatenate([state.excluded, found])
 
 
 @kernel
-def _passed_near(branch, parents, active, free, poses, low, high):
+def _passed_near(branch, parents, active, joint, poses, velocities, sizes):
     """
-    List the segments between two corners that a branch has passed through up to now.
+    Pair segments of a branch with those near them that it has passed through up to now.
 
     These are the others of its tree and, if that stands, those of all trees that stand.
 
     :param branch: rows that come off, the first one first, (K,).
     :param parents: row that each row hangs on, -1 for roots; parents stand first, (S,).
     :param active: rows that are moved, (S,) bool.
-    :param free: root rows of trees that came off, (S,) bool.
-    :param poses: (S, 7).
-    :param low, high: corners [m], (3,).
+    :param joint: `Joint` of each row, (S,).
+    :param poses: (S, 7); `velocities` (S, 6) and `sizes` (S, 3) likewise.
+    :returns: rows of the branch and of the others, sorted, (P,) each.
     """
-    root = np.arange(len(parents))
-    mine = branch[0]
-    while parents[mine] >= 0:
-        mine = parents[mine]
+    bounds = capsule_bounds(branch, poses, sizes, velocities, 0.0, 0.0)
+    low, high = bounds[0, :3].copy(), bounds[0, 3:].copy()
+    for k in range(len(branch)):
+        low, high = np.minimum(low, bounds[k, :3]), np.maximum(high, bounds[k, 3:])
+    room = sizes.max()
+    low, high = low - room, high + room
+    mine = _root(branch[0], parents)
     meets = np.zeros(len(parents), np.bool_)
     for i in range(len(parents)):
-        if parents[i] >= 0:
-            root[i] = root[parents[i]]
-        if active[i] and (root[i] == mine or not (free[mine] or free[root[i]])):
-            meets[i] = (low[0] < poses[i, 0] < high[0] and low[1] < poses[i, 1] < high[1]
-                        and low[2] < poses[i, 2] < high[2])
+        if (active[i] and low[0] < poses[i, 0] < high[0] and low[1] < poses[i, 1] < high[1]
+                and low[2] < poses[i, 2] < high[2]):
+            root = _root(i, parents)
+            meets[i] = root == mine or not (joint[mine] == _FREE or joint[root] == _FREE)
     meets[branch] = False
-    return np.flatnonzero(meets)
+    others = np.flatnonzero(meets)
+    around = capsule_bounds(others, poses, sizes, velocities, 0.0, 0.0)
+    pairs = np.empty((2, len(branch) * len(others)), np.int64)
+    count = 0
+    for k in range(len(branch)):
+        for n in range(len(others)):
+            if _overlap(bounds[k], around[n]):
+                pairs[0, count], pairs[1, count] = branch[k], others[n]
+                count += 1
+    return pairs[0, :count], pairs[1, :count]
+
+
+@kernel
+def _root(row, parents):
+    """Give the first row of the tree that a row belongs to."""
+    while parents[row] >= 0:
+        row = parents[row]
+    return row
 
 
 def add_split(state: State, pieces: list[np.ndarray]) -> None:
@@ -158,8 +174,9 @@ def _members(state: State, collider: int) -> np.ndarray:
 
 def _overlapping(state: State, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Choose the pairs of parts that overlap, (K, 2)."""
-    chosen, place = np.unique(np.concatenate([first, second]), return_inverse=True)
-    inside = _which_overlap(state, chosen, place[:len(first)], place[len(first):])
+    place = np.arange(2 * len(first))
+    inside = _which_overlap(state, np.concatenate([first, second]), place[:len(first)],
+                            place[len(first):])
     return np.column_stack([first[inside], second[inside]])
 
 
@@ -167,21 +184,41 @@ def _which_overlap(state: State, chosen: np.ndarray, one: np.ndarray,
                    other: np.ndarray) -> np.ndarray:
     """Give the places of the pairs of chosen parts that overlap, ascending, (K,)."""
     parts = state.parts
-    poses, sizes, shapes = parts.poses[chosen], parts.solid_size[chosen], parts.shape[chosen]
-    tree = np.flatnonzero(parts.owner[chosen] == Owner.TREE)
-    poses[tree] = state.forest.poses[parts.row[chosen[tree]]]  # those shown may lie behind
+    poses, sizes, shapes, near = _near(
+        chosen, one, other, parts.owner, parts.row, parts.poses, state.forest.poses,
+        parts.solid_size, parts.shape)
     still = np.zeros((len(chosen), 6))
-    near = _near(piece_bounds(shapes, poses, sizes, still, 0.0, 0.0), one, other)
     found = meet(one[near], poses, sizes, still, other[near], shapes, poses, sizes, still, 0.0)
-    return near[np.unique(found.pair[found.gap < 0.0])]
+    inside = np.zeros(len(near), bool)
+    inside[found.pair[found.gap < 0.0]] = True
+    return near[inside]
 
 
 @kernel
-def _near(bounds, one, other):
-    """List the pairs of boxes that overlap."""
+def _near(chosen, one, other, owner, row, poses, forest_poses, sizes, shapes):
+    """
+    Look where some parts are now, and which pairs of their bounds overlap.
+
+    :param chosen: parts, (K,); one, other: pairs of these, (P,) each.
+    :param owner: `Owner` of all parts, (N,); `row` (N,), `poses` (N, 7), `sizes` (N, 3) and
+        `shapes` (N,) likewise.
+    :param forest_poses: of the rows of the forest, (S, 7); those shown may lie behind.
+    :returns: poses (K, 7), sizes (K, 3) and shapes (K,) of the chosen, and places of the pairs.
+    """
+    place = poses[chosen]
+    for k in range(len(chosen)):
+        if owner[chosen[k]] == _TREE:
+            place[k] = forest_poses[row[chosen[k]]]
+    size, shape = sizes[chosen], shapes[chosen]
+    bounds = piece_bounds(shape, place, size, np.zeros((len(chosen), 6)), 0.0, 0.0)
     found = np.zeros(len(one), np.bool_)
     for n in range(len(one)):
-        a, b = bounds[one[n]], bounds[other[n]]
-        found[n] = (a[0] < b[3] and a[1] < b[4] and a[2] < b[5]
-                    and b[0] < a[3] and b[1] < a[4] and b[2] < a[5])
-    return np.flatnonzero(found)
+        found[n] = _overlap(bounds[one[n]], bounds[other[n]])
+    return place, size, shape, np.flatnonzero(found)
+
+
+@kernel
+def _overlap(one, other):
+    """Say whether two boxes overlap, three minima and three maxima each."""
+    return (one[0] < other[3] and one[1] < other[4] and one[2] < other[5]
+            and other[0] < one[3] and other[1] < one[4] and other[2] < one[5])

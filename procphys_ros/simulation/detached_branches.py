@@ -62,8 +62,7 @@ def _break_joints(model: Model, state: State) -> None:
     state.log.record(state.time, position, bonds[chosen], model.blueprint.bonds[bonds[chosen]],
                      causes[chosen], over[chosen])
     state.loose_bonds.graph.cut(bonds[chosen])
-    for row in rigid:
-        release_branch(model, state, row)
+    _release(model, state, rigid)
 
 
 def make_rigid(model: Model, state: State, dt: float) -> None:
@@ -87,11 +86,9 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
                    for r, lies in zip(ids, (speed < _SLOW).tolist())}
     trees.down = {r: trees.down.get(r, 0.0) + (dt if low else 0.0)
                   for r, low in zip(ids, (height < _LOW).tolist())}
-    for place, root in enumerate(ids):
-        if not clings[place] and (
-                size[place] < SMALLEST or trees.age[root] > _LONGEST - 1e-9
-                or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9):
-            release_branch(model, state, root)
+    _release(model, state, [root for place, root in enumerate(ids) if not clings[place] and (
+        size[place] < SMALLEST or trees.age[root] > _LONGEST - 1e-9
+        or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9)])
 
 
 @kernel
@@ -117,14 +114,16 @@ def _survey(roots, ends, active, parents, poses, velocities, anchored, terrain):
     return size, speed, height, clings
 
 
-def release_branch(model: Model, state: State, row: int) -> None:
-    """Make a branch from a row of the forest on one rigid body."""
-    forest = state.forest
-    contact_exclusions.add_branch(model, state, row)
-    rows, poses, velocities = forest.detach(row)
-    parts = forest.parts[rows]
-    state.parts.poses[parts] = poses  # what was shown may lie between two steps
-    fragments.release(model, state, [parts], velocities)
+def _release(model: Model, state: State, rows: list[int]) -> None:
+    """Make rigid bodies of the branches from some rows of the forest on, one of each."""
+    pieces, velocities = [], [np.zeros((0, 6))]
+    for row in rows:
+        contact_exclusions.add_branch(state, row, model.trees.sizes)
+        own, poses, moving = state.forest.detach(row)
+        pieces.append(state.forest.parts[own])
+        state.parts.poses[pieces[-1]] = poses  # what was shown may lie between two steps
+        velocities.append(moving)
+    fragments.release(model, state, pieces, np.concatenate(velocities))
 
 
 def _stays_flexible(model: Model, state: State, row: int) -> bool:
@@ -133,7 +132,7 @@ def _stays_flexible(model: Model, state: State, row: int) -> bool:
     rows = forest.subtree(row)
     if not _clings(forest, rows) and (len(forest.free_roots) >= MOST or len(rows) < SMALLEST):
         return False
-    contact_exclusions.add_branch(model, state, row)
+    contact_exclusions.add_branch(state, row, model.trees.sizes)
     forest.release(row)
     return True
 

@@ -76,11 +76,15 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
     bodies = state.parts.body[parts[rows]]
     state.world.thaw(bodies, velocities[rows])
     adopt(state, parts[rows], bodies)
+    waiting = []
     for i in np.flatnonzero(~single).tolist():
         piece = slice(start[i], start[i + 1])
-        if stood[start[i]]:
+        waiting.append((parts[piece], poses[piece], velocities[piece]))
+        if stood[start[i]]:  # the new body gets numbers of those that it is made of
             state.world.remove(state.parts.body[parts[piece]])
-        make_body(model, state, parts[piece], poses[piece], velocities[piece])
+            make_bodies(model, state, waiting)
+            waiting = []
+    make_bodies(model, state, waiting)
 
 
 def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float) -> None:
