@@ -21,6 +21,7 @@ from functools import partial
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.touch import Partners, resolve
 from procphys_ros.physics.trees import ContactResponse
 from procphys_ros.physics.world import BodyState
@@ -83,7 +84,7 @@ def _find(model: Model, state: State, dt: float) -> Pairs:
     around = contact_pairs.Surroundings(
         state.world, model.masonry.bricks, state.standing, state.parts.body,
         model.trees.beside, model.trees.slack,
-        contact_pairs.pair_keys(*contact_exclusions.colliders(state, state.excluded).T),
+        contact_pairs.pair_keys(contact_exclusions.colliders(state, state.excluded)),
         model.terrain, model.trees.crowns)
     return contact_pairs.find(state.forest, model.trees.sizes, around, state.tree_bounds,
                               trees.movers(state), dt)
@@ -146,8 +147,8 @@ def _solve(model: Model, state: State, pairs: Pairs,
                        np.full(len(end), _FRICTION), _tree_mass(state, pairs),
                        partial(_look_ahead, model, state, rows[order], points[order], dt, air,
                                both, order))
-    least, out = _least_speed(pairs, problem.look, partners,
-                              state.world.bodies.velocities[bodies], dt)
+    least, out = _least_speed(pairs.gap, pairs.normal, partners, problem.look.before,
+                              problem.look.old_share, state.world.bodies.velocities[bodies], dt)
     for _ in range(_LOOKS):
         problem.resolve(least)
         if not problem.look.held.any() or problem.agrees():
@@ -160,10 +161,14 @@ def _solve(model: Model, state: State, pairs: Pairs,
 
 def _look_ahead(model: Model, state: State, rows: np.ndarray, points: np.ndarray, dt: float,
                 air: np.ndarray | None, both: np.ndarray, order: np.ndarray,
-                impulse: np.ndarray, respond: bool) -> ContactResponse:
-    """Foresee the step with impulses of the contacts, (C, 3); one of two trees acts on both."""
-    signed = np.concatenate([impulse, -impulse[both]])[order] if impulse.any() else None
-    return state.forest.predict_response(rows, points, dt, air, signed, model.threads, respond)
+                impulse: np.ndarray, ends: np.ndarray | slice) -> ContactResponse:
+    """
+    Foresee the step with impulses of the contacts, (C, 3); one of two trees acts on both.
+
+    :param ends: of contacts, in order; all those on the trees that are looked at.
+    """
+    signed = np.concatenate([impulse, -impulse[both]])[order][ends] if impulse.any() else None
+    return state.forest.predict_response(rows[ends], points[ends], dt, air, signed, model.threads)
 
 
 class _Problem:
@@ -180,17 +185,16 @@ class _Problem:
 
     def __init__(self, pairs: Pairs, partners: Partners, free: np.ndarray, impulse: np.ndarray,
                  friction: np.ndarray, mass: np.ndarray,
-                 look_ahead: Callable[[np.ndarray, bool], ContactResponse]):
+                 look_ahead: Callable[[np.ndarray, np.ndarray | slice], ContactResponse]):
         self._pairs, self._partners, self.free = pairs, partners, free
         self.impulse, self._friction, self._mass = impulse, friction, mass
         self._look_ahead = look_ahead
-        self.look = look_ahead(impulse, True)
+        self.look = look_ahead(impulse, slice(None))
 
     def resolve(self, least: np.ndarray) -> None:
         """Change the impulses so that contacts have at least their normal velocities, (C,)."""
-        if not len(self.look.response):  # left out until it is needed, which is seldom
-            self.look = self._look_ahead(self.impulse, True)
-        mass = _most_mass(self._mass, self._pairs, self.look, self._partners)
+        mass = _most_mass(self._mass, self._pairs.normal, self.look.velocity, self.look.energy,
+                          self._partners.end, self._partners.other)
         resolve(self._pairs.normal, least, mass, self._friction, self._partners,
                 self.look.velocity, self.look.first, self.look.place, self.look.count,
                 self.look.response, self.impulse)
@@ -198,9 +202,14 @@ class _Problem:
     def agrees(self) -> bool:
         """Foresee the motion with the impulses anew; say whether it is as they were solved for."""
         foreseen = self.look.velocity
-        self.look = self._look_ahead(self.impulse, False)
+        self._look_again(self.look.held)
         return bool(np.abs(self.look.velocity - foreseen).max()
                     < _AGREES * np.abs(foreseen).max())
+
+    def _look_again(self, ends: np.ndarray) -> None:
+        """Foresee the motion of some trees, (E,) bool; the others answer as was solved for."""
+        if ends.any():
+            self.look = self.look.renewed(ends, self._look_ahead(self.impulse, ends))
 
     def limit_work(self, least: np.ndarray, out: np.ndarray, gain: float) -> None:
         """
@@ -213,7 +222,7 @@ class _Problem:
         if wrong.any():
             self._friction[wrong] = 0.0
             self.resolve(least)
-            self.look = self._look_ahead(self.impulse, False)
+            self._look_again(self.look.held)
         for share in _SHARES:
             wrong = self._gives(out, gain)
             if not wrong.any():
@@ -222,15 +231,17 @@ class _Problem:
             hit = np.unique(self._partners.body[wrong & (self._partners.body >= 0)])
             motion, free = self._partners.motion, self.free
             motion[hit] = free[hit] + share * (motion[hit] - free[hit])
-            self.look = self._look_ahead(self.impulse, False)
+            touched = np.concatenate([self._partners.end[wrong], self._partners.other[wrong]])
+            tree = self.look.tree
+            self._look_again(np.isin(tree, tree[touched[touched >= 0]]))
 
     def _gives(self, out: np.ndarray, gain: float) -> np.ndarray:
         return contact_work.too_much(self._partners, self.look, self.free, self.impulse,
                                      self._pairs.normal, out, self._mass, gain)
 
 
-def _most_mass(tree_mass: np.ndarray, pairs: Pairs, look: ContactResponse,
-               partners: Partners) -> np.ndarray:
+@kernel
+def _most_mass(tree_mass, normal, velocity, energy, end, other):
     """
     Give the mass that a contact may show at most [kg], (C,).
 
@@ -239,23 +250,22 @@ def _most_mass(tree_mass: np.ndarray, pairs: Pairs, look: ContactResponse,
     any mass.
     """
     limit = _SHOWN * tree_mass
-    for end, side in ((partners.end, 1.0), (partners.other, -1.0)):
-        rows = np.flatnonzero(end >= 0)
-        speed = side * (look.velocity[end[rows]] * pairs.normal[rows]).sum(axis=1)
-        fast = speed < -_SURE
-        rows = rows[fast]
-        limit[rows] = np.minimum(limit[rows], 2.0 * look.energy[end[rows]] / speed[fast] ** 2)
-    return np.maximum(limit, 1e-12)
+    for c in range(len(limit)):
+        for side, e in ((1.0, end[c]), (-1.0, other[c])):
+            if e < 0:
+                continue
+            speed = side * (velocity[e] * normal[c]).sum()
+            if speed < -_SURE:
+                limit[c] = min(limit[c], 2.0 * energy[e] / speed ** 2)
+        limit[c] = max(limit[c], 1e-12)
+    return limit
 
 
 def _tree_mass(state: State, pairs: Pairs) -> np.ndarray:
     """Give the mass of the heavier tree of each contact [kg], (C,)."""
-    forest = state.forest
-    rows = forest.plan.row
-    total = np.bincount(forest.roots(rows), state.blueprint.mass[forest.parts[rows]])
-    mass = total[forest.roots(pairs.row)]
+    mass = state.forest.masses(pairs.row)
     both = np.flatnonzero(pairs.other >= 0)
-    mass[both] = np.maximum(mass[both], total[forest.roots(pairs.other[both])])
+    mass[both] = np.maximum(mass[both], state.forest.masses(pairs.other[both]))
     return mass
 
 
@@ -276,8 +286,8 @@ def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: 
                     np.einsum('bij,bj,bkj->bik', axes, spin, axes), motion), ids
 
 
-def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: np.ndarray,
-                 dt: float) -> tuple[np.ndarray, np.ndarray]:
+@kernel
+def _least_speed(gap, normal, partners, before, old_share, old, dt):
     """
     Give the normal velocity that each contact must have at the end of the step [m/s], (C,).
 
@@ -288,20 +298,20 @@ def _least_speed(pairs: Pairs, look: ContactResponse, partners: Partners, old: n
     come back as fast. Were it stopped, v₁ = 0, it would throw a body off, or get energy from the
     ground.
 
+    :param before, old_share: as in the `ContactResponse` of the trees, (E, 3) and (E,).
     :param old: velocities of the bodies at the beginning of the step, (B, 6).
     :returns: this velocity, and its part that undoes an overlap, not below 0.
     """
-    end, other = partners.end, np.maximum(partners.other, 0)
-    meeting = (partners.other >= 0)[:, None]
-    before = look.before[end] - np.where(meeting, look.before[other], 0.0)
-    lag = look.old_share[end] * (before * pairs.normal).sum(axis=1)
-    room = pairs.gap + dt * np.minimum(lag, 0.0)
-    out = np.clip(_RECOVERY * (-room - _SLOP) / dt, 0.0, _PUSH_OUT)
-    least = np.where(room > 0.0, -room / ((1.5 - look.old_share[end]) * dt), out)
-    hit = np.flatnonzero(partners.body >= 0)
-    body = old[partners.body[hit]]
-    before[hit] -= body[:, :3] + np.cross(body[:, 3:], partners.arm[hit])
-    opening = (before * pairs.normal).sum(axis=1)
-    swings_back = (look.old_share[end] > 0.0) & (opening > 0.0)
-    return (np.where(swings_back, np.minimum(least, 2.0 * out - opening), least),
-            np.where(room > 0.0, 0.0, out))
+    least, out = np.empty(len(gap)), np.empty(len(gap))
+    for c in range(len(gap)):
+        end, other, b = partners.end[c], partners.other[c], partners.body[c]
+        way = before[end] - before[other] if other >= 0 else before[end]
+        room = gap[c] + dt * min(old_share[end] * (way * normal[c]).sum(), 0.0)
+        out[c] = min(max(_RECOVERY * (-room - _SLOP) / dt, 0.0), _PUSH_OUT)
+        least[c] = -room / ((1.5 - old_share[end]) * dt) if room > 0.0 else out[c]
+        if b >= 0:
+            way = way - (old[b, :3] + np.cross(old[b, 3:], partners.arm[c]))
+        opening = (way * normal[c]).sum()
+        if old_share[end] > 0.0 and opening > 0.0:
+            least[c] = min(least[c], 2.0 * out[c] - opening)
+    return least, out

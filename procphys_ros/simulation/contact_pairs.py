@@ -19,9 +19,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overlaps
 from procphys_ros.physics.trees import Forest
+from procphys_ros.physics.trees.state import Joint
 from procphys_ros.physics.world import World
 from procphys_ros.simulation.obstacles import (
     Bricks,
@@ -31,6 +33,7 @@ from procphys_ros.simulation.obstacles import (
     of_branches,
 )
 
+_FREE = int(Joint.FREE)  # numba reads no enums
 _AHEAD = 1.5  # steps that bounds are swept over, as far as the narrow phase looks
 _ROOM = 0.004  # [m] around bounds, likewise
 _MOST = 96  # contacts per tree, the nearest; with 48 crowns sink in where they hit hard
@@ -109,11 +112,7 @@ class TreeBounds:
         now = capsule_bounds(plan.row[entries], forest.poses, sizes, forest.velocities, reach,
                              _ROOM)
         self.segments[entries] = now
-        if len(movers):
-            count = np.diff(plan.start)[movers]
-            first = np.cumsum(count) - count
-            self.trees[movers, :3] = np.minimum.reduceat(now[:, :3], first)
-            self.trees[movers, 3:] = np.maximum.reduceat(now[:, 3:], first)
+        self.trees[movers] = _hulls(now, np.diff(plan.start)[movers])
 
 
 @dataclass(frozen=True)
@@ -141,11 +140,13 @@ class Surroundings:
     crowns: np.ndarray | None = None
 
 
-def pair_keys(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+@kernel
+def pair_keys(pairs):
     """Give a number to each pair of colliders (parts, or ~ids of bodies) in either order, (K,)."""
-    numbers = np.array([np.where(side < 0, -2 * side - 1, 2 * side) for side in (first, second)],
-                       np.int64)
-    return (numbers.min(axis=0) << 32) + numbers.max(axis=0)
+    keys = np.empty(len(pairs), np.int64)
+    for n in range(len(pairs)):
+        keys[n] = _pair_key(pairs[n, 0], pairs[n, 1])
+    return keys
 
 
 def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBounds,
@@ -277,19 +278,9 @@ def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacl
     plan = forest.plan
     a, piece = overlaps(bounds[entries], table.bounds(_AHEAD * time_step, _ROOM))
     row = plan.row[entries[a]]
-    other = table.row[piece]
-    branch = np.flatnonzero(other >= 0)
-    if len(branch):  # two trees that look for others meet once, and none meets itself
-        first, second = forest.roots(row[branch]), forest.roots(other[branch])
-        keep = np.ones(len(row), bool)
-        looks = forest.is_free(second) | (crowns is not None)
-        keep[branch] = (first != second) & ((first < second) | ~looks)
-        row, piece = row[keep], piece[keep]
-    if len(excluded):
-        other = table.row[piece]
-        other = np.where(other >= 0, forest.parts[other], ~table.body[piece])
-        keep = ~np.isin(pair_keys(forest.parts[row], other), excluded)
-        row, piece = row[keep], piece[keep]
+    kept = _which_meet(row, piece, table.row, table.body, plan.root, forest.model.joint,
+                       forest.parts, excluded, crowns is not None)
+    row, piece = row[kept], piece[kept]
     found = meet(row, forest.poses, sizes, forest.velocities, piece, table.shape, table.pose,
                  table.size, table.velocity, time_step)
     row, piece = row[found.pair], piece[found.pair]
@@ -301,6 +292,58 @@ def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacl
         depth[both] = np.minimum(crowns[row[both]], crowns[met[both]])
     return Pairs(row, met, table.body[piece], table.part[piece], found.point,
                  found.normal, found.gap - depth)
+
+
+@kernel
+def _which_meet(row, piece, other_row, other_body, root, joint, parts, excluded, crowns):
+    """
+    List the pairs of a segment and a piece that may meet.
+
+    Two trees that look for others meet once, and none meets itself.
+
+    :param row: of the forest, and piece of each pair, (P,) each.
+    :param other_row, other_body: columns of the pieces.
+    :param root, joint, parts: of the rows of the forest.
+    :param excluded: see `Surroundings`.
+    :param crowns: whether trees that stand look for others.
+    """
+    kept = np.empty(len(row), np.int64)
+    count = 0
+    for n in range(len(row)):
+        other, number = other_row[piece[n]], ~other_body[piece[n]]
+        if other >= 0:
+            number = parts[other]
+            first, second = root[row[n]], root[other]
+            looks = crowns or joint[second] == _FREE
+            if first == second or (looks and first > second):
+                continue
+        if len(excluded) and (excluded == _pair_key(parts[row[n]], number)).any():
+            continue
+        kept[count] = n
+        count += 1
+    return kept[:count]
+
+
+@kernel
+def _pair_key(first, second):
+    one = 2 * first if first >= 0 else -2 * first - 1
+    other = 2 * second if second >= 0 else -2 * second - 1
+    return (min(one, other) << 32) + max(one, other)
+
+
+@kernel
+def _hulls(bounds, count):
+    """Give the bounds of groups of so many boxes, one after the other, (G, 6)."""
+    out = np.empty((len(count), 6))
+    first = 0
+    for g in range(len(count)):
+        out[g] = bounds[first]
+        for k in range(first + 1, first + count[g]):
+            for c in range(3):
+                out[g, c] = min(out[g, c], bounds[k, c])
+                out[g, 3 + c] = max(out[g, 3 + c], bounds[k, 3 + c])
+        first += count[g]
+    return out
 
 
 def _on_ground(forest: Forest, rows: np.ndarray, sizes: np.ndarray, velocities: np.ndarray,

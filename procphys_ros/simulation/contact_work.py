@@ -23,29 +23,11 @@ let go by an impulse, whose tree answers in another way than it was solved for.
 
 import numpy as np
 
-from procphys_ros.physics.touch import islands, Partners
+from procphys_ros.physics.touch import islands, Partners, slips
 from procphys_ros.physics.trees import ContactResponse
 
 _ROUNDING = 1e-5  # [J/kg] that a step may give
 _SOLVED = 0.02    # share of all that is exchanged to which contacts are solved
-
-
-def moved(partners: Partners, look: ContactResponse, free: np.ndarray) -> np.ndarray:
-    """
-    Give the mean velocity over the step at which each contact moves apart [m/s], (C, 3).
-
-    :param look: with the impulses.
-    :param free: velocities of the bodies without them, (B, 6).
-    """
-    share = look.old_share[:, None]
-    mean = share * look.before + (1.0 - share) * look.velocity
-    slip = mean[partners.end]
-    both = partners.other >= 0
-    slip[both] -= mean[partners.other[both]]
-    hit = np.flatnonzero(partners.body >= 0)
-    body = 0.5 * (free + partners.motion)[partners.body[hit]]
-    slip[hit] -= body[:, :3] + np.cross(body[:, 3:], partners.arm[hit])
-    return slip
 
 
 def too_much(partners: Partners, look: ContactResponse, free: np.ndarray, impulse: np.ndarray,
@@ -60,7 +42,10 @@ def too_much(partners: Partners, look: ContactResponse, free: np.ndarray, impuls
     :param gain: speed that weight gives in the step [m/s].
     :returns: (C,) bool.
     """
-    work = (impulse * moved(partners, look, free)).sum(axis=1)
+    share = look.old_share[:, None]
+    mean = share * look.before + (1.0 - share) * look.velocity
+    way = slips(partners._replace(motion=0.5 * (free + partners.motion)), mean)
+    work = (impulse * way).sum(axis=1)
     if not (work > _ROUNDING * mass).any():
         return np.zeros(len(work), bool)
     island = islands(partners, look.place, len(look.velocity))

@@ -18,7 +18,8 @@
 from procphys_ros.physics.touch.broad import capsule_bounds, half_extent, overlaps, piece_bounds
 from procphys_ros.physics.touch.depth import overlap_ball, overlap_box
 from procphys_ros.physics.touch.geometry import meet, meet_ground, Meetings
-from procphys_ros.physics.touch.impulses import islands, Partners, resolve
+from procphys_ros.physics.touch.impulses import islands, Partners, resolve, slips
 
 __all__ = ['Meetings', 'Partners', 'capsule_bounds', 'half_extent', 'islands', 'meet',
-           'meet_ground', 'overlap_ball', 'overlap_box', 'overlaps', 'piece_bounds', 'resolve']
+           'meet_ground', 'overlap_ball', 'overlap_box', 'overlaps', 'piece_bounds', 'resolve',
+           'slips']

@@ -93,6 +93,19 @@ def resolve(normal, least, mass, friction, partners, velocity, first, place, cou
 
 
 @kernel
+def slips(partners, velocity):
+    """
+    Give the velocity of the tree relative to its partner at each contact [m/s], (C, 3).
+
+    :param velocity: of the points on trees [m/s], (E, 3).
+    """
+    out = np.empty((len(partners.end), 3))
+    for c in range(len(out)):
+        out[c, 0], out[c, 1], out[c, 2] = _slip(c, partners, velocity)
+    return out
+
+
+@kernel
 def islands(partners, place, ends):
     """
     Label contacts, (C,): the same for those that trees or yielding bodies connect.

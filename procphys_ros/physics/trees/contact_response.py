@@ -22,7 +22,7 @@ velocity of each other point of the same tree (the Delassus operator), springs, 
 the step included. Each tree is factored once for all its points.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -82,11 +82,25 @@ class ContactResponse:
     count: np.ndarray
     response: np.ndarray
 
+    def renewed(self, ends: np.ndarray, fresh: 'ContactResponse') -> 'ContactResponse':
+        """
+        Take over what was foreseen of some trees anew.
+
+        :param ends: the points on them, (E,) bool.
+        :param fresh: of these points.
+        """
+        columns = {name: getattr(self, name).copy()
+                   for name in ('velocity', 'before', 'old_share', 'energy', 'held')}
+        for name, column in columns.items():
+            column[ends] = getattr(fresh, name)
+        response = self.response.copy()
+        response[np.repeat(ends, self.count)] = fresh.response
+        return replace(self, **columns, response=response)
+
 
 def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses: np.ndarray,
                      model: tuple, state: State, workspaces: list[Scratch], wind: np.ndarray,
-                     gravity: np.ndarray, dt: float, threads: int,
-                     respond: bool) -> ContactResponse:
+                     gravity: np.ndarray, dt: float, threads: int) -> ContactResponse:
     """
     Look one step ahead; the state stays as it is.
 
@@ -95,7 +109,6 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses
     :param impulses: at the points [N·s], (E, 3), or none, (0, 3).
     :param workspaces, threads: as of `parallel.step`.
     :param wind: as of the step to come, (S, 3).
-    :param respond: False = the responses are left out, (0, 3, 3).
     """
     trees, order, begin, tree, place = _by_tree(plan.start, entry)
     size = np.diff(begin)
@@ -103,7 +116,7 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses
     velocity, before = np.empty((len(entry), 3)), np.empty((len(entry), 3))
     old_share, energy = np.zeros(len(entry)), np.empty(len(entry))
     held = np.zeros(len(entry), bool)
-    response = np.empty((int(base[-1]) if respond else 0, 3, 3))
+    response = np.empty((int(base[-1]), 3, 3))
 
     def foresee(place: int, first: int, last: int) -> None:
         _foresee(plan, trees[first:last], order, begin[first:last + 1], base[first:last + 1],
@@ -172,9 +185,8 @@ def _foresee(plan, trees, order, begin, base, entry, points, impulses, model, st
             if kicked:
                 _read(k, scratch.kick, arm, 1.0, moved)
                 velocity[e] += moved
-        if len(response):
-            _respond(_paths(own, above), rows, above, model, state, scratch, own, points[ends],
-                     response[base[n]:base[n + 1]])
+        _respond(_paths(own, above), rows, above, model, state, scratch, own, points[ends],
+                 response[base[n]:base[n + 1]])
         _put_back(rows, kept, state)
 
 

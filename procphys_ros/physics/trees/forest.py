@@ -353,10 +353,11 @@ class Forest:
 
     def roots(self, rows: np.ndarray) -> np.ndarray:
         """Give the root rows of the trees that active rows belong to, (K,)."""
-        if self._stale:
-            self._replan()
-        tree = np.searchsorted(self._plan.start, self._entry[rows], side='right') - 1
-        return self._plan.row[self._plan.start[tree]]
+        return self.plan.root[rows]
+
+    def masses(self, rows: np.ndarray) -> np.ndarray:
+        """Give the masses of the trees that active rows belong to [kg], (K,)."""
+        return subset.masses(self.plan, self._entry[rows], self._model.body)
 
     @property
     def plan(self) -> state.Plan:
@@ -376,8 +377,7 @@ class Forest:
 
     def predict_response(self, rows: np.ndarray, points: np.ndarray, dt: float,
                          wind: np.ndarray | None = None, impulses: np.ndarray | None = None,
-                         threads: int = 1, respond: bool = True
-                         ) -> contact_response.ContactResponse:
+                         threads: int = 1) -> contact_response.ContactResponse:
         """
         Tell how points will move in the next step, and what impulses would change about it.
 
@@ -387,14 +387,13 @@ class Forest:
         :param wind: of the next step, as for `step`.
         :param impulses: at the points, as if they had been pushed [N·s], (E, 3).
         :param threads: as for `step`.
-        :param respond: False = leave out what impulses would change, most of the work.
         """
         plan = self.plan
         wind = self._still if wind is None else np.ascontiguousarray(wind, float)
         impulses = np.zeros((0, 3)) if impulses is None else np.ascontiguousarray(impulses, float)
         return contact_response.predict_response(
             plan, self._entry[rows], np.ascontiguousarray(points), impulses, self._model,
-            self._state, self._scratches, wind, self._gravity, float(dt), threads, respond)
+            self._state, self._scratches, wind, self._gravity, float(dt), threads)
 
     def energy(self) -> float:
         """Give the mechanical energy of the active rows above that of the rest pose [J]."""

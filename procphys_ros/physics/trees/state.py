@@ -88,6 +88,7 @@ class Plan(NamedTuple):
     row: np.ndarray    # (A,) int
     above: np.ndarray  # parent's place within its tree, -1 for a root, (A,) int
     start: np.ndarray  # first entry of each tree, and the end, (T + 1,) int
+    root: np.ndarray   # first row of the tree of each row, active or not, (S,) int
 
 
 def make_model(rows: layout.Rows) -> Model:
@@ -120,20 +121,27 @@ def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
     :param parent: row of the parent, -1 for roots; parents stand first, (S,).
     :param active: (S,) bool; the parent of an active row is active.
     """
-    row = np.flatnonzero(active)
-    row = row[np.argsort(_roots(parent)[row], kind='stable')]
-    place = np.empty(len(parent) + 1, np.int64)
-    place[row] = np.arange(len(row))
-    start = np.append(np.flatnonzero(parent[row] < 0), len(row))
-    first = np.repeat(start[:-1], np.diff(start))
-    above = np.where(parent[row] < 0, -1, place[parent[row]] - first)
-    return Plan(row, above, start)
+    return Plan(*_gather(parent, active))
 
 
 @kernel
-def _roots(parent):
-    root = np.arange(len(parent))
+def _gather(parent, active):
+    root, count = np.arange(len(parent)), np.zeros(len(parent), np.int64)
     for i in range(len(parent)):
         if parent[i] >= 0:
             root[i] = root[parent[i]]
-    return root
+        count[root[i]] += active[i]
+    roots = np.flatnonzero(count)
+    start, place = np.zeros(len(roots) + 1, np.int64), np.empty(len(parent), np.int64)
+    for t in range(len(roots)):
+        start[t + 1] = start[t] + count[roots[t]]
+        count[roots[t]] = start[t]  # from now on, where the next row of this tree goes
+    row, above = np.empty(start[-1], np.int64), np.full(start[-1], -1)
+    for i in range(len(parent)):
+        if active[i]:
+            place[i] = count[root[i]]
+            row[place[i]] = i
+            count[root[i]] += 1
+            if parent[i] >= 0:
+                above[place[i]] = place[parent[i]] - place[root[i]]
+    return row, above, start, root

@@ -89,6 +89,20 @@ def kinetic(plan, trees, body, state):
 
 
 @kernel
+def masses(plan, entry, body):
+    """Give the masses of the trees that entries of the plan belong to [kg], (K,)."""
+    total = np.full(len(plan.start) - 1, -1.0)
+    tree = np.searchsorted(plan.start, entry, side='right') - 1
+    out = np.empty(len(entry))
+    for n in range(len(entry)):
+        t = tree[n]
+        if total[t] < 0.0:
+            total[t] = body[plan.row[plan.start[t]:plan.start[t + 1]], MASS].sum()
+        out[n] = total[t]
+    return out
+
+
+@kernel
 def write_between(plan, trees, share, start, end, velocities, parts, poses, speeds):
     """
     Write poses on the way from one set of poses to another to the parts that rows stand for.
