@@ -27,11 +27,11 @@ from procphys_ros.physics.dust import (
     fracture_energy,
     lost_energy,
     Mode,
-    motion_energy,
     Puffs,
     State,
     stokes_speed,
 )
+from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.wind import WindSettings
 from procphys_ros.render import draw
 from procphys_ros.scene import Scene

@@ -45,7 +45,7 @@ LAYERS = {
     'program': 0, '__main__': 1,
     'hexahedron': 2, 'torn_wood': 3, 'cut_bricks': 3, 'skeleton': 3, 'physics.air': 1,
     'physics.causes': 3,
-    'physics.fracture_energy': 3, 'physics.impact': 3, 'physics.skyline': 3,
+    'physics.fracture_energy': 3, 'physics.kinetic': 3, 'physics.impact': 3, 'physics.skyline': 3,
     'language': 3, 'lsystem': 4, 'wallgrammar': 4,
     'physics': 4, 'physics.wind': 4, 'physics.trees': 4, 'physics.masonry': 4,
     'physics.loads': 4, 'physics.dust': 4, 'physics.foliage': 4, 'physics.touch': 4,

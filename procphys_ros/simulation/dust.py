@@ -20,7 +20,8 @@ from itertools import islice
 import numpy as np
 
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.dust import DustCloud, fracture_energy, lost_energy, Mode, motion_energy
+from procphys_ros.physics.dust import DustCloud, fracture_energy, lost_energy, Mode
+from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import skyline
 from procphys_ros.simulation.model import Model

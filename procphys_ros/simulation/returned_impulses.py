@@ -17,7 +17,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.dust.sources import kinetic_energy
+from procphys_ros.physics.kinetic import kinetic_energy
 from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.rotation_kernels import matrix
 from procphys_ros.simulation.model import Model

@@ -24,9 +24,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
 from procphys_ros.physics.fracture_energy import CRUSHING, OPENING, SHEARING
-from procphys_ros.rotation_kernels import matrix_rows
 
 _WORK_INDEX = 13.5 * 3.6e6 / 907.2  # [J/kg] cement clinker, 13.5 kWh per short ton (Bond 1961)
 _AIRBORNE = 0.05  # share of what a mill would grind that rises; our choice, by the look of it
@@ -52,39 +50,6 @@ def fracture_energy(mode: np.ndarray, area: np.ndarray) -> np.ndarray:
     :param area: of each joint [m²], (K,).
     """
     return _FRACTURE_ENERGY[mode] * area
-
-
-def motion_energy(mass: np.ndarray, inertia: np.ndarray, attitude: np.ndarray,
-                  velocities: np.ndarray) -> np.ndarray:
-    """
-    Give the kinetic energy of rigid bodies [J], (K,).
-
-    :param mass: [kg], (K,).
-    :param inertia: principal moments in the body's axes [kg·m²], (K, 3).
-    :param attitude: of these axes, xyzw, (K, 4).
-    :param velocities: linear and angular, world, (K, 6).
-    """
-    return _motion_energy(*(np.ascontiguousarray(column, float)
-                            for column in (mass, inertia, attitude, velocities)))
-
-
-@kernel
-def _motion_energy(mass, inertia, attitude, velocities):
-    out = np.empty(len(mass))
-    for k in range(len(mass)):
-        out[k] = kinetic_energy(mass[k], inertia[k], attitude[k], velocities[k])
-    return out
-
-
-@kernel
-def kinetic_energy(mass, inertia, attitude, velocity):
-    """Give the kinetic energy of one rigid body [J], see `motion_energy`."""
-    x, y, z = matrix_rows(attitude)
-    u, v, w = velocity[3], velocity[4], velocity[5]
-    energy = mass * (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
-    for c in range(3):
-        energy += inertia[c] * (x[c] * u + y[c] * v + z[c] * w) ** 2
-    return 0.5 * energy
 
 
 def lost_energy(before: np.ndarray, after: np.ndarray, gained: float) -> np.ndarray:

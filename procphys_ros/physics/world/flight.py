@@ -16,6 +16,7 @@
 
 import numpy as np
 
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.body_table import BodyTable
 
 _CONTACT = 1e-4  # [m/s] least change of speed by a contact, above the rounding of rapier ...
@@ -38,10 +39,21 @@ def correct_flight(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravi
     :param integrations: steps of Euler that the engine took in it.
     :returns: bodies, (M,), and their poses, (M, 7).
     """
-    after = bodies.velocities[ids, :3]
-    other = np.abs(after - before[:, :3] - gravity * time_step).max(axis=1, initial=0.0)
-    least = _CONTACT + _ROUNDING * np.abs(after).max(axis=1, initial=0.0)
-    flies = ids[(other < least) & ~bodies.pushed[ids]]
+    flies = ids[_flies(ids, before, gravity * time_step, bodies.velocities, bodies.pushed)]
     poses = bodies.poses[flies]
     poses[:, :3] -= 0.5 * gravity * time_step ** 2 / integrations
     return flies, poses
+
+
+@kernel
+def _flies(ids, before, gain, velocities, pushed):
+    """List the rows of bodies that only gravity has given speed to, (M,)."""
+    found = np.zeros(len(ids), np.bool_)
+    for k in range(len(ids)):
+        other = fastest = 0.0
+        for c in range(3):
+            after = velocities[ids[k], c]
+            other = max(other, abs(after - before[k, c] - gain[c]))
+            fastest = max(fastest, abs(after))
+        found[k] = other < _CONTACT + _ROUNDING * fastest and not pushed[ids[k]]
+    return np.flatnonzero(found)

@@ -19,10 +19,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.masonry.components import label
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import Engine
-from procphys_ros.physics.world.spin import FAST, rotational_energy
+from procphys_ros.physics.world.spin import FAST
 
 _LEAP = 1.0  # [m/s] by which a body has become faster in a step that is looked at; falls give 0.16
 _ASKED = 40  # bodies whose contacts are asked for one by one: so many take as long as all do
@@ -51,7 +53,7 @@ def limit_gain(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities
         bodies are in; called where it matters.
     :returns: bodies, and their velocities, (M, 6).
     """
-    fast = _fast(bodies, ids, velocities, time_step)
+    fast = _fast(ids, velocities, bodies.velocities, bodies.radius, time_step)
     most, now = _energies(bodies, ids[fast], poses[fast], velocities[fast], gravity)
     fast = fast[now > _SLACK * most]
     if not len(fast):
@@ -88,24 +90,31 @@ def pairs_around(engine: Engine, bodies: BodyTable, ids: np.ndarray) -> np.ndarr
     return np.array(pairs, np.intp).reshape(-1, 2)
 
 
-def _fast(bodies: BodyTable, ids: np.ndarray, velocities: np.ndarray,
-          time_step: float) -> np.ndarray:
+@kernel
+def _fast(ids, velocities, now, radius, time_step):
     """List the bodies that turn very fast or leap, rows of the ids, (M,)."""
-    before, after = (np.linalg.norm(table.reshape(-1, 2, 3), axis=2)
-                     for table in (velocities, bodies.velocities[ids]))
-    leap = after - before
-    leap[:, 1] *= bodies.radius[ids]
-    spins = np.maximum(before[:, 1], after[:, 1]) * time_step > FAST
-    return np.flatnonzero(spins | (leap > _LEAP).any(axis=1))
+    fast = np.zeros(len(ids), np.bool_)
+    for k in range(len(ids)):
+        old, new = velocities[k], now[ids[k]]
+        way = _size(new[:3]) - _size(old[:3])
+        before, after = _size(old[3:]), _size(new[3:])
+        fast[k] = (max(before, after) * time_step > FAST or way > _LEAP
+                   or (after - before) * radius[ids[k]] > _LEAP)
+    return np.flatnonzero(fast)
+
+
+@kernel
+def _size(vector):
+    return (vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2) ** 0.5
 
 
 def _energies(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
               gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Give the energies that bodies may have without contacts, and that they have [J], (K,)."""
-    way = bodies.poses[ids, :3] - poses[:, :3]
-    most = (_energy(bodies, ids, poses, velocities)
-            + np.maximum(bodies.mass[ids] * (way @ gravity), 0.0))
-    return most, _energy(bodies, ids, bodies.poses[ids], bodies.velocities[ids])
+    mass, inertia, now = bodies.mass[ids], bodies.inertia[ids], bodies.poses[ids]
+    most = (motion_energy(mass, inertia, poses[:, 3:], velocities)
+            + np.maximum(mass * ((now[:, :3] - poses[:, :3]) @ gravity), 0.0))
+    return most, motion_energy(mass, inertia, now[:, 3:], bodies.velocities[ids])
 
 
 def _islands(bodies: BodyTable, ids: np.ndarray,
@@ -125,10 +134,3 @@ def _islands(bodies: BodyTable, ids: np.ndarray,
         moved = pairs[drives[:, one], other]
         driven[island[moved[moved >= 0]]] = True
     return island, driven
-
-
-def _energy(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray,
-            velocities: np.ndarray) -> np.ndarray:
-    """Give kinetic energies [J], (K,)."""
-    return (0.5 * bodies.mass[ids] * (velocities[:, :3] ** 2).sum(axis=1)
-            + rotational_energy(bodies, ids, poses, velocities[:, 3:]))

@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.physics.terrain import FLAT, Terrain
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.terrain import FLAT, height_at, normal_at, Terrain
 from procphys_ros.physics.world.body_table import BodyTable
 from procphys_ros.physics.world.clearance import clearances
 from procphys_ros.physics.world.ground_points import resolve_ground_contacts
@@ -65,14 +66,10 @@ def lift_fallen(table: BodyTable, awake: np.ndarray, before: np.ndarray, gravity
     :param time_step: [s].
     :param terrain: the surface of the ground.
     """
-    place, radius = table.poses[awake, :3], table.radius[awake]
-    height = place[:, 2] - terrain.height(place)
-    spin = np.sqrt((table.velocities[awake, 3:] ** 2).sum(axis=1))
-    down = before[:, 2] - terrain.height(before) - height + spin * radius * time_step
-    deep = (height < 0.0) | ((height < _reach(terrain, place, radius)) & (down > _DEPTH))
-    if not deep.any():
+    chosen = awake[_sinking(terrain, awake, before, table.poses, table.velocities, table.radius,
+                            time_step)]
+    if not len(chosen):
         return _NOTHING
-    chosen = awake[deep]
     depth = -lowest(table, chosen, terrain)
     chosen, depth = chosen[depth > _DEPTH], depth[depth > _DEPTH]
     if not len(chosen):
@@ -88,6 +85,23 @@ def lift_fallen(table: BodyTable, awake: np.ndarray, before: np.ndarray, gravity
     contacts[:, 4] = terrain.height(poses)
     contacts[:, 11], contacts[:, 12] = force, force
     return Correction(chosen, poses, velocities, contacts)
+
+
+@kernel
+def _sinking(terrain, awake, before, poses, velocities, radius, time_step):
+    """List the rows of bodies that may have run deep into the ground in a step, (M,)."""
+    found = np.zeros(len(awake), np.bool_)
+    for k in range(len(awake)):
+        b = awake[k]
+        x, y, z = poses[b, 0], poses[b, 1], poses[b, 2]
+        v = velocities[b]
+        height = z - height_at(terrain, x, y)
+        spin = (v[3] ** 2 + v[4] ** 2 + v[5] ** 2) ** 0.5
+        down = (before[k, 2] - height_at(terrain, before[k, 0], before[k, 1]) - height
+                + spin * radius[b] * time_step)
+        found[k] = height < 0.0 or (
+            down > _DEPTH and height < radius[b] / normal_at(terrain, x, y)[2])
+    return np.flatnonzero(found)
 
 
 def _reach(terrain: Terrain, places: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -16,9 +16,12 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.body_table import BodyTable
+from procphys_ros.rotation_kernels import matrix_rows
+
+_BOX = int(Shape.BOX)  # numba reads no enums
 
 ROLLING = 0.008  # [m] lever arm of the contact force of what rolls: hard balls on firm soil ...
 _MOST = 0.1  # ... and at most this share of the radius, or pebbles would slide
@@ -38,20 +41,31 @@ def resist_rolling(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravi
     :param time_step: [s].
     :returns: bodies, (M,), and their velocities, (M, 6).
     """
-    is_round = bodies.piece_shape[bodies.first_piece[ids]] != Shape.BOX
-    ids, before = ids[is_round], before[is_round]
-    if not len(ids):
-        return ids, before
-    spin = np.linalg.norm(bodies.velocities[ids, 3:], axis=1)
-    rolls = spin > 0.0
-    ids, before, spin = ids[rolls], before[rolls], spin[rolls]
-    velocities = bodies.velocities[ids]
-    pressed = np.linalg.norm(velocities[:, :3] - before[:, :3] - gravity * time_step, axis=1)
-    axis = rotation.rotate(rotation.conjugate(bodies.poses[ids, 3:]),
-                           velocities[:, 3:] / spin[:, None])
-    inertia = (bodies.inertia[ids] * axis ** 2).sum(axis=1)
-    lever = np.minimum(ROLLING, _MOST * 0.5 * bodies.piece_size[bodies.first_piece[ids], 0])
-    lost = lever * bodies.mass[ids] * pressed / inertia
-    velocities[:, 3:] *= np.maximum(1.0 - lost / spin, 0.0)[:, None]
-    felt = lost > 1e-3 * spin
+    velocities, felt = _slowed(
+        ids, before, gravity, time_step, bodies.velocities, bodies.poses, bodies.mass,
+        bodies.inertia, bodies.first_piece, bodies.piece_shape, bodies.piece_size)
     return ids[felt], velocities[felt]
+
+
+@kernel
+def _slowed(ids, before, gravity, time_step, velocities, poses, mass, inertia, first_piece, shapes,
+            sizes):
+    """Give the velocities of all bodies, (K, 6), and which have changed, (K,) bool."""
+    out, felt = velocities[ids], np.zeros(len(ids), np.bool_)
+    for k in range(len(ids)):
+        body, piece = ids[k], first_piece[ids[k]]
+        now = velocities[body]
+        spin = (now[3] ** 2 + now[4] ** 2 + now[5] ** 2) ** 0.5
+        if shapes[piece] == _BOX or spin == 0.0:
+            continue
+        x, y, z = matrix_rows(poses[body, 3:])
+        pressed = about = 0.0
+        for c in range(3):
+            pressed += (now[c] - before[k, c] - gravity[c] * time_step) ** 2
+            axis = (x[c] * now[3] + y[c] * now[4] + z[c] * now[5]) / spin
+            about += inertia[body, c] * axis ** 2
+        lever = min(ROLLING, _MOST * 0.5 * sizes[piece, 0])
+        lost = lever * mass[body] * pressed ** 0.5 / about
+        out[k, 3:] *= max(1.0 - lost / spin, 0.0)
+        felt[k] = lost > 1e-3 * spin
+    return out, felt

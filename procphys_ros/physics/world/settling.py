@@ -157,26 +157,46 @@ def count_quiet(bodies: BodyTable, awake: np.ndarray, time_step: float) -> np.nd
 
     :returns: ids, (K,).
     """
-    velocity, pose, anchor = bodies.velocities[awake], bodies.poses[awake], bodies.anchor[awake]
-    radius = bodies.radius[awake]
-    speed = np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
-    spin = np.sqrt((velocity[:, 3:] ** 2).sum(axis=1))
-    quiet = bodies.quiet[awake] + time_step
-    way, turn = _moved(bodies.mark[awake], pose)
-    slow = ((speed < JITTER_SPEED) & (spin < JITTER_SPIN)
-            & (way < REST_SPEED * quiet + JITTER_WAY) & (turn < REST_SPIN * quiet)
-            & (turn * radius < REST_RIM * quiet + JITTER_WAY))
-    quiet[~slow] = 0.0
-    bodies.mark[awake[~slow]] = pose[~slow]
-    way, turn = _moved(anchor, pose)
-    stays = way + turn * radius < STAY_REACH
-    stay = np.where(stays, bodies.stay[awake] + time_step, 0.0)
-    bodies.quiet[awake], bodies.stay[awake] = quiet, stay
-    left = awake[~stays]
-    bodies.anchor[left] = bodies.poses[left]
-    calm = quiet > REST_TIME - 1e-9
+    calm, stays = _keep_clocks(awake, time_step, bodies.poses, bodies.velocities, bodies.radius,
+                               bodies.quiet, bodies.mark, bodies.stay, bodies.anchor)
     calm[calm] = ~_is_starting(bodies, awake[calm])
-    return awake[calm | (stay > STAY_TIME - 1e-9)]
+    return awake[calm | stays]
+
+
+@kernel
+def _keep_clocks(awake, time_step, poses, velocities, radius, quiet, mark, stay, anchor):
+    """Keep the clocks; say which bodies have been quiet, and which have stayed, long enough."""
+    calm, stays = np.zeros(len(awake), np.bool_), np.zeros(len(awake), np.bool_)
+    for k in range(len(awake)):
+        b = awake[k]
+        v = velocities[b]
+        quiet[b] += time_step
+        way, turn = _way(mark[b], poses[b])
+        if not (v[0] ** 2 + v[1] ** 2 + v[2] ** 2 < JITTER_SPEED ** 2
+                and v[3] ** 2 + v[4] ** 2 + v[5] ** 2 < JITTER_SPIN ** 2
+                and way < REST_SPEED * quiet[b] + JITTER_WAY and turn < REST_SPIN * quiet[b]
+                and turn * radius[b] < REST_RIM * quiet[b] + JITTER_WAY):
+            quiet[b] = 0.0
+            mark[b] = poses[b]
+        calm[k] = quiet[b] > REST_TIME - 1e-9
+        way, turn = _way(anchor[b], poses[b])
+        stay[b] += time_step
+        if not way + turn * radius[b] < STAY_REACH:
+            stay[b] = 0.0
+            anchor[b] = poses[b]
+        stays[k] = stay[b] > STAY_TIME - 1e-9
+    return calm, stays
+
+
+@kernel
+def _way(start, now):
+    """Give how far a body has come [m] and by how much it has turned [rad]."""
+    way = same = 0.0
+    for c in range(3):
+        way += (now[c] - start[c]) ** 2
+    for c in range(3, 7):
+        same += now[c] * start[c]
+    return way ** 0.5, 2.0 * np.arccos(min(abs(same), 1.0))
 
 
 def _is_starting(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:

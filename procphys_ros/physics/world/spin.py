@@ -17,39 +17,43 @@
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.kinetic import kinetic_energy
 from procphys_ros.physics.world.body_table import BodyTable
 
 FAST = 1.0  # [rad] per step, from which an implicit gyroscopic term no longer converges
 
 
-def rotational_energy(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray,
-                      spin: np.ndarray) -> np.ndarray:
-    """Give the energy with which bodies turn [J], (K,); poses (K, 7), spin [rad/s], (K, 3)."""
-    inner = rotation.rotate(rotation.conjugate(poses[:, 3:]), spin)
-    return 0.5 * (bodies.inertia[ids] * inner ** 2).sum(axis=1)
-
-
-def limit_spin(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, spin: np.ndarray,
+def limit_spin(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
                time_step: float) -> tuple[np.ndarray, np.ndarray]:
     """
     Slow down what has got more energy of rotation by a step than it had, and turns very fast.
 
     :param ids: bodies that move, (K,).
     :param poses: theirs before the step, (K, 7).
-    :param spin: likewise [rad/s], (K, 3).
+    :param velocities: likewise, (K, 6).
     :param time_step: [s].
     :returns: bodies, and their velocities, (M, 6).
     """
-    size = np.linalg.norm(bodies.velocities[ids, 3:], axis=1)
-    fast = np.flatnonzero(size * time_step > FAST)
-    chosen = ids[fast]
-    velocities = bodies.velocities[chosen]
-    if not len(chosen):
-        return chosen, velocities
-    now = rotational_energy(bodies, chosen, bodies.poses[chosen], velocities[:, 3:])
-    slow = now * (FAST / (size[fast] * time_step)) ** 2  # at a radian per step
-    most = np.maximum(rotational_energy(bodies, chosen, poses[fast], spin[fast]), slow)
-    gained = now > most
-    velocities[:, 3:] *= np.where(gained, np.sqrt(most / now), 1.0)[:, None]
-    return chosen[gained], velocities[gained]
+    share = _shares(ids, poses, velocities, bodies.inertia, bodies.poses, bodies.velocities,
+                    time_step)
+    gained = np.flatnonzero(share < 1.0)
+    slower = bodies.velocities[ids[gained]]
+    slower[:, 3:] *= share[gained, None]
+    return ids[gained], slower
+
+
+@kernel
+def _shares(ids, before, velocities, inertia, poses, now, time_step):
+    """Give the share of its spin that each body keeps, (K,); columns by id from `inertia` on."""
+    share = np.ones(len(ids))
+    for k in range(len(ids)):
+        body = ids[k]
+        turn = time_step * (now[body, 3] ** 2 + now[body, 4] ** 2 + now[body, 5] ** 2) ** 0.5
+        if turn > FAST:
+            energy = kinetic_energy(0.0, inertia[body], poses[body, 3:], now[body])
+            most = max(kinetic_energy(0.0, inertia[body], before[k, 3:], velocities[k]),
+                       energy * (FAST / turn) ** 2)  # at a radian per step
+            if energy > most:
+                share[k] = (most / energy) ** 0.5
+    return share

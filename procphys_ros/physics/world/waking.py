@@ -96,9 +96,17 @@ def reached_pairs(bodies: BodyTable, resting: np.ndarray, moving: np.ndarray,
 
 def rim_speed(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
     """Give the speed that no point of a body exceeds [m/s], (K,)."""
-    velocity = bodies.velocities[ids]
-    return (np.sqrt((velocity[:, :3] ** 2).sum(axis=1))
-            + np.sqrt((velocity[:, 3:] ** 2).sum(axis=1)) * bodies.radius[ids])
+    return _rim_speed(ids, bodies.velocities, bodies.radius)
+
+
+@kernel
+def _rim_speed(ids, velocities, radius):
+    out = np.empty(len(ids))
+    for k in range(len(ids)):
+        v = velocities[ids[k]]
+        out[k] = ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2) ** 0.5
+                  + (v[3] ** 2 + v[4] ** 2 + v[5] ** 2) ** 0.5 * radius[ids[k]])
+    return out
 
 
 def _local_speed(bodies: BodyTable, pairs: np.ndarray) -> np.ndarray:

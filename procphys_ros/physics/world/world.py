@@ -246,6 +246,8 @@ class World:
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set the velocities of loose bodies, world axes, (K, 6)."""
         ids = np.atleast_1d(ids)
+        if not len(ids):
+            return
         change = np.abs(self._bodies.velocities[ids] - velocities)[:, :3].max(axis=1, initial=0.0)
         self._bodies.pushed[ids] |= change > 0.5 * np.abs(self._gravity).max() * self._time_step
         self._bodies.velocities[ids] = velocities
@@ -355,7 +357,7 @@ class World:
         kinematic.arrive(self._engine, bodies)
         if len(awake):
             self.set_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
-            self.set_velocities(*limit_spin(bodies, awake, poses, before[:, 3:], time_step))
+            self.set_velocities(*limit_spin(bodies, awake, poses, before, time_step))
             self.set_velocities(*limit_gain(
                 bodies, awake, poses, before, time_step, np.asarray(self._gravity),
                 self._touching))

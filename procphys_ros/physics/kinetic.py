@@ -1,0 +1,53 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Kinetic: the energy with which rigid bodies move."""
+
+import numpy as np
+
+from procphys_ros.compilation import kernel
+from procphys_ros.rotation_kernels import matrix_rows
+
+
+def motion_energy(mass: np.ndarray, inertia: np.ndarray, attitude: np.ndarray,
+                  velocities: np.ndarray) -> np.ndarray:
+    """
+    Give the kinetic energy of rigid bodies [J], (K,).
+
+    :param mass: [kg], (K,).
+    :param inertia: principal moments in the body's axes [kg·m²], (K, 3).
+    :param attitude: of these axes, xyzw, (K, 4).
+    :param velocities: linear and angular, world, (K, 6).
+    """
+    return _motion_energy(*(np.ascontiguousarray(column, float)
+                            for column in (mass, inertia, attitude, velocities)))
+
+
+@kernel
+def _motion_energy(mass, inertia, attitude, velocities):
+    out = np.empty(len(mass))
+    for k in range(len(mass)):
+        out[k] = kinetic_energy(mass[k], inertia[k], attitude[k], velocities[k])
+    return out
+
+
+@kernel
+def kinetic_energy(mass, inertia, attitude, velocity):
+    """Give the kinetic energy of one rigid body [J], see `motion_energy`."""
+    x, y, z = matrix_rows(attitude)
+    u, v, w = velocity[3], velocity[4], velocity[5]
+    energy = mass * (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
+    for c in range(3):
+        energy += inertia[c] * (x[c] * u + y[c] * v + z[c] * w) ** 2
+    return 0.5 * energy
