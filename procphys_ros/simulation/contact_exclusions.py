@@ -47,9 +47,10 @@ def update(model: Model, state: State) -> None:
     pairs = _distinct(colliders(state, state.excluded[here]))
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     names, place = np.unique(pairs, return_inverse=True)
-    members = [_members(state, name) for name in names.tolist()]
-    parts = np.concatenate([np.zeros(0, np.intp), *members])
-    start = np.cumsum([0, *(len(own) for own in members)])
+    carried = [state.bodies.parts_of(~name) for name in names[names < 0].tolist()]
+    parts = np.concatenate([*carried, names[names >= 0]])
+    start = np.zeros(len(names) + 1, np.intp)
+    start[1:] = np.cumsum([*map(len, carried), *np.ones(len(names) - len(carried), np.intp)])
     first, second = _between(place.reshape(-1, 2), start)
     inside = _which_overlap(state, parts, first, second)
     state.excluded = np.column_stack([parts[first[inside]], parts[second[inside]]])
@@ -166,10 +167,6 @@ def add_split(state: State, pieces: list[np.ndarray]) -> None:
 def colliders(state: State, parts: np.ndarray) -> np.ndarray:
     """Name what parts of any shape collide as: themselves, or ~id of the body they belong to."""
     return np.where(state.parts.owner[parts] == Owner.BODY, ~state.parts.body[parts], parts)
-
-
-def _members(state: State, collider: int) -> np.ndarray:
-    return np.array([collider]) if collider >= 0 else state.bodies.parts_of(~collider)
 
 
 def _overlapping(state: State, first: np.ndarray, second: np.ndarray) -> np.ndarray:

@@ -246,7 +246,7 @@ def survey_crowns(forest: Forest, sizes: np.ndarray) -> np.ndarray:
 
 def _loose_near(forest: Forest, world: World, bounds: TreeBounds, ids: np.ndarray,
                 reach: float) -> tuple[np.ndarray, Obstacles]:
-    """Choose the entries of the plan that bodies come near, and those bodies."""
+    """Choose the entries of trees that bodies come near, and those bodies."""
     bodies = world.bodies
     way = bodies.velocities[ids, :3] * reach
     room = bodies.radius[ids, None] + _ROOM
@@ -254,9 +254,7 @@ def _loose_near(forest: Forest, world: World, bounds: TreeBounds, ids: np.ndarra
     balls = np.hstack([place - room + np.minimum(way, 0.0),
                        place + room + np.maximum(way, 0.0)])
     chosen, near = (_distinct(rows) for rows in overlaps(bounds.trees, balls))
-    entries = _entries(forest.plan.start, chosen)
-    close, nearer = overlaps(bounds.segments[entries], balls[near])
-    return entries[_distinct(close)], of_bodies(world, ids[near[_distinct(nearer)]])
+    return _entries(forest.plan.start, chosen), of_bodies(world, ids[near])
 
 
 def _branches_near(forest: Forest, sizes: np.ndarray, trees: np.ndarray,

@@ -28,7 +28,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.compilation import threads as pool
-from procphys_ros.physics.trees import integrator, joints, parallel, passes
+from procphys_ros.physics.trees import integrator, joints, parallel, passes, subset
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
@@ -169,7 +169,7 @@ def _foresee(plan, trees, order, begin, base, entry, points, impulses, model, st
         own = entry[ends] - first
         kept = _kept(rows, state)
         if len(impulses):
-            _push(rows, own, points[ends], impulses[ends], state)
+            subset.push(rows[own], points[ends], impulses[ends], plan.root, state)
         theta = integrator.solve(rows, above, model, state, scratch, wind, gravity, dt)
         kicked = theta < 1.0 and state.struck[rows[0], 0] != 0.0
         limited = theta == 1.0 or state.stop[rows].any()
@@ -201,22 +201,6 @@ def _kept(rows, state):
 def _put_back(rows, kept, state):
     state.stop[rows], state.push[rows], state.struck[rows] = kept[0], kept[1], kept[2]
     state.velocities[rows], state.carried[rows] = kept[3], kept[4]
-
-
-@subroutine
-def _push(rows, entry, points, impulses, state):
-    """Let one tree take up impulses, as `Forest.push` does."""
-    for e in range(len(entry)):
-        i, (x, y, z) = rows[entry[e]], impulses[e]
-        u, v, w = points[e] - state.poses[i, :3]
-        push = state.push[i]
-        push[0] += x
-        push[1] += y
-        push[2] += z
-        push[3] += v * z - w * y
-        push[4] += w * x - u * z
-        push[5] += u * y - v * x
-    state.struck[rows[0], 0] = 1.0
 
 
 @subroutine

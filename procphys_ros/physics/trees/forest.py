@@ -345,11 +345,8 @@ class Forest:
         :param points: where the impulses act [m], (K, 3), world.
         :param impulses: [N·s], (K, 3), world.
         """
-        if self._stale:
-            self._replan()
-        turn = np.cross(points - self.poses[rows, :3], impulses)
-        np.add.at(self._state.push, rows, np.hstack([impulses, turn]))
-        self._state.struck[self.roots(rows), 0] = 1.0
+        subset.push(rows, np.ascontiguousarray(points), np.ascontiguousarray(impulses),
+                    self.plan.root, self._state)
 
     def roots(self, rows: np.ndarray) -> np.ndarray:
         """Give the root rows of the trees that active rows belong to, (K,)."""

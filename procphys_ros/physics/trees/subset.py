@@ -89,6 +89,22 @@ def kinetic(plan, trees, body, state):
 
 
 @kernel
+def push(rows, points, impulses, root, state):
+    """Let the next step take up impulses; see `Forest.push`."""
+    for n in range(len(rows)):
+        i, (x, y, z) = rows[n], impulses[n]
+        u, v, w = points[n] - state.poses[i, :3]
+        given = state.push[i]
+        given[0] += x
+        given[1] += y
+        given[2] += z
+        given[3] += v * z - w * y
+        given[4] += w * x - u * z
+        given[5] += u * y - v * x
+        state.struck[root[i], 0] = 1.0
+
+
+@kernel
 def masses(plan, entry, body):
     """Give the masses of the trees that entries of the plan belong to [kg], (K,)."""
     total = np.full(len(plan.start) - 1, -1.0)
