@@ -23,7 +23,7 @@ import numpy as np
 import pytest
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint
+from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.physics.trees import AIR_DENSITY, Forest, pose
 
 _GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -189,6 +189,33 @@ def test_looking_ahead_changes_nothing(impulse):
         forest.step(dt)
         assert np.array_equal(forest.poses, other.poses)
         assert np.array_equal(forest.velocities, other.velocities)
+
+
+def test_trees_are_foreseen_one_by_one():
+    """Foresee one of two trees anew with impulses: as both together, to the bit."""
+    forest, dt = Forest(chain([bush(seed=1), bush(30, seed=2)])), 1.0 / 60.0
+    rows = np.array([7, 20, 50, 60, 70])  # two on the first tree, three on the second
+    points = forest.poses[rows, :3].copy()
+    impulses = np.zeros((5, 3))
+    impulses[2:] = [[4.0, 0.0, 1.0], [0.0, -3.0, 0.0], [1.0, 1.0, 1.0]]
+    look = forest.predict_response(rows, points, dt)
+    ends = look.tree == 1
+    fresh = forest.predict_response(rows[ends], points[ends], dt, impulses=impulses[ends])
+    whole = forest.predict_response(rows, points, dt, impulses=impulses)
+    assert not np.array_equal(look.velocity, whole.velocity)
+    for name, column in vars(look.renewed(ends, fresh)).items():
+        np.testing.assert_array_equal(column, vars(whole)[name], err_msg=name)
+
+
+def test_trees_know_their_masses():
+    """Cut a branch off the second of two trees: it weighs what its segments do, the rest less."""
+    forest = Forest(chain([bush(seed=1), bush(30, seed=2)]))
+    mass = chain([bush(seed=1), bush(30, seed=2)]).mass[forest.parts]
+    row = next(row for row in range(60, 74) if len(forest.subtree(row)) > 3)
+    branch = forest.subtree(row)
+    forest.release(row)
+    expected = mass[:44].sum(), mass[44:].sum() - mass[branch].sum(), mass[branch].sum()
+    np.testing.assert_allclose(forest.masses(np.array([5, 44, row])), expected, rtol=1e-12)
 
 
 def test_effective_mass_of_a_loose_segment_is_its_mass():

@@ -84,7 +84,7 @@ class ContactResponse:
 
     def renewed(self, ends: np.ndarray, fresh: 'ContactResponse') -> 'ContactResponse':
         """
-        Take over what was foreseen of some trees anew.
+        Take over what was foreseen of some trees anew; points are in the order of their trees.
 
         :param ends: the points on them, (E,) bool.
         :param fresh: of these points.
