@@ -16,8 +16,10 @@
 """Stages: one step of a simulation, in order; each reads and writes the state only."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
+from procphys_ros.compilation.threads import beside
 from procphys_ros.simulation import (
     blasts,
     climbers,
@@ -60,11 +62,17 @@ def apply_loads(model: Model, state: State, dt: float) -> None:
 
 
 def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
-    """Move and collide rigid bodies; writes `state.world` and `state.rubble`."""
+    """
+    Move and collide rigid bodies, and leaves beside them, see `foliage.step`.
+
+    Writes `state.world`, `state.rubble` and what leaves are.
+    """
     bodies, rubble = state.world.bodies, state.rubble
+    finish = beside('leaves', partial(foliage.step, model, state, dt), model.threads)
     rubble.velocities = bodies.copied('velocities', rubble.velocities)
     rubble.poses = bodies.copied('poses', rubble.poses)
     state.world.step(dt)
+    finish()
 
 
 STAGES = (
@@ -83,14 +91,13 @@ STAGES = (
     Stage('branches', detached_branches.step),
     Stage('stress', apply_loads),
     Stage('stress', masonry.update_stresses),
+    Stage('poses', trees.write_poses),
     Stage('engine', rubble_wind.step),
     Stage('engine', fragments.apply_drag),
     Stage('dust', dust.watch),
     Stage('engine', step_rigid_bodies),
     Stage('intruder', intruder.sum_wrench),
-    Stage('poses', trees.write_poses),
     Stage('poses', fragments.write_poses),
-    Stage('leaves', foliage.step),
     Stage('debris', debris_loads.update),
     Stage('impacts', impacts.step),
     Stage('dust', dust.step),
