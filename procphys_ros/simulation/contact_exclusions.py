@@ -172,8 +172,8 @@ def colliders(state: State, parts: np.ndarray) -> np.ndarray:
 def _overlapping(state: State, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Choose the pairs of parts that overlap, (K, 2)."""
     place = np.arange(2 * len(first))
-    inside = _which_overlap(state, np.concatenate([first, second]), place[:len(first)],
-                            place[len(first):])
+    inside = _which_overlap(state, np.concatenate([first, second], dtype=np.intp),
+                            place[:len(first)], place[len(first):])
     return np.column_stack([first[inside], second[inside]])
 
 
