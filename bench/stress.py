@@ -79,7 +79,7 @@ def jacobi(solver, displacement, load, limit=20000):
 
 def assembled(graph, owner, middle):
     """Give K itself, each part its own aggregate."""
-    matrix = CoarseMatrix(graph, owner, middle)
+    matrix = CoarseMatrix(graph, np.flatnonzero(graph.alive), owner, middle)
     return bsr_matrix((matrix.blocks, matrix.column, matrix.start)).tocsc()
 
 
@@ -97,8 +97,9 @@ def direct(solver):
 def coarse_factors(solver):
     """Factor and solve the coarse matrix with our blocks and with scipy; print one line each."""
     graph, parts = solver.graph, np.flatnonzero(solver.supported)
-    space = CoarseSpace(graph, parts, _AGGREGATE)
-    matrix = CoarseMatrix(graph, space.owner, space.middle)
+    living = np.flatnonzero(graph.alive)
+    space = CoarseSpace(graph, parts, living, _AGGREGATE)
+    matrix = CoarseMatrix(graph, living, space.owner, space.middle)
     sparse = bsr_matrix((matrix.blocks, matrix.column, matrix.start)).tocsc()
     load = np.random.default_rng(0).normal(size=(space.count, 6))
     work = np.empty_like(load)

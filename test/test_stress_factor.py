@@ -119,7 +119,7 @@ def test_the_coarse_matrix_does_the_work_of_the_bonds():
     graph = BondGraph(wall(15, 20))
     owner = np.append(np.arange(graph.count) // 12, -1)
     middle = np.add.reduceat(graph.centre, np.arange(0, graph.count, 12)) / 12.0
-    matrix = CoarseMatrix(graph, owner, middle)
+    matrix = CoarseMatrix(graph, np.flatnonzero(graph.alive), owner, middle)
     motion = np.random.default_rng(5).normal(size=(len(middle), 6))
     parts = np.zeros((graph.count + 1, 6))
     parts[:-1] = motion[owner[:-1]]

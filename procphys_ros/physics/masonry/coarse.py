@@ -129,30 +129,29 @@ def _alone(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
     return (np.diff(graph.start) > HUB) | (graph.reach > _LONG * typical) | hinged[:-1]
 
 
-def _strong(graph: BondGraph) -> np.ndarray:
+def _strong(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
     """
-    Mark the living bonds across which aggregates may grow, (M,) bool.
+    Mark those of some living bonds across which aggregates may grow, (M,) bool.
 
     Rigid modes suit what is stiff: a bond much softer than others of both its parts (a board on
     brickwork, a bond that has opened) is left between aggregates.
     """
-    return _stiff_enough(graph.alive, graph.grip, graph.spring, graph.first, graph.second,
+    return _stiff_enough(bonds, graph.grip, graph.spring, graph.first, graph.second,
                          np.zeros(graph.count + 1))
 
 
 @kernel
-def _stiff_enough(alive, grip, spring, first, second, stiffest):
-    """Compare living bonds with the stiffest one of each part, (N + 1,), written."""
-    strong = alive.copy()
-    for m in range(len(alive)):
-        if alive[m]:
-            stiffness = grip[m] * spring[m, 2]
-            stiffest[first[m]] = max(stiffest[first[m]], stiffness)
-            stiffest[second[m]] = max(stiffest[second[m]], stiffness)
+def _stiff_enough(bonds, grip, spring, first, second, stiffest):
+    """Compare bonds with the stiffest one of each part, (N + 1,), written."""
+    strong = np.zeros(len(grip), np.bool_)
+    for m in bonds:
+        stiffness = grip[m] * spring[m, 2]
+        stiffest[first[m]] = max(stiffest[first[m]], stiffness)
+        stiffest[second[m]] = max(stiffest[second[m]], stiffness)
     stiffest[-1] = np.inf  # the ground yields to nothing
-    for m in range(len(alive)):
+    for m in bonds:
         least = min(stiffest[first[m]], stiffest[second[m]])
-        strong[m] &= grip[m] * spring[m, 2] >= _STRONG * least
+        strong[m] = grip[m] * spring[m, 2] >= _STRONG * least
     return strong
 
 
@@ -162,6 +161,7 @@ class CoarseSpace:
 
     :param graph: the bond graph.
     :param parts: supported parts, (P,) int.
+    :param bonds: the living ones of these, (B,); what they hold on to besides is as the ground.
     :param size: parts per aggregate.
 
     :ivar owner: aggregate of each part, -1 where not in the set and for the
@@ -171,9 +171,9 @@ class CoarseSpace:
     :ivar factor: of the coarse matrix.
     """
 
-    def __init__(self, graph: BondGraph, parts: np.ndarray, size: int):
-        alone = _alone(graph, parts)
-        self.owner, made = _aggregate(parts, alone, graph.start, graph.incident, _strong(graph),
+    def __init__(self, graph: BondGraph, parts: np.ndarray, bonds: np.ndarray, size: int):
+        alone, strong = _alone(graph, parts), _strong(graph, bonds)
+        self.owner, made = _aggregate(parts, alone, graph.start, graph.incident, strong,
                                       graph.first, graph.second, size)
         merged = _merge_small(parts, self.owner, made, alone, graph.start, graph.incident,
                               graph.alive, graph.first, graph.second, max(size // 3, 1))
@@ -184,7 +184,7 @@ class CoarseSpace:
             np.bincount(member, graph.centre[parts, c], self.count) for c in range(3)])
         self.middle = total / np.maximum(population, 1)[:, None]
         self.arm = graph.centre - self.middle[np.maximum(self.owner[:-1], 0)]
-        matrix = CoarseMatrix(graph, self.owner, self.middle)
+        matrix = CoarseMatrix(graph, bonds, self.owner, self.middle)
         self.factor = Factor(matrix.start, matrix.column, matrix.blocks)
 
     @classmethod

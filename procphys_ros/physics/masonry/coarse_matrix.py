@@ -31,6 +31,7 @@ class CoarseMatrix:
     Blocks of 6 x 6 numbers, by rows; the diagonal ones are always there.
 
     :param graph: the bonds.
+    :param bonds: the living ones of what has an aggregate, (B,).
     :param owner: aggregate of each part, -1 for the ground and what has none, (N + 1,).
     :param middle: reference points of the aggregates [m], (n, 3).
 
@@ -38,8 +39,9 @@ class CoarseMatrix:
     :ivar blocks: (K, 6, 6).
     """
 
-    def __init__(self, graph: BondGraph, owner: np.ndarray, middle: np.ndarray):
-        bonds = np.flatnonzero(graph.alive & (owner[graph.first] != owner[graph.second]))
+    def __init__(self, graph: BondGraph, bonds: np.ndarray, owner: np.ndarray,
+                 middle: np.ndarray):
+        bonds = bonds[owner[graph.first[bonds]] != owner[graph.second[bonds]]]
         one, other = owner[graph.first[bonds]], owner[graph.second[bonds]]
         low, high, pair = _pairs(np.minimum(one, other), np.maximum(one, other), len(middle))
         springs = np.zeros((len(low), 6, 6))

@@ -25,6 +25,7 @@ from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.islands import Islands
 
 _AGGREGATE = 8  # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
+_CONFINED = 16  # the same for sets of parts, whose coarse spaces serve one step (decision 57)
 
 
 class ConjugateGradients:
@@ -37,7 +38,10 @@ class ConjugateGradients:
         is, (N, 6, 6).
     :ivar coarse: aggregates of what stood when they were formed; None where nothing did.
     :ivar fresh: whether bonds have not changed since then.
+    :ivar islands: that are worked on.
     """
+
+    islands: Islands
 
     def __init__(self, graph: BondGraph):
         self._graph = graph
@@ -64,29 +68,41 @@ class ConjugateGradients:
 
     def aggregate(self, parts: np.ndarray) -> None:
         """Aggregate anew what is connected now, and factor; (K,), all that stands."""
-        self.coarse = CoarseSpace(self._graph, parts, _AGGREGATE) if len(parts) else None
+        graph = self._graph
+        self.coarse = (CoarseSpace(graph, parts, np.flatnonzero(graph.alive), _AGGREGATE)
+                       if len(parts) else None)
         self.fresh = True
 
     def begin(self, islands: Islands) -> None:
         """Start islands anew."""
+        self.islands, self._space = islands, self.coarse
         self._columns: tuple[np.ndarray, np.ndarray] | None = None
         self._products = np.zeros(len(islands.part) - 1)
 
-    def iterate(self, islands: Islands, displacement: np.ndarray, residual: np.ndarray,
-                target: float, limit: int) -> tuple[np.ndarray, np.ndarray]:
+    def confine(self, sets: Islands) -> None:
+        """Start sets of parts anew, with what is around them as the ground."""
+        graph = self._graph
+        self.begin(sets)
+        self._space = None  # formed when it is needed
+        for side in (graph.first, graph.second):
+            self._search[1, side[sets.bonds]] = 0.0  # nothing else moves
+
+    def iterate(self, displacement: np.ndarray, residual: np.ndarray, target: float,
+                limit: int) -> tuple[np.ndarray, np.ndarray]:
         """
-        Go on with the islands of the last `begin`.
+        Go on with what was started last.
 
         :param displacement, residual: [m, rad] and [N, N·m], (N + 1, 6), changed in place.
         :param target: largest nodal residual to stop at [N].
         :param limit: largest number of iterations, of each island.
         :returns: iterations done on each island, and its largest nodal residual [N], (I,) each.
         """
-        graph, coarse = self._graph, self.coarse
-        assert coarse is not None
+        parts, bonds, part, bond = self.islands
+        graph, coarse = self._graph, self._space
+        if coarse is None:
+            coarse = self._space = CoarseSpace(graph, parts, bonds, _CONFINED)
         preconditioner = (self.blocks, coarse.owner, coarse.arm, coarse.factor.panels,
                           *np.empty((2, coarse.count, 6)))
-        parts, bonds, part, bond = islands
         if self._columns is None:
             self._columns = coarse.reached(parts, part)
         return pcg.iterate(

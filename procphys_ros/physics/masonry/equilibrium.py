@@ -140,14 +140,12 @@ class Equilibrium:
         """Put the tangents of cracked joints where they are now, see `CrackedJoints`."""
         self.joints.linearise(rows, self.displacement, self.residual, renew)
 
-    def fade_sudden(self, share: float) -> np.ndarray | None:
+    def fade_sudden(self, share: float) -> np.ndarray:
         """
         Take away a share of the dynamic part of released forces.
 
-        :returns: what this added to the residual, (N + 1, 6); None if there was none.
+        :returns: what this added to the residual, (N + 1, 6).
         """
-        if not self.sudden:
-            return None
         change = -share * self._sudden
         self.residual += change
         self._sudden *= 1.0 - share

@@ -20,6 +20,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
+from procphys_ros.physics.masonry.graph import BondGraph
 
 
 class Islands(NamedTuple):
@@ -35,6 +36,10 @@ class Islands(NamedTuple):
     bonds: np.ndarray
     part: np.ndarray
     bond: np.ndarray
+
+    def cracked(self, graph: BondGraph) -> np.ndarray:
+        """List the bonds that have cracked."""
+        return self.bonds[graph.cracked[self.bonds]]
 
 
 def out_of_balance(equilibrium: Equilibrium, sizes: np.ndarray, goal: float) -> Islands:

@@ -16,16 +16,20 @@
 """Steps of Newton's method over cracked joints: their goals, how far they go, what they learn."""
 
 from collections.abc import Callable
+from typing import Self
 
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.masonry import links, subdomains
+from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.islands import Islands
-from procphys_ros.physics.masonry.joints import CrackedJoints
 
 _FORCING = 0.1    # of the residual at its start: what a step solves its tangents to
 _ITERATIONS = 60  # of conjugate gradients per step: the tangents are out of date by then
 _AGREES = 0.3     # of the first power: what true forces may do or take back at the end of a step
+_ROUGH = 10.0     # tolerances: what is to be balanced better is solved with all parts
+_LESSENED = 0.5   # of its residual: what a step on a part leaves at most if another one follows
 _TRIES = 40       # to find that end
 _FURTHEST = 0.5  # [m] that a part moves in one step: what gets there is a mechanism
 
@@ -40,34 +44,58 @@ class Step:
     the tangents promised, they get stiffer (`CrackedJoints.damp`), as in Levenberg's and
     Marquardt's method; where they were right, softer, so that hinges move freely in the end.
 
-    :param rows: cracked joints of the islands out of equilibrium, (K,); none if all is linear.
-    :param displacement, residual: at the start, (N + 1, 6).
-    :param size: largest nodal residual there [N].
+    :param equilibrium: at the start.
+    :param islands: to be worked on.
+    :param size: largest nodal residual [N].
+    :param confined: whether all around them stays where it is, see `subdomains`.
 
-    :ivar rows: the same.
+    :ivar islands, size, confined: the same.
+    :ivar rows: their cracked joints, (K,); none if all is linear.
     :ivar goal: largest nodal residual to which the tangents are to be solved [N].
     :ivar left: iterations that may still be spent.
     :ivar fresh: whether nothing has moved since the start.
     """
 
-    def __init__(self, rows: np.ndarray, displacement: np.ndarray, residual: np.ndarray,
-                 size: float):
-        self.rows = rows
+    def __init__(self, equilibrium: Equilibrium, islands: Islands, size: float,
+                 confined: bool = False):
+        self.islands, self.size, self.confined = islands, size, confined
+        self.rows = islands.cracked(equilibrium.graph)
         self.goal = _FORCING * size
         self.fresh = True
         self.left = _ITERATIONS if self.curved else np.iinfo(np.int64).max
-        self._start = (displacement.copy(), residual.copy()) if self.curved else None
+        self._start = ((equilibrium.displacement.copy(), equilibrium.residual.copy())
+                       if self.curved else None)
 
     @classmethod
-    def straight(cls) -> 'Step':
+    def straight(cls, equilibrium: Equilibrium) -> Self:
         """Give the one step of what is linear: it needs no end."""
-        none = np.zeros((0, 6))
-        return cls(np.zeros(0, np.intp), none, none, 0.0)
+        none, begin = np.zeros(0, np.int64), np.zeros(1, np.int64)
+        return cls(equilibrium, Islands(none, none, begin, begin), 0.0)
+
+    def next(self, equilibrium: Equilibrium, islands: Islands, target: float,
+             tolerance: float) -> 'Step':
+        """
+        Start another step where this one has ended: on what is furthest off alone, or on all.
+
+        What is near a crack takes most of the iterations, and what is far from it most of the
+        work of each. A step on a part moves no forces to far away, though: where one has not
+        done much, one on all follows.
+
+        :param islands: all that are out of balance.
+        :param target: largest nodal residual in the end [N].
+        :param tolerance: largest one that is left where all is in balance [N].
+        """
+        sizes, near = equilibrium.residual_sizes(), None
+        size = float(sizes.max(initial=0.0))
+        goal = max(_FORCING * size, 0.5 * target)
+        if goal > _ROUGH * tolerance and not (self.confined and size > _LESSENED * self.size):
+            near = subdomains.furthest_off(equilibrium.graph, islands, sizes, goal)
+        return Step(equilibrium, near or islands, size, near is not None)
 
     @property
     def curved(self) -> bool:
-        """Say whether there are joints whose tangents change on the way."""
-        return len(self.rows) > 0
+        """Say whether it has to be ended: tangents change on the way, or neighbours get a push."""
+        return self.confined or len(self.rows) > 0
 
     def spend(self, iterations: int) -> None:
         """Take note of iterations done."""
@@ -75,20 +103,20 @@ class Step:
             self.fresh = False
             self.left -= iterations
 
-    def finish(self, displacement: np.ndarray, residual: np.ndarray, islands: Islands,
-               joints: CrackedJoints) -> None:
+    def finish(self, equilibrium: Equilibrium) -> None:
         """
         Move to where the step ends.
 
-        :param displacement, residual: at the end as the tangents have it; changed in place.
-        :param islands: whose cracked bonds are `rows`.
-        :param joints: laws of the joints.
+        :param equilibrium: at the end as the tangents have it; displacement and residual are
+            changed in place.
         """
         assert self._start is not None
         start, before = self._start
-        parts, bonds, part, bond = islands
+        displacement, residual = equilibrium.displacement, equilibrium.residual
+        joints, graph = equilibrium.joints, equilibrium.graph
+        parts, bonds, part, bond = self.islands
         step = displacement - start
-        label = np.repeat(np.arange(len(part) - 1), np.diff(bond))[joints.graph.cracked[bonds]]
+        label = np.repeat(np.arange(len(part) - 1), np.diff(bond))[graph.cracked[bonds]]
         first, last, far = _measure(parts, part, before, residual, step)
 
         def work(reach: np.ndarray) -> np.ndarray:
@@ -98,6 +126,12 @@ class Step:
         reach = np.minimum(_reach(work, first, np.maximum(_FURTHEST / far, 1.0)), _FURTHEST / far)
         joints.damp(self.rows, reach[label])
         _shorten(parts, part, reach, start, before, step, displacement, residual)
+        if self.confined:
+            push = np.zeros_like(residual)
+            links.add_pulls(bonds, graph.links, graph.first, graph.second, displacement - start,
+                            push, 1.0)
+            push[parts] = push[-1] = 0.0
+            residual += push
 
 
 @kernel

@@ -118,7 +118,7 @@ class StressSolver:
     def _begin_at_displacements(self) -> None:
         """Begin where the displacements are; blocks and coarse space are left to the caller."""
         equilibrium, graph = self.equilibrium, self.graph
-        self._step, self._begun = Step.straight(), False
+        self._step, self._begun, self._target = Step.straight(equilibrium), False, 0.0
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
         self._sound = self.displacement.copy()
         self.goal = self.tolerance
@@ -127,8 +127,7 @@ class StressSolver:
         equilibrium.linearise(np.flatnonzero(graph.cracked))
         equilibrium.relabel()
         self._past.forget(self.labels, equilibrium.linear())
-        self.state += 1
-        self.problem += 1
+        self.state, self.problem = self.state + 1, self.problem + 1
 
     @property
     def graph(self) -> BondGraph:
@@ -174,8 +173,7 @@ class StressSolver:
             self.goal = tolerances.sharpened(self.tolerance, equilibrium.residual, self.labels,
                                              self.graph.reach)
             self._moved()
-            self.state += 1
-            self.problem += 1
+            self.state, self.problem = self.state + 1, self.problem + 1
 
     def cut(self, bonds: np.ndarray, dynamic_factor: float = 1.0) -> None:
         """
@@ -224,10 +222,9 @@ class StressSolver:
 
         :param share: how much of it goes, 1 all; 1 - exp(-dt/T) for a decay with time constant T.
         """
-        self._halt()
-        change = self.equilibrium.fade_sudden(share)
-        if change is not None:
-            self._past.shift(change)
+        if self.equilibrium.sudden:
+            self._halt()
+            self._past.shift(self.equilibrium.fade_sudden(share))
             self._moved()
             self.problem += 1
 
@@ -245,7 +242,8 @@ class StressSolver:
     def _halt(self) -> None:
         """End a step that is under way, before loads or bonds change: it might go too far."""
         if not self.known:
-            self._end()
+            self._finish()
+            self._moved()
 
     def _moved(self) -> None:
         """Take note that loads or bonds have changed."""
@@ -289,7 +287,7 @@ class StressSolver:
         :param least: that hinges have moved by, at which to stop, too.
         :returns: the largest nodal residual [N].
         """
-        target = enough * self.goal
+        target = self._target = enough * self.goal
         while limit > 0 and not self.converged and not self._exhausted:
             if self._balanced:
                 self.equilibrium.joints.release()
@@ -303,7 +301,7 @@ class StressSolver:
             step = self._step
             if step.curved and len(self._hinges(least)):
                 break
-            stale = not self._gradients.fresh
+            stale = not (self._gradients.fresh or step.confined)
             after = _CURVED_STALE if step.curved else _STALE_AFTER
             if stale and self._worked >= after:
                 self._refresh()
@@ -319,48 +317,52 @@ class StressSolver:
 
     def _begin(self) -> None:
         """Start a step of Newton's method from where the displacements are."""
-        bonds = self._islands.bonds
-        rows = bonds[self.graph.cracked[bonds]]
-        self._begun = True
+        rows = self._islands.cracked(self.graph)
+        self._begun, self._step = True, Step.straight(self.equilibrium)
         if len(rows):
             self._linearise(rows)
-        else:
-            self._step = Step.straight()
+            self._next_step()
 
     def _end(self) -> None:
         """Go along a step as far as the true forces agree to, and start the next one there."""
-        rows = self._step.rows
-        self._step.finish(self.displacement, self.equilibrium.residual, self._islands,
-                          self.equilibrium.joints)
-        self._linearise(rows, False)
+        rows = self._islands.cracked(self.graph)
+        self._finish()
+        self._next_step()
         if not self._step.curved:  # balanced with that friction: now with that of these pressures
             self.equilibrium.linearise(rows)
             self._moved()
 
+    def _finish(self) -> None:
+        """Go along a step as far as the true forces agree to."""
+        self._step.finish(self.equilibrium)
+        self._linearise(self._step.rows, False)
+
+    def _next_step(self) -> None:
+        """Start a step where the last one has ended."""
+        self._look()
+        self._step = self._step.next(self.equilibrium, self._islands, self._target, self.goal)
+        if self._step.confined:
+            self._gradients.confine(self._step.islands)
+
     def _linearise(self, rows: np.ndarray, renew: bool = True) -> None:
         """Put the tangents of joints where they are now, see `CrackedJoints.linearise`."""
-        graph = self.graph
         self.equilibrium.linearise(rows, renew)
-        self._gradients.invert_blocks(graph.parts_of(rows))
+        self._gradients.invert_blocks(self.graph.parts_of(rows))
         if self._gradients.fresh:
             self._gradients.fresh, self._worked = False, 0
-        self._look()
-        bonds = self._islands.bonds
-        self._step = Step(bonds[graph.cracked[bonds]], self.displacement,
-                          self.equilibrium.residual, self.residual)
 
     def _run(self, limit: int, target: float) -> int:
-        parts, _, part, _ = self._islands
-        each, left = self._gradients.iterate(self._islands, self.displacement,
-                                             self.equilibrium.residual, target, limit)
-        size = np.diff(part)
+        parts, _, part, _ = self._gradients.islands
+        each, left = self._gradients.iterate(self.displacement, self.equilibrium.residual, target,
+                                             limit)
+        size, done = np.diff(part), int(each.max(initial=0))
         self.iterations[parts] += np.repeat(each, size)
         self.residual = float(left.max(initial=0.0))
-        self.working = int(size[left > target].sum())
-        done = int(each.max(initial=0))
+        if not self._step.confined:
+            self.working = int(size[left > target].sum())
+            self._worked += done
         self.spent += done
         self.state += 1
-        self._worked += done
         self._step.spend(done)
         self._patience += done
         if self.converged:

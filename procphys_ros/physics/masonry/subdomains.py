@@ -1,0 +1,117 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Subdomains: the parts that are furthest out of balance and those near them, set by set.
+
+What a crack or a blow changes at once is near it, and so are the joints that open, close and slide
+by it. So steps of Newton's method on what is around it, while all else stays where it is, take off
+most of the work that steps on a whole building would do (nonlinear elimination; Lanzkron, Rose and
+Wilkes 1996, SIAM J. Sci. Comput. 17(2)).
+"""
+
+import numpy as np
+
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.islands import Islands
+
+_LARGE = 6000       # parts of islands in which it pays to choose some
+_CARRIES = 0.5      # of the residual that a step is to leave: what is chosen carries more, ...
+_RINGS = 2          # ... or is so many bonds away from that
+_MOST = 1.0 / 3.0   # of all parts: with more a step on all costs little more
+
+
+def furthest_off(graph: BondGraph, islands: Islands, sizes: np.ndarray,
+                 goal: float) -> Islands | None:
+    """
+    List what a step over cracked joints does best to begin with; None if that is all.
+
+    :param graph: the bonds.
+    :param islands: out of balance.
+    :param sizes: nodal residuals [N], (N,).
+    :param goal: largest one that the step is to leave [N].
+    :returns: connected sets of parts, with the bonds to what is around them.
+    """
+    if len(islands.parts) < _LARGE or not graph.cracked[islands.bonds].any():
+        return None
+    seeds = islands.parts[sizes[islands.parts] > _CARRIES * goal]
+    inside = np.zeros(graph.count, bool)
+    around = graph.start, graph.incident, graph.alive, graph.first, graph.second
+    if not _surround(seeds, _RINGS, int(_MOST * len(islands.parts)), *around, inside):
+        return None
+    return Islands(*_gather(inside, *around))
+
+
+@kernel
+def _surround(seeds, rings, most, start, incident, alive, first, second, inside):
+    """Mark seeds, and parts up to so many bonds away from them; say if these are not too many."""
+    count = len(inside)
+    queue = np.empty(count, np.int64)
+    queue[:len(seeds)] = seeds
+    for i in seeds:
+        inside[i] = True
+    begin, end = 0, len(seeds)
+    for _ in range(rings):
+        found = end
+        for k in range(begin, end):
+            i = queue[k]
+            for n in range(start[i], start[i + 1]):
+                m = incident[n]
+                j = second[m] if first[m] == i else first[m]
+                if alive[m] and j < count and not inside[j]:
+                    inside[j] = True
+                    queue[found] = j
+                    found += 1
+        begin, end = end, found
+    return 0 < end <= most
+
+
+@kernel
+def _gather(inside, start, incident, alive, first, second):
+    """List parts and bonds set by set, both in ascending order; see `Islands`."""
+    count, total = len(inside), 0
+    open_ = np.zeros(count + 1, np.bool_)  # the ground is none of them
+    for i in range(count):
+        open_[i] = inside[i]
+        total += start[i + 1] - start[i] if inside[i] else 0
+    parts, bonds = np.empty(np.count_nonzero(inside), np.int64), np.empty(total, np.int64)
+    part, bond = np.zeros(len(parts) + 1, np.int64), np.zeros(len(parts) + 1, np.int64)
+    sets, filled, tied = 0, 0, 0
+    for seed in range(count):
+        if not open_[seed]:
+            continue
+        open_[seed] = False
+        parts[filled] = seed
+        head, filled = filled, filled + 1
+        while head < filled:
+            i = parts[head]
+            head += 1
+            for n in range(start[i], start[i + 1]):
+                m = incident[n]
+                if not alive[m]:
+                    continue
+                j = second[m] if first[m] == i else first[m]
+                if open_[j]:
+                    open_[j] = False
+                    parts[filled] = j
+                    filled += 1
+                if j == count or i < j or not inside[j]:
+                    bonds[tied] = m
+                    tied += 1
+        parts[part[sets]:filled].sort()
+        bonds[bond[sets]:tied].sort()
+        sets += 1
+        part[sets], bond[sets] = filled, tied
+    return parts, bonds[:tied].copy(), part[:sets + 1].copy(), bond[:sets + 1].copy()
