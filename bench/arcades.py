@@ -30,12 +30,12 @@ from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, fragments, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
-SPAN, PIER, SPRING = 1.125, 0.45, 0.8  # [m] five bricks and two with their joints: bays are alike
+SPAN, PIER, SPRING = 2.25, 0.45, 0.8  # [m] ten bricks and two with their joints: bays are alike
 HOLE = 1.15  # [m] height of what is knocked out: the pier and what springs from it
 SECONDS = 5.0  # to wait for the fall at most
 
 
-def knocked_out(bays, wall_height=1.9):
+def knocked_out(bays, wall_height=2.2):
     """
     Build an arcade and take its middle pier away.
 

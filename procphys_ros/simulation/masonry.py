@@ -36,15 +36,11 @@ WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick w
 NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
 _ROUNDS = 60.0   # [1/s] of failures under lasting loads: the speed of cracks (decision 39)
 _PACE = 1200.0   # [1/s] iterations of the stress solver per simulated second, at least; ...
-_ROUND = 6.0     # ... times as many while all is linear, enough for a round in 1/60 s; ...
-_CURVED = 1.6    # ... times as many as joints open and close, which takes more of them, ...
-_WORK = 45_000   # ... unless parts times iterations, a third of a step of 1/60 s, are more
-_STRUCK = 6e6    # [1/s] parts times iterations under blows, up to as many as while all is linear:
-#                  most of their rounds end in the step that they begin in (decision 52)
+_ROUND = 6.0     # ... times as many where there is time: enough for some rounds in 1/60 s; ...
+_WORK = 6e6      # [1/s] ... which parts times iterations bound under blows, and while joints open
+#                 and close: half of real time; what is linear, and solved once, has no bound
 _TIPPING = 0.15  # [m/s] of its middle, with which a wall of thickness t and height h tips over:
 #                  √(3·g·t²/(8·h)) is 0.12 for a storey half a brick thick, 0.25 for one brick
-_PEAK = 0.5      # [s] time constant of the dynamic part of released forces: damped, and a few
-#                  periods of walls and floors long
 SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
 
 
@@ -261,17 +257,15 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
     Writes bonds and stresses of what stands, and releases what lost the ground.
     """
     settled = is_stable(state)
-    state.unjudged += dt
+    iterations = _iterations(state, dt)
     if state.time + 0.5 * dt < state.next_round:
+        if not state.loads.struck:
+            state.fracture.prepare(iterations)
         return
-    pieces, rounds = _advance(model, state, _iterations(state, dt), max(round(_ROUNDS * dt), 1))
-    if rounds:
+    pieces, rounds = _advance(model, state, iterations, max(round(_ROUNDS * dt), 1))
+    if not all(failures.runs_on for failures in rounds):
         state.next_round = state.time + 1.0 / _ROUNDS
     broke = any(failures.broken.any() for failures in rounds)
-    if broke:  # a building that crumbles on must not feel released forces for ever
-        state.solver.forget_sudden(-math.expm1(-state.unjudged / _PEAK))
-    if broke or is_stable(state):
-        state.unjudged = 0.0
     _let_go(model, state, pieces)
     if is_stable(state):
         if not settled:
@@ -283,12 +277,11 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
 
 def _iterations(state: State, dt: float) -> int:
     """Give the largest number of iterations in a step."""
-    each, working = max(round(_PACE * dt), 1), max(state.solver.working, 1)
-    if state.loads.struck:
-        return max(min(round(_ROUND * each), round(_STRUCK * dt) // working), each)
-    if state.solver.curved:
-        return max(min(round(_CURVED * _PACE * dt), _WORK // working), each)
-    return round(_ROUND * each)
+    each = max(round(_PACE * dt), 1)
+    most = round(_ROUND * each)
+    if state.loads.struck or state.solver.curved:
+        most = min(most, round(_WORK * dt) // max(state.solver.working, 1))
+    return max(most, each)
 
 
 def _advance(model: Model, state: State, iterations: int,

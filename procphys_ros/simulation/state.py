@@ -319,7 +319,6 @@ class State:
     :ivar tree_bounds: bounds of segments and trees, kept from step to step.
     :ivar steps, time: number of steps made, and simulated time [s].
     :ivar cue: number of the scene's next cue.
-    :ivar unjudged: time since the stresses were last judged [s].
     :ivar next_round: when masonry may fail again [s].
     :ivar observer: who looks; None = nobody.
     :ivar log: bonds that broke and were not taken yet.
@@ -360,7 +359,6 @@ class State:
     steps: int = 0
     time: float = 0.0
     cue: int = 0
-    unjudged: float = 0.0
     next_round: float = 0.0
     observer: Observer | None = None
     log: EventLog = field(default_factory=EventLog)

@@ -152,6 +152,18 @@ class Equilibrium:
         self.sudden = bool(np.any(self._sudden))
         return change
 
+    def overshoot(self, sound: np.ndarray) -> float:
+        """
+        Give the energy with which what was released at once swings beyond its balance [J].
+
+        Half of force times amplitude of an undamped oscillator, which has gone that far twice.
+
+        :param sound: displacements before the release, (N + 1, 6).
+        """
+        if not self.sudden:
+            return 0.0
+        return 0.25 * float((self._sudden * (self.displacement - sound)).sum())
+
     def relabel(self) -> None:
         """Find the islands; those that lost the ground leave the system."""
         graph = self.graph

@@ -17,9 +17,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
+from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import mechanisms, strength, ties
 from procphys_ros.physics.masonry.joints import BRIEF
@@ -29,7 +31,10 @@ _BAND = 0.7  # of the worst utilisation
 _ROUGH = 10.0  # tolerances of the solver, at which utilisations are right to 0.1 or so (test), ...
 _CLEARLY = 2.0  # ... and from which utilisation on bonds may break so early
 _HOPELESS = 3.0  # utilisation under a blow that others do not relieve before it is over
+_RUNNING = 3.0  # utilisation from which on a crack does not wait for what it leaves to respond
 _FAINT = 0.01  # of a blow, on the part that it hits hardest: what may be left of it unbalanced
+_WORK = np.full(len(Cause), fracture_energy.OPENING)  # [J/m²] of fracture, by cause
+_WORK[Cause.SHEAR], _WORK[Cause.COMPRESSION] = fracture_energy.SHEARING, fracture_energy.CRUSHING
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,11 @@ class Failures:
     utilisation: np.ndarray
     broken: np.ndarray
     had_cracked: np.ndarray
+
+    @property
+    def runs_on(self) -> bool:
+        """Whether the next round follows at once: cracks run at hundreds of metres per second."""
+        return bool(self.utilisation.max() > _RUNNING)
 
 
 class Fracture:
@@ -95,14 +105,15 @@ class Fracture:
         Spend some iterations; fail what is overloaded each time that equilibrium is reached.
 
         :param iterations: largest number, over all rounds.
-        :param most: rounds in which something cracks or breaks; None = as many as there are.
+        :param most: rounds in which something cracks or breaks, but for those that run on; None =
+            as many as there are.
         :returns: one entry per round in which something cracked or broke.
         """
         solver, graph = self.solver, self.solver.graph
         rounds: list[Failures] = []
-        while iterations > 0 and not self.stable and len(rounds) != most:
+        while iterations > 0 and not self.stable and most != 0:
             before = solver.spent
-            solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
+            self.prepare(iterations)
             iterations -= max(solver.spent - before, 1)
             if not solver.converged and len(solver.part_hinges()):
                 continue
@@ -116,9 +127,12 @@ class Fracture:
                 continue  # what is adrift is solved to the end
             if not solver.converged and self._straighten(adrift):
                 continue
+            overshoot = solver.equilibrium.overshoot(solver.sound)
             failures = self._judge(adrift, 1.0 if settled else _CLEARLY, solver.converged)
             if len(failures.bond):
                 rounds.append(failures)
+                self._swing_less(overshoot, failures)
+                most = most and most - (not failures.runs_on)
             elif not settled:
                 continue
             elif solver.equilibrium.sudden:
@@ -130,6 +144,21 @@ class Fracture:
             else:  # out of patience without a weak bond to blame: what has no balance falls
                 solver.cut(graph.boundary(solver.unbalanced()))
         return rounds
+
+    def prepare(self, iterations: int) -> None:
+        """Spend some iterations at most on what is judged next, and do not judge it."""
+        self.solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
+
+    def _swing_less(self, energy: float, failures: Failures) -> None:
+        """
+        Take the work of fracture of a round from the energy of what was released at once.
+
+        :param energy: of its swing beyond the balance before the round [J].
+        """
+        if energy > 0.0:
+            fresh = ~failures.had_cracked
+            work = self.solver.graph.area[failures.bond[fresh]] @ _WORK[failures.cause[fresh]]
+            self.solver.forget_sudden(1.0 - math.sqrt(max(1.0 - work / energy, 0.0)))
 
     def withstand(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],
                   last: bool = False) -> tuple[list[Failures], bool]:

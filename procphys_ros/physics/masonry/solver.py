@@ -44,13 +44,12 @@ class StressSolver:
 
     Bonds are linear; those that have cracked are followed by Newton's method (`newton`, `joints`).
     `Equilibrium` keeps the residual f - K·u exact through every change (loads, cuts), so what must
-    be worked on is simply where it is too large: islands whose largest nodal residual exceeds the
-    tolerance. The others cost nothing.
+    be worked on is simply where it is too large: islands in which it exceeds the tolerance.
 
     :param graph: the bonds; the solver is their only owner and changes them by `cut`.
     :param gravity: [m/s²], (3,).
-    :param tolerance: largest nodal residual of a converged state [N], the force on a part or its
-        moment over `BondGraph.reach`; default a tenth of the median part's weight.
+    :param tolerance: of a converged state, the largest force on a part [N], or its moment over
+        `BondGraph.reach`; default a tenth of the median part's weight.
 
     :ivar equilibrium: bonds, displacements and loads.
     :ivar goal: the tolerance that the present loads ask for [N], see `tolerances`.
@@ -59,6 +58,7 @@ class StressSolver:
     :ivar state: changes with every change of bonds or displacements, never comes back.
     :ivar problem: changes with every change of bonds or loads, never comes back.
     :ivar residual: largest nodal residual of the last look [N].
+    :ivar sound: displacements in which all held last, (N + 1, 6).
     :ivar working: number of parts in islands that the last call of `iterate` has not finished.
     """
 
@@ -120,7 +120,7 @@ class StressSolver:
         equilibrium, graph = self.equilibrium, self.graph
         self._step, self._begun, self._target = Step.straight(equilibrium), False, 0.0
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
-        self._sound = self.displacement.copy()
+        self.sound = self.displacement.copy()
         self.goal = self.tolerance
         self.iterations = np.zeros(graph.count, np.int64)
         self.spent = self._patience = self._worked = 0
@@ -440,11 +440,11 @@ class StressSolver:
     @property
     def drift(self) -> np.ndarray:
         """Give how far parts have come since all held, along x, y or z [m], (N,)."""
-        return np.abs(self.displacement - self._sound)[:-1, :3].max(axis=1, initial=0.0)
+        return np.abs(self.displacement - self.sound)[:-1, :3].max(axis=1, initial=0.0)
 
     def hold(self) -> None:
         """Take note that all holds: what drifts, drifts from here on."""
-        self._sound = self.displacement.copy()
+        self.sound = self.displacement.copy()
 
     def mechanisms(self, furthest: float) -> np.ndarray:
         """
