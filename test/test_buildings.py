@@ -21,8 +21,6 @@ from masonry_walls import wall
 import numpy as np
 import pytest
 
-from procphys_ros.physics.masonry import Failures
-from procphys_ros.simulation import masonry
 from procphys_ros.wallgrammar import WallGrammar
 
 WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))
@@ -89,33 +87,3 @@ def test_all_broken_bonds_are_told_and_reset_makes_whole():
         assert np.array_equal(simulation.poses, blueprint.poses)
     np.testing.assert_array_equal(outcome[0][0], outcome[1][0])
     np.testing.assert_array_equal(outcome[0][1], outcome[1][1])
-
-
-class Scripted:
-    """Stands in for a fracture that breaks bonds when it is told to."""
-
-    stable = False
-
-    def __init__(self, advance):
-        self._advance = advance
-
-    def advance(self, iterations, relieve=None, most=None):
-        return self._advance()
-
-
-def test_the_shock_of_a_loss_does_not_last():
-    """Let the dynamic part of released forces die away over rounds of breaks, however slow."""
-    simulation = standing(wall(12, 16))
-    state = simulation.state
-    state.solver.remove_parts(np.array([40]), 2.0)
-    shock = np.abs(state.solver.equilibrium._sudden).max()
-    assert shock > 1.0
-    bond = np.zeros(1, np.intp)
-    broke = Failures(bond, np.zeros(1, np.uint8), np.ones(1), np.ones(1, bool), np.zeros(1, bool))
-    steps = iter(range(1, 61))
-    state.fracture = Scripted(lambda: [] if next(steps) % 20 else [broke])
-    for _ in range(60):
-        masonry.update_stresses(simulation.model, state, 1.0 / 60.0)
-        state.time += 1.0 / 60.0
-    left = np.abs(state.solver.equilibrium._sudden).max()
-    assert left == pytest.approx(shock * np.exp(-1.0 / 0.5), rel=1e-6)

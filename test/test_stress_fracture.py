@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.physics.masonry import BondGraph, Failures, Fracture, StressSolver
 from procphys_ros.physics.masonry.solver import DRIFT
 
 G = 9.81  # [m/s²]
@@ -263,3 +263,26 @@ def test_same_input_breaks_the_same_bonds_in_the_same_order():
         for one, two in zip(runs[0], other, strict=True):
             np.testing.assert_array_equal(one.bond, two.bond)
             np.testing.assert_array_equal(one.utilisation, two.utilisation)
+
+
+def test_joints_that_break_take_the_energy_of_a_release():
+    """Take a brick out at once: half of force times way is what joints that break may take."""
+    solver = {}
+    for factor in (1.0, 2.0):  # slowly, and at once
+        solver[factor] = StressSolver(BondGraph(wall(12, 16)))
+        Fracture(solver[factor]).advance(5000)
+        solver[factor].remove_parts(np.array([40]), factor)
+        solver[factor].iterate(5000)
+    sudden = solver[2.0]
+    equilibrium, force = sudden.equilibrium, sudden.equilibrium._sudden.copy()
+    way = solver[1.0].displacement - sudden.sound
+    energy = equilibrium.overshoot(sudden.sound)
+    assert energy == pytest.approx(0.5 * (force * way).sum(), rel=1e-3) and energy > 0.0
+    bond = np.flatnonzero(sudden.graph.alive)[:1]
+    failures = Failures(bond, np.full(1, Cause.TENSION), np.full(1, 1.5), np.zeros(1, bool),
+                        np.zeros(1, bool))
+    work, fracture = 18.0 * sudden.graph.area[bond[0]], Fracture(sudden)
+    fracture._swing_less(4.0 / 3.0 * work, failures)
+    np.testing.assert_allclose(equilibrium._sudden, 0.5 * force)
+    fracture._swing_less(work, failures)
+    assert not equilibrium.sudden and not failures.runs_on
