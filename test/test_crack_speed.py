@@ -14,12 +14,13 @@
 
 """Test that the time from cause to collapse depends on the structure, not on its size."""
 
+from masonry_walls import wall
 import numpy as np
 import pytest
 
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause, fragments, Simulation
+from procphys_ros.simulation import Cause, fragments, masonry, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 SPAN, PIER, SPRING = 2.25, 0.45, 0.8  # [m] ten bricks and two with their joints: bays are alike
@@ -54,3 +55,21 @@ def test_an_arcade_falls_as_fast_however_long_it_is():
     assert short < 0.25
     assert fall(24) == pytest.approx(short, abs=2.1 * FRAME)
     assert fall(4, FRAME / 4.0) == pytest.approx(short, abs=2.1 * FRAME)
+
+
+@pytest.mark.parametrize('time_step', [FRAME, FRAME / 4.0])
+def test_rounds_under_a_blow_have_their_pace(time_step):
+    """Strike a wall so that joints crack far beyond their strength: once in 1/60 s at most."""
+    scene = Scene()
+    scene.add(wall(14, 20, tension=0.4e6, cohesion=0.5e6))
+    simulation = Simulation(scene, time_step=time_step)
+    masonry.apply_impulses(simulation.state, np.arange(130, 134),
+                           np.tile([0.0, 200.0, 0.0], (4, 1)))
+    cracked = []
+    for _ in range(round(0.05 / time_step)):
+        count = len(simulation.events)
+        simulation.step()
+        if len(simulation.events) > count:
+            cracked.append(simulation.time)
+    assert len(cracked) > 1 and (simulation.events['load'] > 3.0).any()
+    assert np.diff(cracked).min() > FRAME - 1e-6

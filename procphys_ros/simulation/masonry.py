@@ -257,13 +257,13 @@ def update_stresses(model: Model, state: State, dt: float) -> None:
     Writes bonds and stresses of what stands, and releases what lost the ground.
     """
     settled = is_stable(state)
-    iterations = _iterations(state, dt)
+    iterations, struck = _iterations(state, dt), state.loads.struck
     if state.time + 0.5 * dt < state.next_round:
-        if not state.loads.struck:
+        if not struck:
             state.fracture.prepare(iterations)
         return
     pieces, rounds = _advance(model, state, iterations, max(round(_ROUNDS * dt), 1))
-    if not all(failures.runs_on for failures in rounds):
+    if not all(failures.runs_on and not struck for failures in rounds):
         state.next_round = state.time + 1.0 / _ROUNDS
     broke = any(failures.broken.any() for failures in rounds)
     _let_go(model, state, pieces)
