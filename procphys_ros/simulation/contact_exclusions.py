@@ -28,7 +28,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.touch import capsule_bounds, meet, piece_bounds
+from procphys_ros.physics.touch import capsule_bounds, meet, overlaps, piece_bounds
 from procphys_ros.physics.trees.state import Joint
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -95,16 +95,18 @@ def add_branch(state: State, row: int, sizes: np.ndarray) -> None:
     :param sizes: of the segments [m], (S, 3).
     """
     forest = state.forest
-    own, other = _passed_near(forest.subtree(row), forest.parents, forest.active,
-                              forest.model.joint, forest.poses, forest.velocities, sizes)
-    found = _overlapping(state, forest.parts[own], forest.parts[other])
+    rows = forest.subtree(row)
+    others, bounds, around = _passed_near(rows, forest.parents, forest.active, forest.model.joint,
+                                          forest.poses, forest.velocities, sizes)
+    own, other = overlaps(bounds, around)
+    found = _overlapping(state, forest.parts[rows[own]], forest.parts[others[other]])
     state.excluded = np.concatenate([state.excluded, found])
 
 
 @kernel
 def _passed_near(branch, parents, active, joint, poses, velocities, sizes):
     """
-    Pair segments of a branch with those near them that it has passed through up to now.
+    List the segments near a branch that it has passed through up to now.
 
     These are the others of its tree and, if that stands, those of all trees that stand.
 
@@ -113,7 +115,7 @@ def _passed_near(branch, parents, active, joint, poses, velocities, sizes):
     :param active: rows that are moved, (S,) bool.
     :param joint: `Joint` of each row, (S,).
     :param poses: (S, 7); `velocities` (S, 6) and `sizes` (S, 3) likewise.
-    :returns: rows of the branch and of the others, sorted, (P,) each.
+    :returns: their rows, (P,), and the bounds of the branch, (K, 6), and of these, (P, 6).
     """
     bounds = capsule_bounds(branch, poses, sizes, velocities, 0.0, 0.0)
     low, high = bounds[0, :3].copy(), bounds[0, 3:].copy()
@@ -130,15 +132,7 @@ def _passed_near(branch, parents, active, joint, poses, velocities, sizes):
             meets[i] = root == mine or not (joint[mine] == _FREE or joint[root] == _FREE)
     meets[branch] = False
     others = np.flatnonzero(meets)
-    around = capsule_bounds(others, poses, sizes, velocities, 0.0, 0.0)
-    pairs = np.empty((2, len(branch) * len(others)), np.int64)
-    count = 0
-    for k in range(len(branch)):
-        for n in range(len(others)):
-            if _overlap(bounds[k], around[n]):
-                pairs[0, count], pairs[1, count] = branch[k], others[n]
-                count += 1
-    return pairs[0, :count], pairs[1, :count]
+    return others, bounds, capsule_bounds(others, poses, sizes, velocities, 0.0, 0.0)
 
 
 @kernel
@@ -210,12 +204,7 @@ def _near(chosen, one, other, owner, row, poses, forest_poses, sizes, shapes):
     bounds = piece_bounds(shape, place, size, np.zeros((len(chosen), 6)), 0.0, 0.0)
     found = np.zeros(len(one), np.bool_)
     for n in range(len(one)):
-        found[n] = _overlap(bounds[one[n]], bounds[other[n]])
+        a, b = bounds[one[n]], bounds[other[n]]
+        found[n] = (a[0] < b[3] and a[1] < b[4] and a[2] < b[5]
+                    and b[0] < a[3] and b[1] < a[4] and b[2] < a[5])
     return place, size, shape, np.flatnonzero(found)
-
-
-@kernel
-def _overlap(one, other):
-    """Say whether two boxes overlap, three minima and three maxima each."""
-    return (one[0] < other[3] and one[1] < other[4] and one[2] < other[5]
-            and other[0] < one[3] and other[1] < one[4] and other[2] < one[5])
