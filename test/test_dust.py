@@ -20,13 +20,13 @@ from PIL import Image
 import pytest
 
 from procphys_ros.errors import SceneError
+from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.air import AIR_VISCOSITY
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.dust import (
     DUST_PER_ENERGY,
     DustCloud,
-    fracture_energy,
     lost_energy,
-    Mode,
     Puffs,
     State,
     stokes_speed,
@@ -102,10 +102,10 @@ def test_dust_rises_where_energy_was_spent():
     assert not (x > 150).any()
 
 
-def test_fracture_energies_follow_their_modes():
+def test_fracture_energies_follow_their_causes():
     """Take 18 J/m² to open a joint, 125 to shear it, 18,900 to crush it."""
-    modes = np.array([Mode.OPENED, Mode.SHEARED, Mode.CRUSHED])
-    assert fracture_energy(modes, np.full(3, 0.02)) == pytest.approx([0.36, 2.5, 378.0])
+    causes = [Cause.TENSION, Cause.SHEAR, Cause.COMPRESSION]
+    assert fracture_energy.BY_CAUSE[causes] * 0.02 == pytest.approx([0.36, 2.5, 378.0])
 
 
 def test_motion_energy_matches_rigid_body_energy():

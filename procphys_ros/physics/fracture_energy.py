@@ -14,6 +14,10 @@
 
 """Fracture energy: the work to part a joint of mortar, per area, by the way it comes apart."""
 
+import numpy as np
+
+from procphys_ros.physics.causes import Cause
+
 # Joints of the shear walls J4D and J5D, f_t = 0.25 MPa, c = 0.35 MPa (Lourenço 1996, Computational
 # strategies for masonry structures, TU Delft).
 OPENING = 18.0   # [J/m²] mode I
@@ -21,3 +25,7 @@ SHEARING = 125.0  # [J/m²] mode II
 # 15 + 0.43·f - 0.0036·f² N/mm at f = 10 MPa (CEB-FIP Model Code 90, taken over for masonry by
 # Lourenço).
 CRUSHING = 18.9e3  # [J/m²]
+
+BY_CAUSE = np.full(len(Cause), OPENING)  # [J/m²]
+BY_CAUSE[[Cause.SHEAR, Cause.IMPACT, Cause.BLAST, Cause.DEMOLITION]] = SHEARING  # torn out
+BY_CAUSE[Cause.COMPRESSION] = CRUSHING

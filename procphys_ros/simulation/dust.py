@@ -19,17 +19,14 @@ from itertools import islice
 
 import numpy as np
 
-from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.dust import DustCloud, fracture_energy, lost_energy, Mode
+from procphys_ros.physics import fracture_energy
+from procphys_ros.physics.dust import DustCloud, lost_energy
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import skyline
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_MODES = np.full(len(Cause), Mode.OPENED)
-_MODES[[Cause.SHEAR, Cause.IMPACT, Cause.BLAST, Cause.DEMOLITION]] = Mode.SHEARED  # torn out
-_MODES[Cause.COMPRESSION] = Mode.CRUSHED
 _HARD = 1.0  # [m/s] slower things make no dust when they touch; resting bodies emit none
 _FREE_LOSS = 0.02  # of the energy that a body may lose in a step without having hit anything
 _LARGE = 0.5  # [m] radius of bodies whose places of contact are looked up, which takes long
@@ -109,7 +106,7 @@ def _from_fractures(model: Model, state: State, cloud: DustCloud) -> None:
     events = events[events['bond'] >= 0]
     events = events[model.mortar[events['bond']]]
     bond = events['bond']
-    energy = fracture_energy(_MODES[events['cause']], source.bond_area[bond])
+    energy = fracture_energy.BY_CAUSE[events['cause']] * source.bond_area[bond]
     spread = 0.3 * source.bond_extent[bond].max(axis=1, initial=0.0)
     cloud.raise_dust(events['position'], spread, energy)
 

@@ -15,7 +15,6 @@
 """Dust: how much of it rises when mortar bursts and things hit, and where the wind takes it."""
 
 from procphys_ros.physics.dust.cloud import DustCloud, Puffs, State, stokes_speed
-from procphys_ros.physics.dust.sources import DUST_PER_ENERGY, fracture_energy, lost_energy, Mode
+from procphys_ros.physics.dust.sources import DUST_PER_ENERGY, lost_energy
 
-__all__ = ['DUST_PER_ENERGY', 'DustCloud', 'fracture_energy', 'lost_energy', 'Mode', 'Puffs',
-           'State', 'stokes_speed']
+__all__ = ['DUST_PER_ENERGY', 'DustCloud', 'lost_energy', 'Puffs', 'State', 'stokes_speed']

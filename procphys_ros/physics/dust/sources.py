@@ -20,36 +20,11 @@ below 100 µm, its losses included. Rubble is no mill: most of what it loses goe
 crushed edges, and most of what is ground stays between the stones.
 """
 
-from enum import IntEnum
-
 import numpy as np
-
-from procphys_ros.physics.fracture_energy import CRUSHING, OPENING, SHEARING
 
 _WORK_INDEX = 13.5 * 3.6e6 / 907.2  # [J/kg] cement clinker, 13.5 kWh per short ton (Bond 1961)
 _AIRBORNE = 0.05  # share of what a mill would grind that rises; our choice, by the look of it
 DUST_PER_ENERGY = _AIRBORNE / _WORK_INDEX  # [kg/J], of grains of which 80 % pass 100 µm
-
-
-class Mode(IntEnum):
-    """How a joint of mortar came apart."""
-
-    OPENED = 0   # pulled apart
-    SHEARED = 1  # slid or torn off
-    CRUSHED = 2  # ground to pieces
-
-
-_FRACTURE_ENERGY = np.array([OPENING, SHEARING, CRUSHING])  # [J/m²] by mode
-
-
-def fracture_energy(mode: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """
-    Give the energy that breaking joints take [J], (K,).
-
-    :param mode: `Mode` of each, (K,) int.
-    :param area: of each joint [m²], (K,).
-    """
-    return _FRACTURE_ENERGY[mode] * area
 
 
 def lost_energy(before: np.ndarray, after: np.ndarray, gained: float) -> np.ndarray:

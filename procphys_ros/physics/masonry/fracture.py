@@ -33,8 +33,6 @@ _CLEARLY = 2.0  # ... and from which utilisation on bonds may break so early
 _HOPELESS = 3.0  # utilisation under a blow that others do not relieve before it is over
 _RUNNING = 3.0  # utilisation from which on a crack does not wait for what it leaves to respond
 _FAINT = 0.01  # of a blow, on the part that it hits hardest: what may be left of it unbalanced
-_WORK = np.full(len(Cause), fracture_energy.OPENING)  # [J/m²] of fracture, by cause
-_WORK[Cause.SHEAR], _WORK[Cause.COMPRESSION] = fracture_energy.SHEARING, fracture_energy.CRUSHING
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,8 @@ class Fracture:
             if len(failures.bond):
                 rounds.append(failures)
                 self._swing_less(overshoot, failures)
-                most = most and most - (not failures.runs_on)
+                if most is not None and not failures.runs_on:
+                    most -= 1
             elif not settled:
                 continue
             elif solver.equilibrium.sudden:
@@ -157,7 +156,8 @@ class Fracture:
         """
         if energy > 0.0:
             fresh = ~failures.had_cracked
-            work = self.solver.graph.area[failures.bond[fresh]] @ _WORK[failures.cause[fresh]]
+            work = (self.solver.graph.area[failures.bond[fresh]]
+                    @ fracture_energy.BY_CAUSE[failures.cause[fresh]])
             self.solver.forget_sudden(1.0 - math.sqrt(max(1.0 - work / energy, 0.0)))
 
     def withstand(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],

@@ -218,9 +218,9 @@ class StressSolver:
 
     def forget_sudden(self, share: float = 1.0) -> None:
         """
-        Let the dynamic part of released forces die away, as damping does.
+        Let the dynamic part of released forces die away.
 
-        :param share: how much of it goes, 1 all; 1 - exp(-dt/T) for a decay with time constant T.
+        :param share: how much of it goes, 1 all.
         """
         if self.equilibrium.sudden:
             self._halt()
