@@ -211,11 +211,13 @@ def _is_starting(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
     return (size > START_WAY) & (now > STARTING * size / bodies.quiet[ids])
 
 
-def _moved(start: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+@kernel
+def _moved(start, now):
     """Give how far bodies have come [m] and by how much they have turned [rad], (K,) each."""
-    way = np.sqrt(((now[:, :3] - start[:, :3]) ** 2).sum(axis=1))
-    same = np.abs((now[:, 3:] * start[:, 3:]).sum(axis=1))
-    return way, 2.0 * np.arccos(np.minimum(same, 1.0))
+    way, turn = np.empty(len(now)), np.empty(len(now))
+    for k in range(len(now)):
+        way[k], turn[k] = _way(start[k], now[k])
+    return way, turn
 
 
 def at_rest(bodies: BodyTable, quiet: np.ndarray,
