@@ -22,7 +22,7 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
-from geometry_msgs.msg import PoseArray, PoseStamped, WrenchStamped
+from geometry_msgs.msg import PoseArray, PoseStamped
 from node_process import Client, PARTS, PATIENCE, ROOT, SCENE, serve
 import numpy as np
 import pytest
@@ -34,6 +34,7 @@ from procphys_ros.messages import pose_array
 from procphys_ros.recording.recording import Recording
 from procphys_ros.recording.writer import Writer
 from procphys_ros.ros import qos, record, replay, replayer
+from procphys_ros.ros.node_recorder import NodeRecorder
 
 pytest.importorskip('mcap')
 read_ros2_messages = pytest.importorskip('mcap_ros2.reader').read_ros2_messages
@@ -143,19 +144,23 @@ def test_full_disk_ends_the_recording_not_the_node(node, client, start, tmp_path
     assert node.process.poll() is None
 
 
-def test_forces_on_intruders_with_names_are_recorded(node, client, start, tmp_path):
+def test_forces_on_intruders_with_names_are_recorded(node, client, tmp_path):
     """Place one while recording, and find the wrench on it in the file."""
-    path = tmp_path / 'run.mcap'
-    process = start('record', '--out', str(path))
-    client.spin_until(lambda: client.node.count_subscribers('/sim/intruders/arm/wrench'),
-                      'the recorder')
-    felt = client.listen(WrenchStamped, '/sim/intruders/arm/wrench')
+    path, topic = tmp_path / 'run.mcap', '/sim/intruders/arm/wrench'
     pose = PoseStamped()
     pose.pose.orientation.w, pose.pose.position.z = 1.0, 9.0
-    client.send_until(lambda: len(felt) > 5, 'forces',
-                      (client.publisher(PoseStamped, '/sim/intruders/arm'), pose))
-    assert finish(process, signal.SIGINT)[0] == 0
-    topic = '/sim/intruders/arm/wrench'
+    written = set()
+
+    class Noted(Writer):
+        def write(self, name, *message):
+            super().write(name, *message)
+            written.add(name)
+
+    with Noted(path) as writer:
+        recorder = NodeRecorder(client.node, '/sim', writer)
+        client.send_until(lambda: topic in written, 'forces',
+                          (client.publisher(PoseStamped, '/sim/intruders/arm'), pose))
+    assert recorder.failure is None
     assert Recording(path).topics[topic] == 'geometry_msgs/msg/WrenchStamped'
     assert list(read_ros2_messages(str(path), topics=[topic]))
 
