@@ -128,7 +128,7 @@ def test_a_standing_wall_costs_no_markers(client):
     client.spin_until(lambda: received, 'the whole set')
     clock = client.listen(Clock, '/clock')
     client.spin_until(lambda: len(clock) > 200, 'seven seconds')
-    assert len(received) <= WHOLE_SETS
+    assert len(received) <= WHOLE_SETS + 1  # that of the scene loaded before may be late
     assert all(len(array.markers) > BRICKS for array in received)
 
 
