@@ -14,10 +14,6 @@
 
 """Striking: projectiles, contact impulses, driven bodies."""
 
-from pathlib import Path
-import subprocess
-import sys
-
 from loose_bricks import at, BRICK, BRICK_MASS, DT, G
 import numpy as np
 import pytest
@@ -173,17 +169,3 @@ def test_velocity_between_poses_leads_from_one_to_the_other():
         end = at(1, 2, 3, rotation.from_axis_angle(axis, np.array(angle)))
         np.testing.assert_allclose(velocity_between(at(1, 0, 3), end, 0.5),
                                    [0, 4, 0, *(2.0 * angle * axis)], atol=1e-12)
-
-
-def test_pybullet_prints_no_banner_but_errors_get_through():
-    """Import in fresh interpreters: everything is printed but the banner."""
-    script = ('import os, sys; sys.stdout.write("first ")\n'
-              'import procphys_ros.physics.world.bullet\n'
-              'from procphys_ros.physics.world.stderr_filter import drop_stderr_lines\n'
-              'with drop_stderr_lines("hello"):\n'
-              '    os.write(2, b"hello you\\nbeware\\n"); sys.stderr.write("hello\\ntoo\\n")\n'
-              'print("last")')
-    done = subprocess.run([sys.executable, '-c', script], capture_output=True, text=True,
-                          check=True, cwd=Path(__file__).parents[1])
-    assert done.stdout == 'first last\n'
-    assert done.stderr == 'beware\ntoo\n'

@@ -13,21 +13,15 @@
 # limitations under the License.
 
 """
-The engine of PyBullet: the only module that imports it.
+The engine of PyBullet.
 
 Bodies are rigid bodies in maximal coordinates (Bullet's `btRigidBody`): a hundred times cheaper
 than articulated ones and without their limits on links.
-
-A body gets a tiny box as its visual shape: without one PyBullet triangulates every collision shape
-for a renderer that is never used, which costs 0.16 ms per capsule, 40 times the rest.
 """
 
-from itertools import chain
-from operator import itemgetter
+from collections.abc import Callable
 import os
 import tempfile
-from typing import Any
-import weakref
 
 import numpy as np
 
@@ -35,17 +29,14 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.hexahedron import inset
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.bullet_client import BulletClient, MOST_SHAPES
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
 from procphys_ros.physics.world.first_turn import (
     turn_as_their_shapes,
     turns_as_the_box_about_it,
 )
 from procphys_ros.physics.world.pieces import Pieces
-from procphys_ros.physics.world.stderr_filter import drop_stderr_lines
 from procphys_ros.physics.world.urdf import SHORTEST, write_hulls, write_urdf
-
-with drop_stderr_lines('pybullet build time'):
-    import pybullet
 
 # Measured on piles of 500 bricks that fall 1.2 m: with these iterations and warm starts (and ERP
 # 0.3) the worst second runs twice as fast as with PyBullet's ERP 0.08, warm starting 0.1 (and 10
@@ -64,14 +55,11 @@ _MARGIN = 1e-3  # [m] by which Bullet makes every convex hull larger than its po
 _GROUND_HALF = 5000.0  # [m] half of the ground's sides
 _GROUND_DEPTH = 50.0   # [m] half of its thickness
 
-_SLEEPING = pybullet.URDF_ENABLE_SLEEPING  # without it even resting bodies cost every step
-_SIZES = itemgetter(1, 2, 8, 9, 10, 12)  # of a contact: bodies, distance, forces along ...
-_WAYS = itemgetter(6, 7, 11, 13)  # ... normal and two tangents; point, normal and tangents
 _MEMORY_FOLDER = '/dev/shm'  # a folder in memory, where there is one
-_MOST_SHAPES = 16  # of a list that PyBullet makes a compound of
 _ROUND = 6  # decimals of sizes and quaternions up to which plain bodies are added together
+_HELD = (BodyState.FIXED, BodyState.RESTING)  # created with mass, or Bullet never moves them
+_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _FILTERS = {int(state): filters for state, filters in COLLISION_FILTERS.items()}
-_HELD = {'mass': 0.0, 'activationState': pybullet.ACTIVATION_STATE_SLEEP}
 
 
 class BulletEngine:
@@ -92,15 +80,9 @@ class BulletEngine:
         self._connect()
 
     def _connect(self) -> None:
-        self._client = pybullet.connect(pybullet.DIRECT)
-        if self._client < 0:
-            raise RuntimeError('PyBullet gave no client: too many worlds are open')
-        pybullet.setGravity(*self._gravity, physicsClientId=self._client)
-        pybullet.setPhysicsEngineParameter(
-            numSolverIterations=ITERATIONS, contactERP=ERP, erp=ERP,
-            warmStartingFactor=WARM_START, enableFileCaching=0,
-            useSplitImpulse=1, splitImpulsePenetrationThreshold=0.0,
-            deterministicOverlappingPairs=1, physicsClientId=self._client)
+        self._client = BulletClient()
+        self._client.set_gravity(self._gravity)
+        self._client.set_solver(ITERATIONS, ERP, WARM_START)
         self._time_step, self._dense = 0.0, False
         self._made, self._free = 0, list[int]()  # numbers of bodies: given out, given back
         self._shapes: dict[tuple, int] = {}
@@ -108,13 +90,10 @@ class BulletEngine:
         self._rules: dict[int, dict[int, bool]] = {}  # whether a pair of them is excluded
         self._handles = np.full(0, -1)  # PyBullet's id of each body
         self._ids = np.full(0, -1)  # and the other way round
-        self._visual = pybullet.createVisualShape(
-            pybullet.GEOM_BOX, halfExtents=[0.01] * 3, physicsClientId=self._client)
-        self._disconnect = weakref.finalize(self, pybullet.disconnect, self._client)
 
     def close(self) -> None:
         """Free the world; a second call does nothing."""
-        self._disconnect()
+        self._client.close()
 
     def clear(self) -> None:
         """Start with an empty world, in which nothing is left of what was."""
@@ -124,18 +103,16 @@ class BulletEngine:
     def refine(self, dense: bool) -> int:
         """Solve contacts finely where they are dense, and give the substeps that this takes."""
         if dense != self._dense:
-            pybullet.setPhysicsEngineParameter(
-                numSolverIterations=DENSE_ITERATIONS if dense else ITERATIONS,
-                physicsClientId=self._client)
+            self._client.set_iterations(DENSE_ITERATIONS if dense else ITERATIONS)
             self._dense = dense
         return DENSE_SUBSTEPS if dense else 1
 
     def step(self, time_step: float) -> None:
         """Let time pass [s]."""
         if time_step != self._time_step:
-            pybullet.setTimeStep(time_step, physicsClientId=self._client)
+            self._client.set_time_step(time_step)
             self._time_step = time_step
-        pybullet.stepSimulation(physicsClientId=self._client)
+        self._client.step()
 
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids; plain ones of one shape, size and attitude at once."""
@@ -179,25 +156,17 @@ class BulletEngine:
         """
         if not self._terrain.is_flat:
             return self._create_terrain(self._terrain.padded(TERRAIN_MARGIN))
-        slab = pybullet.createCollisionShape(
-            pybullet.GEOM_BOX, halfExtents=(_GROUND_HALF, _GROUND_HALF, _GROUND_DEPTH),
-            physicsClientId=self._client)
-        return pybullet.createMultiBody(
-            0.0, slab, self._visual, basePosition=(0.0, 0.0, -_GROUND_DEPTH),
-            useMaximalCoordinates=1, flags=_SLEEPING, physicsClientId=self._client)
+        slab = self._client.create_box(np.array([_GROUND_HALF, _GROUND_HALF, _GROUND_DEPTH]))
+        return self._client.create_bodies(0.0, slab, np.array([[0.0, 0.0, -_GROUND_DEPTH]]),
+                                          _UPRIGHT)
 
     def _create_terrain(self, terrain: Terrain) -> int:
         """Create a height field, which Bullet puts about the middle of its grid and heights."""
         columns, rows = terrain.heights.shape
-        field = pybullet.createCollisionShape(
-            pybullet.GEOM_HEIGHTFIELD, meshScale=(terrain.edge, terrain.edge, 1.0),
-            heightfieldData=terrain.heights.T.ravel().tolist(), numHeightfieldRows=columns,
-            numHeightfieldColumns=rows, physicsClientId=self._client)
+        field = self._client.create_heights(terrain.heights.T, terrain.edge)
         middle = (*(terrain.low + 0.5 * terrain.edge * np.array([columns - 1, rows - 1])),
                   0.5 * sum(terrain.bounds()))
-        return pybullet.createMultiBody(
-            0.0, field, self._visual, basePosition=middle, useMaximalCoordinates=1,
-            flags=_SLEEPING, physicsClientId=self._client)
+        return self._client.create_bodies(0.0, field, np.array([middle]), _UPRIGHT)
 
     def _create_plain(self, table: BodyTable, ids: np.ndarray) -> int:
         """
@@ -207,32 +176,27 @@ class BulletEngine:
         its shape, until the end of the next step, whatever mass it is given in between: see
         `first_turn`.
         """
-        return int(pybullet.createMultiBody(
-            float(table.mass[ids[0]]), self._shape(table.pieces(int(ids[0]))), self._visual,
-            baseOrientation=table.poses[ids[0], 3:].tolist(),
-            batchPositions=table.poses[ids, :3].tolist(), useMaximalCoordinates=1,
-            flags=_SLEEPING, physicsClientId=self._client)[-1])
+        return self._client.create_bodies(
+            float(table.mass[ids[0]]), self._shape(table.pieces(int(ids[0]))),
+            table.poses[ids, :3], table.poses[ids[0], 3:])
 
     def _shape(self, piece: Pieces) -> int:
-        """Make the shape of a plain body once: PyBullet never frees them."""
+        """Make the shape of a plain body once: Bullet never frees them."""
         if len(piece.hexahedra):
             corners = inset(piece.hexahedra.corners.reshape(1, 8, 3), _MARGIN)[0].round(_ROUND)
-            return self._make(pybullet.GEOM_MESH, vertices=tuple(map(tuple, corners.tolist())))
+            return self._make(self._client.create_hull, corners)
         size = piece.sizes[0]
         if piece.shapes[0] == Shape.BOX:
-            half = tuple(round(0.5 * extent, 6) for extent in size.tolist())
-            return self._make(pybullet.GEOM_BOX, halfExtents=half)
+            half = [round(extent, _ROUND) for extent in (0.5 * size).tolist()]
+            return self._make(self._client.create_box, np.array(half))
         diameter, length = float(size[0]), float(size[2])
-        radius, straight = round(0.5 * diameter, 6), round(length - diameter, 6)
-        if straight <= 0.0:
-            return self._make(pybullet.GEOM_SPHERE, radius=radius)
-        return self._make(pybullet.GEOM_CAPSULE, radius=radius, height=straight)
+        return self._make(self._client.create_capsule, round(0.5 * diameter, _ROUND),
+                          max(round(length - diameter, _ROUND), 0.0))
 
-    def _make(self, kind: int, **size: float | tuple) -> int:
-        key = (kind, *size.values())
+    def _make(self, create: Callable[..., int], *size: np.ndarray | float) -> int:
+        key = (create.__name__, *(np.asarray(value).tobytes() for value in size))
         if key not in self._shapes:
-            self._shapes[key] = pybullet.createCollisionShape(
-                kind, **size, physicsClientId=self._client)
+            self._shapes[key] = create(*size)
         return self._shapes[key]
 
     def _create_compound(self, table: BodyTable, body: int) -> int:
@@ -243,26 +207,17 @@ class BulletEngine:
         long. PyBullet gives back the shapes of neither, 1 to 5 kB, before the world is closed.
         """
         pieces = table.pieces(body)
-        if (len(pieces.shapes) <= _MOST_SHAPES and not len(pieces.hexahedra)
+        if (len(pieces.shapes) <= MOST_SHAPES and not len(pieces.hexahedra)
                 and turns_as_the_box_about_it(table, body)):
             return self._create_list(table, body, pieces)
         return self._create_from_file(table, body, pieces)
 
     def _create_list(self, table: BodyTable, body: int, pieces: Pieces) -> int:
         """Create a compound whose first contacts may turn it as the box about its shapes."""
-        box = pieces.shapes == Shape.BOX
-        size = pieces.sizes
-        shape = pybullet.createCollisionShapeArray(
-            shapeTypes=np.where(box, pybullet.GEOM_BOX, pybullet.GEOM_CAPSULE).tolist(),
-            halfExtents=(0.5 * size).tolist(), radii=(0.5 * size[:, 0]).tolist(),
-            lengths=np.maximum(size[:, 2] - size[:, 0], SHORTEST).tolist(),
-            collisionFramePositions=pieces.local_poses[:, :3].tolist(),
-            collisionFrameOrientations=pieces.local_poses[:, 3:].tolist(),
-            physicsClientId=self._client)
-        pose = table.poses[body].tolist()
-        return pybullet.createMultiBody(
-            float(table.mass[body]), shape, self._visual, pose[:3], pose[3:],
-            useMaximalCoordinates=1, flags=_SLEEPING, physicsClientId=self._client)
+        shape = self._client.create_list(pieces.shapes == Shape.BOX, pieces.sizes,
+                                         pieces.local_poses, SHORTEST)
+        return self._client.create_bodies(float(table.mass[body]), shape,
+                                          table.poses[body:body + 1, :3], table.poses[body, 3:])
 
     def _create_from_file(self, table: BodyTable, body: int, pieces: Pieces) -> int:
         """Create a compound with all shapes there are, and its own inertia from the start."""
@@ -276,10 +231,7 @@ class BulletEngine:
                 with open(mesh, 'w', encoding='ascii') as file:
                     file.write(write_hulls(inset(
                         pieces.hexahedra.points(pieces.local_poses), _MARGIN)))
-            return pybullet.loadURDF(
-                path, pose[:3].tolist(), pose[3:].tolist(), useMaximalCoordinates=1,
-                flags=_SLEEPING | pybullet.URDF_USE_INERTIA_FROM_FILE,
-                physicsClientId=self._client)
+            return self._client.load_urdf(path, pose.tolist())
         finally:
             os.unlink(path)
             if mesh:
@@ -289,27 +241,24 @@ class BulletEngine:
         """Give new bodies their inertia, surfaces and velocities; those that move come first."""
         state = table.state[ids]
         moves, is_ground = state >= BodyState.AWAKE, state == BodyState.GROUND
-        dynamics = _dynamics(table, ids)
+        # Bullet multiplies friction and restitution of a pair, so it gets the roots of them.
+        friction, restitution = np.sqrt(table.friction[ids]), np.sqrt(table.restitution[ids])
         for chosen in (moves, is_ground, ~moves & ~is_ground):
             for place in np.flatnonzero(chosen).tolist():
-                handle = int(self._handles[ids[place]])
-                pybullet.changeDynamics(handle, -1, physicsClientId=self._client,
-                                        **dynamics[place])
+                body, handle = int(ids[place]), int(self._handles[ids[place]])
+                self._client.set_surface(handle, friction[place], restitution[place])
+                if moves[place]:
+                    self._client.set_free(handle, table.mass[body], table.inertia[body])
+                elif state[place] in _HELD:
+                    self._client.set_held(handle)
                 self._set_filter(handle, int(state[place]))
         moving = ids[moves]
         self.set_velocities(moving, table.velocities[moving])
         swept = moving[table.swept_radius[moving] > 0.0]
         self.set_swept(swept, table.swept_radius[swept])
 
-    def _hold(self, handle: int) -> None:
-        """Freeze a body that was created with mass: Bullet never moves others again."""
-        pybullet.resetBaseVelocity(handle, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0),
-                                   physicsClientId=self._client)
-        pybullet.changeDynamics(handle, -1, physicsClientId=self._client, **_HELD)
-
     def _set_filter(self, handle: int, state: int) -> None:
-        pybullet.setCollisionFilterGroupMask(handle, -1, *_FILTERS[state],
-                                             physicsClientId=self._client)
+        self._client.set_filter(handle, *_FILTERS[state])
         self._states[handle] = state
         for other in self._rules.get(handle, ()):
             self._set_rule(handle, other)
@@ -330,104 +279,65 @@ class BulletEngine:
         (group, mask), (group_, mask_) = (_FILTERS[self._states[handle]]
                                           for handle in (one, other))
         meet = not self._rules[one][other] and bool(group & mask_) and bool(group_ & mask)
-        pybullet.setCollisionFilterPair(one, other, -1, -1, int(meet),
-                                        physicsClientId=self._client)
+        self._client.set_pair(one, other, meet)
 
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out, (K,) ids."""
         handles = self._handles[ids].tolist()
-        for handle in handles:
-            pybullet.removeBody(handle, physicsClientId=self._client)
+        self._client.remove(handles)
         self._free += handles
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, at no cost per step, (K,) ids."""
-        fixed = int(BodyState.FIXED)
-        for handle in self._handles[ids].tolist():
-            self._hold(handle)
+        fixed, still = int(BodyState.FIXED), np.zeros((1, 6))
+        for handle in self._handles[ids].tolist():  # one by one: the order of commands matters
+            self._client.set_velocities([handle], still)
+            self._client.set_held(handle)
             self._set_filter(handle, fixed)
 
     def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
         """Let immovable bodies move, (K,) ids."""
         awake = int(BodyState.AWAKE)
         for body, handle in zip(ids.tolist(), self._handles[ids].tolist()):
-            pybullet.changeDynamics(handle, -1, physicsClientId=self._client,
-                                    **_free(table, body))
+            self._client.set_free(handle, table.mass[body], table.inertia[body])
             self._set_filter(handle, awake)
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
         """Set centres of mass and principal axes, world, (K, 7)."""
-        for handle, pose in zip(self._handles[ids].tolist(), poses.tolist()):
-            pybullet.resetBasePositionAndOrientation(handle, pose[:3], pose[3:],
-                                                     physicsClientId=self._client)
+        self._client.set_poses(self._handles[ids].tolist(), poses)
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set linear [m/s] and angular velocities [rad/s], world axes, (K, 6)."""
-        client, put = self._client, pybullet.resetBaseVelocity
-        for handle, velocity in zip(self._handles[ids].tolist(), velocities.tolist()):
-            put(handle, velocity[:3], velocity[3:], client)
+        self._client.set_velocities(self._handles[ids].tolist(), velocities)
 
     def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
         """Sweep spheres of these radii [m] along the steps of plain bodies, (K,); 0 = do not."""
         for handle, radius in zip(self._handles[ids].tolist(), radii.tolist()):
-            pybullet.changeDynamics(handle, -1, ccdSweptSphereRadius=radius,
-                                    physicsClientId=self._client)
+            self._client.set_swept(handle, radius)
 
     def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Read poses (K, 7) and velocities (K, 6) of centres of mass, world axes."""
-        client, handles = self._client, self._handles[ids].tolist()
-        pose, velocity = pybullet.getBasePositionAndOrientation, pybullet.getBaseVelocity
-        return (_table([pose(handle, client) for handle in handles], 7),
-                _table([velocity(handle, client) for handle in handles], 6))
+        return self._client.read(self._handles[ids].tolist())
 
     def are_near(self, table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """Tell which pairs of bodies are less than a distance apart, (P,) bool."""
-        closest, client = pybullet.getClosestPoints, self._client
-        return np.array([bool(closest(one, other, far, physicsClientId=client)) for one, other, far
+        return np.array([self._client.are_near(one, other, far) for one, other, far
                          in zip(*self._handles[pairs].T.tolist(), distance.tolist())], bool)
 
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
-        found = pybullet.getContactPoints(physicsClientId=self._client)
-        size = np.fromiter(chain.from_iterable(map(_SIZES, found)), float, 6 * len(found))
-        size, way = size.reshape(-1, 6), _table(list(map(_WAYS, found)), 12)
-        force = (size[:, 3:4] * way[:, 3:6] + size[:, 4:5] * way[:, 6:9]
-                 + size[:, 5:6] * way[:, 9:12])
-        ids = self._ids[size[:, :2].astype(np.intp)]
-        return np.column_stack([ids, way[:, :6], size[:, 2], force, size[:, 3]])
+        found = self._client.contacts()
+        rubbing, ways = found['rubbing'], found['ways']
+        force = (found['pressing'][:, None] * found['normal'] + rubbing[:, :1] * ways[:, 0]
+                 + rubbing[:, 1:] * ways[:, 1])
+        return np.column_stack([self._ids[found['bodies']], found['on_second'], found['normal'],
+                                found['distance'], force, found['pressing']])
 
     def touched(self, body: int) -> list[int]:
         """List the ids that a body has contact points with."""
         handle = int(self._handles[body])
-        found = pybullet.getContactPoints(handle, physicsClientId=self._client)
-        return [int(self._ids[one if one != handle else other]) for _, one, other, *_ in found]
-
-
-def _dynamics(table: BodyTable, ids: np.ndarray) -> list[dict[str, Any]]:
-    """
-    List what `changeDynamics` is to tell each new body, all at once.
-
-    Bullet multiplies friction and restitution of a pair, so it gets the roots of them. A body that
-    stands still was created with mass, or Bullet would never move it again.
-    """
-    rows = [{'lateralFriction': friction, 'restitution': restitution,
-             'linearDamping': 0.0, 'angularDamping': 0.0}
-            for friction, restitution in zip(np.sqrt(table.friction[ids]).tolist(),
-                                             np.sqrt(table.restitution[ids]).tolist())]
-    state = table.state[ids]
-    moves, held = state >= BodyState.AWAKE, (state == BodyState.FIXED) | (
-        state == BodyState.RESTING)
-    for place in np.flatnonzero(moves).tolist():
-        rows[place] |= _free(table, int(ids[place]))
-    for place in np.flatnonzero(held).tolist():
-        rows[place] |= _HELD
-    return rows
-
-
-def _free(table: BodyTable, body: int) -> dict[str, Any]:
-    """Say how a body moves; Bullet's own sleeping stays off, it misses lost supports."""
-    return {'mass': float(table.mass[body]), 'localInertiaDiagonal': table.inertia[body].tolist(),
-            'activationState': pybullet.ACTIVATION_STATE_DISABLE_SLEEPING}
+        bodies = self._client.contacts(handle)['bodies']
+        return self._ids[np.where(bodies[:, 0] == handle, bodies[:, 1], bodies[:, 0])].tolist()
 
 
 def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:
@@ -450,9 +360,3 @@ def _filled(column: np.ndarray, rows: np.ndarray, values: list[int] | np.ndarray
         column = np.concatenate([column, np.full(max(least, 2 * len(column)) - len(column), -1)])
     column[rows] = values
     return column
-
-
-def _table(pairs: list, width: int) -> np.ndarray:
-    """Flatten pairs of tuples into rows; `fromiter` is four times faster than `array`."""
-    flat = chain.from_iterable(chain.from_iterable(pairs))
-    return np.fromiter(flat, float, width * len(pairs)).reshape(-1, width)
