@@ -27,8 +27,9 @@ import rclpy
 from procphys_ros.messages import pose_array
 from procphys_ros.messages.leaves import leaf_rows, leaves_of
 from procphys_ros.messages.poses import read_pose_array
+from procphys_ros.ros import page_commands
 from procphys_ros.ros.followed_node import FollowedNode
-from procphys_ros.ros.page_commands import carry_out
+from procphys_ros.ros.page_commands import carry_out, PageCommands
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.commands import (
@@ -179,6 +180,29 @@ def test_a_scene_brings_what_its_cues_take(tmp_path):
     carry_out(SimpleNamespace(change=given.update, trigger=lambda _: 'done'), LoadScene(path))
     assert given['projectile.mass'] == 77.0 and given['explosion.charge'] == 5.0
     assert given['impulse.target'] == 'post/1' and 'camera.part' not in given
+
+
+def test_clicks_while_a_node_loads_are_not_for_its_scene(tmp_path, monkeypatch):
+    """Set off no charge in a scene that nobody has seen yet; a pause holds for it, too."""
+    path, said = tmp_path / 'post.yaml', []
+    path.write_text(json.dumps({'/**': {'ros__parameters': {'scene': {'objects': []}}}}), 'utf-8')
+    page = PageCommands('sim', 1.0)
+
+    def trigger(name):
+        said.append(name)
+        if name == 'reload_scene':
+            page.put(Explosion((9.0, 0.0, 0.0), 0.5))
+            page.put(Reset())
+    remote = SimpleNamespace(trigger=trigger, switch=lambda name, on: said.append(name),
+                             change=lambda values: None, push=lambda *values: said.append(values),
+                             values=lambda names: [(0.0, 0.0, 0.0)], close=lambda: None)
+    monkeypatch.setattr(page_commands, 'Remote', lambda *_: remote)
+    for command in (LoadScene(path), Impulse(0, (5.0, 0.0, 0.0)), SetPause(True)):
+        page.put(command)
+    page.start()
+    wait_until(lambda: 'reset_simulation' in said, 'the reset')
+    page.close()
+    assert said == ['reload_scene', 'set_pause', 'reset_simulation']
 
 
 def test_nothing_is_asked_for_while_nobody_looks(node, followed):

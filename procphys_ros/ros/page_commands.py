@@ -31,6 +31,8 @@ from procphys_ros.scene.unused import flat
 from procphys_ros.scene.yaml_file import read_yaml
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.commands import (
+    CLICKS,
+    drop_clicks,
     Inspect,
     LoadScene,
     Reset,
@@ -114,14 +116,20 @@ class PageCommands:
 
     def _answer_to(self, remote: Remote, commands: Sequence[Any]) -> str:
         """Carry commands out; give the refusals, which hold up no others, or the answer."""
-        refusals, answer = [], ''
+        refusals, answer, is_new = [], '', False
         for command in commands:
+            if is_new and isinstance(command, CLICKS):
+                continue
             remote.patience = (_LONG_PATIENCE if isinstance(command, LoadScene)
                                else self._patience)
             try:
                 answer = carry_out(remote, command)
             except ProcPhysError as error:
                 refusals.append(str(error))
+            else:
+                if isinstance(command, LoadScene):
+                    is_new = True
+                    drop_clicks(self._queue)
         return '; '.join(refusals) or answer
 
     def _take(self) -> list[Any]:

@@ -17,6 +17,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Empty, Queue
+from typing import Any
+
+from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.simulation.commands import Impulse
 
 
 @dataclass(frozen=True)
@@ -62,3 +67,20 @@ class LoadScene:
     """Put the scene of a file in place of the present one."""
 
     path: Path
+
+
+CLICKS = (Inspect, Impulse, Projectile, Explosion)  # what is done to what a page shows
+
+
+def drop_clicks(waiting: Queue[Any]) -> None:
+    """Take clicks out of what waits: they were meant for the scene that was shown then."""
+    others = []
+    try:
+        while True:
+            command = waiting.get_nowait()
+            if not isinstance(command, CLICKS):
+                others.append(command)
+    except Empty:
+        pass
+    for command in others:
+        waiting.put(command)

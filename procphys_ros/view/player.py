@@ -28,6 +28,7 @@ from procphys_ros.errors import ProcPhysError
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import part_loads, Simulation
 from procphys_ros.view.commands import (
+    drop_clicks,
     Inspect,
     LoadScene,
     Reset,
@@ -169,6 +170,9 @@ class Player:
     def _reset(self, command: Reset) -> str:
         self.simulation.reset()
         self._known_breaks, self._broken = 0, _NONE_BROKEN
+        if len(self.simulation.blueprint) != len(self._content):  # what was thrown is no more
+            self._scene += 1
+            self._content = self._describe()
         return ''
 
     def _set_speed(self, command: SetSpeed) -> str:
@@ -181,7 +185,8 @@ class Player:
         return ''
 
     def _inspect(self, command: Inspect) -> str:
-        return part_loads.describe(self.simulation.state, command.part)
+        part = self.simulation.names.index(command.part)
+        return part_loads.describe(self.simulation.state, part)
 
     def _load(self, command: LoadScene) -> str:
         self._activity = f'loading {command.path.stem}'
@@ -192,6 +197,7 @@ class Player:
             self._scene += 1
             self._known_breaks, self._broken = 0, _NONE_BROKEN
             self._content = self._describe()
+            drop_clicks(self._queue)
         finally:
             self._activity = ''
         return ''
@@ -202,8 +208,6 @@ class Player:
 
     def _take_frame(self) -> Frame:
         simulation = self.simulation
-        if len(simulation.blueprint) < len(self._content):  # what came later went with a reset
-            self._scene += 1
         if len(simulation.blueprint) != len(self._content):
             self._content = self._describe()
         return Frame(self._content, simulation.poses.copy(), simulation.leaf_poses().copy(),
