@@ -16,8 +16,10 @@
 """Output files: what keeps one from being written, told at once, and writing it whole or not."""
 
 from collections.abc import Callable
+import fcntl
 import os
 from pathlib import Path
+from typing import IO
 
 
 def obstacle(path: Path, beside: bool = True) -> str:
@@ -42,6 +44,21 @@ def obstacle(path: Path, beside: bool = True) -> str:
     except (OSError, ValueError) as error:  # ValueError: a null character
         return getattr(error, 'strerror', None) or str(error)
     return ''
+
+
+def claim(file: IO) -> bool:
+    """
+    Keep other processes that ask, too, from writing a file until it is closed.
+
+    :returns: whether nobody else writes it; true, too, where files cannot be locked.
+    """
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        pass  # a file system without locks
+    return True
 
 
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:

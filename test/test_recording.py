@@ -318,6 +318,18 @@ def test_places_that_cannot_be_written(tmp_path, path, complaint):
         Writer(tmp_path / path)
 
 
+def test_a_file_takes_one_recording_at_a_time(tmp_path):
+    """Refuse a second one, which would make neither readable, until the first has ended."""
+    path, data = tmp_path / 'run.mcap', pose_array(np.zeros((1, 7)), (0, 0), 'world')
+    with Writer(path) as writer:
+        writer.write('/sim/poses', 'geometry_msgs/msg/PoseArray', data, 7)
+        with pytest.raises(RecordingError, match='another recording goes into it'):
+            Writer(path)
+    assert [message.at for message in Recording(path).messages()] == [7]
+    Writer(path).close()
+    assert not Recording(path).topics
+
+
 def test_missing_package_is_named(tmp_path, monkeypatch):
     """Say how to install it."""
     def gone(name):

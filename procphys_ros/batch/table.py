@@ -17,7 +17,6 @@
 
 from collections.abc import Mapping, Sequence
 import csv
-import fcntl
 import io
 import json
 import os
@@ -26,6 +25,7 @@ from typing import Any, TextIO
 
 from procphys_ros.batch.run import MEASURES
 from procphys_ros.errors import SceneError
+from procphys_ros.output_files import claim
 
 SUFFIXES = ('.csv', '.parquet')
 
@@ -61,7 +61,8 @@ class Table:
             return
         self._file = self._rows.open('a+', encoding='utf-8', newline='')
         try:
-            self._lock(self._file)
+            if not claim(self._file):
+                raise SceneError(f'--out {self._path}: another batch is writing it')
             self._file.seek(0)
             text = self._file.read()
             whole = text[:_end_of_rows(text)]
@@ -77,15 +78,6 @@ class Table:
             os.truncate(self._rows, len(whole.encode()))
         if not whole:
             self._append(self._columns)
-
-    def _lock(self, file: TextIO) -> None:
-        """Keep a second batch from writing the same rows, until the file is closed."""
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise SceneError(f'--out {self._path}: another batch is writing it') from None
-        except OSError:
-            pass  # a file system without locks
 
     def _check(self, columns: list[str], rows: list[dict]) -> None:
         """Take over the rows that are there, unless they are those of another sweep."""

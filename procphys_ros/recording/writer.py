@@ -20,7 +20,7 @@ from time import monotonic
 from typing import Self
 
 from procphys_ros.errors import RecordingError
-from procphys_ros.output_files import obstacle
+from procphys_ros.output_files import claim, obstacle
 from procphys_ros.recording.definitions import definition
 from procphys_ros.recording.library import load_mcap
 
@@ -45,7 +45,13 @@ class Writer:
         check_target(self.path)
         mcap = load_mcap()
         try:
-            self._file = self.path.open('wb')
+            self._file = self.path.open('ab')
+            if not claim(self._file):
+                self._file.close()
+                raise RecordingError(f'"{path}" cannot be written: another recording goes '
+                                     'into it')
+            self._file.seek(0)
+            self._file.truncate()
         except OSError as error:
             raise RecordingError(f'"{path}" cannot be written: {error.strerror}') from error
         self._open, self._unchecked, self._saved = True, 0, monotonic()
