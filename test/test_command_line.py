@@ -48,6 +48,8 @@ SCENE = Description(json.dumps({
     ('explode 3 -2 .5 --charge 5', {'y': -2.0, 'z': 0.5, 'charge': 5.0}),
     ('launch --from 0 -20 2 --velocity 0 25 0', {'from_': [0.0, -20.0, 2.0], 'mass': None}),
     ('--node /a/sim --timeout 2 step 3', {'node': '/a/sim', 'timeout': 2.0, 'count': 3}),
+    ('step 3 --node /a/sim', {'node': '/a/sim', 'timeout': 5.0, 'count': 3}),
+    ('--node /a/sim list', {'node': '/a/sim', 'pattern': ''}),
 ])
 def test_words_are_read(words, expected):
     """Take numbers of either sign wherever a number is meant."""

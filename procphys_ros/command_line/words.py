@@ -32,6 +32,8 @@ EXIT_CODES = """\
 exit codes: 0 done, 1 refused by the node (it says why), 2 invalid usage,
 3 no node found"""
 _NUMBER = re.compile(r'-(\d+\.?\d*|\.\d+|inf|nan)([eE][+-]?\d+)?\Z')
+_REACH = {'node': '/sim', 'timeout': 5.0}
+_ALONE = {'warm', 'completion'}  # verbs that need no node
 _EXAMPLES = """\
 examples:
   command wind 12 0 0
@@ -82,15 +84,23 @@ def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
     """Make the parser, and give it with those of its verbs."""
     parser = _Parser(prog='command', description='Talk to a running simulation.',
                      epilog=f'{_EXAMPLES}\n{EXIT_CODES}')
-    parser.add_argument('--node', type=node, default='/sim', metavar='NAME',
-                        help='the node to talk to (default %(default)s)')
-    parser.add_argument('--timeout', type=positive, default=5.0, metavar='S',
-                        help='how long to look for it [s] (default %(default)s)')
+    parser.set_defaults(**_REACH)
+    _add_reach(parser)
     group = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     _add_loads(group)
     _add_time(group)
     _add_looks(group)
+    for verb in group.choices.keys() - _ALONE:
+        _add_reach(group.choices[verb])
     return parser, group.choices
+
+
+def _add_reach(parser: argparse.ArgumentParser) -> None:
+    """Add what finds the node: before the verb or behind it."""
+    parser.add_argument('--node', type=node, default=argparse.SUPPRESS, metavar='NAME',
+                        help=f'the node to talk to (default {_REACH["node"]})')
+    parser.add_argument('--timeout', type=positive, default=argparse.SUPPRESS, metavar='S',
+                        help=f'how long to look for it [s] (default {_REACH["timeout"]})')
 
 
 def _add_loads(group) -> None:
