@@ -260,14 +260,37 @@ def test_replay_begins_in_the_middle(client, start, tape):
     assert finish(process, signal.SIGTERM)[0] == 0
 
 
-def test_a_loop_over_nothing_does_not_flood(monkeypatch):
-    """Begin again once a second, where nothing comes behind the place to begin at."""
-    now, begun = [0.0], []
+@pytest.fixture
+def now(monkeypatch):
+    """Give the time of a clock that only naps move [s]."""
+    now = [0.0]
 
     def sleep(duration):
         now[0] += duration
     monkeypatch.setattr(replayer, 'monotonic', lambda: now[0])
     monkeypatch.setattr(replayer, 'sleep', sleep)
+    return now
+
+
+@pytest.mark.parametrize('found, begin', [(0.0, 0.5), (2.5, 3.0), (1e9, 3.0)])
+def test_replay_begins_when_it_is_heard(now, monkeypatch, found, begin):
+    """Wait for who is found late, as subscribers on a busy machine are, but not for ever."""
+    publisher = SimpleNamespace(get_subscription_count=lambda: int(now[0] >= found),
+                                wait_for_all_acked=lambda patience: None)
+    begun = []
+    monkeypatch.setattr(replayer, '_publishers', lambda *_: {'/tape/poses': publisher})
+    monkeypatch.setattr(replayer, '_play', lambda *_: begun.append(now[0]))
+    monkeypatch.setattr(replayer, 'start_ros', lambda *_, **options: None)
+    monkeypatch.setattr(replayer.rclpy, 'create_node', lambda *_, **options: None)
+    monkeypatch.setattr(replayer.rclpy, 'try_shutdown', lambda: None)
+    tape = SimpleNamespace(duration=2.0, close=lambda: None)
+    replayer.replay(tape, SimpleNamespace(file='tape', start=0.0, rate=1.0), [], lambda: False)
+    np.testing.assert_allclose(begun, [begin], atol=0.06)
+
+
+def test_a_loop_over_nothing_does_not_flood(now):
+    """Begin again once a second, where nothing comes behind the place to begin at."""
+    begun = []
     tape = SimpleNamespace(start=0, messages=lambda start: iter(()),
                            state_at=lambda start: begun.append(now[0]) or [])
     replayer._play(tape, SimpleNamespace(start=2.0, rate=1.0, loop=True), {},

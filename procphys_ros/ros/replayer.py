@@ -30,7 +30,8 @@ from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 from procphys_ros.ros.starting import start_ros
 
 _NAP = 0.05    # [s], longest sleep, after which signals are looked at
-_HELLO = 0.5   # [s] for subscribers to find the publishers before the first message
+_HELLO = 0.5   # [s] between the first subscriber and the first message: others come with it
+_ALONE = 3.0   # [s] to wait for a subscriber, which may take that long to be found
 _GLANCE = 0.5  # [s] between two looks for others that publish the same
 _SHORTEST = 1.0  # [s] of a loop: one that begins near the end would flood whoever listens
 _PATIENCE = 1.0  # [s] for the last messages to arrive
@@ -55,13 +56,23 @@ def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[s
         print(f'{said.file}: {recording.duration:.1f} s, from {said.start:g} s at {said.rate:g} '
               'times the speed; Ctrl-C ends it', flush=True)
         rivals = _Rivals(node, list(publishers))
-        sleep(_HELLO)
+        _wait_for_subscribers(list(publishers.values()), ended)
         _play(recording, said, publishers, ended, rivals.look)
         for publisher in publishers.values():
             publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=_PATIENCE))
     finally:
         recording.close()
         rclpy.try_shutdown()
+
+
+def _wait_for_subscribers(publishers: Sequence[Publisher], ended: Callable[[], bool]) -> None:
+    """Give those who listen already the time to find the publishers, and begin for nobody else."""
+    end = monotonic() + _ALONE
+    is_heard = False
+    while (left := end - monotonic()) > 0.0 and not ended():
+        if not is_heard and any(p.get_subscription_count() for p in publishers):
+            is_heard, end = True, monotonic() + _HELLO
+        sleep(min(left, _NAP))
 
 
 def _play(recording: Recording, said: argparse.Namespace, publishers: dict[str, Publisher],
