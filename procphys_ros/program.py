@@ -20,7 +20,6 @@ This module imports nothing that takes long. Exit code 130 is the shells' for SI
 """
 
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import partial
 from importlib import import_module
 import io
@@ -94,8 +93,7 @@ def start(name: str, words: Sequence[str] | None = None) -> int:
     """
     code = run(name, words)
     if code == INTERRUPTED:
-        with suppress(OSError):  # nobody reads it any more
-            sys.stdout.flush()
+        _discard_if_it_fails()
         os._exit(code)
     return code
 

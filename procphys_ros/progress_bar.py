@@ -14,6 +14,7 @@
 
 """Progress bar on a terminal: one line that is drawn over."""
 
+import os
 from time import monotonic
 from types import TracebackType
 from typing import Self, TextIO
@@ -21,6 +22,17 @@ from typing import Self, TextIO
 _WIDTH = 30      # characters
 _INTERVAL = 0.1  # [s] between two drawings
 _DETAIL = 40     # characters
+_COLUMNS = 80    # of a terminal that does not know how wide it is
+
+
+def draw_over(line: str, stream: TextIO) -> None:
+    """Draw a line over the last one, as far as the terminal is wide: what wraps would stay."""
+    try:
+        columns = os.get_terminal_size(stream.fileno()).columns or _COLUMNS
+    except OSError:
+        columns = _COLUMNS
+    stream.write(f'\r{line[:columns - 1]}\x1b[K')
+    stream.flush()
 
 
 class ProgressBar:
@@ -28,12 +40,12 @@ class ProgressBar:
     Draws how much is done, and how long the rest will take; on what is no terminal, nothing.
 
     :param label: what is being done.
-    :param stream: where to draw.
+    :param stream: where to draw; None = it is closed.
     """
 
-    def __init__(self, label: str, stream: TextIO):
-        self._label, self._stream = label, stream
-        self._shown = stream.isatty()
+    def __init__(self, label: str, stream: TextIO | None):
+        self._label = label
+        self._stream = stream if stream is not None and stream.isatty() else None
         self._drawn_at = float('-inf')
         self._first: tuple[float, float] | None = None
 
@@ -42,9 +54,8 @@ class ProgressBar:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
                  trace: TracebackType | None) -> None:
-        if self._first is not None:
-            self._stream.write('\r\x1b[K')
-            self._stream.flush()
+        if self._stream is not None and self._first is not None:
+            draw_over('', self._stream)
 
     def show(self, done: float, whole: float, detail: str = '') -> None:
         """
@@ -55,7 +66,7 @@ class ProgressBar:
         :param detail: what has been done last.
         """
         now = monotonic()
-        if not self._shown or now - self._drawn_at < _INTERVAL:
+        if self._stream is None or now - self._drawn_at < _INTERVAL:
             return
         self._drawn_at = now
         self._first = self._first or (now, done)
@@ -63,8 +74,7 @@ class ProgressBar:
         filled = round(share * _WIDTH)
         words = [f'{self._label} [{"#" * filled}{"." * (_WIDTH - filled)}] {100.0 * share:3.0f} %',
                  self._time_left(now, done, whole), detail[:_DETAIL]]
-        self._stream.write('\r\x1b[K' + '  '.join(word for word in words if word))
-        self._stream.flush()
+        draw_over('  '.join(word for word in words if word), self._stream)
 
     def _time_left(self, now: float, done: float, whole: float) -> str:
         """Say how long the rest takes at the speed since the first drawing, once that is known."""

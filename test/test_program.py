@@ -162,6 +162,21 @@ def test_a_closed_output_ends_no_command(tmp_path):
     assert (done.returncode, done.stderr) == (0, b'')
 
 
+def test_ctrl_c_ends_a_command_whose_output_is_closed(monkeypatch):
+    """End with the code of an interrupted command where nothing can be said, as after `>&-`."""
+    ended, module = [], ModuleType('running')
+
+    def main(words):
+        raise KeyboardInterrupt
+    module.main = main
+    monkeypatch.setitem(sys.modules, 'running', module)
+    monkeypatch.setitem(program.COMMANDS, 'render', 'running')
+    monkeypatch.setattr(program.os, '_exit', ended.append)
+    monkeypatch.setattr(sys, 'stdout', None)
+    program.start('render', [])
+    assert ended == [program.INTERRUPTED]
+
+
 @pytest.mark.parametrize('words, said', [
     (['record', '--out', 'run.mcap', '--node', 'a b'], 'cannot name a node'),
     (['record', '--out', 'run.mcap', '--seconds', 'nan'], 'not finite'),

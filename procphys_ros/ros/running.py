@@ -76,8 +76,9 @@ def _spin(kind: type[SimNode]) -> None:
     if not node.destroy_node():
         # A thread that compiles or computes cannot be told to end, and the interpreter must not
         # be taken down around it.
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in (sys.stdout, sys.stderr):
+            if stream is not None:  # as after >&-
+                stream.flush()
         os._exit(code)
     if code:
         sys.exit(code)

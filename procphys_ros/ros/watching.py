@@ -24,6 +24,7 @@ from sensor_msgs.msg import PointCloud2
 
 from procphys_ros.command_line.progress import break_line, status_line
 from procphys_ros.messages.points import BREAK
+from procphys_ros.progress_bar import draw_over
 from procphys_ros.ros.remote import Remote
 
 _MOST_BREAKS = 10  # lines for one message; a collapse breaks thousands of bonds at once
@@ -59,10 +60,10 @@ def watch(remote: Remote, seconds: float | None, out: TextIO) -> None:
 
 
 def _print(line: str, out: TextIO, stays: bool = True) -> None:
-    if out.isatty():
-        print(f'\r{line}\x1b[K', end='\n' if stays else '', file=out, flush=True)
+    if out.isatty() and not stays:
+        draw_over(line, out)
     else:
-        print(line, file=out, flush=True)
+        print(f'\r{line}\x1b[K' if out.isatty() else line, file=out, flush=True)
 
 
 def _print_breaks(message: PointCloud2, out: TextIO) -> None:
