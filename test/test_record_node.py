@@ -165,6 +165,15 @@ def test_forces_on_intruders_with_names_are_recorded(node, client, tmp_path):
     assert list(read_ros2_messages(str(path), topics=[topic]))
 
 
+def test_a_recording_without_markers_says_so(node, start, tmp_path):
+    """Tell who records a node that publishes them elsewhere how to find them; else say nothing."""
+    told = [finish(start('record', '--out', str(tmp_path / 'run.mcap'), '--seconds', '2', *words))
+            for words in ([], ['--ros-args', '-r', '/sim/markers:=/world/markers'])]
+    assert [(code, err) for code, _, err in told] == [(0, ''), (0, '')]
+    assert 'none on' not in told[0][1]
+    assert '; none on /sim/markers: where the node has remapped it' in told[1][1]
+
+
 def test_missing_node_is_said(node, start, tmp_path):
     """Name what nobody publishes, exit with 3, and leave no file."""
     code, _, err = finish(start('record', '--out', str(tmp_path / 'x.mcap'), '--node', '/nobody',

@@ -59,6 +59,13 @@ class NodeRecorder:
         self._find_intruders()
         node.create_timer(FULL_EVERY, self._look)
 
+    def remark(self) -> str:
+        """Say so when nothing has come to look at, and why that may be."""
+        if len(self._markers):
+            return ''
+        return (f'; none on {self._name("markers")}: where the node has remapped it, remap it '
+                f'here, too, --ros-args -r {self._name("markers")}:=/its/name')
+
     def _subscribe(self, topic: str) -> None:
         kind, profile = TOPICS.get(topic, TOPICS[_WRENCH])
         self._node.create_subscription(kind, self._name(topic), self._taker(topic), profile,
@@ -137,7 +144,7 @@ def record(said: argparse.Namespace, ros_words: Sequence[str], ended: Callable[[
         if recorder.failure is not None:
             raise recorder.failure
         return (f'{said.out}: {writer.messages} messages in {monotonic() - started:.1f} s, '
-                f'{said.out.stat().st_size / 1e6:.1f} MB')
+                f'{said.out.stat().st_size / 1e6:.1f} MB{recorder.remark()}')
     finally:
         rclpy.try_shutdown()
 
