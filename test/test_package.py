@@ -130,6 +130,9 @@ def test_manifest_names_every_ros_package_that_is_imported():
     used = {name.split('.')[0] for path in (PACKAGE / 'ros').glob('*.py')
             for name in imports(path)}
     assert used & ONLY_IN.keys() <= declared
+    started = {name.split('.')[0] for path in (ROOT / 'launch').glob('*.py')
+               for name in imports(path)}
+    assert started - sys.stdlib_module_names <= declared
 
 
 def test_executables_call_modules_that_exist():
