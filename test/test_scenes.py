@@ -159,12 +159,12 @@ def test_charges_bring_the_block_down_on_its_own_plan(name):
     low, high = before[:, :2].min(axis=0) - 4.0, before[:, :2].max(axis=0) + 4.0
     inside = np.all((now[there, :2] > low) & (now[there, :2] < high), axis=1)
     assert inside.mean() > 0.9
-    # How the top storey breaks is decided by the last digits of a sum: in nine runs of the second
-    # block that differed by a nudge the largest piece had 857 to 3,604 of its 6,766 bricks, two
-    # more than half of them. Two of three must be less than half.
-    if biggest(simulation) >= 0.5 * len(bricks):
+    # How the top storey breaks is decided by the last digits of a sum: in four runs of the second
+    # block that differed by a nudge the largest piece had 333 to 522 of its 6,766 bricks. Two of
+    # three must be less than a fifth.
+    if biggest(simulation) >= 0.2 * len(bricks):
         for nudge in (1e-9, 2e-9):
-            assert biggest(run(name, 5.0, nudge)[0]) < 0.5 * len(bricks)
+            assert biggest(run(name, 5.0, nudge)[0]) < 0.2 * len(bricks)
 
 
 def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():

@@ -45,14 +45,15 @@ _LEVER = 8.0 / 27.0  # of half of the length of a free bar: largest moment over 
 #                     bar is hit at its end; in the middle it is 1/4
 _NODES = 60         # cells that a piece breaks into at most in one step
 _PER_CELL = 5       # what a cell costs to judge, in units of ...
-_WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows
+_WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows, but
+#                    stops in full before it breaks, so lumps do not wait
 _COARSE = 8         # cells that a far piece, or one under lasting forces, breaks into at most in
 #                    one step: once it has come apart, what carries it changes
 _COARSER = 8        # how many times larger than near ones the smallest far pieces are
 _BODIES = 240       # awake bodies that there should be: the more, the coarser pieces break
 _LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
 _LUMP = 10.0       # of the mean size of pieces: what is larger, 24 at most, breaks into such lumps
-#                    whatever room there is
+#                    whatever room there is, and at once
 
 
 def step(model: Model, state: State, dt: float) -> None:
@@ -141,7 +142,7 @@ def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: f
         cells = min(cells, _COARSE) if far[turn] else cells
         if cells < 2:
             continue
-        if work > _WORK:
+        if work > _WORK and len(blows[turn].parts) < _LUMP * grain:
             state.rubble.waiting += _with_contacts(state, [blows[turn]], made)
             continue
         work += len(blows[turn].parts) + _PER_CELL * cells
