@@ -85,7 +85,7 @@ def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     :param known: the names that exist.
     :param limit: how many to offer.
     """
-    if len(name) > _LONGEST_NAME:
+    if not isinstance(name, str) or len(name) > _LONGEST_NAME:
         return ''
     close = [other for other in _close(name, tuple(known), limit + 1) if other != name][:limit]
     return f'; did you mean {", ".join(close)}?' if close else ''

@@ -67,8 +67,53 @@ def test_an_impulse_moves_the_named_part_and_dies_out():
 
 def test_time_does_not_run_backwards():
     """Refuse a negative number of steps."""
-    with pytest.raises(CommandError, match='is -1, it must be 0 or more'):
+    with pytest.raises(CommandError, match='is -1, it must be a whole number, 0 or more'):
         grow().step(-1)
+
+
+@pytest.fixture(scope='module')
+def with_a_ball():
+    """Give a tree, and a ball that flies past it."""
+    simulation = grow()
+    simulation.launch(Projectile('sphere', 0.2, 5.0, (0.0, -9.0, 1.0), (3.0, 0.0, 0.0)))
+    return simulation
+
+
+@pytest.mark.parametrize(('call', 'words'), [
+    (lambda s: s.step('a'), "number of steps is 'a', it must be a whole number"),
+    (lambda s: s.step(2.0), 'number of steps is 2.0'),
+    (lambda s: s.step(None), 'number of steps is None'),
+    (lambda s: s.add(LSystem), "object_0 is <class '.*it must be a Blueprint; `build`"),
+    (lambda s: s.add(s.blueprint, (0.0, 0.0, 0.0), 'east'), "object_0.yaw is 'east'"),
+    (lambda s: s.add(s.blueprint, (0.0, 'b', 0.0)), "object_0.position is 'b'"),
+    (lambda s: s.remove(3), 'there is no object "3"'),
+    (lambda s: s.set_wind_enabled('off'), "wind is 'off', it must be True or False"),
+    (lambda s: s.set_body_state('projectile_0/0', 3), 'part: 3 is not a pose of seven numbers'),
+    (lambda s: s.set_body_state('projectile_0/0', None, 3), 'twist: 3 is not six numbers'),
+    (lambda s: s.place_intruder(3), 'intruder: 3 is not a pose of seven numbers'),
+    (lambda s: s.place_intruder((0, 0, 9, 0, 0, 0, 1), 'a'), "time is 'a'"),
+    (lambda s: s.place_intruder((0, 0, 9, 0, 0, 0, 1), np.nan), 'time is nan'),
+    (lambda s: s.place_intruder((0, 0, 9, 0, 0, 0, 1), name=3), 'there is no intruder "3"'),
+    (lambda s: s.pose_of_intruder([3]), 'there is no intruder'),
+    (lambda s: s.wrench_on_intruder(None), 'there is no intruder'),
+    (lambda s: s.scan('lidar'), "'lidar' is no LidarSettings"),
+    (lambda s: s.restore('x'), 'this is no snapshot'),
+    (lambda s: s.restore(None), 'this is no snapshot'),
+])
+def test_values_of_a_wrong_type_are_named(with_a_ball, call, words):
+    """Say what was given and what is allowed, instead of an error of Python from deep inside."""
+    parts, time = len(with_a_ball.poses), with_a_ball.time
+    with pytest.raises(CommandError, match=words):
+        call(with_a_ball)
+    assert len(with_a_ball.poses) == parts and with_a_ball.time == time
+    with_a_ball.step(np.int64(1))
+    assert with_a_ball.time > time
+
+
+def test_a_path_is_no_scene():
+    """Name what was given in place of a scene, and how to read one."""
+    with pytest.raises(SceneError, match="'demo.yaml' is no scene; Scene.from_yaml"):
+        Simulation('demo.yaml')
 
 
 def test_parts_go_by_index_or_name():

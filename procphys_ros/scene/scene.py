@@ -42,10 +42,12 @@ from procphys_ros.scene.terrain import make_terrain
 from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.wind_record import read_wind_record
 from procphys_ros.scene.yaml_file import read_yaml
-from procphys_ros.schema import short
+from procphys_ros.schema import Parameter, short
 
 _LOG = logging.getLogger(__name__)
 _SMALLEST = 0.5  # of the mean number of parts of the individuals so far: those to come have more
+_POSITION = Parameter('position', [0.0, 0.0, 0.0], 'where the origin of an object goes', 'm')
+_YAW = Parameter('yaw', 0.0, 'turn of an object about the vertical', 'rad')
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,20 @@ def check_name(name: str) -> None:
     if not isinstance(name, str) or '/' in name or not name.isprintable():
         raise SceneError(f'{short(name)} cannot name an object; a name is a text without a slash '
                          'and line breaks')
+
+
+def check_place(name: str, blueprint: Blueprint, position: Sequence[float], yaw: float) -> None:
+    """
+    Refuse an object that cannot be placed.
+
+    :raises SceneError: when its name is none, it is no blueprint, or its place is not finite.
+    """
+    check_name(name)
+    if not isinstance(blueprint, Blueprint):
+        raise SceneError(f'{name} is {short(blueprint)}, it must be a Blueprint; `build` of a '
+                         'grammar makes one')
+    _POSITION.read(position, f'{name}.position')
+    _YAW.read(yaw, f'{name}.yaw')
 
 
 class Scene:
@@ -168,13 +184,9 @@ class Scene:
             many parts.
         """
         name = name or f'object_{len(self.objects)}'
-        check_name(name)
+        check_place(name, blueprint, position, yaw)
         if name in self._names:
             raise SceneError(f'there are two objects called "{name}"')
-        if np.shape(position) != (3,):
-            raise SceneError(f'{name}: position {position} must be three numbers')
-        if not np.all(np.isfinite([*position, yaw])):
-            raise SceneError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
         first = self._parts
         check_capacity(first + len(blueprint), self._memory)
         placed_at = blueprint.placed(position, yaw)

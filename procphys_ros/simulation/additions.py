@@ -28,7 +28,7 @@ from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.capacity import available_memory, check_addition
 from procphys_ros.scene.placement import stand_on, unbonded
-from procphys_ros.scene.scene import check_name
+from procphys_ros.scene.scene import check_place
 from procphys_ros.simulation import fragments, leaning, load_checks, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
@@ -52,12 +52,8 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     """
     if any(known.name == name for known in state.objects):
         raise CommandError(f'there is, or was, an object called "{name}"; choose another name')
-    if np.shape(position) != (3,):
-        raise CommandError(f'{name}: position {position} must be three numbers')
-    if not np.all(np.isfinite([*position, yaw])):
-        raise CommandError(f'{name}: position {list(position)} and yaw {yaw} must be finite')
     try:
-        check_name(name)
+        check_place(name, blueprint, position, yaw)
         check_addition(name, len(blueprint), available_memory())
         placed = stand_on(model.terrain, unbonded(blueprint.placed(position, yaw), position[2]),
                           name)

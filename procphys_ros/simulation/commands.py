@@ -40,7 +40,14 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.observer import Observer
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
-from procphys_ros.simulation.validation import checked_rotation, checked_vector
+from procphys_ros.simulation.validation import (
+    checked_number,
+    checked_pose,
+    checked_rotation,
+    checked_switch,
+    checked_twist,
+    checked_vector,
+)
 
 _ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
@@ -219,9 +226,9 @@ def _set_body_state(model: Model, state: State, command: SetBodyState) -> None:
     if state.parts.owner[part] != Owner.BODY:
         raise CommandError(f'{state.names.name(part)} stands where it was built or grows there; '
                            'only what is loose can be put elsewhere')
-    pose = state.parts.poses[part] if command.pose is None else _checked_pose('part', command.pose)
-    twist = (state.parts.velocities[part] if command.twist is None else np.concatenate([
-        checked_vector('velocity', command.twist[:3]), checked_vector('spin', command.twist[3:])]))
+    pose = state.parts.poses[part] if command.pose is None else checked_pose('part', command.pose)
+    twist = (state.parts.velocities[part] if command.twist is None
+             else checked_twist(command.twist))
     body = np.array([state.parts.body[part]])
     centre = rotation.compose(pose, rotation.relative(state.parts.local[part], _ORIGIN))
     twist = np.concatenate([twist[:3] + np.cross(twist[3:], centre[:3] - pose[:3]), twist[3:]])
@@ -242,8 +249,8 @@ def _clear_wrenches(model: Model, state: State, command: ClearWrenches) -> int:
 
 
 def _place_intruder(model: Model, state: State, command: PlaceIntruder) -> None:
-    pose = _checked_pose(command.name, command.pose)
-    time = state.time if command.time is None else command.time
+    pose = checked_pose(command.name, command.pose)
+    time = state.time if command.time is None else checked_number('time', command.time)
     intruder.place(model, state, command.name, pose, time)
 
 
@@ -253,11 +260,8 @@ def _observe(model: Model, state: State, command: Observe) -> None:
     state.observer = Observer(model.settings.culling, place, turn)
 
 
-def _checked_pose(what: str, pose: Sequence[float]) -> np.ndarray:
-    if len(pose) != 7:
-        raise CommandError(f'{what}: {len(pose)} numbers, a pose has seven')
-    return np.concatenate([checked_vector(f'{what} position', pose[:3]),
-                           checked_rotation(f'{what} orientation', pose[3:])])
+def _enable_wind(model: Model, state: State, command: EnableWind) -> None:
+    state.wind.enabled = checked_switch('wind', command.enabled)
 
 
 def _check_exists(state: State, part: int) -> None:
@@ -268,7 +272,7 @@ def _check_exists(state: State, part: int) -> None:
 _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     SetWind: lambda model, state, c: state.wind.set_velocity(c.velocity, state.time, c.ramp),
     MeanWind: lambda model, state, c: state.wind.set_velocity(c.velocity, state.time, c.ramp),
-    EnableWind: lambda model, state, c: setattr(state.wind, 'enabled', bool(c.enabled)),
+    EnableWind: _enable_wind,
     Gust: lambda model, state, c: state.wind.start_gust(c, state.time),
     Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,
     Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: demolition.arm,

@@ -62,7 +62,7 @@ def named(state: State, name: str) -> IntruderState:
 
     :raises CommandError: when there is none of this name.
     """
-    own = state.intruders.get(name)
+    own = state.intruders.get(name) if isinstance(name, str) else None
     if own is None:
         raise CommandError(f'there is no intruder "{name}"{nearest_names(name, state.intruders)}')
     return own

@@ -21,8 +21,10 @@ from functools import lru_cache
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.errors import CommandError
 from procphys_ros.physics.lidar import cast, NOTHING, Pattern, pinhole, spherical
 from procphys_ros.scene.lidar import LidarSettings
+from procphys_ros.schema import short
 from procphys_ros.simulation import intruder
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -64,7 +66,10 @@ def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     around them, so that no ray slips through a joint; leaves and dust are not seen.
 
     :returns: None when the sensor is attached to an intruder that is not there yet.
+    :raises CommandError: when these are no settings of a lidar.
     """
+    if not isinstance(settings, LidarSettings):
+        raise CommandError(f'{short(settings)} is no LidarSettings')
     pose, carrier = _pose(state, settings)
     if pose is None:
         return None

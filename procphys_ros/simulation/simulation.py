@@ -24,7 +24,7 @@ from typing import Any, Self
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.errors import CommandError
+from procphys_ros.errors import SceneError
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.foliage import Flutter
 from procphys_ros.physics.wind import Gust, Wind
@@ -32,14 +32,8 @@ from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation import (
-    additions,
-    commands,
-    foliage,
-    intruder,
-    load_checks,
-    snapshot,
-)
+from procphys_ros.schema import short
+from procphys_ros.simulation import additions, commands, foliage, intruder, load_checks, snapshot
 from procphys_ros.simulation.at_rest import at_rest
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import Impact, MomentumLedger
@@ -48,6 +42,7 @@ from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.naming import PartNames
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.stages import STAGES
+from procphys_ros.simulation.validation import checked_count
 
 
 class Simulation:
@@ -75,8 +70,10 @@ class Simulation:
         :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
         :param seed: of the wind and all else that is random; None = the scene's own.
         :param engine: of rigid bodies, 'auto', 'bullet' or 'rapier'; None = the scene's own.
-        :raises SceneError: when a scene file could not hold one of these values.
+        :raises SceneError: when it is no scene, or a file could not hold one of these values.
         """
+        if not isinstance(scene, Scene):
+            raise SceneError(f'{short(scene)} is no scene; Scene.from_yaml reads one')
         given: dict[str, Any] = {'time_step': time_step, 'seed': seed, 'engine': engine}
         settings = replace(scene.settings, **{k: v for k, v in given.items() if v is not None})
         self.scene = scene
@@ -324,10 +321,9 @@ class Simulation:
         Let time pass.
 
         :param n: number of time steps.
-        :raises CommandError: when it is negative.
+        :raises CommandError: when it is negative, or no whole number.
         """
-        if n < 0:
-            raise CommandError(f'the number of steps is {n}, it must be 0 or more')
+        n = checked_count('the number of steps', n)
         model, state, dt = self.model, self.state, self.model.time_step
         self.timings = {stage.name: 0.0 for stage in self.stages}
         for _ in range(n):

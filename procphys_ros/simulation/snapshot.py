@@ -111,7 +111,7 @@ def load(scene: Model, data: bytes) -> tuple[Model, State]:
 
 def _checked(scene: Model, data: bytes) -> bytes:
     """Check what a snapshot says of itself, and give its content."""
-    if not data.startswith(_MAGIC):
+    if not isinstance(data, (bytes, bytearray)) or not data.startswith(_MAGIC):
         raise SnapshotError('this is no snapshot of a simulation')
     try:
         line, packed = data[len(_MAGIC):].split(b'\n', 1)

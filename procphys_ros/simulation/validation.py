@@ -16,15 +16,19 @@
 """What the numbers of a command must be before they may touch the simulation."""
 
 from collections.abc import Sequence
+import math
+import numbers
+from typing import Any
 
 import numpy as np
 
 from procphys_ros.errors import CommandError
+from procphys_ros.schema import short
 
 _LARGEST = 1e7  # [N·s], [N] and [m]; a loaded lorry at 900 km/h, beyond it numbers run away
 
 
-def checked_vector(what: str, value: Sequence[float]) -> np.ndarray:
+def checked_vector(what: str, value: Sequence[float] | np.ndarray) -> np.ndarray:
     """
     Turn a command's numbers into a vector (3,).
 
@@ -32,10 +36,7 @@ def checked_vector(what: str, value: Sequence[float]) -> np.ndarray:
     :param value: as the command gave them.
     :raises CommandError: when there are not three, or one is not finite or too large.
     """
-    try:
-        vector = np.array(value, float)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
+    vector = _row(value)
     if vector.shape != (3,):
         raise CommandError(f'{what}: {value!r} is not three numbers [x, y, z]')
     if not np.isfinite(vector).all():
@@ -45,7 +46,7 @@ def checked_vector(what: str, value: Sequence[float]) -> np.ndarray:
     return vector
 
 
-def checked_rotation(what: str, value: Sequence[float]) -> np.ndarray:
+def checked_rotation(what: str, value: Sequence[float] | np.ndarray) -> np.ndarray:
     """
     Turn a command's numbers into a unit quaternion xyzw, (4,).
 
@@ -53,13 +54,57 @@ def checked_rotation(what: str, value: Sequence[float]) -> np.ndarray:
     :param value: as the command gave them.
     :raises CommandError: when there are not four, one is not finite, or all are zero.
     """
-    try:
-        turn = np.array(value, float)
-    except (TypeError, ValueError):
-        turn = np.empty(0)
+    turn = _row(value)
     if turn.shape != (4,) or not np.isfinite(turn).all():
         raise CommandError(f'{what} is {value!r}, it must be a quaternion [x, y, z, w]')
     length = float(np.linalg.norm(turn))
     if not 1e-6 <= length < np.inf:
         raise CommandError(f'{what}: {turn.tolist()} is no rotation')
     return turn / length
+
+
+def checked_pose(what: str, value: Sequence[float]) -> np.ndarray:
+    """Turn a command's numbers into a pose (7,); else as `checked_rotation`."""
+    pose = _row(value)
+    if pose.shape != (7,):
+        raise CommandError(f'{what}: {short(value)} is not a pose of seven numbers')
+    return np.concatenate([checked_vector(f'{what} position', pose[:3]),
+                           checked_rotation(f'{what} orientation', pose[3:])])
+
+
+def checked_twist(value: Sequence[float]) -> np.ndarray:
+    """Turn a command's numbers into velocity and spin (6,); else as `checked_vector`."""
+    twist = _row(value)
+    if twist.shape != (6,):
+        raise CommandError(f'twist: {short(value)} is not six numbers')
+    return np.concatenate([checked_vector('velocity', twist[:3]),
+                           checked_vector('spin', twist[3:])])
+
+
+def checked_number(what: str, value: Any) -> float:
+    """Take a finite number, or raise `CommandError`."""
+    if not isinstance(value, numbers.Real) or not math.isfinite(value):
+        raise CommandError(f'{what} is {short(value)}, it must be a finite number')
+    return float(value)
+
+
+def checked_count(what: str, value: Any) -> int:
+    """Take a whole number from 0 on, or raise `CommandError`."""
+    if not isinstance(value, numbers.Integral) or value < 0:
+        raise CommandError(f'{what} is {short(value)}, it must be a whole number, 0 or more')
+    return int(value)
+
+
+def checked_switch(what: str, value: Any) -> bool:
+    """Take True or False, or raise `CommandError`: the text 'off' would count as true."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise CommandError(f'{what} is {short(value)}, it must be True or False')
+    return bool(value)
+
+
+def _row(value: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Read numbers; empty if they are none."""
+    try:
+        return np.array(value, float)
+    except (TypeError, ValueError):
+        return np.empty(0)
