@@ -23,7 +23,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from view_scene import DOWN, frame_of, simulation_at_rest, TREE
+from view_scene import DOWN, frame_of, free_port, simulation_at_rest
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.dust import Puffs
@@ -34,11 +34,7 @@ from procphys_ros.view.batches import Batches
 from procphys_ros.view.commands import (
     Inspect,
     LoadScene,
-    Reset,
     SetPause,
-    SetSpeed,
-    StartGust,
-    Step,
 )
 from procphys_ros.view.cracks import seams
 from procphys_ros.view.page import Page
@@ -123,10 +119,7 @@ def source(frame):
 @pytest.fixture
 def page(source):
     """Serve a page on a free port."""
-    with socket.socket() as probe:
-        probe.bind(('localhost', 0))
-        port = probe.getsockname()[1]
-    made = Page(source, port=port, scenes={'a': Path('a.yaml')})
+    made = Page(source, port=free_port(), scenes={'a': Path('a.yaml')})
     yield made
     made.close()
 
@@ -219,99 +212,6 @@ def test_a_launched_ball_joins_the_page(simulation):
     batches.update(player.frame())
     new, = set(drawing.handles) - before
     np.testing.assert_allclose(drawing.handles[new].batched_scales, [[0.4, 0.4, 0.4]])
-
-
-def test_time_passes_at_the_pace_asked_for(simulation):
-    """Simulate half a second in a second at half speed, and nothing while paused."""
-    player = Player(simulation)
-    player.say(SetSpeed(0.5))
-    for now in np.arange(0.0, 1.0 + 1e-9, 1.0 / 64.0):
-        player.turn(now)
-    np.testing.assert_allclose(simulation.time, 0.5, atol=1.1 * simulation.time_step)
-    player.say(SetPause(True))
-    before = simulation.time
-    player.turn(2.0)
-    assert simulation.time == before
-    assert player.status().paused
-    player.say(Step())
-    player.turn(3.0)
-    np.testing.assert_allclose(simulation.time, before + simulation.time_step)
-
-
-def test_wind_gust_and_reset_reach_the_simulation(simulation):
-    """Change the wind, start a gust, and go back to the start."""
-    player = Player(simulation)
-    player.say(SetWind((6.0, 0.0, 0.0)))
-    player.say(StartGust(9.0))
-    for now in (0.0, 0.05, 0.1):
-        player.turn(now)
-    np.testing.assert_allclose(player.status().wind, [6.0, 0.0, 0.0])
-    assert simulation.time > 0.0
-    player.say(SetPause(True))
-    player.say(Reset())
-    player.turn(0.2)
-    assert simulation.time == 0.0
-
-
-def test_a_reset_takes_the_cracks_off_the_page(simulation, monkeypatch):
-    """Show what has broken since, also when it is as much as before, between two frames."""
-    def crack(part):
-        simulation.log.record(0.0, np.zeros((2, 3)), np.arange(2), np.full((2, 2), part), 0,
-                              np.ones(2))
-    player, reset = Player(simulation), simulation.reset
-    monkeypatch.setattr(simulation, 'reset', lambda: (reset(), crack(1)))
-    crack(0)
-    player.say(SetPause(True))
-    player.turn(0.0)
-    assert player.frame().broken.tolist() == [[0, 0], [0, 0]]
-    player.say(Reset())
-    player.turn(1.0)
-    assert player.frame().broken.tolist() == [[1, 1], [1, 1]]
-
-
-def test_a_refused_command_is_answered_and_changes_nothing(simulation):
-    """Say why a command cannot be carried out, and go on."""
-    player = Player(simulation)
-    player.say(Impulse('oak', (1.0, 0.0, 0.0)))
-    player.turn(0.0)
-    assert 'there is no part "oak"' in player.answer()
-    player.say(LoadScene(Path('nowhere.yaml')))
-    player.turn(0.1)
-    assert 'nowhere.yaml' in player.answer()
-    assert player.simulation is simulation
-    player.say(Step())
-    player.turn(0.2)
-    assert 'pause' in player.answer()
-    player.say(Inspect(0))
-    player.turn(0.3)
-    assert player.answer().startswith('tree/segment_0 carries ')
-
-
-def test_another_scene_takes_the_place_of_the_first(simulation, tmp_path):
-    """Load a scene file, and give its frames another number."""
-    path = tmp_path / 'one.yaml'
-    path.write_text(f'/**: {{ros__parameters: {{scene: {{objects: [twig]}}, '
-                    f'twig: {{grammar_text: "{TREE.strip()}"}}}}}}', 'utf-8')
-    player = Player(simulation)
-    first = player.frame()
-    player.say(SetPause(True))
-    player.say(LoadScene(path))
-    player.turn(0.0)
-    assert player.answer() == ''
-    frame = player.frame()
-    assert frame.content.scene != first.content.scene
-    assert len(frame.poses) == np.count_nonzero(first.content.shape == Shape.CAPSULE)
-
-
-def test_nothing_is_made_for_nobody(simulation):
-    """Take no frames while nobody looks."""
-    player = Player(simulation)
-    player.watched = False
-    before = player.frame()
-    for now in (0.0, 0.1, 0.2):
-        player.turn(now)
-    assert simulation.time > 0.0
-    assert player.frame() is before
 
 
 def test_a_client_gets_the_scene_and_then_what_moves(page, source, client, frame):
@@ -412,24 +312,6 @@ def test_a_crack_fills_the_joint_between_two_bricks(frame):
     shared = 0.5 * frame.content.size[[first, second], 0].sum() - abs(other[0] - one[0])
     np.testing.assert_allclose(size[0, 0], shared, atol=0.007)
     np.testing.assert_allclose(size[0, 1], frame.content.size[first, 1], atol=0.007)
-
-
-def test_a_player_remembers_what_broke(simulation):
-    """Give the pairs of parts of all broken bonds, and forget them after a reset."""
-    player = Player(simulation)
-    wall = np.flatnonzero(player.frame().content.shape == Shape.BOX)
-    place = player.frame().poses[wall[-1], :3]
-    player.say(Projectile(size=0.3, mass=20.0, position=tuple(place - [0.0, 0.6, 0.0]),
-                          velocity=(0.0, 30.0, 0.0)))
-    for now in np.arange(0.0, 1.0, 0.06):
-        player.turn(now)
-    broken = player.frame().broken
-    assert 0 < len(broken) == simulation.bonds_broken
-    assert np.isin(broken[broken != -1], wall).all()
-    player.say(Reset())
-    player.say(SetPause(True))
-    player.turn(1.1)
-    assert len(player.frame().broken) == 0
 
 
 def test_dust_is_sent_while_there_is_some(page, source, client, frame):

@@ -16,12 +16,12 @@
 
 import shutil
 import signal
-import socket
 from time import sleep
 
 from node_process import NodeProcess, PATIENCE, SAPLING, wait_until
 import pytest
 import rclpy
+from view_scene import free_port
 
 from procphys_ros.ros.followed_node import FollowedNode
 from procphys_ros.view.page import Page
@@ -64,10 +64,7 @@ def followed(node):
 @pytest.fixture(scope='module')
 def page(followed):
     """Serve its page."""
-    with socket.socket() as probe:
-        probe.bind(('localhost', 0))
-        port = probe.getsockname()[1]
-    made = Page(followed, port=port)
+    made = Page(followed, port=free_port())
     made.start()
     yield made
     made.close()

@@ -15,6 +15,8 @@
 
 """A small scene for tests of the page: a tree, and a wall some metres to the east of it."""
 
+import socket
+
 from masonry_walls import wall
 import numpy as np
 
@@ -35,6 +37,13 @@ def simulation_at_rest() -> Simulation:
     scene.add(LSystem.parse(TREE).build(), name='tree')
     scene.add(wall(4, 10), (5.0, 0.0, 0.0), name='wall')
     return Simulation(scene)
+
+
+def free_port() -> int:
+    """Give a TCP port that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(('localhost', 0))
+        return probe.getsockname()[1]
 
 
 def frame_of(simulation: Simulation) -> Frame:
