@@ -95,6 +95,23 @@ def test_a_reset_takes_the_cracks_off_the_page(simulation, monkeypatch):
     assert player.frame().broken.tolist() == [[1, 1], [1, 1]]
 
 
+def test_a_ball_thrown_after_a_reset_is_another_one(simulation):
+    """Show a new ball, not the one before the reset, when no frame came in between."""
+    player = Player(simulation)
+    small, large = (Projectile('sphere', size, 5.0, (0.0, -9.0, 3.0), (0.0, 0.0, 0.0))
+                    for size in (0.2, 0.6))
+    player.say(SetPause(True))
+    player.say(small)
+    player.turn(0.0)
+    before = player.frame().content
+    player.say(Reset())
+    player.say(large)
+    player.turn(1.0)
+    after = player.frame().content
+    assert len(after) == len(before) and after.scene != before.scene
+    np.testing.assert_allclose(after.size[-1], 0.6)
+
+
 def test_a_refused_command_is_answered_and_changes_nothing(simulation):
     """Say why a command cannot be carried out, and go on."""
     player = Player(simulation)

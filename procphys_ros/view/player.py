@@ -169,10 +169,8 @@ class Player:
 
     def _reset(self, command: Reset) -> str:
         self.simulation.reset()
+        self._follow()  # before as many parts may have joined again
         self._known_breaks, self._broken = 0, _NONE_BROKEN
-        if len(self.simulation.blueprint) != len(self._content):  # what was thrown is no more
-            self._scene += 1
-            self._content = self._describe()
         return ''
 
     def _set_speed(self, command: SetSpeed) -> str:
@@ -206,10 +204,17 @@ class Player:
         return Content.of(self.simulation.blueprint, self.simulation.names.name, self._scene,
                           self.simulation.model.terrain, self.simulation.scene.paving)
 
+    def _follow(self) -> None:
+        """Describe the scene again when parts have joined, or went with a reset."""
+        count = len(self.simulation.blueprint)
+        if count < len(self._content):
+            self._scene += 1
+        if count != len(self._content):
+            self._content = self._describe()
+
     def _take_frame(self) -> Frame:
         simulation = self.simulation
-        if len(simulation.blueprint) != len(self._content):
-            self._content = self._describe()
+        self._follow()
         return Frame(self._content, simulation.poses.copy(), simulation.leaf_poses().copy(),
                      simulation.dust, self._broken_bonds())
 
