@@ -236,6 +236,10 @@ def test_wind_blows_as_told_and_can_be_switched_off(client):
     client.spin_until(lambda: abs(received[-1].vector.x - 6.0) > 1e-3, 'turbulence')
     assert client.switch('set_wind_enabled', False).success
     client.spin_until(lambda: received[-1].vector.x == 0.0, 'still air')
+    answer = client.trigger('gust')
+    assert answer.success and 'the wind is off' in answer.message
+    assert client.switch('set_wind_enabled', True).success
+    assert 'off' not in client.trigger('gust').message
 
 
 def test_strong_wrench_breaks_a_tree_and_the_break_is_told(client):

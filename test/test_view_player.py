@@ -73,6 +73,11 @@ def test_wind_gust_and_reset_reach_the_simulation(simulation):
         player.turn(now)
     np.testing.assert_allclose(player.status().wind, [6.0, 0.0, 0.0])
     assert simulation.time > 0.0
+    assert not player.answer()
+    simulation.set_wind_enabled(False)
+    player.say(StartGust(9.0))
+    player.turn(0.15)
+    assert 'the wind is off' in player.answer()
     player.say(SetPause(True))
     player.say(Reset())
     player.turn(0.2)

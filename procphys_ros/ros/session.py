@@ -114,7 +114,9 @@ class Session:
     def gust(self, gust: Gust) -> str:
         """Start a gust."""
         self.simulation.gust(gust)
-        return f'{gust.kind} gust of {gust.amplitude:g} m/s for {gust.duration:g} s'
+        return (f'{gust.kind} gust of {gust.amplitude:g} m/s for {gust.duration:g} s'
+                + ('' if self.simulation.wind.enabled
+                   else '; the wind is off, and the gust is not felt until it is on'))
 
     def strike(self, part: str, linear: Sequence[float], angular: Sequence[float]) -> str:
         """Give a part an impulse [N·s], [N·m·s], and say what it did."""

@@ -180,7 +180,7 @@ class Player:
     def _gust(self, command: StartGust) -> str:
         self.simulation.gust(replace(self.simulation.model.settings.gust,
                                      amplitude=command.amplitude))
-        return ''
+        return '' if self.simulation.wind.enabled else 'the wind is off: no gust is felt'
 
     def _inspect(self, command: Inspect) -> str:
         part = self.simulation.names.index(command.part)
