@@ -162,6 +162,16 @@ def test_a_lasting_force_bends_and_is_cleared():
     assert simulation.poses[5, 0] == pytest.approx(simulation.blueprint.poses[5, 0], abs=1e-3)
 
 
+def test_lasting_forces_end_with_their_parts():
+    """Count no force on what is gone."""
+    simulation = grow(count=2)
+    for part in ('tree_0/1', 'tree_0/5', 'tree_1/5'):
+        simulation.apply_wrench(part, (1.0, 0.0, 0.0))
+    simulation.remove('tree_0')
+    simulation.step()
+    assert simulation.clear_wrenches() == 1
+
+
 def test_same_seed_and_commands_give_the_same_poses():
     """Repeat a run with wind, impulses and breaks bit for bit; another seed differs."""
     def run(seed):

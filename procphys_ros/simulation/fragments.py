@@ -101,10 +101,16 @@ def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause, load: f
 
 
 def vanish(state: State, parts: np.ndarray) -> None:
-    """Note that parts, which no body carries any more, exist no more; they keep their poses."""
+    """
+    Note that parts, which no body carries any more, exist no more; they keep their poses.
+
+    Lasting forces on them end.
+    """
     state.parts.owner[parts] = Owner.GONE
     state.parts.body[parts] = -1
     state.parts.velocities[parts] = 0.0
+    for part in state.wrenches.keys() & set(parts.tolist()):
+        del state.wrenches[part]
 
 
 def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float | np.ndarray,
