@@ -142,16 +142,19 @@ def test_full_disk_is_said(tmp_path, suffix):
     target = tmp_path / f'x{suffix}'
     export(scene_of(wall=small_wall()), target)  # textures, too
     target.write_text('before', 'utf-8')
-    known = set(tmp_path.iterdir())
+    known = {path: path.stat().st_size for path in tmp_path.rglob('*')}
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, before[1]))  # [B] of any file
     try:
         with pytest.raises(ExportError, match='cannot be written: File too large') as refused:
             export(scene_of(wall=small_wall()), target)
+        with pytest.raises(ExportError, match='cannot be written: File too large'):
+            export(scene_of(wall=small_wall()), target.with_stem('new'))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert '\n' not in str(refused.value)
-    assert target.read_text('utf-8') == 'before' and set(tmp_path.iterdir()) == known
+    assert target.read_text('utf-8') == 'before'
+    assert {path: path.stat().st_size for path in tmp_path.rglob('*')} == known
 
 
 def test_devices_are_not_written_to(tmp_path):

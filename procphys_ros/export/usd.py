@@ -76,7 +76,7 @@ def write_usd(content: Content, path: Path, report: Report) -> None:
         _hinges(layer, content, joints, paths, roots)
         _bricks(layer, materials, content, joints, paths, report)
         _welds(layer, content, paths, report)
-    layer.write(path)
+    materials.write()
 
 
 def _roots(content: Content) -> list[str]:

@@ -155,4 +155,4 @@ def write_animation(scene: Scene, path: Path, start: float, end: float, fps: flo
                 group.sample(simulation.poses, code)
             due += 1.0 / fps
     simulation.close()
-    layer.write(path)
+    materials.write()

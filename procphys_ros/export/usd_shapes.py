@@ -15,6 +15,7 @@
 """USD shapes: materials with textures, meshes, and prototypes of parts."""
 
 from pathlib import Path
+import shutil
 
 import numpy as np
 from pxr import Gf, Sdf
@@ -36,6 +37,7 @@ from procphys_ros.export.usd_layer import (
 from procphys_ros.palette import look
 from procphys_ros.render import mesh, texture
 from procphys_ros.render.mesh import Mesh
+from procphys_ros.whole_files import write_whole
 
 _ROUGHNESS = 0.9
 _HOLE = 0.5  # alpha below it is a hole
@@ -54,6 +56,7 @@ class Materials:
     def __init__(self, layer: Layer, root: str, path: Path):
         self._layer, self._root = layer, root
         self._folder = path.parent / f'{path.stem}_textures'
+        self._path, self._images = path, dict[str, bytes]()
         self._known: dict[str, str] = {}
         layer.prim(root, 'Scope')
 
@@ -63,6 +66,24 @@ class Materials:
             self._known[name] = f'{self._root}/{identifier(name)}'
             self._write(name, self._known[name])
         return self._known[name]
+
+    def write(self) -> None:
+        """
+        Write the images, then the layer.
+
+        :raises OSError: when one cannot be written; a folder of images that is new goes then.
+        """
+        fresh = not self._folder.exists()
+        try:
+            if self._images:
+                self._folder.mkdir(exist_ok=True)
+            for name, image in self._images.items():
+                write_whole(self._folder / name, image)
+            self._layer.write(self._path)
+        except OSError:
+            if fresh:
+                shutil.rmtree(self._folder, ignore_errors=True)
+            raise
 
     def _write(self, name: str, path: str) -> None:
         material = self._layer.prim(path, 'Material')
@@ -75,14 +96,13 @@ class Materials:
             put(surface, 'color3f', 'inputs:diffuseColor', Gf.Vec3f(red, green, blue))
             put(surface, 'float', 'inputs:opacity', alpha)
             return
-        self._folder.mkdir(exist_ok=True)
-        file = self._folder / f'{identifier(name)}.png'
-        file.write_bytes(images.png(images.pixels(name)))
+        file = f'{identifier(name)}.png'
+        self._images[file] = images.png(images.pixels(name))
         reader = self._shader(f'{path}/st', 'UsdPrimvarReader_float2')
         put(reader, 'string', 'inputs:varname', 'st')
         put(reader, 'float2', 'outputs:result', None)
         picture = self._shader(f'{path}/image', 'UsdUVTexture')
-        put(picture, 'asset', 'inputs:file', Sdf.AssetPath(f'./{self._folder.name}/{file.name}'))
+        put(picture, 'asset', 'inputs:file', Sdf.AssetPath(f'./{self._folder.name}/{file}'))
         for axis in ('S', 'T'):
             put(picture, 'token', f'inputs:wrap{axis}', 'repeat')
         _connect(picture, 'float2', 'inputs:st', f'{path}/st.outputs:result')
