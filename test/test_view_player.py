@@ -15,14 +15,16 @@
 """The player of a page: pace, commands, resets, other scenes, what is clicked meanwhile."""
 
 from pathlib import Path
+import threading
 
 import numpy as np
 import pytest
-from view_scene import simulation_at_rest, TREE
+from view_scene import free_port, simulation_at_rest, TREE
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse, SetWind
+from procphys_ros.view import show
 from procphys_ros.view.commands import (
     Inspect,
     LoadScene,
@@ -98,23 +100,6 @@ def test_a_reset_takes_the_cracks_off_the_page(simulation, monkeypatch):
     player.say(Reset())
     player.turn(1.0)
     assert player.frame().broken.tolist() == [[1, 1], [1, 1]]
-
-
-def test_a_ball_thrown_after_a_reset_is_another_one(simulation):
-    """Show a new ball, not the one before the reset, when no frame came in between."""
-    player = Player(simulation)
-    small, large = (Projectile('sphere', size, 5.0, (0.0, -9.0, 3.0), (0.0, 0.0, 0.0))
-                    for size in (0.2, 0.6))
-    player.say(SetPause(True))
-    player.say(small)
-    player.turn(0.0)
-    before = player.frame().content
-    player.say(Reset())
-    player.say(large)
-    player.turn(1.0)
-    after = player.frame().content
-    assert len(after) == len(before) and after.scene != before.scene
-    np.testing.assert_allclose(after.size[-1], 0.6)
 
 
 def test_a_refused_command_is_answered_and_changes_nothing(simulation):
@@ -219,3 +204,17 @@ def test_what_is_thrown_after_a_reset_is_drawn_anew(simulation):
     shown = player.frame().content
     np.testing.assert_allclose(shown.size[-1], [0.9, 0.5, 0.3])
     assert not shown.ball[-1] and shown.scene != first.scene
+
+
+def test_a_page_that_is_closed_ends_what_plays(simulation):
+    """Leave no thread behind that steps a simulation which its owner takes back."""
+    pytest.importorskip('viser')
+    before = set(threading.enumerate())
+    page = show(simulation, port=free_port())
+    assert any(thread.name == 'player' for thread in threading.enumerate())
+    page.close()
+    left = {thread.name for thread in set(threading.enumerate()) - before}
+    assert not left & {'player', 'page'}
+    time = simulation.time
+    simulation.step()
+    assert simulation.time == time + simulation.time_step

@@ -20,6 +20,15 @@ from procphys_ros.view.page import HOST, Page, PORT
 from procphys_ros.view.player import Player
 
 
+class PlayerPage(Page):
+    """A page that nothing but its own source plays for: that ends with it."""
+
+    def close(self) -> None:
+        """Stop serving, and wait for the step under way."""
+        super().close()
+        self._source.close()
+
+
 def show(simulation: Simulation, host: str = HOST, port: int = PORT) -> Page:
     """
     Play a simulation on a page; in a notebook the page is shown below the cell.
@@ -32,7 +41,7 @@ def show(simulation: Simulation, host: str = HOST, port: int = PORT) -> Page:
     :raises ViewError: when viser is missing, or the port is taken.
     """
     player = Player(simulation)
-    page = Page(player, host, port)
+    page = PlayerPage(player, host, port)
     player.start()
     page.start()
     return page
