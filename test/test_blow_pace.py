@@ -125,6 +125,22 @@ def test_a_blow_onto_the_ground_throws_nothing_over():
     assert np.count_nonzero(stood) > 0.9 * len(built) - 50
 
 
+def test_what_joins_during_a_blow_does_not_hold_a_wall_up():
+    """Let a ball land in its hole, and a brick join far away while what is thrown over hangs."""
+    built = braced(16, 30, 0.4e6)
+    simulation = stand(built)
+    simulation.launch(Projectile('sphere', 0.8, 2000.0, (1.8, -0.75, 1.2), (0.0, 6.0, 0.0)))
+    joined = None
+    while not (joined and fallen(simulation, len(built)) > 0.4 * len(built)):
+        if len(simulation.state.fracture._hanging):  # the last of these moments decides
+            joined = simulation.fork()
+        simulation.step()
+        assert simulation.time < 1.0
+    joined.add(wall(1, 1), (50.0, 0.0, 0.0))
+    joined.step(2)
+    assert fallen(joined, len(built)) > 0.4 * len(built)
+
+
 def test_a_round_under_a_blow_is_the_same_however_often_it_is_interrupted():
     """Crack the same bonds with 7, 40 and 2,000 iterations at a time."""
     built, found = braced(16, 30, 0.4e6), []

@@ -183,7 +183,9 @@ def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,
     known = len(state.solver.graph)
     solver = StressSolver.joined(graph, (0.0, 0.0, -model.gravity), [
         (state.solver, 0, np.arange(known)), (settled, first, np.arange(known, len(graph)))])
-    state.solver, state.fracture = solver, Fracture(solver)
+    fracture = Fracture(solver)
+    fracture.adopt(state.fracture)
+    state.solver, state.fracture = solver, fracture
     loose = deepcopy(model.loose_bonds)
     loose.graph.adopt(state.loose_bonds.graph, np.arange(bonds), np.arange(bonds))
     state.loose_bonds = loose

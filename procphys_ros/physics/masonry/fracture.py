@@ -93,6 +93,10 @@ class Fracture:
         mortar = solver.graph.mortar
         self._dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
 
+    def adopt(self, before: 'Fracture') -> None:
+        """Go on with the blow on what stood before other parts joined behind it."""
+        self._thrown, self._hanging = before._thrown, before._hanging
+
     @property
     def stable(self) -> bool:
         """Whether the present loads are carried and the last judgement broke nothing."""

@@ -90,7 +90,9 @@ class StressSolver:
         solver._gradients.invert_blocks(graph.parts_of(cracked))
         solver._look()
         for other, first, _ in solvers:
-            solver.iterations[first:first + other.graph.count] = other.iterations
+            own = slice(first, first + other.graph.count)
+            solver.iterations[own] = other.iterations
+            solver.sound[own], solver._calm[own] = other.sound[:-1], other._calm[:-1]
         return solver
 
     def _make_room(self, equilibrium: Equilibrium, tolerance: float | None) -> None:
@@ -217,11 +219,7 @@ class StressSolver:
         return bonds
 
     def forget_sudden(self, share: float = 1.0) -> None:
-        """
-        Let the dynamic part of released forces die away.
-
-        :param share: how much of it goes, 1 all.
-        """
+        """Let a share of the dynamic part of released forces die away, 1 = all of it."""
         if self.equilibrium.sudden:
             self._halt()
             self._past.shift(self.equilibrium.fade_sudden(share))
