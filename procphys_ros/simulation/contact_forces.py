@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.rotation_kernels import matrix
 
 _FLAT = 0.03    # [m] off the plane of contact: what is nearer takes part of the pressure
@@ -146,9 +146,14 @@ def _nearest(point, poses, radius):
     return best
 
 
-@kernel
-def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
-    """Spread one force over the parts near a plane."""
+@subroutine
+def _against_plane(near, middle, normal, poses, sizes):
+    """
+    Measure parts against a plane of contact.
+
+    :returns: axes of each part as columns (K, 3, 3), its centre on the plane (K, 3), how far it is
+        above the plane (K,), and its squared distance from the middle of the contact (K,).
+    """
     count = len(near)
     spot = np.empty((count, 3))
     gap = np.empty(count)
@@ -168,6 +173,14 @@ def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
         lift = -(arm * normal).sum()
         gap[n] = lift - reach
         spot[n] = poses[p, :3] - lift * normal
+    return axes, spot, gap, aside
+
+
+@kernel
+def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
+    """Spread one force over the parts near a plane."""
+    count = len(near)
+    axes, spot, gap, aside = _against_plane(near, middle, normal, poses, sizes)
     nearest = np.argmin(aside)
     chosen = np.zeros(count, np.bool_)
     for n in range(count):

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.masonry import cells, components, links, pcg
 from procphys_ros.physics.masonry.strength import stays_closed
 from procphys_ros.physics.masonry.ties import tie_stress
@@ -319,7 +319,36 @@ def balanced(label, node, mass, inertia, centre, middle, wrenches):
     :param wrenches: on the parts, (P, 6).
     :returns: wrench on each cell, (C, 6), in balance over every island.
     """
-    count = len(middle)
+    hub, push = _accelerations(label, node, mass, inertia, centre, wrenches, len(middle))
+    out = np.zeros((len(middle), 6))
+    for p in range(len(mass)):
+        i = label[node[p]]
+        arm = centre[p] - hub[i]
+        lever = centre[p] - middle[node[p]]
+        spin = push[i, 3:]
+        x = wrenches[p, 0] - mass[p] * (push[i, 0] + spin[1] * arm[2] - spin[2] * arm[1])
+        y = wrenches[p, 1] - mass[p] * (push[i, 1] + spin[2] * arm[0] - spin[0] * arm[2])
+        z = wrenches[p, 2] - mass[p] * (push[i, 2] + spin[0] * arm[1] - spin[1] * arm[0])
+        row = out[node[p]]
+        row[0] += x
+        row[1] += y
+        row[2] += z
+        row[3] += wrenches[p, 3] + lever[1] * z - lever[2] * y
+        row[4] += wrenches[p, 4] + lever[2] * x - lever[0] * z
+        row[5] += wrenches[p, 5] + lever[0] * y - lever[1] * x
+        for c in range(3):
+            for d in range(3):
+                row[3 + c] -= inertia[p, c, d] * spin[d]
+    return out
+
+
+@subroutine
+def _accelerations(label, node, mass, inertia, centre, wrenches, count):
+    """
+    Find how wrenches accelerate free islands as rigid bodies.
+
+    :returns: centres of mass (count, 3), linear and angular accelerations (count, 6).
+    """
     total = np.zeros(count)
     hub = np.zeros((count, 3))
     push = np.zeros((count, 6))
@@ -348,23 +377,4 @@ def balanced(label, node, mass, inertia, centre, middle, wrenches):
         if total[i] > 0.0:
             push[i, :3] /= total[i]
             push[i, 3:] = np.linalg.solve(tensor[i], push[i, 3:])
-    out = np.zeros((count, 6))
-    for p in range(len(mass)):
-        i = label[node[p]]
-        arm = centre[p] - hub[i]
-        lever = centre[p] - middle[node[p]]
-        spin = push[i, 3:]
-        x = wrenches[p, 0] - mass[p] * (push[i, 0] + spin[1] * arm[2] - spin[2] * arm[1])
-        y = wrenches[p, 1] - mass[p] * (push[i, 1] + spin[2] * arm[0] - spin[0] * arm[2])
-        z = wrenches[p, 2] - mass[p] * (push[i, 2] + spin[0] * arm[1] - spin[1] * arm[0])
-        row = out[node[p]]
-        row[0] += x
-        row[1] += y
-        row[2] += z
-        row[3] += wrenches[p, 3] + lever[1] * z - lever[2] * y
-        row[4] += wrenches[p, 4] + lever[2] * x - lever[0] * z
-        row[5] += wrenches[p, 5] + lever[0] * y - lever[1] * x
-        for c in range(3):
-            for d in range(3):
-                row[3 + c] -= inertia[p, c, d] * spin[d]
-    return out
+    return hub, push

@@ -45,8 +45,7 @@ def _aggregate(parts, alone, start, incident, alive, first, second, size):
     count = len(start) - 1
     owner = np.full(count + 1, -1, np.int32)  # the last entry is the ground
     open_ = np.zeros(count, np.bool_)
-    for i in parts:
-        open_[i] = True
+    open_[parts] = True
     queue = np.empty(len(parts), np.int32)
     seeds = np.empty(count + len(incident), np.int32)
     made = 0

@@ -26,7 +26,7 @@ from typing import Self
 import numpy as np
 import scipy  # its parts are imported by their first use
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 
 _SINGULAR = 1e-11  # pivot over the diagonal of the matrix, below which nothing holds a motion
 
@@ -106,17 +106,11 @@ def _ordering(pattern: 'scipy.sparse.csc_matrix') -> np.ndarray:
     return np.argsort(lu.perm_c)
 
 
-@kernel
-def _symbolic(start, column, order, rank):
-    """
-    Find where L has blocks.
-
-    :returns: start of each column (n + 1,), its rows ascending, and by rows: start (n + 1,), the
-        places in the columns, and these columns.
-    """
-    count = len(order)
-    parent, ancestor = np.full(count, -1), np.full(count, -1)
-    for i in range(count):
+@subroutine
+def _elimination_tree(start, column, order, rank):
+    """Give the parent of each column: the first row below the diagonal of L; -1 = a root."""
+    parent, ancestor = np.full(len(order), -1), np.full(len(order), -1)
+    for i in range(len(order)):
         for k in range(start[order[i]], start[order[i] + 1]):
             j = rank[column[k]]
             while j != -1 and j < i:
@@ -125,6 +119,18 @@ def _symbolic(start, column, order, rank):
                 if above == -1:
                     parent[j] = i
                 j = above
+    return parent
+
+
+@kernel
+def _symbolic(start, column, order, rank):
+    """
+    Find where L has blocks.
+
+    :returns: start of each column (n + 1,), its rows ascending, and by rows: start (n + 1,), the
+        places in the columns, and these columns.
+    """
+    count, parent = len(order), _elimination_tree(start, column, order, rank)
     below, across = np.zeros(count + 1, np.int64), np.zeros(count + 1, np.int64)
     mark = np.full(count, -1)
     for i in range(count):

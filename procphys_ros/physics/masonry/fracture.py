@@ -141,12 +141,16 @@ class Fracture:
             elif solver.equilibrium.sudden:
                 solver.forget_sudden()  # the peak has been survived
             elif solver.converged:
-                solver.equilibrium.settle()
-                solver.hold()
-                self._judged = solver.state
+                self._accept()
             else:  # out of patience without a weak bond to blame: what has no balance falls
                 solver.cut(graph.boundary(solver.unbalanced()))
         return rounds
+
+    def _accept(self) -> None:
+        """Take note that the present loads are carried."""
+        self.solver.equilibrium.settle()
+        self.solver.hold()
+        self._judged = self.solver.state
 
     def prepare(self, iterations: int) -> None:
         """Spend some iterations at most on what is judged next, and do not judge it."""
