@@ -21,9 +21,11 @@ from measurement import Measured
 import pytest
 
 # Files that take longest; begun first, so that no process is left alone with them at the end.
-LONG = ('test_lint', 'test_scenes', 'test_random_grammars', 'test_node', 'test_node_exit',
-        'test_command', 'test_tree_grammars', 'test_wall_wind', 'test_arching', 'test_record_node',
-        'test_view_node', 'test_flaws_walls', 'test_node_view', 'test_view_browser')
+LONG = ('test_kernel_cache', 'test_random_grammars', 'test_batch', 'test_wall_wind',
+        'test_node_exit', 'test_record_node', 'test_scenes', 'test_crack_speed',
+        'test_flaws_walls', 'test_lint', 'test_arching', 'test_docs_site', 'test_leaning',
+        'test_tree_grammars', 'test_command', 'test_random_changes', 'test_warm',
+        'test_view_node', 'test_node', 'test_node_view', 'test_view_browser', 'test_blasts')
 
 
 def pytest_collection_modifyitems(items):

@@ -19,6 +19,7 @@ import ast
 from concurrent.futures import ThreadPoolExecutor
 import os
 from pathlib import Path
+import shutil
 import subprocess
 import sys
 
@@ -124,6 +125,23 @@ def small(tmp_path: Path) -> SmallPackage:
     return package
 
 
+@pytest.fixture(scope='module')
+def cache_of_a_run(tmp_path_factory) -> Path:
+    """Give the cache folder that a first run has filled."""
+    folder = tmp_path_factory.mktemp('first')
+    package = SmallPackage(folder / 'site', folder / 'cache')
+    package.install(2.0)
+    assert package.run()[:2] == (22.0, 2)
+    return folder / 'cache'
+
+
+@pytest.fixture
+def used(small: SmallPackage, tmp_path: Path, cache_of_a_run: Path) -> SmallPackage:
+    """Install the package with the cache folder of another installation that has run."""
+    shutil.copytree(cache_of_a_run, tmp_path / 'cache')
+    return small
+
+
 def compiled_files(folder: Path) -> list[Path]:
     """List the files of compiled kernels."""
     return sorted(folder.rglob('*.nbc'))
@@ -149,21 +167,17 @@ def test_without_a_home_no_folder_is_made(tmp_path, monkeypatch):
     assert not (tmp_path / '~').exists()
 
 
-def test_other_install_path_compiles_nothing(small, tmp_path):
+def test_other_install_path_compiles_nothing(used):
     """Share kernels between installations of the same sources."""
-    small.run()
-    other = SmallPackage(tmp_path / 'elsewhere', tmp_path / 'cache')
-    other.install(2.0)
-    assert other.run()[:2] == (22.0, 0)
+    assert used.run()[:2] == (22.0, 0)
 
 
-def test_upgrade_of_a_callee_takes_effect(small):
+def test_upgrade_of_a_callee_takes_effect(used):
     """Compile a caller anew whose own file is the same; find the old one on the way back."""
-    small.run()
-    small.install(3.0)
-    assert small.run()[:2] == (33.0, 2)
-    small.install(2.0)
-    assert small.run()[:2] == (22.0, 0)
+    used.install(3.0)
+    assert used.run()[:2] == (33.0, 2)
+    used.install(2.0)
+    assert used.run()[:2] == (22.0, 0)
 
 
 def test_subroutines_are_kept_for_other_kernels(small):
@@ -193,10 +207,9 @@ except TypeError as error:
     assert small.run(then=refused)[:2] == (7.0, 0)
 
 
-def test_setting_of_numba_takes_effect(small):
+def test_setting_of_numba_takes_effect(used):
     """Keep kernels with bounds checks apart from those without."""
-    small.run()
-    assert small.run(NUMBA_BOUNDSCHECK='1')[:2] == (22.0, 2)
+    assert used.run(NUMBA_BOUNDSCHECK='1')[:2] == (22.0, 2)
 
 
 def test_numba_cache_dir_is_respected(small, tmp_path):
@@ -206,13 +219,12 @@ def test_numba_cache_dir_is_respected(small, tmp_path):
     assert not (tmp_path / 'cache').exists()
 
 
-def test_damaged_files_are_replaced(small, tmp_path):
+def test_damaged_files_are_replaced(used, tmp_path):
     """Compile again what was cut short."""
-    small.run()
     for path in compiled_files(tmp_path / 'cache'):
         path.write_bytes(path.read_bytes()[:100])
-    assert small.run()[:2] == (22.0, 2)
-    assert small.run()[:2] == (22.0, 0)
+    assert used.run()[:2] == (22.0, 2)
+    assert used.run()[:2] == (22.0, 0)
 
 
 def test_kernels_run_without_a_folder_for_them(small, tmp_path):

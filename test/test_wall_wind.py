@@ -15,6 +15,8 @@
 
 """What a steady wind does to the shipped buildings."""
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 
@@ -31,11 +33,16 @@ GALE = 20.0  # [m/s] at 10 m, Beaufort 8. Where joints crack first: cottage 22, 
 #              30; office and tower bear 30
 
 
-def _blow(name):
-    """Set up a building in still air."""
+@lru_cache(maxsize=2)
+def _stand(name):
     return Simulation(Scene.from_parameters({
         'scene': {'objects': ['house']}, 'house': {'grammar': f'{name}.wall'},
         'wind': {'turbulence_intensity': 0.0}}))
+
+
+def _blow(name):
+    """Set up a building in still air; those that several tests take are built once."""
+    return _stand(name).fork()
 
 
 def _let_answer(simulation, velocity, most=40.0):
