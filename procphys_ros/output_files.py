@@ -46,11 +46,12 @@ def obstacle(path: Path, beside: bool = True) -> str:
     return ''
 
 
-def claim(file: IO) -> bool:
+def lock(file: IO | int) -> bool:
     """
-    Keep other processes that ask, too, from writing a file until it is closed.
+    Keep other processes that ask, too, from a file until it is closed.
 
-    :returns: whether nobody else writes it; true, too, where files cannot be locked.
+    :param file: open, or its descriptor.
+    :returns: whether nobody else has it; true, too, where files cannot be locked.
     """
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -25,7 +25,7 @@ from typing import Any, TextIO
 
 from procphys_ros.batch.run import MEASURES
 from procphys_ros.errors import SceneError
-from procphys_ros.output_files import claim
+from procphys_ros.output_files import lock
 
 SUFFIXES = ('.csv', '.parquet')
 
@@ -61,7 +61,7 @@ class Table:
             return
         self._file = self._rows.open('a+', encoding='utf-8', newline='')
         try:
-            if not claim(self._file):
+            if not lock(self._file):
                 raise SceneError(f'--out {self._path}: another batch is writing it')
             self._file.seek(0)
             text = self._file.read()

@@ -15,12 +15,12 @@
 """Claims: what two processes need at the same time is compiled by one of them."""
 
 from contextlib import suppress
-import fcntl
 import os
 from pathlib import Path
 from time import monotonic, sleep
 
 from procphys_ros.compilation.folders import prepare
+from procphys_ros.output_files import lock
 
 _PATIENCE = 120.0  # [s] of waiting for another process: it may have been stopped
 _LOOK = 0.02       # [s] between two looks
@@ -39,13 +39,13 @@ def claim(path: Path) -> None:
     """
     try:
         prepare(path.parent)
-        lock = os.open(path.with_suffix('.lock'), os.O_RDWR | os.O_CREAT, 0o666)
+        file = os.open(path.with_suffix('.lock'), os.O_RDWR | os.O_CREAT, 0o666)
     except OSError:
         return  # nothing can be kept here, so nothing can be shared
     end = monotonic() + _PATIENCE
-    while not _locked(lock) and monotonic() < end:
+    while not lock(file) and monotonic() < end:
         sleep(_LOOK)
-    _held.append((path, lock))
+    _held.append((path, file))
     if os.getpriority(os.PRIO_PROCESS, 0) > 0:
         release(path)
 
@@ -53,17 +53,7 @@ def claim(path: Path) -> None:
 def release(path: Path) -> None:
     """End the claim on a file, and those made since: what was tried within it has failed."""
     while any(held == path for held, _ in _held):
-        inner, lock = _held.pop()
+        inner, file = _held.pop()
         with suppress(OSError):
             inner.with_suffix('.lock').unlink()
-        os.close(lock)
-
-
-def _locked(lock: int) -> bool:
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        pass  # a file system without locks
-    return True
+        os.close(file)

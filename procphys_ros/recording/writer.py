@@ -20,7 +20,7 @@ from time import monotonic
 from typing import Self
 
 from procphys_ros.errors import RecordingError
-from procphys_ros.output_files import claim, obstacle
+from procphys_ros.output_files import lock, obstacle
 from procphys_ros.recording.definitions import definition
 from procphys_ros.recording.library import load_mcap
 
@@ -46,7 +46,7 @@ class Writer:
         mcap = load_mcap()
         try:
             self._file = self.path.open('ab')
-            if not claim(self._file):
+            if not lock(self._file):
                 self._file.close()
                 raise RecordingError(f'"{path}" cannot be written: another recording goes '
                                      'into it')
