@@ -14,6 +14,7 @@
 
 """The C functions of PyBullet's library, and a world that is driven by them."""
 
+from concurrent.futures import ThreadPoolExecutor
 import subprocess
 import sys
 from threading import Thread
@@ -102,6 +103,41 @@ def test_other_threads_run_while_bullet_computes(client):
     finally:
         sys.setswitchinterval(before)
         other.join()
+
+
+def fall(seed):
+    """Let boxes, hulls and capsules come and go in a world of their own; give what is left."""
+    client, rng = bullet_client.BulletClient(), np.random.default_rng(seed)
+    client.set_gravity([0.0, 0.0, -9.81])
+    client.set_time_step(DT)
+    create(client, GROUND, 0.0, (0.0, 0.0, -0.5))
+    bodies = []
+    for _ in range(4):
+        for shape in (client.create_box(np.array(BRICK)), client.create_capsule(0.05, 0.3),
+                      client.create_hull(rng.uniform(-0.2, 0.2, (8, 3)))):
+            place = rng.uniform((-0.3, -0.3, 0.2), (0.3, 0.3, 1.5))
+            bodies.append(client.create_bodies(2.0, shape, place[None],
+                                               np.array([0.0, 0.0, 0.0, 1.0])))
+        for _ in range(15):
+            client.step()
+        client.remove([bodies.pop(0)])
+    states, count = np.hstack(client.read(bodies)), len(client.contacts())
+    client.close()
+    return states.tobytes(), count
+
+
+def test_worlds_in_several_threads_do_not_disturb_each_other():
+    """Make and step worlds in four threads at once: the same to the bit as one by one."""
+    seeds = [*range(6)] * 4
+    alone = {seed: fall(seed) for seed in set(seeds)}
+    assert len(set(alone.values())) == 6 and all(count for _, count in alone.values())
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            assert list(threads.map(fall, seeds)) == [alone[seed] for seed in seeds]
+    finally:
+        sys.setswitchinterval(before)
 
 
 def test_a_library_without_c_functions_is_told(monkeypatch):
