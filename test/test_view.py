@@ -45,22 +45,16 @@ pytest.importorskip('viser')
 ViewClient = pytest.importorskip('view_client').ViewClient
 
 
-@pytest.fixture(scope='module')
-def shared():
-    """Set the scene up once."""
-    return simulation_at_rest()
-
-
 @pytest.fixture
-def simulation(shared):
+def simulation():
     """Give the scene at rest, for a test of its own."""
-    return shared.fork()
+    return simulation_at_rest().fork()
 
 
 @pytest.fixture(scope='module')
-def frame(shared):
+def frame():
     """Take a frame of the scene at rest."""
-    return frame_of(shared)
+    return frame_of(simulation_at_rest())
 
 
 class Drawing:

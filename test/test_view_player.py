@@ -37,16 +37,10 @@ from procphys_ros.view.commands import (
 from procphys_ros.view.player import Player
 
 
-@pytest.fixture(scope='module')
-def shared():
-    """Set the scene up once."""
-    return simulation_at_rest()
-
-
 @pytest.fixture
-def simulation(shared):
+def simulation():
     """Give the scene at rest, for a test of its own."""
-    return shared.fork()
+    return simulation_at_rest().fork()
 
 
 def test_time_passes_at_the_pace_asked_for(simulation):

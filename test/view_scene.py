@@ -15,6 +15,7 @@
 
 """A small scene for tests of the page: a tree, and a wall some metres to the east of it."""
 
+from functools import cache
 import socket
 
 from masonry_walls import wall
@@ -31,8 +32,9 @@ axiom: Width(0.1) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) F(1) [ +(60)
 """
 
 
+@cache
 def simulation_at_rest() -> Simulation:
-    """Set the scene up."""
+    """Set the scene up, once for all tests: who steps it takes a fork."""
     scene = Scene()
     scene.add(LSystem.parse(TREE).build(), name='tree')
     scene.add(wall(4, 10), (5.0, 0.0, 0.0), name='wall')
