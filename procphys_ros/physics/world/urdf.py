@@ -49,10 +49,11 @@ def write_urdf(mass: float, inertia: np.ndarray, pieces: Pieces, mesh: str = '')
     cut = set(pieces.hexahedra.part.tolist())
     if cut:
         lines.append(_MESH % mesh)
-    for piece, (shape, size, row) in enumerate(zip(pieces.shapes, pieces.sizes.tolist(), rows)):
+    is_box = (pieces.shapes == Shape.BOX).tolist()
+    for piece, (box, size, row) in enumerate(zip(is_box, pieces.sizes.tolist(), rows)):
         if piece in cut:
             continue
-        if shape == Shape.BOX:
+        if box:
             lines.append(_BOX % (*row, *size))
         else:
             lines.append(_CAPSULE % (*row, 0.5 * size[0], max(size[2] - size[0], SHORTEST)))
