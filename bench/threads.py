@@ -15,8 +15,9 @@
 """
 Measure how much faster whole scenes run on several threads, side by side in one process.
 
-The stand of 250 trees and the storm beside 15,196 bricks of `bench/paper.py`, in frames as the
-node has them: two steps of 1/60 s and the bytes of poses and markers, these beside the next steps.
+The stand of 250 trees, the storm beside 15,196 bricks and the demolition of these, all of
+`bench/paper.py`, in frames as the node has them: two steps of 1/60 s and the bytes of poses and
+markers, these beside the next steps.
 They run as twins that differ in the number of threads only and must stay equal to the bit. The
 twins take turns, a third of a simulated second each. Printed are medians over all turns: of wall
 time per frame, of the processor time of the main thread, which waits for the others where they
@@ -32,14 +33,18 @@ from time import perf_counter, thread_time
 import numpy as np
 import paper
 
+from procphys_ros.physics.world import DEFAULT_ENGINE, installed_engines
+from procphys_ros.scene.strikes import Demolition
+
 _TURN = 10  # frames
 
 
-def twins(objects: dict, wind: list[float], counts: list[int]) -> list[paper.Frames]:
+def twins(objects: dict, wind: list[float], counts: list[int],
+          engine: str = DEFAULT_ENGINE) -> list[paper.Frames]:
     """Build a scene once per number of threads."""
     found = []
     for count in counts:
-        simulation = paper.simulate(objects, wind)
+        simulation = paper.simulate(objects, wind, engine)
         settings = replace(simulation.model.settings, threads=count)
         simulation.model = replace(simulation.model, settings=settings)
         found.append(paper.Frames(simulation))
@@ -81,6 +86,11 @@ def main() -> None:
             **paper.trees(250)}
     measure('250 trees and office 3, breaking in 25 m/s', twins(both, paper.STORM, counts),
             counts, frames)
+    for engine in installed_engines():
+        falling = twins({'office': {'grammar': 'office.wall'}}, [0.0, 0.0, 0.0], counts, engine)
+        for scene in falling:
+            scene.simulation.demolish(Demolition())
+        measure(f'office 3, demolished, {engine}', falling, counts, frames)
 
 
 if __name__ == '__main__':

@@ -23,8 +23,10 @@ import pytest
 from procphys_ros.compilation import threads
 from procphys_ros.messages import SceneMarkers
 from procphys_ros.physics.wind import Wind, WindSettings
+from procphys_ros.physics.world import ENGINES
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Simulation
+from procphys_ros.scene.strikes import Demolition, Projectile
+from procphys_ros.simulation import masonry, Simulation
 
 COUNTS = (1, 2, 5)
 
@@ -62,6 +64,46 @@ def test_scenes_run_alike_on_any_number_of_threads(more):
     for other in others:
         for one, same in zip(alone, other):
             np.testing.assert_array_equal(one, same)
+
+
+@pytest.mark.parametrize('engine', ENGINES)
+def test_walls_come_down_alike_on_any_number_of_threads(engine):
+    """Charge a house and strike it, and compare poses, breaks and stresses to the bit."""
+    looks = []
+    for count in COUNTS:
+        simulation = Simulation(Scene.from_parameters({
+            'scene': {'objects': ['house']}, 'threads': count, 'engine': engine,
+            'house': {'grammar': 'office.wall',
+                      'defines': ['bays=1', 'deep=1', 'storeys=1', 'module=2.8']}}))
+        simulation.demolish(Demolition())
+        simulation.step(40)
+        simulation.launch(Projectile('box', 0.5, 300.0, (-6.0, 1.0, 1.2), (20.0, 0.0, 0.0)))
+        simulation.step(40)
+        looks.append([simulation.poses, simulation.velocities, simulation.log.rows,
+                      simulation.state.solver.displacement])
+    alone, *others = looks
+    assert len(alone[2]) > 300
+    for other in others:
+        for one, same in zip(alone, other):
+            np.testing.assert_array_equal(one, same)
+
+
+@pytest.mark.parametrize('count', COUNTS)
+def test_stresses_are_solved_beside_rigid_bodies(count, monkeypatch):
+    """Let the engine wait until stresses are solved, which only another thread can do."""
+    simulation = Simulation(Scene.from_parameters({
+        'scene': {'objects': ['wall']}, 'threads': count,
+        'wall': {'grammar': 'garden_wall.wall'}}))
+    solved, solvers, moved = Event(), [], []
+
+    def solve(*_):
+        solvers.append(get_ident())
+        solved.set()
+    monkeypatch.setattr(masonry, 'solve_stresses', solve)
+    monkeypatch.setattr(type(simulation.state.world), 'step',
+                        lambda *_: moved.append(solved.wait(60.0)))
+    simulation.step()
+    assert moved == [True] and (solvers == [get_ident()]) == (count == 1)
 
 
 def test_trees_answer_to_contacts_alike_on_any_number_of_threads():

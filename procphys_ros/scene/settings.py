@@ -70,7 +70,7 @@ class Settings:
     engine: str = declared(
         DEFAULT_ENGINE, 'library that moves rigid bodies; auto: the first that is installed',
         choices=(DEFAULT_ENGINE, *ENGINES))
-    threads: int = declared(0, 'threads that compute trees, wind and leaves and write markers; '
+    threads: int = declared(0, 'threads that compute trees, wind, leaves, stresses and markers; '
                             '0 = one per core, or NUMBA_NUM_THREADS; results do not depend on it',
                             '', 0, 1024)
     wind: WindSettings = field(default_factory=WindSettings)

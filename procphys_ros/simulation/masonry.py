@@ -250,26 +250,40 @@ def settle(model: Model, state: State) -> list[str]:
                                          state.solver.graph.rows, loose)
 
 
-def update_stresses(model: Model, state: State, dt: float) -> None:
+def solve_stresses(model: Model, state: State, dt: float) -> None:
     """
-    Spend one step's share of work on the stresses; nothing when nothing changed.
+    Spend a step's share of work on the stresses, and judge none of them yet.
+
+    Reads and writes nothing but the stress solver, so that it may run beside the engine.
+    """
+    state.iterations = 0
+    if is_stable(state):
+        return
+    solver, most = state.solver, _iterations(state, dt)
+    before = solver.spent
+    if state.loads.struck:
+        state.fracture.prepare_blow(most, state.loads.largest_blow)
+    else:
+        state.fracture.prepare(most)
+    state.iterations = max(most - (solver.spent - before), 1)
+
+
+def judge_stresses(model: Model, state: State, dt: float) -> None:
+    """
+    Fail what carries too much, and go on solving with what is left of the step's share of work.
 
     Writes bonds and stresses of what stands, and releases what lost the ground.
     """
-    settled = is_stable(state)
-    iterations, struck = _iterations(state, dt), state.loads.struck
-    if state.time + 0.5 * dt < state.next_round:
-        if not struck:
-            state.fracture.prepare(iterations)
+    if is_stable(state) or not state.iterations or state.time + 0.5 * dt < state.next_round:
         return
-    pieces, rounds = _advance(model, state, iterations, max(round(_ROUNDS * dt), 1))
+    struck = state.loads.struck
+    pieces, rounds = _advance(model, state, state.iterations, max(round(_ROUNDS * dt), 1))
     if not all(failures.runs_on and not struck for failures in rounds):
         state.next_round = state.time + 1.0 / _ROUNDS
     broke = any(failures.broken.any() for failures in rounds)
     _let_go(model, state, pieces)
     if is_stable(state):
-        if not settled:
-            state.parts.velocities[state.standing] = 0.0  # of what blows did not throw over
+        state.parts.velocities[state.standing] = 0.0  # of what blows did not throw over
         state.loads.end_blows()
     elif rounds:
         state.loads.take_more(broke)

@@ -63,16 +63,21 @@ def apply_loads(model: Model, state: State, dt: float) -> None:
 
 def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
     """
-    Move and collide rigid bodies, and leaves beside them, see `foliage.step`.
+    Move and collide rigid bodies; beside them solve stresses, and move leaves.
 
-    Writes `state.world`, `state.rubble` and what leaves are.
+    Writes `state.world`, `state.rubble`, stresses and what leaves are.
     """
     bodies, rubble = state.world.bodies, state.rubble
-    finish = beside('leaves', partial(foliage.step, model, state, dt), model.threads)
+    finish_leaves = beside('leaves', partial(foliage.step, model, state, dt), model.threads)
+    finish_stresses = beside('stresses', partial(masonry.solve_stresses, model, state, dt),
+                             model.threads)
     rubble.velocities = bodies.copied('velocities', rubble.velocities)
     rubble.poses = bodies.copied('poses', rubble.poses)
-    state.world.step(dt)
-    finish()
+    try:
+        state.world.step(dt)
+    finally:
+        finish_stresses()
+        finish_leaves()
 
 
 STAGES = (
@@ -90,7 +95,6 @@ STAGES = (
     Stage('trees', climbers.step),
     Stage('branches', detached_branches.step),
     Stage('stress', apply_loads),
-    Stage('stress', masonry.update_stresses),
     Stage('poses', trees.write_poses),
     Stage('engine', rubble_wind.step),
     Stage('engine', fragments.apply_drag),
@@ -100,5 +104,6 @@ STAGES = (
     Stage('poses', fragments.write_poses),
     Stage('debris', debris_loads.update),
     Stage('impacts', impacts.step),
+    Stage('stress', masonry.judge_stresses),
     Stage('dust', dust.step),
 )

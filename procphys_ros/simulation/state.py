@@ -320,6 +320,7 @@ class State:
     :ivar steps, time: number of steps made, and simulated time [s].
     :ivar cue: number of the scene's next cue.
     :ivar next_round: when masonry may fail again [s].
+    :ivar iterations: of the stress solver that are left in this step.
     :ivar observer: who looks; None = nobody.
     :ivar log: bonds that broke and were not taken yet.
     :ivar ledger: momentum of blows and charges since the start.
@@ -360,6 +361,7 @@ class State:
     time: float = 0.0
     cue: int = 0
     next_round: float = 0.0
+    iterations: int = 0
     observer: Observer | None = None
     log: EventLog = field(default_factory=EventLog)
     ledger: MomentumLedger = field(default_factory=MomentumLedger)

@@ -35,7 +35,7 @@ _LOOSE = 0.99
 _STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
 
 
-@kernel
+@kernel(nogil=True)
 def _aggregate(parts, alone, start, incident, alive, first, second, size):
     """
     Grow breadth-first balls of about `size` parts; -1 marks parts that are not listed.

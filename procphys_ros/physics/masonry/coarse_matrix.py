@@ -84,7 +84,7 @@ def _pairs(low, high, count):
     return a[:made].copy(), b[:made].copy(), pair
 
 
-@kernel
+@kernel(nogil=True)
 def _sum_springs(bonds, pair, links, first, second, centre, point, out):
     """Add up the stiffness of the bonds of each pair, about a point of each [m], (P, 3)."""
     for k in range(len(bonds)):

@@ -122,7 +122,7 @@ def _elimination_tree(start, column, order, rank):
     return parent
 
 
-@kernel
+@kernel(nogil=True)
 def _symbolic(start, column, order, rank):
     """
     Find where L has blocks.
@@ -163,7 +163,7 @@ def _symbolic(start, column, order, rank):
     return below, rows, across, place, owner
 
 
-@kernel(fastmath=True)
+@kernel(fastmath=True, nogil=True)
 def _factor(start, column, blocks, rank, fill, panels):
     """Work out the columns one after the other."""
     below, rows, across, place, owner = fill

@@ -156,6 +156,14 @@ class Fracture:
         """Spend some iterations at most on what is judged next, and do not judge it."""
         self.solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
 
+    def prepare_blow(self, iterations: int, blow: float) -> None:
+        """
+        Spend some iterations at most on the next round of `withstand`, and do not judge it.
+
+        :param blow: see `withstand`.
+        """
+        self.solver.iterate(iterations, self._enough(blow) / self.solver.goal, BRIEF)
+
     def _swing_less(self, energy: float, failures: Failures) -> None:
         """
         Take the work of fracture of a round from the energy of what was released at once.
@@ -197,7 +205,7 @@ class Fracture:
         solver = self.solver
         while iterations > 0:
             before = solver.spent
-            solver.iterate(iterations, self._enough(blow) / solver.goal, BRIEF)
+            self.prepare_blow(iterations, blow)
             iterations -= max(solver.spent - before, 1)
             near = solver.known and solver.residual <= self._enough(blow)
             settled = near and solver.residual <= self._left(blow)

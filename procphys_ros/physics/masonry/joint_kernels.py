@@ -238,7 +238,7 @@ def _tie(m, first, second, centroid, centre, axes, middle, links):
         links[m, 3 + c] = at - centre[second[m], c] if second[m] < len(centre) else 0.0
 
 
-@kernel
+@kernel(nogil=True)
 def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear, friction, slip,
               middle, place, bound, bias, links, grip, q, residual, shares, renew):
     """
@@ -282,7 +282,7 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
             bias[m, c] = world[c] - force[c]
 
 
-@kernel
+@kernel(nogil=True)
 def power(rows, label, first, second, centroid, centre, axes, extent, normal, shear, slip, place,
           bound, bias, links, base, step, reach, out):
     """

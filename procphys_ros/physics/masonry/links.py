@@ -170,7 +170,7 @@ def add_stiffness(block, link, arm):
             block[3 + r, 3 + c] += moment[r] + twist[r][c]
 
 
-@kernel
+@kernel(nogil=True)
 def diagonal_inverses(parts, start, incident, alive, links, first, out):
     """
     Invert the 6x6 diagonal blocks of K of the listed parts into out, (N, 6, 6).

@@ -33,7 +33,7 @@ def residual_size(parts, residual, reach):
     return worst ** 0.5
 
 
-@kernel
+@kernel(nogil=True)
 def residual_sizes(residual, reach):
     """Give the nodal residuals [N], (N,): force, or moment over the part's reach."""
     sizes = np.empty(len(reach))
@@ -108,7 +108,7 @@ def _go(parts, step, x, residual, p, q, reach):
     return worst ** 0.5
 
 
-@kernel
+@kernel(nogil=True)
 def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit):
     """
     Run conjugate gradients until the largest nodal residual is small, on each island for itself.
