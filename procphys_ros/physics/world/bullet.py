@@ -241,20 +241,26 @@ class BulletEngine:
         """Give new bodies their inertia, surfaces and velocities; those that move come first."""
         state = table.state[ids]
         moves, is_ground = state >= BodyState.AWAKE, state == BodyState.GROUND
+        moving, held = moves.tolist(), np.isin(state, _HELD).tolist()
+        bodies, handles, states = ids.tolist(), self._handles[ids].tolist(), state.tolist()
         # Bullet multiplies friction and restitution of a pair, so it gets the roots of them.
-        friction, restitution = np.sqrt(table.friction[ids]), np.sqrt(table.restitution[ids])
+        friction, restitution = (np.sqrt(column[ids]).tolist()
+                                 for column in (table.friction, table.restitution))
         for chosen in (moves, is_ground, ~moves & ~is_ground):
             for place in np.flatnonzero(chosen).tolist():
-                body, handle = int(ids[place]), int(self._handles[ids[place]])
+                body, handle = bodies[place], handles[place]
                 self._client.set_surface(handle, friction[place], restitution[place])
-                if moves[place]:
+                if moving[place]:
                     self._client.set_free(handle, table.mass[body], table.inertia[body])
-                elif state[place] in _HELD:
+                elif held[place]:
                     self._client.set_held(handle)
-                self._set_filter(handle, int(state[place]))
-        moving = ids[moves]
-        self.set_velocities(moving, table.velocities[moving])
-        swept = moving[table.swept_radius[moving] > 0.0]
+                self._set_filter(handle, states[place])
+        self._set_in_motion(table, ids[moves])
+
+    def _set_in_motion(self, table: BodyTable, ids: np.ndarray) -> None:
+        """Give bodies their velocities, and sweep those that are to be swept."""
+        self.set_velocities(ids, table.velocities[ids])
+        swept = ids[table.swept_radius[ids] > 0.0]
         self.set_swept(swept, table.swept_radius[swept])
 
     def _set_filter(self, handle: int, state: int) -> None:
