@@ -15,7 +15,9 @@
 """Kernels on several threads: the same results to the bit, for trees, wind, leaves and scenes."""
 
 from functools import partial
+import signal
 from threading import Event, get_ident
+from time import sleep
 
 import numpy as np
 import pytest
@@ -225,3 +227,25 @@ def test_snapshots_go_on_with_another_number_of_threads():
     for simulation in (first, second):
         simulation.step(20)
     np.testing.assert_array_equal(first.poses, second.poses)
+
+
+def test_an_interrupt_waits_for_the_end_of_work_beside():
+    """Interrupt the wait for work by a signal: it comes through when the work is done."""
+    done = []
+
+    def work():
+        sleep(0.5)
+        done.append(True)
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        finish = threads.beside('test', work, 2)
+        signal.setitimer(signal.ITIMER_REAL, 0.1)
+        with pytest.raises(KeyboardInterrupt):
+            finish()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert done

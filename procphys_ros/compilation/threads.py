@@ -114,7 +114,13 @@ def beside(name: str, work: Callable[[], Result], threads: int) -> Callable[[], 
         return work()
     future = _thread(name).submit(announced)
     begun.wait()
-    return future.result
+
+    def ended() -> Result:
+        try:
+            return future.result()
+        finally:  # an interrupt must not let the caller go on while the work does
+            wait([future])
+    return ended
 
 
 @cache
