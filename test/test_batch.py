@@ -17,10 +17,12 @@
 
 from contextlib import contextmanager
 import csv
+import errno
 import json
 import math
 import os
 from pathlib import Path
+import resource
 import signal
 import subprocess
 import sys
@@ -238,6 +240,50 @@ def test_texts_of_several_lines_are_cut_and_read_whole(tmp_path):
         table.add(29 - number, (text,), told)
     table.close(True)
     assert parquet.read_table(tmp_path / 'table.parquet')['run'].to_pylist() == list(range(30))
+
+
+def test_a_full_disk_costs_the_last_row(tmp_path):
+    """Name the file, end without another error, and do only the row again that had no room."""
+    path = tmp_path / 'table.csv'
+    told = run(Run(0, CALM, ROOT, 0.02))
+    table = Table(path, ('seed',), 'abc')
+    table.add(0, (0,), told)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 9, limits[1]))
+    try:
+        with pytest.raises(SceneError, match='table.csv: File too large'):
+            table.add(1, (1,), told)
+        table.close(False)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    table = Table(path, ('seed',), 'abc')
+    assert table.done == {0}
+    table.add(1, (1,), told)
+    table.close(True)
+    assert [row['seed'] for row in rows(path)] == ['0', '1']
+
+
+def test_types_of_a_parquet_file_do_not_depend_on_what_happened(tmp_path, monkeypatch):
+    """Give times as numbers, NaN when nothing broke, and digests as texts; name a full disk."""
+    parquet = pytest.importorskip('pyarrow.parquet')
+    path = tmp_path / 'table.parquet'
+    table = Table(path, ('seed',), '012345678901')
+    table.add(0, (0,), run(Run(0, CALM, ROOT, 0.02)))
+    with monkeypatch.context() as patched:
+        patched.setattr(parquet, 'write_table', full_disk)
+        with pytest.raises(SceneError, match='table.parquet: No space left'):
+            table.close(True)
+    assert [file.name for file in tmp_path.iterdir()] == ['table.parquet.rows.csv']
+    Table(path, ('seed',), '012345678901').close(True)
+    columns = parquet.read_table(path)
+    assert columns.schema.field('first_break_s').type == 'double'
+    assert math.isnan(columns['last_break_s'][0].as_py())
+    assert Table(path, ('seed',), '012345678901').done == {0}
+
+
+def full_disk(*arguments):
+    """Fail as every function does that writes on a full disk."""
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def test_two_batches_do_not_write_one_table(tmp_path):

@@ -77,7 +77,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         code = 130
     whole = len(table.done) == len(sweep)
-    table.close(whole)
+    try:
+        table.close(whole)
+    except ProcPhysError as error:
+        failed.append(str(error))
     for reason, number in sorted({reason: failed.count(reason) for reason in failed}.items()):
         print(f'batch: {reason}' + (f' ({number} runs)' if number > 1 else ''), file=sys.stderr)
     print(f'{options.out}: {len(table.done)} of {len(sweep)} runs'

@@ -21,11 +21,11 @@ import io
 import json
 import os
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO
 
 from procphys_ros.batch.run import MEASURES
 from procphys_ros.errors import SceneError
-from procphys_ros.output_files import lock
+from procphys_ros.output_files import lock, write_beside
 
 SUFFIXES = ('.csv', '.parquet')
 
@@ -47,7 +47,7 @@ class Table:
         self._path, self._digest = path, digest
         self._columns = ('run', *columns, *MEASURES, 'sweep')
         self._rows = path if path.suffix == '.csv' else path.with_name(f'{path.name}.rows.csv')
-        self._file: TextIO | None = None  # none when there is nothing left to write
+        self._file: BinaryIO | None = None  # none when there is nothing left to write
         self.done: set[int] = set()
         try:
             self._go_on()
@@ -59,12 +59,12 @@ class Table:
         if self._path.suffix == '.parquet' and self._path.exists():
             self._check(*_parquet_rows(self._path))
             return
-        self._file = self._rows.open('a+', encoding='utf-8', newline='')
+        self._file = self._rows.open('ab+', buffering=0)  # holds no row back on a full disk
         try:
             if not lock(self._file):
                 raise SceneError(f'--out {self._path}: another batch is writing it')
             self._file.seek(0)
-            text = self._file.read()
+            text = self._file.read().decode()
             whole = text[:_end_of_rows(text)]
             if whole:
                 read = csv.DictReader(io.StringIO(whole, newline=''))
@@ -107,8 +107,11 @@ class Table:
 
     def _append(self, row: Sequence[Any]) -> None:
         assert self._file is not None, 'the table is complete'
-        csv.writer(self._file, lineterminator='\n').writerow(row)
-        self._file.flush()
+        line = io.StringIO()
+        csv.writer(line, lineterminator='\n').writerow(row)
+        rest = line.getvalue().encode()
+        while rest:
+            rest = rest[self._file.write(rest):]
         os.fsync(self._file.fileno())
 
     def close(self, complete: bool) -> None:
@@ -116,20 +119,30 @@ class Table:
         End writing.
 
         :param complete: whether all rows are there, so that a Parquet file can be made of them.
+        :raises SceneError: when the disk is full.
         """
         if self._file is None:
             return
         self._file.close()
         if not complete or self._path.suffix != '.parquet':
             return
+        try:
+            write_beside(self._path, self._write_parquet)
+            self._rows.unlink()
+        except OSError as error:
+            raise SceneError(f'--out {self._path}: {error.strerror or error}') from error
+
+    def _write_parquet(self, path: Path) -> None:
+        """Convert the rows; types of columns do not depend on what happened in the runs."""
+        import pyarrow
         from pyarrow import csv as arrow
         from pyarrow import parquet
-        rows = arrow.read_csv(self._rows, parse_options=arrow.ParseOptions(
-            newlines_in_values=True)).sort_by('run')  # texts of grammars have lines
-        whole = self._path.with_name(f'{self._path.name}.part')
-        parquet.write_table(rows, whole)
-        os.replace(whole, self._path)
-        self._rows.unlink()
+        texts = arrow.ParseOptions(newlines_in_values=True)  # of grammars have lines
+        times = {name: pyarrow.float64() for name in MEASURES if name.endswith('_s')}
+        types = arrow.ConvertOptions(column_types={**times, 'sweep': pyarrow.string()},
+                                     null_values=[])  # NaN is a number here
+        rows = arrow.read_csv(self._rows, parse_options=texts, convert_options=types)
+        parquet.write_table(rows.sort_by('run'), path)
 
 
 def _end_of_rows(text: str) -> int:
