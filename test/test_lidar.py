@@ -23,7 +23,7 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
-from procphys_ros.errors import SceneError
+from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.lidar import cast, GROUND, NOTHING, pinhole, spherical
 from procphys_ros.scene import Scene
@@ -196,6 +196,8 @@ def test_a_sensor_rides_on_an_intruder_and_does_not_see_it():
     standing = LidarSettings(rows=1, columns=1, position=(-2.0, -0.4, 0.3), horizontal_field=0.1)
     scan = simulation.scan(standing)
     assert scan.parts.tolist() == [[INTRUDER]] and scan.ranges[0, 0] == pytest.approx(2.5)
+    with pytest.raises(CommandError, match='"intrude"; did you mean intruder'):
+        simulation.scan(LidarSettings(attached_to='intrude'))
 
 
 @pytest.mark.parametrize('values', [

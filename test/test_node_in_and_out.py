@@ -184,6 +184,8 @@ def test_the_command_line_spawns_and_removes(client, tmp_path):
 def test_a_lidar_scans_at_its_rate_of_simulated_time(client):
     """Hear organised clouds at stamps a period apart, with the parts that were hit."""
     assert not client.set_parameter('lidar.horizontal_field', 9.0).successful
+    refused = client.set_parameter('lidar.attached_to', 'drone')
+    assert not refused.successful and 'no intruder "drone"' in refused.reason
     assert client.set_parameter('lidar.columns', 91).successful
     assert client.set_parameter('lidar.position', [-2.0, 0.0, 0.5]).successful
     received = client.listen(PointCloud2, '/sim/lidar')

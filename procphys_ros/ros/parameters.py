@@ -29,8 +29,10 @@ from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
+from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.resources import shared_folder
 from procphys_ros.ros.commands import describe, shortened
+from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.parameter_table import (
     check_object_names,
@@ -177,8 +179,11 @@ class Parameters:
 
 def _check_groups(values: Mapping[str, Any]) -> None:
     """Raise SceneError when values that are allowed one by one make no sense together."""
-    read_settings(values)
-    LidarSettings(**values.get('lidar', {}))
+    carriers = (INTRUDER, *read_settings(values).intruders.names)
+    carrier = LidarSettings(**values.get('lidar', {})).attached_to
+    if carrier and carrier not in carriers:
+        raise SceneError(f'lidar.attached_to: there is no intruder "{carrier}"'
+                         f'{nearest_names(carrier, carriers)}')
 
 
 def demo() -> dict[str, Any]:

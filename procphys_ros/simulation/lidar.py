@@ -66,7 +66,7 @@ def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     around them, so that no ray slips through a joint; leaves and dust are not seen.
 
     :returns: None when the sensor is attached to an intruder that is not there yet.
-    :raises CommandError: when these are no settings of a lidar.
+    :raises CommandError: when these are no settings of a lidar, or there is no such intruder.
     """
     if not isinstance(settings, LidarSettings):
         raise CommandError(f'{short(settings)} is no LidarSettings')
@@ -101,6 +101,7 @@ def _pose(state: State, settings: LidarSettings) -> tuple[np.ndarray | None, int
     own = np.concatenate([settings.position, _attitude(settings.rotation)])
     if not settings.attached_to:
         return own, -1
+    intruder.named(state, settings.attached_to)
     carrier = intruder.bodies(state).get(settings.attached_to)
     if carrier is None:
         return None, -1
