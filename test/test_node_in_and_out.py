@@ -18,6 +18,7 @@
 import json
 import subprocess
 import sys
+from unittest.mock import Mock
 
 from node_process import Client, SAPLING
 import numpy as np
@@ -31,6 +32,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from procphys_ros.messages.points import SCAN
 from procphys_ros.physics.lidar import GROUND
 from procphys_ros.ros import qos
+from procphys_ros.ros.lidar import LidarPublisher
 from procphys_ros.ros.node import SimNode
 
 PARAMETERS = {'scene.objects': ['sapling'], 'sapling.grammar_text': SAPLING,
@@ -179,6 +181,25 @@ def test_the_command_line_spawns_and_removes(client, tmp_path):
     assert speaker.say('remove', 'mine_0') == 0 and 'mine_0 is gone' in speaker.heard
     assert speaker.say('list') == 0 and 'mine_0' not in speaker.heard
     assert 'sapling' in speaker.heard
+
+
+@pytest.mark.parametrize('rate, steps', [(5.0, [4, 16, 28, 40]), (25.0, [4, 7, 9, 12, 14, 16]),
+                                         (90.0, [4, 5, 6, 7, 8])])
+def test_scans_are_a_period_apart_from_the_first_one_on(rate, steps):
+    """Begin to listen late, and go back in time: the next scan is as far from that as others."""
+    publisher = Mock()
+    lidar = LidarPublisher(Mock(create_publisher=lambda *a, **k: publisher,
+                                get_fully_qualified_name=lambda: '/sim'),
+                           Mock(nested=lambda: {'lidar': {'rate': rate}}))
+    scanned = []
+    simulation = Mock(time_step=1.0 / 60.0, timings={}, scan=lambda settings: scanned.append(step))
+    for first in (4, 2):
+        scanned.clear()
+        for step in range(steps[-1] + first - 3):
+            simulation.time = step * simulation.time_step
+            publisher.get_subscription_count.return_value = int(step >= first)
+            lidar.look(simulation)
+        assert scanned == [step + first - 4 for step in steps]
 
 
 def test_a_lidar_scans_at_its_rate_of_simulated_time(client):

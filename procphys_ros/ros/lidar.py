@@ -54,11 +54,12 @@ class LidarPublisher:
         if not settings.rate or not self._publisher.get_subscription_count():
             return
         period = 1.0 / settings.rate
-        if 0.0 < self._due - time - _EARLY < period:  # else it is due, or time has jumped back
+        late = time - self._due + _EARLY
+        if -period < late < 0.0:  # else it is due, or time has jumped back
             return
         start = perf_counter()
-        follows = self._due + period
-        self._due = follows if time < follows - _EARLY < time + period else time + period
+        in_turn = 0.0 <= late < simulation.time_step  # else the first, or after a pause
+        self._due = period + (self._due if in_turn else time)
         scan = simulation.scan(settings)
         if scan is not None:
             rows = messages.scan_rows(scan.points(not settings.frame), scan.ranges, scan.parts)
