@@ -44,7 +44,8 @@ setup(
         # pip ignores setup.cfg's install_scripts; `ros2 run` looks here in both installs.
         (f'lib/{PACKAGE}', sorted(glob('scripts/*'))),
     ],
-    package_data={f'{PACKAGE}.compilation': ['overloads.json'],
+    package_data={PACKAGE: ['py.typed'],  # its type hints are for its users, too
+                  f'{PACKAGE}.compilation': ['overloads.json'],
                   f'{PACKAGE}.render': ['shaders/*']},
     zip_safe=False,
     python_requires='>=3.11',

@@ -152,6 +152,16 @@ def test_executables_call_modules_that_exist():
         assert script.stat().st_mode & 0o111, f'{script} is not executable'
 
 
+def test_data_and_the_mark_of_type_hints_are_installed(tmp_path):
+    """Build the package: every file that is no module is there, `py.typed` too."""
+    subprocess.run([sys.executable, 'setup.py', '-q', 'build_py', '--build-lib', tmp_path],
+                   cwd=ROOT, check=True)
+    data = {path.relative_to(ROOT) for path in (ROOT / 'procphys_ros').rglob('*')
+            if path.is_file() and path.suffix not in ('.py', '.pyc')}
+    assert Path('procphys_ros/py.typed') in data
+    assert {path for path in data if not (tmp_path / path).is_file()} == set()
+
+
 def test_shared_files_are_found():
     """Find the grammars and the demo scene next to the code."""
     assert (shared_folder() / 'config' / 'demo.yaml').is_file()
