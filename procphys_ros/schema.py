@@ -15,7 +15,7 @@
 
 """Schema: a setting is declared once, where it is used; checks, parameters and tables follow."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 import numbers
 from typing import Any
@@ -117,7 +117,8 @@ class Parameter:
 
 
 def _is_sequence(value: Any) -> bool:
-    return not isinstance(value, (str, Mapping)) and hasattr(value, '__len__')
+    return (isinstance(value, Collection) and not isinstance(value, (str, Mapping))
+            and getattr(value, 'shape', None) != ())
 
 
 def short(value: Any) -> str:

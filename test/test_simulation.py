@@ -20,8 +20,10 @@ import weakref
 import numpy as np
 import pytest
 
-from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.errors import CommandError, ProcPhysError, SceneError
+from procphys_ros.export import export, export_animation
 from procphys_ros.lsystem import LSystem
+from procphys_ros.recording.recorder import Recorder
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
@@ -92,6 +94,8 @@ def with_a_ball():
     (lambda s: s.set_body_state('projectile_0/0', None, 3), 'twist: 3 is not six numbers'),
     (lambda s: s.place_intruder(3), 'intruder: 3 is not a pose of seven numbers'),
     (lambda s: s.place_intruder((0, 0, 9, 0, 0, 0, 1), 'a'), "time is 'a'"),
+    (lambda s: s.apply_impulse(s.blueprint, (0, 0, 1)), 'Blueprint.* is neither the name nor'),
+    (lambda s: s.set_wind(s.blueprint), 'Blueprint.* must be a list of 3 numbers'),
     (lambda s: s.place_intruder((0, 0, 9, 0, 0, 0, 1), np.nan), 'time is nan'),
     (lambda s: s.place_intruder((0, 0, 9, 0, 0, 0, 1), name=3), 'there is no intruder "3"'),
     (lambda s: s.pose_of_intruder([3]), 'there is no intruder'),
@@ -110,10 +114,21 @@ def test_values_of_a_wrong_type_are_named(with_a_ball, call, words):
     assert with_a_ball.time > time
 
 
-def test_a_path_is_no_scene():
-    """Name what was given in place of a scene, and how to read one."""
-    with pytest.raises(SceneError, match="'demo.yaml' is no scene; Scene.from_yaml"):
-        Simulation('demo.yaml')
+@pytest.mark.parametrize('call, words', [
+    (lambda b: Simulation('demo.yaml'), "'demo.yaml' is no scene; Scene.from_yaml"),
+    (lambda b: Simulation(b), 'Blueprint.* is no scene; .* and Scene.add places'),
+    (lambda b: Scene.from_parameters(3), 'the parameters are 3, they must be a mapping'),
+    (lambda b: Scene().add(b, np.array(3.0)), 'must be a list of 3 numbers'),
+    (lambda b: LSystem.parse(3), 'the grammar is 3, it must be a text'),
+    (lambda b: WallGrammar.parse(None), 'the grammar is None, it must be a text'),
+    (lambda b: export(b, 'tree.glb'), 'Blueprint.* is no scene; Scene.add places'),
+    (lambda b: export_animation(b, 'tree.usda', 0.0, 1.0), 'Blueprint.* is no scene'),
+    (lambda b: Recorder(Scene(), 'tree.mcap'), r'is no simulation; Simulation\(scene\) is one'),
+])
+def test_what_stands_in_place_of_a_scene_is_named(call, words):
+    """Name what was given in place of a scene, and how to get one."""
+    with pytest.raises(ProcPhysError, match=words):
+        call(grow().blueprint)
 
 
 def test_parts_go_by_index_or_name():

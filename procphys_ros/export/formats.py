@@ -22,6 +22,7 @@ from procphys_ros.errors import ExportError
 from procphys_ros.export.content import Content, Report
 from procphys_ros.output_files import obstacle
 from procphys_ros.scene import Scene
+from procphys_ros.schema import short
 from procphys_ros.simulation import Simulation
 
 _USD = ('usd', 'write_usd')
@@ -60,6 +61,7 @@ def export(source: Scene | Simulation, path: str | Path, time: float = 0.0,
             raise ExportError('a simulation is exported at its own time; leave the time out')
         content = Content.of(source)
     else:
+        _check_scene(source)
         _check('time', time, 0.0, _LONGEST, 's')
         content = Content.at(source, time, report)
     _guarded(target, lambda: write(content, target, report))
@@ -82,6 +84,7 @@ def export_animation(scene: Scene, path: str | Path, start: float, end: float,
     if target.suffix.lower() not in _ANIMATED and target.suffix.lower() in SUFFIXES:
         raise ExportError(f'"{target}": an animation is written as {" or ".join(_ANIMATED)}')
     _writer(target)
+    _check_scene(scene)
     _check('first moment', start, 0.0, _LONGEST, 's')
     _check('last moment', end, start, _LONGEST, 's')
     _check('fps', fps, 0.1, _FASTEST, '1/s')
@@ -114,6 +117,11 @@ def _writer(path: Path) -> Writer:
             raise
         raise ExportError(f'"{path}": USD needs the package usd-core: '
                           'pip install usd-core') from error
+
+
+def _check_scene(source: object) -> None:
+    if not isinstance(source, Scene):
+        raise ExportError(f'{short(source)} is no scene; Scene.add places what a grammar builds')
 
 
 def _check(name: str, value: float, least: float, most: float, unit: str) -> None:

@@ -34,8 +34,9 @@ def find_grammar(path: str | Path) -> Path:
     :param path: of the file, or the name of a shipped one where there is no such file.
     :returns: the path as it is when there is neither.
     """
-    shipped = shared_folder() / 'grammars' / path
-    return shipped if not os.path.exists(path) and os.path.isfile(shipped) else Path(path)
+    given = Path(path)
+    shipped = shared_folder() / 'grammars' / given
+    return shipped if not os.path.exists(given) and os.path.isfile(shipped) else given
 
 
 def read_include(name: str, folder: Path | None, place: Place,

@@ -26,6 +26,7 @@ from lark.parsers.lalr_interactive_parser import InteractiveParser
 
 from procphys_ros.errors import GrammarError
 from procphys_ros.language.grammar import EXPRESSION_WORDS
+from procphys_ros.schema import short
 
 # [characters] Ten times what the largest of grammars needs; one of nothing but symbols takes 10 s
 # to read, and reading cannot be interrupted.
@@ -38,8 +39,10 @@ def check_length(text: str, source: str) -> None:
 
     :param text: of the grammar.
     :param source: name of the file or parameter.
-    :raises GrammarError: when it is longer than `LONGEST_TEXT`.
+    :raises GrammarError: when it is longer than `LONGEST_TEXT`, or no text at all.
     """
+    if not isinstance(text, str):
+        raise GrammarError(f'the grammar is {short(text)}, it must be a text', source)
     if len(text) > LONGEST_TEXT:
         raise GrammarError(f'the grammar has {len(text)} characters, at most {LONGEST_TEXT} are '
                            'read', source)

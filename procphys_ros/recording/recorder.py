@@ -28,6 +28,7 @@ from procphys_ros.messages.scene_description import SceneDescription
 from procphys_ros.recording.recording import FULL_EVERY
 from procphys_ros.recording.writer import Writer
 from procphys_ros.scene.intruders import INTRUDER
+from procphys_ros.schema import short
 from procphys_ros.simulation import Simulation
 
 _EARLY = 1e-6     # [s], rounding of simulated time
@@ -47,6 +48,8 @@ class Recorder:
 
     def __init__(self, simulation: Simulation, path: str | Path, rate: float = 30.0,
                  node: str = '/sim', frame: str = 'world'):
+        if not isinstance(simulation, Simulation):
+            raise RecordingError(f'{short(simulation)} is no simulation; Simulation(scene) is one')
         if not 0.0 < rate <= 1e4:
             raise RecordingError(f'the rate is {rate:g} 1/s, it must lie above 0 and not exceed '
                                  '10000')

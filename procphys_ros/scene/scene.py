@@ -138,6 +138,8 @@ class Scene:
         :raises SceneError: naming the key and what is allowed.
         :raises GrammarError: when a grammar cannot be read or derived.
         """
+        if not isinstance(parameters, Mapping):
+            raise SceneError(f'the parameters are {short(parameters)}, they must be a mapping')
         specs = read_objects(parameters)
         for line in check_given(parameters, [spec.name for spec in specs]):
             _LOG.warning(line)

@@ -22,6 +22,7 @@ import numbers
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.scene import SceneObject
+from procphys_ros.schema import short
 
 _MOST_DIGITS = 19  # of an index; Python refuses to read numbers of thousands
 
@@ -63,7 +64,7 @@ class PartNames:
         if isinstance(part, numbers.Integral) and not isinstance(part, bool):
             return self._checked(int(part), 0, self._total, str(part))
         if not isinstance(part, str):
-            raise CommandError(f'{part!r} is neither the name nor the index of a part')
+            raise CommandError(f'{short(part)} is neither the name nor the index of a part')
         if part.isascii() and part.isdigit() and len(part) < _MOST_DIGITS:
             return self._checked(int(part), 0, self._total, part)
         owner, slash, local = part.partition('/')

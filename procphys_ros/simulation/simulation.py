@@ -73,7 +73,8 @@ class Simulation:
         :raises SceneError: when it is no scene, or a file could not hold one of these values.
         """
         if not isinstance(scene, Scene):
-            raise SceneError(f'{short(scene)} is no scene; Scene.from_yaml reads one')
+            raise SceneError(f'{short(scene)} is no scene; Scene.from_yaml reads one, '
+                             'and Scene.add places what a grammar builds')
         given: dict[str, Any] = {'time_step': time_step, 'seed': seed, 'engine': engine}
         settings = replace(scene.settings, **{k: v for k, v in given.items() if v is not None})
         self.scene = scene
