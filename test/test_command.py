@@ -130,7 +130,7 @@ def test_watch_tells_time_and_breaks_until_it_is_stopped(node, say):
             assert monotonic() < end
             assert say('reset')[0] == 0
             assert say('wrench post/3 3000 0 0')[0] == 0
-            told = any('broken: part' in watch.stdout.readline() for _ in range(5))
+            told = any('broken: post/segment_' in watch.stdout.readline() for _ in range(5))
         watch.send_signal(signal.SIGINT)
         _, errors = watch.communicate(timeout=PATIENCE)
         assert watch.returncode == 0 and 'Traceback' not in errors

@@ -200,6 +200,8 @@ def test_lines_of_watch():
     for cause in Cause:
         line = break_line({**row, 'cause': int(cause)})
         assert f'by {cause.name.lower()} ' in line and 'the ground from part 6' in line
+    line = break_line({**row, 'cause': 0}, [f'oak/segment_{i}' for i in range(7)])
+    assert 'broken: the ground from oak/segment_6 by force' in line
 
 
 def test_watch_waits_for_a_scene():

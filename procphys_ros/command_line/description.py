@@ -40,6 +40,11 @@ class Description:
                         for o in self._content['objects'] if not o.get('removed')}
 
     @property
+    def names(self) -> list[str]:
+        """Name all parts, in their order."""
+        return self._content['parts']['name']
+
+    @property
     def objects(self) -> list[str]:
         """Name the objects."""
         return list(self._ranges)

@@ -15,7 +15,7 @@
 
 """How a simulation goes on, in single lines."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from procphys_ros.physics.causes import Cause
 
@@ -40,16 +40,18 @@ def status_line(message: str, values: Mapping[str, str]) -> str:
     return line
 
 
-def break_line(row: Mapping[str, float]) -> str:
+def break_line(row: Mapping[str, float], names: Sequence[str] = ()) -> str:
     """
     Say which bond broke.
 
     :param row: of `~/breaks`.
+    :param names: of parts, as far as they are known.
     """
     cause = int(row['cause'])
     name = Cause(cause).name.lower() if cause in set(Cause) else str(cause)
-    one, other = ('the ground' if row[side] < 0 else f'part {int(row[side])}'
-                  for side in ('part_a', 'part_b'))
+    parts = int(row['part_a']), int(row['part_b'])
+    one, other = ('the ground' if part < 0 else
+                  names[part] if part < len(names) else f'part {part}' for part in parts)
     return (f'  broken: {one} from {other} by {name} at '
             f'({row["x"]:.2f}, {row["y"]:.2f}, {row["z"]:.2f}), '
             f'load {row["load"]:.2f} of strength')

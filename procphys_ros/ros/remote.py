@@ -151,8 +151,11 @@ class Remote:
         self._node.destroy_subscription(subscription)
         return received[-1].data
 
-    def follow(self, statuses: list[DiagnosticArray], breaks: list[PointCloud2]) -> None:
-        """Append what arrives on /diagnostics and `~/breaks` while `spin` is called."""
+    def follow(self, scenes: list[String], statuses: list[DiagnosticArray],
+               breaks: list[PointCloud2]) -> None:
+        """Append descriptions of the scene, /diagnostics and `~/breaks` while `spin` is called."""
+        self._node.create_subscription(String, f'{self.name}/scene_description', scenes.append,
+                                       qos.latched())
         self._node.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 5)
         self._node.create_subscription(PointCloud2, f'{self.name}/breaks', breaks.append,
                                        qos.changes())

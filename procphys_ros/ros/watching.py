@@ -21,7 +21,9 @@ from typing import TextIO
 from diagnostic_msgs.msg import DiagnosticArray
 import numpy as np
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 
+from procphys_ros.command_line.description import Description
 from procphys_ros.command_line.progress import break_line, status_line
 from procphys_ros.messages.points import BREAK
 from procphys_ros.progress_bar import draw_over
@@ -38,15 +40,20 @@ def watch(remote: Remote, seconds: float | None, out: TextIO) -> None:
     :param seconds: when to stop [s]; None = never.
     :param out: a terminal gets the status in place, anything else a line each.
     """
+    scenes: list[String] = []
     statuses: list[DiagnosticArray] = []
     breaks: list[PointCloud2] = []
-    remote.follow(statuses, breaks)
+    remote.follow(scenes, statuses, breaks)
+    names: list[str] = []
     end = monotonic() + seconds if seconds else None
     rejected = None
     while end is None or monotonic() < end:
         remote.spin()
+        if scenes:
+            names = Description(scenes[-1].data).names
+            scenes.clear()
         for message in breaks:
-            _print_breaks(message, out)
+            _print_breaks(message, names, out)
         breaks.clear()
         for message in statuses:
             for status in message.status:
@@ -66,9 +73,9 @@ def _print(line: str, out: TextIO, stays: bool = True) -> None:
         print(f'\r{line}\x1b[K' if out.isatty() else line, file=out, flush=True)
 
 
-def _print_breaks(message: PointCloud2, out: TextIO) -> None:
+def _print_breaks(message: PointCloud2, names: list[str], out: TextIO) -> None:
     rows = np.frombuffer(bytes(message.data), BREAK)
     for row in rows[:_MOST_BREAKS]:
-        _print(break_line({name: row[name].item() for name in row.dtype.names}), out)
+        _print(break_line({name: row[name].item() for name in row.dtype.names}, names), out)
     if len(rows) > _MOST_BREAKS:
         _print(f'  and {len(rows) - _MOST_BREAKS} more bonds', out)
