@@ -22,7 +22,7 @@ from geometry_msgs.msg import PoseArray, Vector3Stamped, WrenchStamped
 from node_process import Client, PARTS, SAPLING, SCENE, serve
 import numpy as np
 import pytest
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import ListParameters, SetParametersAtomically
 from rclpy.clock import ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -355,21 +355,46 @@ def test_bad_parameter_is_refused_with_a_reason(client, name, value, said):
 @pytest.mark.parametrize(('names', 'said'), [
     (['wind.velocty'], 'there is no parameter wind.velocty; did you mean wind.velocity'),
     (['publish_rate', 'wind.velocty'], 'there is no parameter wind.velocty'),
-    (['scene.objects', 'elm.grammar'], 'elm are not used, scene.objects does not name them'),
+    (['elm.grammar'], 'elm are not used, scene.objects does not name them'),
+    (['scene.objects', 'elm.grammer'], 'no parameter elm.grammer; did you mean elm.grammar'),
+    (['scene.objects', 'elm.count'], 'elm.count is 1.5, it must be a whole number'),
+    (['scene.objects', 'elm.grammar', 'seed'], 'seed out of range'),
     (['qos_overrides.nothing'], 'qos_overrides.nothing'),
 ])
 def test_an_unknown_parameter_is_named(client, names, said):
     """Say which one of those that are set at once does not exist, and change none."""
     before = client.get_parameter('publish_rate')
-    given = {'publish_rate': 7.0, 'scene.objects': ['elm'], 'elm.grammar': 'oak.lsys'}
+    given = {'publish_rate': 7.0, 'scene.objects': ['elm'], 'elm.grammar': 'oak.lsys',
+             'elm.count': 1.5, 'seed': -1}
     result = client.call(
         SetParametersAtomically, '/sim/set_parameters_atomically',
         SetParametersAtomically.Request(parameters=[
             Parameter(name, value=given.get(name, 1.0)).to_parameter_msg() for name in names]))
     assert not result.result.successful and said in result.result.reason
     assert client.get_parameter('publish_rate') == before
+    listed = client.call(ListParameters, '/sim/list_parameters',
+                         ListParameters.Request(prefixes=['elm'], depth=2))
+    assert not listed.result.names and len(client.get_parameter('scene.objects')) == 2
     if len(names) == 1:
         assert client.set_parameter(names[0], 1.0) == result.result
+
+
+def test_an_object_comes_with_its_parameters(client):
+    """Set both in one atomic change: lists, also empty ones, whole numbers and texts."""
+    given = {'scene.objects': ['sapling', 'post', 'fir'], 'fir.grammar_text': SAPLING,
+             'fir.origin': [0.0, 9.0, 0.0], 'fir.count': 2, 'fir.defines': [], 'fir.yaw': 1}
+    result = client.call(
+        SetParametersAtomically, '/sim/set_parameters_atomically',
+        SetParametersAtomically.Request(parameters=[
+            Parameter(name, value=value).to_parameter_msg() for name, value in given.items()]))
+    assert result.result.successful, result.result.reason
+    for name, value in given.items():
+        assert list(np.ravel(client.get_parameter(name))) == list(np.ravel(value))
+    assert client.get_parameter('fir.layout') == 'grid'
+    assert client.trigger('reload_scene').success
+    assert len(client.next_message(PoseArray, '/sim/poses').poses) == PARTS + 8
+    assert client.set_parameter('scene.objects', ['sapling', 'post']).successful
+    assert client.trigger('reload_scene').success
 
 
 def test_reload_takes_new_objects_and_keeps_the_scene_on_an_error(client):

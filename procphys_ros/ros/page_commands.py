@@ -187,7 +187,6 @@ def _load(remote: Remote, scene: LoadScene) -> str:
     """Give the node the parameters of a scene file, and what the file leaves out its default."""
     given = dict(flat(read_yaml(scene.path)))
     objects = list(given.get('scene.objects', []))
-    remote.change({'scene.objects': objects})  # declares the parameters of new ones
     wanted = {p.name: p.default for p in GLOBAL if _belongs_to_scene(p)}
     wanted |= {f'{name}.{p.name}': p.default for name in objects for p in OBJECT}
     wanted |= {name: value for name, value in given.items() if name in wanted}

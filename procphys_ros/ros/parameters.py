@@ -17,6 +17,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -75,12 +76,14 @@ class Parameters:
         self._node = node
         self._values: dict[str, Any] = {}
         self._objects: list[str] = []
+        # Rows and values of objects that a change brings, which are not declared yet.
+        self._joining: dict[str, tuple[Parameter, Any]] = {}
         self._on_change: Callable[[set[str]], None] = lambda names: None
         self._defaults = {} if 'scene.objects' in node._parameter_overrides else demo()
         self.is_demo = bool(self._defaults)
         for parameter in GLOBAL:
             self._declare(parameter, parameter.name)
-        self._declare_objects()
+        self._declare_objects({})
         _check_groups(self.nested())
         node.add_pre_set_parameters_callback(self._prepare)
         node.add_on_set_parameters_callback(self._check)
@@ -108,10 +111,11 @@ class Parameters:
         return unused((name for name, given in self._node._parameter_overrides.items()
                        if given.value is not None and name not in self._values), self._objects)
 
-    def _declare(self, parameter: Parameter, name: str) -> None:
-        default = self._defaults.get(name, parameter.default)
+    def _declare(self, parameter: Parameter, name: str,
+                 given: Mapping[str, Any] = MappingProxyType({})) -> None:
+        default = given.get(name, self._defaults.get(name, parameter.default))
         writable = _descriptor(replace(parameter, read_only=False))
-        declared = self._node.declare_parameter(name, default, writable)
+        declared = self._node.declare_parameter(name, default, writable, name in given)
         value = parameter.read(declared.value, name)
         self._values = {**self._values, name: value}
         if not value and parameter.takes_any_length:  # rclpy cannot tell what it is a list of
@@ -119,27 +123,40 @@ class Parameters:
         if parameter.read_only:
             self._node.set_descriptor(name, _descriptor(parameter))
 
-    def _declare_objects(self) -> None:
-        """Declare the parameters of objects that are new in `scene.objects`."""
+    def _declare_objects(self, given: Mapping[str, Any]) -> None:
+        """
+        Declare the parameters of objects that are new in `scene.objects`.
+
+        :param given: values, by full name, that came with the objects.
+        """
         check_object_names(self._values['scene.objects'])
         for name in self._values['scene.objects']:
             if name not in self._objects:
                 self._objects = [*self._objects, name]
                 for parameter in OBJECT:
-                    self._declare(parameter, f'{name}.{parameter.name}')
+                    self._declare(parameter, f'{name}.{parameter.name}', given)
 
     def _prepare(self, changes: list[RosParameter]) -> list[RosParameter]:
         """
         Let a list be emptied however that is said: tools send no value, or no type.
 
+        Parameters of objects that the same change brings are put aside; they are declared with
+        their values when the change has been accepted.
+
         :raises UnknownParameterError: when there is no such parameter.
         """
-        unknown = [c.name for c in changes if not self._node.has_parameter(c.name)]
+        objects = [*self._objects, *_new_objects(changes)]
+        absent = [c for c in changes if not self._node.has_parameter(c.name)]
+        self._joining = {c.name: (row, [] if _is_empty(c.value) else c.value) for c in absent
+                         if (row := find(c.name, objects)) is not None}
+        unknown = [c.name for c in absent if c.name not in self._joining]
         if unknown:
-            raise UnknownParameterError(shortened('; '.join(unused(unknown, self._objects))
+            raise UnknownParameterError(shortened('; '.join(unused(unknown, objects))
                                                   or f'there is no parameter {unknown[0]}'))
         typed = []
         for change in changes:
+            if change.name in self._joining:
+                continue
             parameter = find(change.name, self._objects)
             if parameter is not None and parameter.takes_any_length and _is_empty(change.value):
                 change = _typed(parameter, change.name)
@@ -157,6 +174,8 @@ class Parameters:
             for change, parameter in own:
                 values[change.name] = parameter.read(change.value, change.name)
             check_object_names(values['scene.objects'])
+            for name, (row, value) in self._joining.items():
+                row.read(value, name)
             _check_groups(nested(values, self._objects))
         except Exception as error:
             return SetParametersResult(successful=False, reason=shortened(describe(error)))
@@ -172,7 +191,7 @@ class Parameters:
         names = {change.name for change in changes} & values.keys()
         self._values = values
         if 'scene.objects' in names:
-            self._declare_objects()
+            self._declare_objects({name: value for name, (_, value) in self._joining.items()})
         if names:
             self._on_change(names)
 
@@ -189,6 +208,12 @@ def _check_groups(values: Mapping[str, Any]) -> None:
 def demo() -> dict[str, Any]:
     """Give the parameters of the demo by their full names."""
     return dict(flat(read_yaml(shared_folder() / 'config' / 'demo.yaml')))
+
+
+def _new_objects(changes: list[RosParameter]) -> list[str]:
+    """Give the names of objects that a change of several parameters brings, or tries to."""
+    values = next((c.value for c in changes if c.name == 'scene.objects'), None)
+    return [v for v in values if isinstance(v, str)] if isinstance(values, (list, tuple)) else []
 
 
 def _is_empty(value: Any) -> bool:
