@@ -54,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print('export: interrupted', file=sys.stderr)
         return 130
-    print(f'{options.out}: {len(scene.blueprint)} parts, {_size(options.out)}')
+    print(f'{options.out}: a scene of {len(scene.blueprint)} parts, {_size(options.out)}')
     return 0
 
 
