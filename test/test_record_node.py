@@ -27,6 +27,7 @@ from node_process import Client, PARTS, PATIENCE, ROOT, SCENE, serve
 import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
@@ -163,6 +164,19 @@ def test_forces_on_intruders_with_names_are_recorded(node, client, tmp_path):
     assert recorder.failure is None
     assert Recording(path).topics[topic] == 'geometry_msgs/msg/WrenchStamped'
     assert list(read_ros2_messages(str(path), topics=[topic]))
+
+
+def test_what_comes_in_a_burst_is_recorded(client, tmp_path):
+    """Miss none of the messages that come while the recorder is busy, whatever the topic."""
+    written = set()
+    with Writer(tmp_path / 'run.mcap') as writer:
+        writer.write = lambda name, kind, data, at: name == '/burst/dust' and written.add(data)
+        NodeRecorder(client.node, '/burst', writer)
+        publisher = client.publisher(PointCloud2, '/burst/dust')
+        client.send_until(lambda: written, 'the first one', (publisher, PointCloud2()))
+        for number in range(20):
+            publisher.publish(PointCloud2(width=1 + number))
+        client.spin_until(lambda: len(written) == 21, 'all of them')
 
 
 def test_a_recording_without_markers_says_so(node, start, tmp_path):

@@ -29,6 +29,7 @@ from procphys_ros.errors import RecordingError
 from procphys_ros.recording.marker_state import MarkerState
 from procphys_ros.recording.recording import FULL_EVERY
 from procphys_ros.recording.writer import Writer
+from procphys_ros.ros import qos
 from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 from procphys_ros.ros.starting import start_ros
 
@@ -67,7 +68,9 @@ class NodeRecorder:
                 f'here, too, --ros-args -r {self._name("markers")}:=/its/name')
 
     def _subscribe(self, topic: str) -> None:
-        kind, profile = TOPICS.get(topic, TOPICS[_WRENCH])
+        kind, published = TOPICS.get(topic, TOPICS[_WRENCH])
+        profile = qos.changes()  # also of what only the newest counts of, else some are missed
+        profile.durability = published.durability
         self._node.create_subscription(kind, self._name(topic), self._taker(topic), profile,
                                        raw=True)
 
