@@ -19,7 +19,7 @@ from threading import Event, Thread
 from types import SimpleNamespace
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import PoseStamped, Vector3Stamped, WrenchStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from node_process import Client, PARTS, SAPLING, values_of
@@ -28,7 +28,7 @@ from rcl_interfaces.msg import Log
 import rclpy
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger
@@ -201,6 +201,17 @@ def test_a_node_of_the_same_name_is_warned_of(client):
     client.spin_until(lambda: any('2 nodes are called /sim:' in m.msg and m.level == 30
                                   for m in said), 'a warning')
     end(other)
+
+
+def test_commands_that_are_not_heard_are_warned_of(client, capfd):
+    """Name who sends poses as sensors do, best effort, which a reliable subscription refuses."""
+    said = []
+    publisher = client.node.create_publisher(PoseStamped, '/sim/intruder', qos_profile_sensor_data)
+    client.spin_until(lambda: said.append(capfd.readouterr().err) or any(
+        '/test_client publishes /sim/intruder, which is not heard: ' in text
+        and 'qos_overrides./sim/intruder.subscription' in text for text in said), 'a warning')
+    client.node.destroy_publisher(publisher)
+    assert 'publishes /sim/wind' not in ''.join(said)
 
 
 def test_the_banner_has_the_names_as_remapped(client):

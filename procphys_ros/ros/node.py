@@ -165,6 +165,7 @@ class SimNode(Node):
         say = self.get_logger().info
         self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
         self._clocks = self._namesakes = 1
+        self._unheard: set[str] = set()
         status = self.parameters['status_line']
         self._has_status_line = status == 'on' or (
             status == 'auto' and sys.stdout is not None and sys.stdout.isatty())
@@ -274,6 +275,7 @@ class SimNode(Node):
         for work in self._watched:
             work.look()
         self._warn_of_others()
+        self._warn_of_unheard()
         if self._has_status_line:
             self._print_status()
 
@@ -292,6 +294,16 @@ class SimNode(Node):
                 'answer a service, and their topics mix; give this one another name with '
                 '-r __node:=NAME')
         self._namesakes = namesakes
+
+    def _warn_of_unheard(self) -> None:
+        """Say once of each topic when commands on it do not come through."""
+        for topic, (sender, reason) in self.topics.unheard().items():
+            if topic not in self._unheard:
+                self.get_logger().warning(
+                    f'{sender} publishes {topic}, which is not heard: {reason}; change the '
+                    'quality of service there, or here at start, such as '
+                    f'qos_overrides.{topic}.subscription.reliability:=best_effort')
+                self._unheard.add(topic)
 
     def _print_status(self) -> None:
         try:

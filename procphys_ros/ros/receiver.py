@@ -25,6 +25,7 @@ from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 from rclpy.subscription import Subscription
 
 from procphys_ros.ros import qos
@@ -102,6 +103,21 @@ class Receiver:
         """Name the topics, after remapping."""
         return sorted(topic.name for topic in self._topics)
 
+    def unheard(self) -> dict[str, tuple[str, str]]:
+        """
+        Find who publishes what the middleware does not deliver here.
+
+        :returns: by topic, the name of a node whose quality of service does not fit, and why.
+        """
+        found = {}
+        for topic in self._topics:
+            for sender in self._owner.get_publishers_info_by_topic(topic.name):
+                fits, reason = qos_check_compatible(sender.qos_profile, topic.quality)
+                if fits == QoSCompatibility.ERROR:
+                    name = f'{sender.node_namespace.rstrip("/")}/{sender.node_name}'
+                    found[topic.name] = name, reason.replace('ERROR: ', '').rstrip(';')
+        return found
+
     def start(self) -> None:
         """Begin to receive."""
         self._thread.start()
@@ -141,6 +157,10 @@ class _Topic:
     @property
     def name(self) -> str:
         return self._subscription.topic_name
+
+    @property
+    def quality(self) -> QoSProfile:
+        return self._subscription.qos_profile
 
     def take(self) -> bool:
         """Take a message and hand it on; say whether there was one."""

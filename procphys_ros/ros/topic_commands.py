@@ -74,6 +74,10 @@ class TopicCommands:
         """Name the topics, after remapping."""
         return self._receiver.names
 
+    def unheard(self) -> dict[str, tuple[str, str]]:
+        """Give, by topic, a node that publishes it in a quality that is not heard, and why."""
+        return self._receiver.unheard()
+
     def start(self) -> None:
         """Begin to receive."""
         self._receiver.start()
