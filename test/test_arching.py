@@ -84,14 +84,14 @@ def test_cement_mortar_carries_what_lime_does_not():
         assert cut(middle, width, 2.0, tension=0.4e6, cohesion=0.5e6)[2].all()
 
 
-def house_without(floors, gone):
+def house_without(floors, gone, steps=400):
     """Take bricks of the ground floor out of a house; give x of the upper ones, which stand."""
     blueprint = WallGrammar.parse(_HOUSE.format(floors=floors)).build()
     simulation = standing(blueprint)
     places = blueprint.poses
     bricks = blueprint.kind == blueprint.kinds.index('brick')
     take_out(simulation, np.flatnonzero(bricks & (places[:, 2] < 1.0) & gone(places)))
-    simulation.step(400)
+    simulation.step(steps)
     upper = bricks & (places[:, 2] > 1.2)
     return places[upper, 0], simulation.state.standing[upper]
 
@@ -110,6 +110,12 @@ def test_collapse_runs_through_a_house_with_slabs():
 
 
 def test_collapse_stops_where_floors_do_not_tie():
-    """Take half of the ground floor: most of what stood on it falls, the far end stays up."""
-    x, stands = house_without('timber', lambda p: p[:, 0] > 2.0)
-    assert stands[x > 2.0].mean() < 0.6 and stands[x < 0.5].mean() > 0.9
+    """
+    Take half of the ground floor: most of what stood on it falls, the rest stays up.
+
+    That is decided after 0.5 s. What has come off then strikes what stands, and of runs that
+    differ by a nudge of 1e-9 m/s some lose the far end and some do not (decision 59).
+    """
+    x, stands = house_without('timber', lambda p: p[:, 0] > 2.0, 30)
+    assert stands[x > 2.0].mean() < 0.6 and stands[x < 2.0].mean() > 0.9
+    assert stands[x < 0.5].all()
