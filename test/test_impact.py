@@ -22,7 +22,7 @@ from scipy.integrate import solve_ivp
 
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.world import World
-from procphys_ros.simulation.blows import measure
+from procphys_ros.simulation.blows import energies, measure
 
 _MODULUS, _DENSITY, _SPEED = 0.5e9, 1900.0, 3.0  # [Pa], [kg/m³], [m/s], of which the law is told
 _STEP = 1.0 / 60.0  # [s]
@@ -51,9 +51,9 @@ def test_contact_times_of_a_brick_and_of_a_wrecking_ball():
     assert contact_time(np.inf) == np.inf
 
 
-def durations(bodies, pairs):
+def measured(bodies, pairs):
     """
-    Give the durations of contacts along x, all at the middle of the bodies, (C,).
+    Measure contacts along x, all at the middle of the bodies.
 
     :param bodies: masses [kg] and changes of velocity by all contacts [m/s].
     :param pairs: of each contact: first body, second body, impulse on the first [N·s].
@@ -69,14 +69,45 @@ def durations(bodies, pairs):
         body_a=np.array([ids[i] for i in first]), body_b=np.array([ids[i] for i in second]),
         impulse=np.outer(impulse, [1.0, 0.0, 0.0]),
         point=np.tile([0.0, 0.0, 2.0], (len(pairs), 1)))
-    return measure(contacts, change, start, _STEP).duration
+    return measure(contacts, change, start, _STEP)
 
 
 def test_mass_in_a_contact_is_that_which_it_stops():
     """Reduce two free masses, share one that lands on two, and follow through what is squeezed."""
-    free = durations([(10.0, -4.0), (40.0, 1.0)], [(0, 1, -40.0)])
-    np.testing.assert_allclose(free, contact_time(8.0))
-    landing = durations([(10.0, -4.0), (1e9, 0.0), (1e9, 0.0)], [(0, 1, -10.0), (0, 2, -30.0)])
-    np.testing.assert_allclose(landing, contact_time(np.array([2.5, 7.5])))
-    squeezed = durations([(100.0, -4.0), (3.0, 0.0), (1e9, 0.0)], [(0, 1, -400.0), (1, 2, -400.0)])
-    np.testing.assert_allclose(squeezed, [contact_time(100.0), _STEP])
+    free = measured([(10.0, -4.0), (40.0, 1.0)], [(0, 1, -40.0)])
+    np.testing.assert_allclose(free.duration, contact_time(8.0))
+    landing = measured([(10.0, -4.0), (1e9, 0.0), (1e9, 0.0)], [(0, 1, -10.0), (0, 2, -30.0)])
+    np.testing.assert_allclose(landing.duration, contact_time(np.array([2.5, 7.5])))
+    squeezed = measured([(100.0, -4.0), (3.0, 0.0), (1e9, 0.0)], [(0, 1, -400.0), (1, 2, -400.0)])
+    np.testing.assert_allclose(squeezed.duration, [contact_time(100.0), _STEP])
+
+
+def stopped(bodies, pairs):
+    """Give the energy that is told of the blows on all bodies but the last, see `measured`."""
+    blows = measured(bodies, pairs)
+    rows = [(body, c, side) for body in range(len(bodies) - 1) for c, pair in enumerate(pairs)
+            for side in (0, 1) if pair[side] == body]
+    energy = np.array([[blows.energy[c, side], blows.energy[c, 1 - side]] for _, c, side in rows])
+    other = np.array([pairs[c][1 - side] for _, c, side in rows])
+    ends = np.searchsorted([body for body, _, _ in rows], np.arange(len(bodies)))
+    return energies(energy, other, ends)
+
+
+def test_a_blow_has_the_energy_of_all_the_motion_that_it_stops():
+    """Share that of a free blow, pass on that of what is squeezed, stop each by its own below."""
+    ground = (1e9, 0.0)
+    free = stopped([(10.0, -4.0), (40.0, 1.0), ground], [(0, 1, -40.0)])
+    np.testing.assert_allclose(free, 0.5 * 8.0 * 5.0 ** 2)
+    squeezed = stopped([(100.0, -4.0), (3.0, 0.0), ground], [(0, 1, -400.0), (1, 2, -400.0)])
+    np.testing.assert_allclose(squeezed, 800.0)
+    both = stopped([(100.0, -4.0), (3.0, -4.0), ground], [(0, 1, -400.0), (1, 2, -412.0)])
+    np.testing.assert_allclose(both, [800.0, 824.0])
+    slower = stopped([(100.0, -4.0), (3.0, -2.0), ground], [(0, 1, -400.0), (1, 2, -406.0)])
+    np.testing.assert_allclose(slower, [800.0, 806.0])
+
+
+def test_what_is_rocked_takes_no_more_energy_than_it_gets():
+    """Add what many contacts give to one body, less what they take from it."""
+    given = np.array([[100.0, 500.0], [100.0, -450.0], [100.0, -80.0], [0.0, 30.0]])
+    told = energies(given, np.array([1, 1, 1, 2]), np.array([0, 3, 4]))
+    np.testing.assert_allclose(told, [300.0, 30.0])

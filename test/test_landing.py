@@ -18,9 +18,22 @@ from masonry_walls import bonded, BRICK, JOINT
 import numpy as np
 import pytest
 
+from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.simulation import impacts, Simulation
+from procphys_ros.simulation.blows import Blow
+
+_UNBREAKABLE = {'tension': 1e12, 'cohesion': 1e12, 'compression': 1e12}  # [Pa]
+_WEIGHTY = 0.05  # of all energy: what has less is not looked at
+
+
+def lump(along, courses, **kwargs):
+    """Bond bricks in courses of equal length around x = 0, the lowest on the ground."""
+    length, tall = BRICK[0] + JOINT, BRICK[2] + JOINT
+    centres = [[length * (i - 0.5 * along + 0.5 * (k % 2)), 0.0, tall * (k + 0.5) - 0.5 * JOINT]
+               for k in range(courses) for i in range(along)]
+    return bonded(centres, BRICK, **kwargs)
 
 
 def falling(counts, height, tension=0.2e6, engine='auto', stone=True):
@@ -77,3 +90,76 @@ def test_a_wall_that_lands_flat_and_slowly_stays_whole():
         simulation = falling([(8, 6)], height, 0.4e6, stone=stone)
         simulation.step(60)
         assert (simulation.bonds_broken > 0) == stone
+
+
+def landing(monkeypatch, engine, below, seed):
+    """
+    Let lumps of random size fall from a random height, and list what is told of their blows.
+
+    :param below: what the lowest falls on; of 'lumps' two or three fall, one on top of the other.
+    :returns: for each step with a blow the energy of the change of motion of each body that moves
+        and what is told of the blow on it, (K,) each, what the contacts tell, and what the motion
+        lost [J].
+    """
+    rng, scene = np.random.default_rng(seed), Scene(Settings(engine=engine))
+    level = 0.0
+    if below == 'wall':
+        level = 6 * (BRICK[2] + JOINT)
+        scene.add(lump(12, 6, **_UNBREAKABLE), (0.0, 0.0, 0.0), 0.0, 'wall')
+    level += rng.uniform(0.1, 2.0)
+    for n in range(rng.integers(2, 4) if below == 'lumps' else 1):
+        along, courses = rng.integers(2, 12, 2)
+        scene.add(lump(along, courses, ground=False, **_UNBREAKABLE), (0.0, 0.0, level),
+                  rng.uniform(-0.5, 0.5), f'lump_{n}')
+        level += courses * (BRICK[2] + JOINT) + rng.choice([2e-3, 0.1])
+    simulation, found = Simulation(scene), []
+    blows_of = impacts.blows_of
+
+    def watched(model, state, change):
+        made = blows_of(model, state, change)
+        awake, bodies, start = state.world.awake, state.world.bodies, state.rubble.poses
+        if (np.abs(change[awake, :3]).max(axis=1) < 0.5).all():
+            return made
+        side = np.concatenate([made.contacts.body_a, made.contacts.body_b])
+        blows = [Blow(int(body), state.bodies.parts_of(int(body)), None, 0.0,
+                      np.flatnonzero(side == body)) for body in awake if (side == body).any()]
+        told = {b.body: b.energy for b in impacts._with_contacts(state, blows, made)}
+        own, before, after = (motion_energy(
+            bodies.mass[awake], bodies.inertia[awake], start[awake, 3:], velocities)
+            for velocities in (change[awake], bodies.velocities[awake] - change[awake],
+                               bodies.velocities[awake]))
+        found.append((own, np.array([told.get(body, 0.0) for body in awake.tolist()]),
+                      made.energy.sum(), (before - after).sum()))
+        return made
+    with monkeypatch.context() as patch:
+        patch.setattr(impacts, 'blows_of', watched)
+        simulation.step(70)
+    return found
+
+
+@pytest.mark.parametrize('engine', installed_engines())
+@pytest.mark.parametrize('below', ['ground', 'wall', 'lumps'])
+def test_blows_of_a_landing_have_the_energy_of_what_they_stop(monkeypatch, engine, below):
+    """
+    Tell of each lump no less than its own motion had, and of none more than all had together.
+
+    What lands together with what lies below it hardly moves against that, but is stopped alike.
+    """
+    for seed in range(6):
+        found = landing(monkeypatch, engine, below, seed)
+        assert found
+        for own, told, contacts, _ in found:
+            assert contacts == pytest.approx(own.sum(), rel=0.1)
+            heavy = own > _WEIGHTY * own.sum()
+            assert (told[heavy] > 0.9 * own[heavy]).all()
+            assert told.max() < 1.25 * own.sum()
+        if below == 'ground':
+            assert sum(row[2] for row in found) == pytest.approx(sum(row[3] for row in found),
+                                                                 rel=0.1)
+
+
+def test_the_largest_pieces_are_judged_finely_whatever_room_there_is():
+    """Give cells of a grain to what is larger than 24, and of ten grains to smaller lumps."""
+    blows = [Blow(n, np.arange(30 * grains), None, 0.0, np.zeros(0, int))
+             for n, grains in enumerate((80, 30, 20, 5))]
+    assert impacts._cells(blows, 0, 30.0) == [60, 30, 2, 0]

@@ -27,16 +27,10 @@ CONFIG = shared_folder() / 'config'
 NAMES = sorted(path.stem for path in CONFIG.glob('*.yaml'))
 
 
-def run(name, seconds, nudge=0.0):
-    """Run a scene, one body of it faster by a nudge [m/s], and give it with what broke why."""
+def run(name, seconds):
+    """Run a scene, and give it with what broke why."""
     simulation = Simulation(Scene.from_yaml(CONFIG / f'{name}.yaml'))
-    first = round(1.5 / simulation.time_step) if nudge else 0
-    simulation.step(first)
-    if nudge:
-        world = simulation.state.world
-        body = world.awake[:1]
-        world.set_velocities(body, world.velocities(body) + nudge)
-    simulation.step(round(seconds / simulation.time_step) - first)
+    simulation.step(round(seconds / simulation.time_step))
     return simulation, simulation.events['cause']
 
 
@@ -159,12 +153,7 @@ def test_charges_bring_the_block_down_on_its_own_plan(name):
     low, high = before[:, :2].min(axis=0) - 4.0, before[:, :2].max(axis=0) + 4.0
     inside = np.all((now[there, :2] > low) & (now[there, :2] < high), axis=1)
     assert inside.mean() > 0.9
-    # How the top storey breaks is decided by the last digits of a sum: in four runs of the second
-    # block that differed by a nudge the largest piece had 333 to 522 of its 6,766 bricks. Two of
-    # three must be less than a fifth.
-    if biggest(simulation) >= 0.2 * len(bricks):
-        for nudge in (1e-9, 2e-9):
-            assert biggest(run(name, 5.0, nudge)[0]) < 0.2 * len(bricks)
+    assert biggest(simulation) < 0.2 * len(bricks)  # 0.05 to 0.08 in runs that differ by a nudge
 
 
 def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():

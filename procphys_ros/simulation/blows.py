@@ -31,7 +31,8 @@ class Blows(NamedTuple):
     The contacts of a step, and what they did to the motion of the bodies.
 
     :ivar contacts: of the step.
-    :ivar energy: that each takes from the motion [J], (C,).
+    :ivar energy: of the change of motion of the first and the second body: half of the impulse on
+        it times the change of its velocity there [J], (C, 2); their sum is taken from the motion.
     :ivar duration: how long each lasts [s], (C,).
     """
 
@@ -47,7 +48,7 @@ class Blow(NamedTuple):
     :ivar body: id.
     :ivar parts: what it carries, (P,).
     :ivar contacts: of the body; None = not selected yet.
-    :ivar energy: that these take from the motion [J]; inf = they last.
+    :ivar energy: of the motion that these stop [J], see `energies`; inf = they last.
     :ivar rows: of all contacts, of which they are to be selected.
     """
 
@@ -79,20 +80,46 @@ def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, dt: float
 
 
 @kernel
+def energies(energy, other, ends):
+    """
+    Give the energy of the motion that the contacts of bodies stop [J], (K,).
+
+    It is that of the change of the body's own motion: a piece that lands together with what lies
+    below it is stopped by it, however little they move against each other. Bodies that it strikes,
+    and that give way to it, add their shares, so that two free ones both get the energy of their
+    reduced mass.
+
+    :param energy: of these bodies and of the others in each contact [J], (R, 2).
+    :param other: what touches, ids, (R,).
+    :param ends: where the contacts of each body start, and the end, (K + 1,).
+    """
+    out, given = np.zeros(len(ends) - 1), np.zeros(other.max() + 1)
+    for k in range(len(out)):
+        for c in range(ends[k], ends[k + 1]):
+            out[k] += energy[c, 0]
+            given[other[c]] += energy[c, 1]
+        out[k] = max(out[k], 0.0)
+        for c in range(ends[k], ends[k + 1]):
+            out[k] += max(given[other[c]], 0.0)
+            given[other[c]] = 0.0
+    return out
+
+
+@kernel
 def _measure(first, second, point, impulse, change, start):
-    """Give the energy that each contact takes, and the mass that it stops, (C,) each."""
-    energy, mass = np.zeros(len(first)), np.full(len(first), np.inf)
+    """Give the energy of both bodies in each contact, (C, 2), and the mass it stops, (C,)."""
+    energy, mass = np.zeros((len(first), 2)), np.full(len(first), np.inf)
     for c in range(len(first)):
-        for body, half in ((first[c], 0.5), (second[c], -0.5)):
+        for side, body, half in ((0, first[c], 0.5), (1, second[c], -0.5)):
             u, v, w = change[body, 3], change[body, 4], change[body, 5]
             x = point[c, 0] - start[body, 0]
             y = point[c, 1] - start[body, 1]
             z = point[c, 2] - start[body, 2]
-            energy[c] += half * ((change[body, 0] + v * z - w * y) * impulse[c, 0]
-                                 + (change[body, 1] + w * x - u * z) * impulse[c, 1]
-                                 + (change[body, 2] + u * y - v * x) * impulse[c, 2])
+            energy[c, side] = half * ((change[body, 0] + v * z - w * y) * impulse[c, 0]
+                                      + (change[body, 1] + w * x - u * z) * impulse[c, 1]
+                                      + (change[body, 2] + u * y - v * x) * impulse[c, 2])
         size = (impulse[c, 0] ** 2 + impulse[c, 1] ** 2 + impulse[c, 2] ** 2) ** 0.5
-        closing = 2.0 * energy[c] / max(size, 1e-12)
+        closing = 2.0 * energy[c].sum() / max(size, 1e-12)
         if closing > _STILL:
             mass[c] = size / closing
     return energy, mass

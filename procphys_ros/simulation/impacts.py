@@ -33,7 +33,7 @@ from procphys_ros.simulation import (
     returned_impulses,
     sustained_loads,
 )
-from procphys_ros.simulation.blows import Blow, Blows, measure
+from procphys_ros.simulation.blows import Blow, Blows, energies, measure
 from procphys_ros.simulation.contact_forces import BodyContacts, spread, turned_back
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -53,7 +53,9 @@ _COARSER = 8        # how many times larger than near ones the smallest far piec
 _BODIES = 240       # awake bodies that there should be: the more, the coarser pieces break
 _LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
 _LUMP = 10.0       # of the mean size of pieces: what is larger, 24 at most, breaks into such lumps
-#                    whatever room there is, and at once
+#                    whatever room there is, and at once, ...
+_HUGE = 24.0       # ... and what is larger than this, 10 at most, as finely as may be: a few large
+#                    cells are too stiff to show what a blow on one of their corners breaks
 
 
 def step(model: Model, state: State, dt: float) -> None:
@@ -264,11 +266,12 @@ def _with_contacts(state: State, blows: list[Blow], made: Blows) -> list[Blow]:
                             sign * contacts.normal[rows],
                             sign * contacts.impulse[rows] / made.duration[rows][:, None]),
                np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
-    energy = np.add.reduceat(np.maximum(made.energy[rows], 0.0), ends[:-1])
+    energy = np.where(first[:, None], made.energy[rows], made.energy[rows, ::-1])
+    stopped = energies(energy, columns[-1], ends)
     out = list(blows)
-    for n, low, high, lost in zip(fresh, ends, ends[1:], energy.tolist()):
+    for n, low, high, own in zip(fresh, ends, ends[1:], stopped.tolist()):
         out[n] = blows[n]._replace(contacts=BodyContacts(*(c[low:high] for c in columns)),
-                                   energy=lost)
+                                   energy=own)
     return out
 
 
@@ -310,8 +313,9 @@ def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
             cells.append(min(len(blow.parts), _COARSE))
             continue
         fair = int(np.ceil(room * len(blow.parts) / total))
-        fitting = min(max(fair, 2), room, int(len(blow.parts) / grain))
-        cells.append(min(max(fitting, int(len(blow.parts) / (_LUMP * grain))),
-                         _COARSE if lasts else _NODES))
+        grains = len(blow.parts) / grain
+        fitting = min(max(fair, 2), room, int(grains))
+        least = int(grains if grains >= _HUGE else grains / _LUMP)
+        cells.append(min(max(fitting, least), _COARSE if lasts else _NODES))
         room = max(room - cells[-1], 0) if cells[-1] > 1 else room
     return cells
