@@ -103,8 +103,8 @@ def test_what_is_pressed_breaks_whatever_room_there_is():
 
 
 def test_lumps_break_whatever_room_there_is():
-    """Give a storey among bricks some cells where there is no room for more bodies."""
-    blows = [Blow(0, np.arange(count), None, 0.0, np.zeros(0, int)) for count in (1000, 90, 30)]
-    assert impacts._cells(blows, 0, 10.0)[0] == 10
+    """Give parts of storeys among bricks some cells where there is no room for more bodies."""
+    blows = [Blow(0, np.arange(count), None, 0.0, np.zeros(0, int)) for count in (230, 90, 30)]
+    assert impacts._cells(blows, 0, 10.0)[0] == 2
     assert max(impacts._cells(blows, 0, 10.0)[1:]) < 2
-    assert impacts._cells(blows, 60, 10.0)[0] > 10
+    assert impacts._cells(blows, 60, 10.0)[0] > 2
