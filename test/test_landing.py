@@ -156,10 +156,3 @@ def test_blows_of_a_landing_have_the_energy_of_what_they_stop(monkeypatch, engin
         if below == 'ground':
             assert sum(row[2] for row in found) == pytest.approx(sum(row[3] for row in found),
                                                                  rel=0.1)
-
-
-def test_the_largest_pieces_are_judged_finely_whatever_room_there_is():
-    """Give cells of a grain to what is larger than 24, and of ten grains to smaller lumps."""
-    blows = [Blow(n, np.arange(30 * grains), None, 0.0, np.zeros(0, int))
-             for n, grains in enumerate((80, 30, 20, 5))]
-    assert impacts._cells(blows, 0, 30.0) == [60, 30, 2, 0]

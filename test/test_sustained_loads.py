@@ -103,8 +103,9 @@ def test_what_is_pressed_breaks_whatever_room_there_is():
 
 
 def test_lumps_break_whatever_room_there_is():
-    """Give parts of storeys among bricks some cells where there is no room for more bodies."""
-    blows = [Blow(0, np.arange(count), None, 0.0, np.zeros(0, int)) for count in (230, 90, 30)]
-    assert impacts._cells(blows, 0, 10.0)[0] == 2
-    assert max(impacts._cells(blows, 0, 10.0)[1:]) < 2
-    assert impacts._cells(blows, 60, 10.0)[0] > 2
+    """Give lumps some cells without room for more bodies, and what is huge one for each grain."""
+    blows = [Blow(0, np.arange(count), None, 0.0, np.zeros(0, int))
+             for count in (1000, 300, 200, 90, 30)]
+    assert impacts._cells(blows, 0, 10.0)[:3] == [60, 30, 2]
+    assert max(impacts._cells(blows, 0, 10.0)[3:]) < 2
+    assert impacts._cells(blows[2:], 60, 10.0)[0] > 10
