@@ -254,7 +254,7 @@ def solve_stresses(model: Model, state: State, dt: float) -> None:
     """
     Spend a step's share of work on the stresses, and judge none of them yet.
 
-    Reads and writes nothing but the stress solver, so that it may run beside the engine.
+    Writes stresses and `state.iterations`, and reads loads besides: it may run beside the engine.
     """
     state.iterations = 0
     if is_stable(state):

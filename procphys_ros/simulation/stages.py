@@ -16,6 +16,7 @@
 """Stages: one step of a simulation, in order; each reads and writes the state only."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from typing import NamedTuple
 
@@ -68,16 +69,12 @@ def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
     Writes `state.world`, `state.rubble`, stresses and what leaves are.
     """
     bodies, rubble = state.world.bodies, state.rubble
-    finish_leaves = beside('leaves', partial(foliage.step, model, state, dt), model.threads)
-    finish_stresses = beside('stresses', partial(masonry.solve_stresses, model, state, dt),
-                             model.threads)
-    rubble.velocities = bodies.copied('velocities', rubble.velocities)
-    rubble.poses = bodies.copied('poses', rubble.poses)
-    try:
+    with ExitStack() as meanwhile:  # waits for both, whatever fails
+        for name, work in (('leaves', foliage.step), ('stresses', masonry.solve_stresses)):
+            meanwhile.callback(beside(name, partial(work, model, state, dt), model.threads))
+        rubble.velocities = bodies.copied('velocities', rubble.velocities)
+        rubble.poses = bodies.copied('poses', rubble.poses)
         state.world.step(dt)
-    finally:
-        finish_stresses()
-        finish_leaves()
 
 
 STAGES = (
