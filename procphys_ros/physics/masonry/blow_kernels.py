@@ -18,8 +18,8 @@ import math
 
 import numpy as np
 
-from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.physics.masonry import cells, components, links, pcg
+from procphys_ros.compilation import kernel
+from procphys_ros.physics.masonry import cells, components, links, rigid_cells
 from procphys_ros.physics.masonry.strength import stays_closed
 from procphys_ros.physics.masonry.ties import tie_stress
 
@@ -91,16 +91,15 @@ def _strike(topology, masses, joints, strength, wood, scratch, parts, wrenches, 
         rows, a, b = _between_cells(rows, a, b, node)
     else:
         node, count = np.arange(len(parts)).astype(np.int32), len(parts)
-    cell = _gather(masses, parts, node, count)
-    packed = _pack(joints, rows, a, b, cell[3])
-    incidence = _incidence(count, a, b)
-    alive = np.ones(len(rows), np.bool_)
+    cell = rigid_cells.gather(masses, parts, node, count, wrenches)
+    packed = _pack(joints, rows, a, b, cell[1])
+    pairs, faint = rigid_cells.pair_up(a, b, count), _ROUNDING * _largest(wrenches)
+    alive, axes = np.ones(len(rows), np.bool_), joints[1][rows]
     load, wrench = np.zeros(len(rows)), np.zeros((len(rows), 6))
     broken, over, found = np.empty(len(rows), np.int64), np.empty(len(rows)), 0
     worst, gentler = 1.0, 1.0
     for turn in range(_ROUNDS):
-        strain = _solve(cell, node, packed, joints[1], rows, a, b, alive, incidence, wrenches,
-                        wrench)
+        strain = _solve(cell, pairs, packed, axes, a, b, alive, faint, wrench)
         if strain < 0.0:
             break  # the loads move all parts alike
         if turn == 0:
@@ -132,26 +131,6 @@ def _between_cells(rows, a, b, node):
 
 
 @kernel
-def _gather(masses, parts, node, count):
-    """Give mass, inertia and centre of some parts, and centre and reach of their cells."""
-    mass, inertia, middle = masses[0][parts], masses[3][parts], masses[1][parts]
-    total, centre, reach = np.zeros(count), np.zeros((count, 3)), np.zeros(count)
-    for p in range(len(parts)):
-        total[node[p]] += mass[p]
-        for c in range(3):
-            centre[node[p], c] += mass[p] * middle[p, c]
-    for i in range(count):
-        for c in range(3):
-            centre[i, c] /= total[i]
-    for p in range(len(parts)):
-        i = node[p]
-        away = ((middle[p, 0] - centre[i, 0]) ** 2 + (middle[p, 1] - centre[i, 1]) ** 2
-                + (middle[p, 2] - centre[i, 2]) ** 2) ** 0.5
-        reach[i] = max(reach[i], masses[2][parts[p]] + away)
-    return mass, inertia, middle, centre, reach
-
-
-@kernel
 def _pack(joints, rows, a, b, centre):
     """Pack springs between cells into links, see `links.build`."""
     centroid, axes, spring = joints[0], joints[1], joints[2]
@@ -172,43 +151,24 @@ def _pack(joints, rows, a, b, centre):
 
 
 @kernel
-def _incidence(count, a, b):
-    """List the bonds of every cell in ascending order."""
-    start = np.zeros(count + 1, np.int64)
-    for k in range(len(a)):
-        start[a[k] + 1] += 1
-        start[b[k] + 1] += 1
-    for i in range(count):
-        start[i + 1] += start[i]
-    fill, incident = start[:-1].copy(), np.empty(2 * len(a), np.int32)
-    for k in range(len(a)):
-        incident[fill[a[k]]] = k
-        fill[a[k]] += 1
-        incident[fill[b[k]]] = k
-        fill[b[k]] += 1
-    return start, incident
-
-
-@kernel
-def _solve(cell, node, packed, axes, rows, a, b, alive, incidence, wrenches, wrench):
+def _solve(cell, pairs, packed, axes, a, b, alive, faint, wrench):
     """
     Work out what the bonds carry; give the strain energy [J], -1 when nothing is strained.
 
+    :param cell: see `rigid_cells.gather`; pairs: see `rigid_cells.pair_up`.
+    :param faint: loads that are none [N], [N·m].
     :param wrench: force and moment in the bond frames [N], [N·m], (K, 6), written.
     """
-    mass, inertia, middle, centre, reach = cell
-    count = len(centre)
-    label = components.label_living(count, a, b, alive)[0]
-    load = balanced(label, node, mass, inertia, middle, centre, wrenches)
-    if len(rows) == 0 or _largest(load) < _ROUNDING * _largest(wrenches):
+    _, centre, _, reach, _ = cell
+    label = components.label_living(len(centre), a, b, alive)[0]
+    load = rigid_cells.balanced(label, cell)
+    if not alive.any() or _largest(load) < faint:
         return -1.0
-    blocks = np.zeros((count, 6, 6), np.float32)
-    everything, bonds = np.arange(count), np.arange(len(rows))
-    links.diagonal_inverses(everything, incidence[0], incidence[1], alive, packed, a, blocks)
-    moved = pcg.relax(a, b, packed, blocks, load, reach, _ACCURACY, _ITERATIONS)
-    links.pulls(bonds, packed, axes[rows], a, b, moved, wrench)
+    spring = rigid_cells.springs(pairs[0], pairs[1], a, packed, alive)
+    moved = rigid_cells.relax(pairs[1], spring, centre, load, reach, _ACCURACY, _ITERATIONS)
+    links.pulls(np.arange(len(axes)), packed, axes, a, b, moved, wrench)
     energy = 0.0
-    for i in range(count):
+    for i in range(len(centre)):
         for c in range(6):
             energy += moved[i, c] * load[i, c]
     return 0.5 * energy
@@ -307,74 +267,3 @@ def _cut(topology, row):
     alive[row] = False
     cracked[row] = False
     packed[row, 6:] = 0.0
-
-
-@kernel
-def balanced(label, node, mass, inertia, centre, middle, wrenches):
-    """
-    Add the inertia forces of rigid motion to a blow, island by island, and gather them by cell.
-
-    :param label: island of each cell, (C,); node: cell of each part, (P,).
-    :param middle: centres of mass of the cells, (C, 3).
-    :param wrenches: on the parts, (P, 6).
-    :returns: wrench on each cell, (C, 6), in balance over every island.
-    """
-    hub, push = _accelerations(label, node, mass, inertia, centre, wrenches, len(middle))
-    out = np.zeros((len(middle), 6))
-    for p in range(len(mass)):
-        i = label[node[p]]
-        arm = centre[p] - hub[i]
-        lever = centre[p] - middle[node[p]]
-        spin = push[i, 3:]
-        x = wrenches[p, 0] - mass[p] * (push[i, 0] + spin[1] * arm[2] - spin[2] * arm[1])
-        y = wrenches[p, 1] - mass[p] * (push[i, 1] + spin[2] * arm[0] - spin[0] * arm[2])
-        z = wrenches[p, 2] - mass[p] * (push[i, 2] + spin[0] * arm[1] - spin[1] * arm[0])
-        row = out[node[p]]
-        row[0] += x
-        row[1] += y
-        row[2] += z
-        row[3] += wrenches[p, 3] + lever[1] * z - lever[2] * y
-        row[4] += wrenches[p, 4] + lever[2] * x - lever[0] * z
-        row[5] += wrenches[p, 5] + lever[0] * y - lever[1] * x
-        for c in range(3):
-            for d in range(3):
-                row[3 + c] -= inertia[p, c, d] * spin[d]
-    return out
-
-
-@subroutine
-def _accelerations(label, node, mass, inertia, centre, wrenches, count):
-    """
-    Find how wrenches accelerate free islands as rigid bodies.
-
-    :returns: centres of mass (count, 3), linear and angular accelerations (count, 6).
-    """
-    total = np.zeros(count)
-    hub = np.zeros((count, 3))
-    push = np.zeros((count, 6))
-    tensor = np.zeros((count, 3, 3))
-    for p in range(len(mass)):
-        i = label[node[p]]
-        total[i] += mass[p]
-        for c in range(3):
-            hub[i, c] += mass[p] * centre[p, c]
-    for i in range(count):
-        if total[i] > 0.0:
-            hub[i] /= total[i]
-    for p in range(len(mass)):
-        i = label[node[p]]
-        arm = centre[p] - hub[i]
-        square = (arm * arm).sum()
-        for c in range(3):
-            push[i, c] += wrenches[p, c]
-            tensor[i, c, c] += mass[p] * square
-            for d in range(3):
-                tensor[i, c, d] += inertia[p, c, d] - mass[p] * arm[c] * arm[d]
-        push[i, 3] += wrenches[p, 3] + arm[1] * wrenches[p, 2] - arm[2] * wrenches[p, 1]
-        push[i, 4] += wrenches[p, 4] + arm[2] * wrenches[p, 0] - arm[0] * wrenches[p, 2]
-        push[i, 5] += wrenches[p, 5] + arm[0] * wrenches[p, 1] - arm[1] * wrenches[p, 0]
-    for i in range(count):
-        if total[i] > 0.0:
-            push[i, :3] /= total[i]
-            push[i, 3:] = np.linalg.solve(tensor[i], push[i, 3:])
-    return hub, push

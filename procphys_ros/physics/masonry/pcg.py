@@ -156,36 +156,3 @@ def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit)
         worst = _go(parts, product / bend, x, residual, p, q, reach)
         done += 1
     return done, old, worst
-
-
-@kernel
-def blocks_alone(blocks):
-    """Give the preconditioner of `iterate` without a coarse space: one aggregate that is rigid."""
-    count = len(blocks)
-    rigid = (np.zeros(1, np.int64), np.zeros(2, np.int64), np.zeros(0, np.int64),
-             np.zeros(0, np.float32), np.zeros((1, 6, 6)))
-    return (blocks, np.zeros(count + 1, np.int32), np.zeros((count, 3)), rigid,
-            np.zeros((1, 6)), np.zeros((1, 6)))
-
-
-@kernel
-def relax(first, second, springs, blocks, load, reach, accuracy, limit):
-    """
-    Solve one small system from zero, preconditioned by blocks alone.
-
-    :param first, second: parts that each bond joins, (M,).
-    :param springs: see `links.build`, (M, 18).
-    :param blocks: inverses of the diagonal blocks, (N, 6, 6) float32.
-    :param load: on the parts [N, N·m], (N, 6); its sum vanishes where nothing is held.
-    :param reach: of the parts [m], (N,).
-    :param accuracy: largest nodal residual at the end, of the largest nodal load.
-    :param limit: largest number of iterations.
-    :returns: displacements [m, rad], (N, 6).
-    """
-    parts, bonds = np.arange(len(load)), np.arange(len(first))
-    moved = np.zeros(load.shape)
-    state = (moved, load.copy(), np.zeros(load.shape), np.zeros(load.shape), np.zeros(load.shape))
-    _iterate((parts, bonds, np.zeros(1, np.int64)), (springs, first, second),
-             blocks_alone(blocks), state, reach, 0.0,
-             accuracy * residual_size(parts, load, reach), limit)
-    return moved
