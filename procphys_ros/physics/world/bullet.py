@@ -325,11 +325,6 @@ class BulletEngine:
         """Read poses (K, 7) and velocities (K, 6) of centres of mass, world axes."""
         return self._client.read(self._handles[ids].tolist())
 
-    def are_near(self, table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Tell which pairs of bodies are less than a distance apart, (P,) bool."""
-        return np.array([self._client.are_near(one, other, far) for one, other, far
-                         in zip(*self._handles[pairs].T.tolist(), distance.tolist())], bool)
-
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
         found = self._client.contacts()

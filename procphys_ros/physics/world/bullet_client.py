@@ -279,14 +279,6 @@ class BulletClient:
             to_velocity += 6 * _DOUBLE
         return poses, velocities
 
-    def are_near(self, one: int, other: int, distance: float) -> bool:
-        """Say whether two bodies are less than a distance [m] apart."""
-        c, command = self._c, self._c.b3InitClosestDistanceQuery(self._world)
-        c.b3SetClosestDistanceFilterBodyA(command, one)
-        c.b3SetClosestDistanceFilterBodyB(command, other)
-        c.b3SetClosestDistanceThreshold(command, distance)
-        return len(self._points(command)) > 0
-
     def contacts(self, body: int | None = None) -> np.ndarray:
         """Read the contact points of the last step, or those of a body, (C,) of `CONTACT`."""
         command = self._c.b3InitRequestContactPointInformation(self._world)

@@ -107,15 +107,6 @@ class Engine(Protocol):
         """Read poses (K, 7) and velocities (K, 6), world axes."""
         raise NotImplementedError
 
-    def are_near(self, table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """
-        Tell which pairs of bodies have shapes that are less than a distance apart, (P,) bool.
-
-        :param pairs: ids, (P, 2).
-        :param distance: [m], (P,).
-        """
-        raise NotImplementedError
-
     def contacts(self) -> np.ndarray:
         """
         Read the contact points of the last step; what is near without force may be left out.

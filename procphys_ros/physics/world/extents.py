@@ -42,8 +42,9 @@ def are_near(table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.nd
     :param pairs: ids, (P, 2).
     :param distance: [m], (P,).
     """
-    return _are_near(np.ascontiguousarray(pairs), distance, table.poses, table.first_piece,
-                     table.piece_count, table.piece_shape, table.piece_size, table.piece_pose)
+    return _are_near(np.ascontiguousarray(pairs), distance, table.poses, table.radius,
+                     table.first_piece, table.piece_count, table.piece_shape, table.piece_size,
+                     table.piece_pose)
 
 
 @kernel
@@ -62,13 +63,17 @@ def _bounds(ids, poses, first, count, shapes, sizes, local):
 
 
 @kernel
-def _are_near(pairs, distance, poses, first, count, shapes, sizes, local):
+def _are_near(pairs, distance, poses, radius, first, count, shapes, sizes, local):
     near = np.zeros(len(pairs), np.bool_)
     for n in range(len(pairs)):
         one, other = pairs[n, 0], pairs[n, 1]
         for p in range(first[one], first[one] + count[one]):
             place, turn = _placed(poses[one], local[p])
             half = _half(shapes[p], sizes[p], distance[n])
+            arm = (place[0] - poses[other, 0], place[1] - poses[other, 1],
+                   place[2] - poses[other, 2])
+            if _dot(arm, arm) > (_dot(half, half) ** 0.5 + radius[other]) ** 2:
+                continue
             for q in range(first[other], first[other] + count[other]):
                 other_place, other_turn = _placed(poses[other], local[q])
                 arm = (place[0] - other_place[0], place[1] - other_place[1],

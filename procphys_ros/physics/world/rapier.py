@@ -31,7 +31,7 @@ import rapier3d
 from procphys_ros.blueprint import Shape
 from procphys_ros.hexahedron import inset
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.world import extents, rigid_states
+from procphys_ros.physics.world import rigid_states
 from procphys_ros.physics.world.assembly import placed
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
@@ -233,10 +233,6 @@ class RapierEngine:
         self._velocity[ids] = table[:, 7:10]
         self._after = self._velocity.copy()
         return table[:, :7], table[:, 7:]
-
-    def are_near(self, table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.ndarray:
-        """Tell which pairs of bodies, taken for boxes, are less than a distance apart, (P,)."""
-        return extents.are_near(table, pairs, distance)
 
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""

@@ -19,7 +19,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import Engine
-from procphys_ros.physics.world.extents import bounds
+from procphys_ros.physics.world.extents import are_near, bounds
 from procphys_ros.physics.world.settling import TREMBLE_TIME
 
 WAKE_SPEED = 0.6  # [m/s], speed change by a hit that thaws a resting body: a fall of 2 cm
@@ -28,7 +28,7 @@ _FAST = 0.5  # motion in one step, as a share of a body's least extent, above wh
 _SWEEP = 0.45  # radius of the swept sphere as a share of the least extent
 
 
-def about_to_be_hit(engine: Engine, bodies: BodyTable, time_step: float) -> np.ndarray:
+def about_to_be_hit(bodies: BodyTable, time_step: float) -> np.ndarray:
     """
     Choose the resting bodies that moving ones will hit in this step, hard enough to move them.
 
@@ -48,7 +48,7 @@ def about_to_be_hit(engine: Engine, bodies: BodyTable, time_step: float) -> np.n
     pairs = reached_pairs(bodies, resting, moving, bounds(bodies, moving), time_step)
     pairs = pairs[_local_speed(bodies, pairs) > _least_hit(bodies, pairs)]
     reach = rim_speed(bodies, pairs[:, 1]) * time_step + _NEAR
-    return np.unique(pairs[engine.are_near(bodies, pairs, reach), 0])
+    return np.unique(pairs[are_near(bodies, pairs, reach), 0])
 
 
 def sweep_fast(engine: Engine, bodies: BodyTable, awake: np.ndarray, time_step: float) -> None:

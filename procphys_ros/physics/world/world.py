@@ -345,7 +345,7 @@ class World:
         if not (bodies.state >= BodyState.AWAKE).any():
             self._pass_time(time_step)
             return
-        self.thaw(about_to_be_hit(self._engine, bodies, time_step))
+        self.thaw(about_to_be_hit(bodies, time_step))
         sweep_fast(self._engine, bodies, self.awake, time_step)
         self._queue.advance(self.awake, time_step)
         self._places = bodies.copied('poses', self._places)
