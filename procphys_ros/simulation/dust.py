@@ -59,20 +59,27 @@ def watch(model: Model, state: State, dt: float) -> None:
                      'radius': bodies.radius[ids], 'energy': energy, 'spared': spared[ids]}
 
 
-def step(model: Model, state: State, dt: float) -> None:
-    """Raise dust from what broke and hit in this step, and move all of it; writes dust."""
+def drift(model: Model, state: State, dt: float) -> None:
+    """Move all dust; runs beside the engine's step, and writes `state.dust`."""
     own = state.dust
     if own.cloud is None:
         return
-    _from_fractures(model, state, own.cloud)
-    if own.watch is not None:
-        own.cloud.raise_dust(*_spent(model, state, own.watch, dt))
     if own.cloud.dusty:
         below = skyline.current(model, state)
         if own.skyline is not below:
             own.skyline = below
             own.cloud.lift(below)
     own.cloud.step(dt, lambda points: state.wind.velocity(points, state.time), own.skyline)
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """Raise dust from what broke and hit in this step; writes `state.dust`."""
+    own = state.dust
+    if own.cloud is None:
+        return
+    _from_fractures(model, state, own.cloud)
+    if own.watch is not None:
+        own.cloud.raise_dust(*_spent(model, state, own.watch, dt))
 
 
 def _from_projectiles(model: Model, state: State, cloud: DustCloud) -> None:

@@ -62,15 +62,21 @@ def apply_loads(model: Model, state: State, dt: float) -> None:
     state.loads.apply(state.solver, state.time, dt)
 
 
+def move_in_air(model: Model, state: State, dt: float) -> None:
+    """Move leaves and dust, which both ask for the air and for what stands; writes both."""
+    foliage.step(model, state, dt)
+    dust.drift(model, state, dt)
+
+
 def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
     """
-    Move and collide rigid bodies; beside them solve stresses, and move leaves.
+    Move and collide rigid bodies; beside them solve stresses, and move leaves and dust.
 
-    Writes `state.world`, `state.rubble`, stresses and what leaves are.
+    Writes `state.world`, `state.rubble`, stresses, leaves and dust.
     """
     bodies, rubble = state.world.bodies, state.rubble
     with ExitStack() as meanwhile:  # waits for both, whatever fails
-        for name, work in (('leaves', foliage.step), ('stresses', masonry.solve_stresses)):
+        for name, work in (('air', move_in_air), ('stresses', masonry.solve_stresses)):
             meanwhile.callback(beside(name, partial(work, model, state, dt), model.threads))
         rubble.velocities = bodies.copied('velocities', rubble.velocities)
         rubble.poses = bodies.copied('poses', rubble.poses)
