@@ -51,7 +51,7 @@ class _Table:
     """Columns of equal length that can be selected and chained."""
 
     def __len__(self) -> int:
-        return len(getattr(self, fields(self)[0].name))
+        return len(next(iter(vars(self).values())))
 
     def take(self, rows: np.ndarray) -> Self:
         """Select rows, (K,) indices or a mask."""

@@ -108,7 +108,8 @@ def test_a_split_keeps_momentum_and_every_part_its_velocity():
     np.testing.assert_allclose(velocities[:, :3], motion[:3] + np.cross(motion[3:], arm),
                                atol=1e-9)
     before = momentum(piece, start, velocities)
-    bodies = fragments.split(simulation.model, state, body, [parts[5:20], parts[20:], parts[:5]])
+    bodies = fragments.split(simulation.model, state, [
+        (body, [parts[5:20], parts[20:], parts[:5]])])
     fragments.write_poses(simulation.model, state, simulation.time_step)
     assert len(bodies) == 3 and len(state.bodies.members) == 3
     np.testing.assert_allclose(simulation.poses[:, :3], start[:, :3], atol=1e-9)

@@ -76,15 +76,11 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
     bodies = state.parts.body[parts[rows]]
     state.world.thaw(bodies, velocities[rows])
     adopt(state, parts[rows], bodies)
-    waiting = []
-    for i in np.flatnonzero(~single).tolist():
-        piece = slice(start[i], start[i + 1])
-        waiting.append((parts[piece], poses[piece], velocities[piece]))
-        if stood[start[i]]:  # the new body gets numbers of those that it is made of
-            state.world.remove(state.parts.body[parts[piece]])
-            make_bodies(model, state, waiting)
-            waiting = []
-    make_bodies(model, state, waiting)
+    several = np.repeat(~single, np.diff(start))
+    state.world.remove(state.parts.body[parts[stood & several]])
+    ranges = [slice(start[i], start[i + 1]) for i in np.flatnonzero(~single).tolist()]
+    make_bodies(model, state, [(parts[piece], poses[piece], velocities[piece])
+                               for piece in ranges])
 
 
 def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float) -> None:
@@ -198,22 +194,26 @@ def adopt(state: State, parts: np.ndarray, bodies: np.ndarray) -> None:
         _enter(state, int(body), np.array([part]), _IDENTITY)
 
 
-def split(model: Model, state: State, body: int, pieces: Sequence[np.ndarray]) -> list[int]:
+def split(model: Model, state: State,
+          broken: Sequence[tuple[int, Sequence[np.ndarray]]]) -> list[int]:
     """
-    Replace a body by its pieces, which go on as parts of the rigid body did: v + ω × r, ω.
+    Replace bodies by their pieces, which go on as parts of the rigid body did: v + ω × r, ω.
 
-    :param body: id.
-    :param pieces: its parts, (P,) each; parts that are in no piece have no body then.
+    :param broken: id of each body, and the parts of its pieces, (P,) each; those that are in no
+        piece have no body then.
     :returns: ids of the new bodies.
     """
-    whole = state.bodies.members[body]
-    poses, velocities = part_states(state, body)
-    state.parts.body[state.bodies.members.pop(body)] = -1
-    state.bodies.size[body] = 0
+    made = []
+    for body, pieces in broken:
+        whole = state.bodies.members[body]
+        poses, velocities = part_states(state, body)
+        state.parts.body[state.bodies.members.pop(body)] = -1
+        state.bodies.size[body] = 0
+        rows = [np.searchsorted(whole, np.sort(parts)) for parts in pieces]
+        made += [(whole[row], poses[row], velocities[row]) for row in rows]
     state.bodies.carried = None
-    state.world.remove(np.array([body]))
-    rows = [np.searchsorted(whole, np.sort(parts)) for parts in pieces]
-    return make_bodies(model, state, [(whole[row], poses[row], velocities[row]) for row in rows])
+    state.world.remove(np.array([body for body, _ in broken], np.intp))
+    return make_bodies(model, state, made)
 
 
 def take_out(model: Model, state: State, body: int, parts: np.ndarray) -> None:
@@ -224,7 +224,7 @@ def take_out(model: Model, state: State, body: int, parts: np.ndarray) -> None:
     :param parts: (K,) indices; those that the body does not carry do not count.
     """
     rest = np.setdiff1d(state.bodies.members[body], parts)
-    split(model, state, body, state.loose_bonds.pieces(rest) if len(rest) else [])
+    split(model, state, [(body, state.loose_bonds.pieces(rest) if len(rest) else [])])
 
 
 def part_states(state: State, body: int) -> tuple[np.ndarray, np.ndarray]:

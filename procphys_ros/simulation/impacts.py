@@ -96,9 +96,9 @@ def step(model: Model, state: State, dt: float) -> None:
         debris_loads.knock_out(model, state, found)
         for blow, result in broken:
             _record(model, state, blow, result)
-            if len(result.pieces) > 1:
-                contact_exclusions.add_split(state, result.pieces)
-                fragments.split(model, state, blow.body, result.pieces)
+            contact_exclusions.add_split(state, result.pieces)
+        fragments.split(model, state, [(blow.body, result.pieces) for blow, result in broken
+                                       if len(result.pieces) > 1])
     if glass.shatter_loose(model, state) or broken or found:
         fragments.write_poses(model, state, dt)
 

@@ -108,7 +108,9 @@ class Supports:
 
     def carried_by(self, support: np.ndarray) -> np.ndarray:
         """List the bodies that rest on any of the given ids."""
-        return np.unique(self.resting[np.isin(self.support, support)])
+        carries = np.zeros(max(self.support.max(initial=0), support.max(initial=0)) + 1, bool)
+        carries[support] = True
+        return np.unique(self.resting[carries[self.support]])
 
     def lost(self, bodies: BodyTable) -> np.ndarray:
         """

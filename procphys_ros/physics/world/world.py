@@ -147,16 +147,9 @@ class World:
                                             hexahedra)])[0])
 
     def add_loose(self, bodies: Sequence[LooseBody]) -> np.ndarray:
-        """
-        Add bodies that move freely, and give their ids, (K,).
-
-        The engine gets them in this order, which decides how contacts are rounded; of a list with
-        plain ones it would take these last.
-        """
+        """Add bodies that move freely, and give their ids, (K,)."""
         ids = self._bodies.add_bodies(BodyState.AWAKE, bodies)
-        is_plain = self._bodies.least[ids] > 0.0
-        for some in np.split(ids, np.flatnonzero(is_plain[1:] | is_plain[:-1]) + 1):
-            self._engine.add(self._bodies, some)
+        self._engine.add(self._bodies, ids)
         return ids
 
     def add_driven(self, pieces: Pieces, pose: np.ndarray, friction: float = FRICTION) -> int:
@@ -200,6 +193,8 @@ class World:
     def remove(self, ids: np.ndarray) -> None:
         """Take bodies out; what rested on them is set free. Their ids may be given again."""
         ids = np.atleast_1d(ids)
+        if not len(ids):
+            return
         carried = self._supports.carried_by(ids)
         if len(self._excluded):
             self.exclude_contacts(self._excluded[~np.isin(self._excluded, ids).any(axis=1)])
