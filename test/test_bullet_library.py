@@ -75,7 +75,7 @@ def test_bodies_move_and_touch_as_by_the_functions_of_pybullet(client):
     for _ in range(40):
         client.step()
     states, theirs = simulate_by_python(40)
-    assert np.array_equal(np.hstack(client.read(bodies)), states)
+    assert np.array_equal(np.hstack(client.read(np.array(bodies))), states)
     points = client.contacts()
     assert len(points) == len(theirs) > 4
     for mine, one in zip(points, theirs):
@@ -84,6 +84,55 @@ def test_bodies_move_and_touch_as_by_the_functions_of_pybullet(client):
                 'rubbing': (one[10], one[12]), 'ways': (one[11], one[13])}
         assert all(np.array_equal(mine[name], value) for name, value in told.items())
     assert len(client.contacts(bodies[0])) == sum(bodies[0] in one[1:3] for one in theirs)
+
+
+def set_in_motion_by_python(poses, velocities, steps):
+    """Set three bricks up, moved, pushed and held by PyBullet's Python functions; give states."""
+    to = {'physicsClientId': pybullet.connect(pybullet.DIRECT)}
+    pybullet.setGravity(0.0, 0.0, -9.81, **to)
+    pybullet.setTimeStep(DT, **to)
+    shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=BRICK, **to)
+    bodies = [pybullet.createMultiBody(
+        2.0, shape, basePosition=(float(n), 0.0, 1.0), useMaximalCoordinates=1,
+        flags=pybullet.URDF_ENABLE_SLEEPING, **to) for n in range(3)]
+    for n, body in enumerate(bodies):
+        pybullet.changeDynamics(body, -1, lateralFriction=0.3, restitution=0.1, linearDamping=0.0,
+                                angularDamping=0.0, **to)
+        pybullet.changeDynamics(body, -1, mass=4.0 + n, localInertiaDiagonal=(0.1, 0.2, 0.3),
+                                activationState=pybullet.ACTIVATION_STATE_DISABLE_SLEEPING, **to)
+        pybullet.setCollisionFilterGroupMask(body, -1, 1, 0, **to)
+        pybullet.resetBasePositionAndOrientation(body, poses[n, :3], poses[n, 3:], **to)
+        pybullet.resetBaseVelocity(body, velocities[n, :3], velocities[n, 3:], **to)
+    pybullet.resetBaseVelocity(bodies[2], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), **to)
+    pybullet.changeDynamics(bodies[2], -1, mass=0.0,
+                            activationState=pybullet.ACTIVATION_STATE_SLEEP, **to)
+    for _ in range(steps):
+        pybullet.stepSimulation(**to)
+    states = np.array([[*sum(pybullet.getBasePositionAndOrientation(body, **to), ()),
+                        *sum(pybullet.getBaseVelocity(body, **to), ())] for body in bodies])
+    pybullet.disconnect(to['physicsClientId'])
+    return states
+
+
+def test_commands_for_many_bodies_are_those_of_pybullet(client):
+    """Set bricks up, move and push them, and hold one: they go on the same to the bit."""
+    rng = np.random.default_rng(4)
+    poses, velocities = rng.normal(size=(3, 7)), rng.normal(size=(3, 6))
+    poses[:, 3:] /= np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    create(client, BRICK, 2.0, *((float(n), 0.0, 1.0) for n in range(3)))
+    bodies, inertia = np.arange(3), np.tile([0.1, 0.2, 0.3], (3, 1))
+    yes, filters = np.ones(3, bool), np.tile(np.array([1, 0], np.intc), (3, 1))
+    client.set_up(bodies, yes, ~yes, np.tile([0.3, 0.1], (3, 1)), 4.0 + bodies, inertia, filters)
+    client.set_poses(bodies, poses)
+    client.set_velocities(bodies, velocities)
+    client.freeze(bodies[1:], filters[1:])
+    client.thaw(bodies[1:2], np.array([5.0]), inertia[1:2], filters[1:2])
+    client.set_velocities(bodies[1:2], velocities[1:2])
+    for _ in range(30):
+        client.step()
+    states = set_in_motion_by_python(poses, velocities, 30)
+    assert np.array_equal(np.hstack(client.read(bodies)), states)
+    np.testing.assert_allclose(states[2], [*poses[2], *np.zeros(6)], atol=1e-12)
 
 
 def test_other_threads_run_while_bullet_computes(client):
@@ -121,7 +170,7 @@ def fall(seed):
         for _ in range(15):
             client.step()
         client.remove([bodies.pop(0)])
-    states, count = np.hstack(client.read(bodies)), len(client.contacts())
+    states, count = np.hstack(client.read(np.array(bodies))), len(client.contacts())
     client.close()
     return states.tobytes(), count
 

@@ -57,9 +57,10 @@ _GROUND_DEPTH = 50.0   # [m] half of its thickness
 
 _MEMORY_FOLDER = '/dev/shm'  # a folder in memory, where there is one
 _ROUND = 6  # decimals of sizes and quaternions up to which plain bodies are added together
-_HELD = (BodyState.FIXED, BodyState.RESTING)  # created with mass, or Bullet never moves them
+_HELD = np.isin(list(BodyState), (BodyState.FIXED, BodyState.RESTING))  # by state: created
+#        with mass, or Bullet never moves them
 _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
-_FILTERS = {int(state): filters for state, filters in COLLISION_FILTERS.items()}
+_FILTERS = np.array([COLLISION_FILTERS.get(state, (0, 0)) for state in BodyState], np.intc)
 
 
 class BulletEngine:
@@ -86,7 +87,7 @@ class BulletEngine:
         self._time_step, self._dense = 0.0, False
         self._made, self._free = 0, list[int]()  # numbers of bodies: given out, given back
         self._shapes: dict[tuple, int] = {}
-        self._states: dict[int, int] = {}  # by PyBullet's ids, as collisions know them
+        self._states = np.full(0, -1)  # by PyBullet's ids, as collisions know them
         self._rules: dict[int, dict[int, bool]] = {}  # whether a pair of them is excluded
         self._handles = np.full(0, -1)  # PyBullet's id of each body
         self._ids = np.full(0, -1)  # and the other way round
@@ -241,21 +242,14 @@ class BulletEngine:
         """Give new bodies their inertia, surfaces and velocities; those that move come first."""
         state = table.state[ids]
         moves, is_ground = state >= BodyState.AWAKE, state == BodyState.GROUND
-        moving, held = moves.tolist(), np.isin(state, _HELD).tolist()
-        bodies, handles, states = ids.tolist(), self._handles[ids].tolist(), state.tolist()
+        order = np.argsort(np.where(moves, 0, np.where(is_ground, 1, 2)), kind='stable')
+        ids, state = ids[order], state[order]
         # Bullet multiplies friction and restitution of a pair, so it gets the roots of them.
-        friction, restitution = (np.sqrt(column[ids]).tolist()
-                                 for column in (table.friction, table.restitution))
-        for chosen in (moves, is_ground, ~moves & ~is_ground):
-            for place in np.flatnonzero(chosen).tolist():
-                body, handle = bodies[place], handles[place]
-                self._client.set_surface(handle, friction[place], restitution[place])
-                if moving[place]:
-                    self._client.set_free(handle, table.mass[body], table.inertia[body])
-                elif held[place]:
-                    self._client.set_held(handle)
-                self._set_filter(handle, states[place])
-        self._set_in_motion(table, ids[moves])
+        surfaces = np.sqrt(np.column_stack([table.friction[ids], table.restitution[ids]]))
+        self._client.set_up(self._handles[ids], moves[order], _HELD[state], surfaces,
+                            table.mass[ids], table.inertia[ids], _FILTERS[state])
+        self._note(self._handles[ids], state)
+        self._set_in_motion(table, ids[state >= BodyState.AWAKE])
 
     def _set_in_motion(self, table: BodyTable, ids: np.ndarray) -> None:
         """Give bodies their velocities, and sweep those that are to be swept."""
@@ -263,11 +257,12 @@ class BulletEngine:
         swept = ids[table.swept_radius[ids] > 0.0]
         self.set_swept(swept, table.swept_radius[swept])
 
-    def _set_filter(self, handle: int, state: int) -> None:
-        self._client.set_filter(handle, *_FILTERS[state])
-        self._states[handle] = state
-        for other in self._rules.get(handle, ()):
-            self._set_rule(handle, other)
+    def _note(self, handles: np.ndarray, states: np.ndarray) -> None:
+        """Keep what bodies do, and follow the rules of pairs, which go before their filters."""
+        self._states = _filled(self._states, handles, states)
+        for handle in handles.tolist() if self._rules else ():
+            for other in self._rules.get(handle, ()):
+                self._set_rule(handle, other)
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """
@@ -282,8 +277,7 @@ class BulletEngine:
             self._set_rule(one, other)
 
     def _set_rule(self, one: int, other: int) -> None:
-        (group, mask), (group_, mask_) = (_FILTERS[self._states[handle]]
-                                          for handle in (one, other))
+        (group, mask), (group_, mask_) = _FILTERS[self._states[[one, other]]].tolist()
         meet = not self._rules[one][other] and bool(group & mask_) and bool(group_ & mask)
         self._client.set_pair(one, other, meet)
 
@@ -295,26 +289,24 @@ class BulletEngine:
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, at no cost per step, (K,) ids."""
-        fixed, still = int(BodyState.FIXED), np.zeros((1, 6))
-        for handle in self._handles[ids].tolist():  # one by one: the order of commands matters
-            self._client.set_velocities([handle], still)
-            self._client.set_held(handle)
-            self._set_filter(handle, fixed)
+        states = np.full(len(ids), BodyState.FIXED)
+        self._client.freeze(self._handles[ids], _FILTERS[states])
+        self._note(self._handles[ids], states)
 
     def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
         """Let immovable bodies move, (K,) ids."""
-        awake = int(BodyState.AWAKE)
-        for body, handle in zip(ids.tolist(), self._handles[ids].tolist()):
-            self._client.set_free(handle, table.mass[body], table.inertia[body])
-            self._set_filter(handle, awake)
+        states = np.full(len(ids), BodyState.AWAKE)
+        self._client.thaw(self._handles[ids], table.mass[ids], table.inertia[ids],
+                          _FILTERS[states])
+        self._note(self._handles[ids], states)
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
         """Set centres of mass and principal axes, world, (K, 7)."""
-        self._client.set_poses(self._handles[ids].tolist(), poses)
+        self._client.set_poses(self._handles[ids], poses)
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set linear [m/s] and angular velocities [rad/s], world axes, (K, 6)."""
-        self._client.set_velocities(self._handles[ids].tolist(), velocities)
+        self._client.set_velocities(self._handles[ids], velocities)
 
     def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
         """Sweep spheres of these radii [m] along the steps of plain bodies, (K,); 0 = do not."""
@@ -323,7 +315,7 @@ class BulletEngine:
 
     def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Read poses (K, 7) and velocities (K, 6) of centres of mass, world axes."""
-        return self._client.read(self._handles[ids].tolist())
+        return self._client.read(self._handles[ids])
 
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
@@ -356,7 +348,7 @@ def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:
 
 def _filled(column: np.ndarray, rows: np.ndarray, values: list[int] | np.ndarray) -> np.ndarray:
     """Write values to rows of a column, made longer where needed."""
-    least = int(np.max(rows)) + 1
+    least = int(np.max(rows, initial=-1)) + 1
     if least > len(column):
         column = np.concatenate([column, np.full(max(least, 2 * len(column)) - len(column), -1)])
     column[rows] = values

@@ -23,7 +23,9 @@ import weakref
 
 import numpy as np
 
+from procphys_ros.physics.world import bullet_commands as commands
 from procphys_ros.physics.world.bullet_library import (
+    addresses,
     CONTACT,
     ContactInformation,
     load_library,
@@ -32,7 +34,6 @@ from procphys_ros.physics.world.bullet_library import (
 
 MOST_SHAPES = 16  # of a compound that is made without a file, MAX_COMPOUND_COLLISION_SHAPES
 _SLEEPING, _INERTIA_FROM_FILE = 2048, 2  # URDF_ENABLE_SLEEPING, URDF_USE_INERTIA_FROM_FILE
-_DISABLE_SLEEPING, _SLEEP = 2, 8  # eActivationState...
 _BASE = -1  # the only link of a rigid body
 
 _ZERO, _ONES = np.zeros(3), np.ones(3)
@@ -54,6 +55,9 @@ class BulletClient:
         if not self._world:
             raise RuntimeError('Bullet gave no world')
         self._information = ContactInformation()
+        self._read, self._set_poses, self._set_velocities, self._dynamics = (
+            addresses(names) for names in (commands.READ, commands.SET_POSES,
+                                           commands.SET_VELOCITIES, commands.DYNAMICS))
         self._visual = self._create_visual()
         self.close = weakref.finalize(self, self._c.b3DisconnectSharedMemory, self._world)
 
@@ -201,40 +205,26 @@ class BulletClient:
         for body in bodies:
             self._submit(self._c.b3InitRemoveBodyCommand(self._world, body))
 
-    def set_surface(self, body: int, friction: float, restitution: float) -> None:
-        """Set what is multiplied by that of what a body touches, and take its damping away."""
-        c, command = self._c, self._c.b3InitChangeDynamicsInfo(self._world)
-        c.b3ChangeDynamicsInfoSetLateralFriction(command, body, _BASE, friction)
-        c.b3ChangeDynamicsInfoSetLinearDamping(command, body, 0.0)
-        c.b3ChangeDynamicsInfoSetAngularDamping(command, body, 0.0)
-        c.b3ChangeDynamicsInfoSetRestitution(command, body, _BASE, restitution)
-        self._submit(command)
+    def set_up(self, bodies: np.ndarray, frees: np.ndarray, holds: np.ndarray,
+               surfaces: np.ndarray, mass: np.ndarray, inertia: np.ndarray,
+               filters: np.ndarray) -> None:
+        """Give new bodies surfaces, masses and filters, see `bullet_commands.set_up`."""
+        commands.set_up(self._dynamics, self._world, bodies, frees, holds, surfaces, mass,
+                        inertia, filters)
 
-    def set_free(self, body: int, mass: float, inertia: np.ndarray) -> None:
-        """Let a body move that never sleeps: mass [kg], principal moments [kg·m²], (3,)."""
-        c, command = self._c, self._c.b3InitChangeDynamicsInfo(self._world)
-        c.b3ChangeDynamicsInfoSetMass(command, body, _BASE, mass)
-        c.b3ChangeDynamicsInfoSetLocalInertiaDiagonal(command, body, _BASE, _address(inertia))
-        c.b3ChangeDynamicsInfoSetActivationState(command, body, _DISABLE_SLEEPING)
-        self._submit(command)
+    def thaw(self, bodies: np.ndarray, mass: np.ndarray, inertia: np.ndarray,
+             filters: np.ndarray) -> None:
+        """Let bodies move that never sleep: mass [kg], (K,), principal moments [kg·m²], (K, 3)."""
+        commands.thaw(self._dynamics, self._world, bodies, mass, inertia, filters)
 
-    def set_held(self, body: int) -> None:
-        """Let a body stand still at no cost."""
-        c, command = self._c, self._c.b3InitChangeDynamicsInfo(self._world)
-        c.b3ChangeDynamicsInfoSetMass(command, body, _BASE, 0.0)
-        c.b3ChangeDynamicsInfoSetActivationState(command, body, _SLEEP)
-        self._submit(command)
+    def freeze(self, bodies: np.ndarray, filters: np.ndarray) -> None:
+        """Let bodies stand still at no cost."""
+        commands.freeze(self._dynamics, self._set_velocities, self._world, bodies, filters)
 
     def set_swept(self, body: int, radius: float) -> None:
         """Sweep a sphere along its steps [m]."""
         command = self._c.b3InitChangeDynamicsInfo(self._world)
         self._c.b3ChangeDynamicsInfoSetCcdSweptSphereRadius(command, body, _BASE, radius)
-        self._submit(command)
-
-    def set_filter(self, body: int, group: int, mask: int) -> None:
-        """Set what it is, and what it meets."""
-        command = self._c.b3CollisionFilterCommandInit(self._world)
-        self._c.b3SetCollisionFilterGroupMask(command, body, _BASE, group, mask)
         self._submit(command)
 
     def set_pair(self, one: int, other: int, meet: bool) -> None:
@@ -243,40 +233,19 @@ class BulletClient:
         self._c.b3SetCollisionFilterPair(command, one, other, _BASE, _BASE, int(meet))
         self._submit(command)
 
-    def set_poses(self, bodies: list[int], poses: np.ndarray) -> None:
+    def set_poses(self, bodies: np.ndarray, poses: np.ndarray) -> None:
         """Set places [m] and quaternions, world, (K, 7)."""
-        c = self._c
-        for body, pose in zip(bodies, poses.tolist()):
-            command = c.b3CreatePoseCommandInit(self._world, body)
-            c.b3CreatePoseCommandSetBasePosition(command, *pose[:3])
-            c.b3CreatePoseCommandSetBaseOrientation(command, *pose[3:])
-            self._submit(command)
+        commands.set_poses(self._set_poses, self._world, bodies, np.ascontiguousarray(poses))
 
-    def set_velocities(self, bodies: list[int], velocities: np.ndarray) -> None:
+    def set_velocities(self, bodies: np.ndarray, velocities: np.ndarray) -> None:
         """Set linear [m/s] and angular velocities [rad/s], world axes, (K, 6)."""
-        c, velocities = self._c, np.ascontiguousarray(velocities)
-        at = _address(velocities)
-        for body in bodies:
-            command = c.b3CreatePoseCommandInit(self._world, body)
-            c.b3CreatePoseCommandSetBaseLinearVelocity(command, at)
-            c.b3CreatePoseCommandSetBaseAngularVelocity(command, at + 3 * _DOUBLE)
-            self._submit(command)
-            at += 6 * _DOUBLE
+        commands.set_velocities(self._set_velocities, self._world, bodies,
+                                np.ascontiguousarray(velocities))
 
-    def read(self, bodies: list[int]) -> tuple[np.ndarray, np.ndarray]:
+    def read(self, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Read poses (K, 7) and velocities (K, 6), world axes."""
-        c, copy = self._c, ctypes.memmove
         poses, velocities = np.empty((len(bodies), 7)), np.empty((len(bodies), 6))
-        to_pose, to_velocity = _address(poses), _address(velocities)
-        pose, velocity = ctypes.c_void_p(), ctypes.c_void_p()
-        found, too = ctypes.addressof(pose), ctypes.addressof(velocity)
-        for body in bodies:
-            status = self._submit(c.b3RequestActualStateCommandInit(self._world, body))
-            c.b3GetStatusActualState(status, None, None, None, None, found, too, None)
-            copy(to_pose, pose, 7 * _DOUBLE)
-            copy(to_velocity, velocity, 6 * _DOUBLE)
-            to_pose += 7 * _DOUBLE
-            to_velocity += 6 * _DOUBLE
+        commands.read(self._read, self._world, bodies, poses, velocities)
         return poses, velocities
 
     def contacts(self, body: int | None = None) -> np.ndarray:

@@ -19,7 +19,7 @@ PyBullet's Python functions make a tuple of 14 objects per contact point and kee
 while Bullet computes; these give the points as one array, and let other threads run (decision 60).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import ctypes
 from ctypes import c_char_p, c_double, c_int, c_void_p
 from functools import cache
@@ -127,6 +127,13 @@ def load_submit() -> Callable[[int, int], int]:
     library = ctypes.CDLL(_path())
     _declare(library, {name: _FUNCTIONS[name]})
     return getattr(library, name)
+
+
+def addresses(names: Sequence[str]) -> np.ndarray:
+    """Give where functions begin, int64, (K,)."""
+    library = load_library()
+    return np.array([ctypes.cast(getattr(library, name), c_void_p).value for name in names],
+                    np.int64)
 
 
 def _path() -> str:
