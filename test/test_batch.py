@@ -18,6 +18,7 @@
 from contextlib import contextmanager
 import csv
 import errno
+from functools import partial
 import json
 import math
 import os
@@ -30,7 +31,7 @@ import sys
 from node_process import SAPLING
 import pytest
 
-from procphys_ros.batch import command, Run, run, Sweep
+from procphys_ros.batch import command, Run, run, Sweep, workers
 from procphys_ros.batch.command import main
 from procphys_ros.batch.table import Table
 from procphys_ros.batch.workers import attempt
@@ -360,7 +361,49 @@ def test_runs_that_fail_are_told_and_done_again(scene, tmp_path, capsys, monkeyp
     assert main(words) == 1
     said = capsys.readouterr()
     assert 'nothing' in said.err and '1 of 2 runs; say it again' in said.out
+    assert "run 1: post.defines=['nothing=1'], seed=0" in said.err and 'run 0' not in said.err
     assert len(rows(path)) == 1
+
+
+def test_many_runs_that_fail_are_told_in_few_lines(capsys):
+    """Name the first of those that failed for the same reason, and count the others."""
+    command._tell_failure('no room', [f'run {i}: seed={i}' for i in range(500)])
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == 'batch: no room (500 runs)' and said[1] == '  run 0: seed=0'
+    assert len(said) < 30 and said[-1].endswith('480 more')
+
+
+@pytest.mark.parametrize('kills', [1, 2])
+def test_a_killed_process_costs_one_run_at_most(scene, tmp_path, monkeypatch, kills):
+    """Kill the process of a run, once and twice: it is done again, or fails, and no other."""
+    monkeypatch.setattr(workers, 'attempt', partial(attempt_or_die, tmp_path, kills))
+    runs = [what for _, what in Sweep.read(scene, [], 4, 0.1).runs()]
+    with workers.processes(2) as work:
+        outcomes = {number: (measures, reason) for number, measures, reason, _ in work(runs)}
+    assert sorted(outcomes) == [0, 1, 2, 3]
+    failed = [number for number, (measures, _) in outcomes.items() if measures is None]
+    assert failed == ([1] if kills == 2 else [])
+    assert all('killed' in outcomes[number][1] for number in failed)
+
+
+def test_a_killed_worker_of_dask_costs_one_run(scene, tmp_path, monkeypatch):
+    """Kill a worker as often as Dask puts up with it: its run fails, and nothing is raised."""
+    dask = pytest.importorskip('dask')
+    pytest.importorskip('distributed')
+    monkeypatch.setattr(workers, 'attempt', partial(attempt_or_die, tmp_path, 9))
+    runs = [what for _, what in Sweep.read(scene, [], 2, 0.1).runs()]
+    with (dask.config.set({'distributed.scheduler.allowed-failures': 0}),
+          workers.dask_cluster('', 1) as work):
+        (number, measures, reason, _), = work(runs[1:])
+    assert number == 1 and measures is None and 'KilledWorker' in reason
+
+
+def attempt_or_die(folder, kills, what):
+    """Carry a run out; in the second one of a batch be killed at first."""
+    if what.number == 1 and len(list(folder.glob('killed_*'))) < kills:
+        (folder / f'killed_{os.getpid()}').touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return attempt(what)
 
 
 @pytest.mark.parametrize('content', [

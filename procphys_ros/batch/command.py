@@ -24,7 +24,7 @@ from pathlib import Path
 import signal
 import sys
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from procphys_ros.argument_parser import count, OneLineParser, positive
 from procphys_ros.batch.sweep import Sweep
@@ -33,8 +33,10 @@ from procphys_ros.batch.workers import dask_cluster, processes, Workers
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.scene.named import scene_file
+from procphys_ros.schema import short
 from procphys_ros.warning_lines import print_warning, told_to
 
+_MOST_TOLD = 20  # failed runs that are named for each reason
 _EXAMPLES = """\
 values: name=[v, …] in YAML, name=v,v,…, or name=first..last/number
 examples:
@@ -67,43 +69,61 @@ def main(arguments: Sequence[str] | None = None) -> int:
     workers: AbstractContextManager[Workers] = (
         processes(options.jobs) if options.dask is None
         else dask_cluster(options.dask, options.jobs))
-    failed: list[str] = []
+    failed: dict[str, list[str]] = {}
     code = 0
     try:
         with workers as work, ProgressBar(f'batch {options.out.name}', sys.stderr) as bar:
-            failed = _work(sweep, table, work, bar, warn)
+            _work(sweep, table, work, bar, warn, failed)
     except ProcPhysError as error:
-        failed.append(str(error))
+        failed[str(error)] = []
     except KeyboardInterrupt:
         code = 130
     whole = len(table.done) == len(sweep)
     try:
         table.close(whole)
     except ProcPhysError as error:
-        failed.append(str(error))
-    for reason, number in sorted({reason: failed.count(reason) for reason in failed}.items()):
-        print(f'batch: {reason}' + (f' ({number} runs)' if number > 1 else ''), file=sys.stderr)
+        failed[str(error)] = []
+    for reason, runs in sorted(failed.items()):
+        _tell_failure(reason, runs)
     print(f'{options.out}: {len(table.done)} of {len(sweep)} runs'
           + ('' if whole else '; say it again to go on'))
     return code or int(bool(failed))
 
 
 def _work(sweep: Sweep, table: Table, work: Workers, bar: ProgressBar,
-          warn: Callable[[str], None]) -> list[str]:
-    """Have the runs that are missing carried out, and give why some could not be."""
+          warn: Callable[[str], None], failed: dict[str, list[str]]) -> None:
+    """
+    Have the runs that are missing carried out.
+
+    :param failed: gets the reasons why some could not be, each with what these runs are.
+    """
     missing = {run.number: (values, run) for values, run in sweep.runs()
                if run.number not in table.done}
     bar.show(len(table.done), len(sweep))
-    failed = []
     for number, measures, reason, warned in work([run for _, run in missing.values()]):
         for line in warned:
             warn(line)
         if measures is None:
-            failed.append(reason)
+            failed.setdefault(reason, []).append(
+                f'run {number}: {_shown(sweep.columns, missing[number][0])}')
         else:
             table.add(number, missing[number][0], measures)
         bar.show(len(table.done), len(sweep))
-    return failed
+
+
+def _shown(names: Sequence[str], values: Sequence[Any]) -> str:
+    """Write what is varied in a run, long texts and lists shortened."""
+    return ', '.join(f'{name}={short(value)}'
+                     for name, value in zip(names, values))
+
+
+def _tell_failure(reason: str, runs: Sequence[str]) -> None:
+    """Print a reason, and the runs that failed for it."""
+    number = f' ({len(runs)} runs)' if len(runs) > 1 else ''
+    lines = [f'batch: {reason}{number}', *(f'  {run}' for run in runs[:_MOST_TOLD])]
+    if len(runs) > _MOST_TOLD:
+        lines.append(f'  … and {len(runs) - _MOST_TOLD} more')
+    print(*lines, sep='\n', file=sys.stderr)
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:

@@ -15,8 +15,9 @@
 
 """Workers: processes of this machine, or of a Dask cluster, that take runs."""
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import as_completed, Future, ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 import logging
@@ -34,6 +35,7 @@ Outcome = tuple[int, dict[str, float] | None, str, list[str]]
 """Number of a run, its measures or None, what went wrong, and what it was warned of."""
 Workers = Callable[[Iterable[Run]], Iterator[Outcome]]
 
+_KILLED = 'the process of the run was killed, twice, perhaps for want of memory'
 _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS')
 
 
@@ -67,34 +69,69 @@ def processes(count: int) -> Iterator[Workers]:
     """
     Start processes of this machine, with a thread each.
 
+    When one of them is killed, the runs that were under way are carried out again, one after the
+    other: the run whose process is killed once more fails, and no other does.
+
     :param count: of them.
-    :raises SceneError: in the iteration, when one of them is killed.
     """
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, '1'))
-    pool = ProcessPoolExecutor(count, get_context('spawn'), initializer=_end_with_parent)
 
     def work(runs: Iterable[Run]) -> Iterator[Outcome]:
-        try:
-            futures: list[Future] = [pool.submit(attempt, one) for one in runs]
-            for future in as_completed(futures):
-                yield future.result()
-        except BrokenProcessPool as error:
-            raise SceneError('a process of the batch was killed, perhaps for want of memory; '
-                             'what is finished is in the table') from error
+        waiting = deque(runs)
+        while waiting:
+            interrupted: list[Run] = []
+            yield from _carry_out(waiting, count, interrupted)
+            for one in interrupted:
+                killed: list[Run] = []
+                yield from _carry_out(deque([one]), 1, killed)
+                if killed:
+                    yield one.number, None, _KILLED, []
     try:
         yield work
-    except KeyboardInterrupt:  # a run may take minutes more
-        for process in active_children():
-            process.terminate()
-        raise
     finally:
-        pool.shutdown(wait=True, cancel_futures=True)
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+def _carry_out(waiting: deque[Run], count: int, interrupted: list[Run]) -> Iterator[Outcome]:
+    """
+    Carry runs out, as many at a time as there are processes, until one of these is killed.
+
+    :param waiting: runs; those that have begun are taken out.
+    :param count: of processes.
+    :param interrupted: gets those that were under way when a process was killed.
+    """
+    under_way: dict[Future, Run] = {}
+    with _pool(count) as pool:
+        try:
+            while waiting or under_way:
+                while waiting and len(under_way) < count:
+                    future = pool.submit(attempt, waiting[0])
+                    under_way[future] = waiting.popleft()
+                done = wait(under_way, return_when=FIRST_COMPLETED).done
+                for future in sorted(done, key=lambda one: one.exception() is not None):
+                    outcome = future.result()
+                    del under_way[future]
+                    yield outcome
+        except BrokenProcessPool:
+            interrupted += under_way.values()
+
+
+@contextmanager
+def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
+    pool = ProcessPoolExecutor(count, get_context('spawn'), initializer=_end_with_parent)
+    try:
+        yield pool
+    except (KeyboardInterrupt, GeneratorExit):  # a run may take minutes more
+        for process in active_children():
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
 
 
 @contextmanager
@@ -120,9 +157,13 @@ def dask_cluster(address: str, count: int) -> Iterator[Workers]:
         raise SceneError(f'--dask {address}: no scheduler answers there: {error}') from error
 
     def work(runs: Iterable[Run]) -> Iterator[Outcome]:
-        futures: Any = client.map(attempt, list(runs), pure=False)
+        every = list(runs)
+        futures: Any = client.map(attempt, every, pure=False)
+        numbers = {future.key: one.number for future, one in zip(futures, every)}
         for future in in_turn(futures):
-            yield future.result()
+            error = future.exception()  # as when workers were killed under its hands
+            yield (future.result() if error is None
+                   else (numbers[future.key], None, f'{type(error).__name__}: {error}', []))
             future.release()
     try:
         yield work
