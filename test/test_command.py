@@ -22,8 +22,11 @@ import sys
 from time import monotonic
 from types import SimpleNamespace
 
-from node_process import NodeProcess, PATIENCE, ROOT, SAPLING, SCENE
+from geometry_msgs.msg import PointStamped
+from node_process import Client, NodeProcess, PATIENCE, ROOT, SAPLING, SCENE
 import pytest
+import rclpy
+from std_srvs.srv import Trigger
 
 from procphys_ros.ros.remote import NoNodeError, Remote
 
@@ -160,6 +163,29 @@ def test_no_node_ends_with_three(node, say):
             break
     else:
         pytest.fail(err)
+
+
+def test_what_is_remapped_is_told_and_found(say):
+    """Name the topic that nobody listens to, and reach it under the name that ROS is given."""
+    rclpy.init()
+    client = Client()
+    client.node.create_service(Trigger, '/far/reset_simulation', lambda _, answer: answer)
+    received = client.listen(PointStamped, '/world/explosion', 10)
+    remote = Remote('/far', PATIENCE, 0.5)
+    with pytest.raises(NoNodeError, match='nobody listens to /far/explosion .* -r /far/explosion'):
+        remote.explode((0.0, 0.0, 0.0))
+    remote.close()
+    assert say('--node /far explode 1 2 3 --ros-args -r /far/explosion:=/world/explosion')[0] == 0
+    client.spin_until(lambda: received, 'the message')
+    assert received[0].point.z == 3.0
+    client.close()
+    rclpy.shutdown()
+
+
+def test_bad_words_for_ros_end_with_two(say):
+    """Say in the words of ROS what cannot be read, also where no node would be found."""
+    code, out, err = say('pause --ros-args -r a')
+    assert code == 2 and not out and 'remap rule' in err
 
 
 def test_completion_and_help_need_no_node(say):

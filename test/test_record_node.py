@@ -26,6 +26,7 @@ from geometry_msgs.msg import PoseArray, PoseStamped
 from node_process import Client, PARTS, PATIENCE, ROOT, SCENE, serve
 import numpy as np
 import pytest
+import rclpy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -177,6 +178,30 @@ def test_what_comes_in_a_burst_is_recorded(client, tmp_path):
         for number in range(20):
             publisher.publish(PointCloud2(width=1 + number))
         client.spin_until(lambda: len(written) == 21, 'all of them')
+
+
+def test_what_stands_still_is_recorded_while_the_clock_does(node, client, tmp_path):
+    """Write whole frames by the wall when the recorder uses a simulation time that stands."""
+    written = []
+    still = rclpy.create_node('still', cli_args=[
+        '--ros-args', '-p', 'use_sim_time:=true', '-r', '/clock:=/no/clock'])
+    client.host(still)
+    assert client.switch('set_pause', True).success
+    with Writer(tmp_path / 'run.mcap') as writer:
+        writer.write = lambda name, *_: name == '/sim/poses' and written.append(name)
+        NodeRecorder(still, '/sim', writer)
+        client.spin_until(lambda: len(written) > 3, 'whole frames')
+    assert client.switch('set_pause', False).success
+    still.destroy_node()
+
+
+def test_a_node_is_found_by_a_remapped_topic(node, start, tmp_path):
+    """Look for the description of the scene where it is remapped to."""
+    words = [word for topic in ('scene_description', 'poses')
+             for word in ('-r', f'/far/{topic}:=/sim/{topic}')]
+    code, out, err = finish(start('record', '--out', str(tmp_path / 'run.mcap'), '--node', '/far',
+                                  '--seconds', '2', '--ros-args', *words))
+    assert code == 0 and not err and ': 0 messages' not in out
 
 
 def test_a_recording_without_markers_says_so(node, start, tmp_path):

@@ -42,6 +42,7 @@ examples:
   command launch --from 0 -20 2 --velocity 0 25 0 --mass 40
   command list 'oak*'
   command watch
+  command --node /east explode 3 2 0.5 --ros-args -r /east/explosion:=/world/explosion
 """
 
 

@@ -23,12 +23,13 @@ import signal
 import sys
 from typing import Any
 
+from procphys_ros.argument_parser import split_words
 from procphys_ros.command_line import answers, Description, read, script
 from procphys_ros.command_line.completion import memory, remember
 from procphys_ros.command_line.values import parse, show
-from procphys_ros.errors import CommandError, nearest_names
+from procphys_ros.errors import CommandError, nearest_names, SceneError
 
-_DONE, _REFUSED, _NOT_FOUND = 0, 1, 3  # the parser itself ends with 2
+_DONE, _REFUSED, _INVALID, _NOT_FOUND = 0, 1, 2, 3
 _SENT = 'sent on ~/{topic}, which gives no answer; "watch" shows rejections'
 
 
@@ -45,7 +46,8 @@ def main(words: Sequence[str] | None = None) -> int:
         node = typed[typed.index('--node') + 1] if '--node' in typed[:-1] else '/sim'
         print(*answers(typed, memory(node)), sep='\n')
         return _DONE
-    said = read(words)
+    own, for_ros = split_words(words)
+    said = read(own)
     if said.verb == 'completion':
         program = os.environ.get('PROCPHYS_COMMAND') or str(Path(sys.argv[0]).resolve())
         print(script(said.shell, program), end='')
@@ -55,22 +57,26 @@ def main(words: Sequence[str] | None = None) -> int:
         return warm([])
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: sys.exit(_DONE if said.verb == 'watch' else 130))
-    return _talk(said)
+    return _talk(said, for_ros)
 
 
-def _talk(said: argparse.Namespace) -> int:
+def _talk(said: argparse.Namespace, ros_words: Sequence[str]) -> int:
     """Find the node, speak, and print what it answers."""
     # Late, because it takes half a second that help and completion need not wait for.
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
     from procphys_ros.ros.remote import NoNodeError, Remote
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    from procphys_ros.ros.starting import start_ros
     remote = None
     try:
+        start_ros(['command', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
         remote = Remote(said.node, said.timeout)
         _VERBS[said.verb](remote, said)
         return _DONE
+    except SceneError as error:
+        print(f'command: {error}', file=sys.stderr)
+        return _INVALID
     except CommandError as error:
         print(f'command: {error}', file=sys.stderr)
         return _REFUSED

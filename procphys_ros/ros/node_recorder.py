@@ -21,6 +21,7 @@ import re
 from time import monotonic, time_ns
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -58,7 +59,9 @@ class NodeRecorder:
         for topic in TOPICS:
             self._subscribe(topic)
         self._find_intruders()
-        node.create_timer(FULL_EVERY, self._look)
+        # Of its own: with use_sim_time a node waits for the clock, which may stand still.
+        node.create_timer(FULL_EVERY, self._look,
+                          clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def remark(self) -> str:
         """Say so when nothing has come to look at, and why that may be."""
@@ -155,10 +158,12 @@ def record(said: argparse.Namespace, ros_words: Sequence[str], ended: Callable[[
 def _find(node: Node, executor: SingleThreadedExecutor, source: str, timeout: float,
           ended: Callable[[], bool]) -> None:
     end = monotonic() + timeout
-    while not node.count_publishers(f'{source}/scene_description') and not ended():
+    found = node.resolve_topic_name(f'{source}/scene_description')
+    while not node.count_publishers(found) and not ended():
         if monotonic() > end:
             raise LookupError(f'nothing publishes {source}/scene_description; is the node '
-                              'running? --node names another one')
+                              'running? --node names another one, --ros-args -r a topic with another '
+                              'name')
         executor.spin_once(timeout_sec=_TURN)
     if ended():
         raise LookupError(f'ended before {source} was found; nothing has been written')

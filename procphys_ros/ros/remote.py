@@ -15,7 +15,7 @@
 
 """A running `sim` node, seen from outside: its services, topics and parameters."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 import os
 from time import monotonic
 from typing import Any
@@ -35,6 +35,9 @@ from procphys_ros.errors import CommandError
 from procphys_ros.ros import qos
 
 _TURN = 0.05  # [s] between looks at the clock
+_SEARCH = 10.0  # [s] for a topic or service of a node that is there, which DDS may find late
+_FIRST = 'reset_simulation'  # the service by which a node is found
+_REMAPPED = '; where the node has remapped it, remap it here, too: --ros-args -r {}:=/its/name'
 _FIELDS = {ParameterType.PARAMETER_BOOL: 'bool_value',
            ParameterType.PARAMETER_INTEGER: 'integer_value',
            ParameterType.PARAMETER_DOUBLE: 'double_value',
@@ -66,12 +69,9 @@ class Remote:
         self._node = rclpy.create_node(f'command_{os.getpid()}', start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
-        end = monotonic() + timeout
-        client = self._node.create_client(Trigger, f'{self.name}/reset_simulation')
-        while not client.service_is_ready():
-            if monotonic() > end:
-                raise NoNodeError(self._who_is_there(timeout))
-            self._executor.spin_once(timeout_sec=_TURN)
+        client = self._node.create_client(Trigger, f'{self.name}/{_FIRST}')
+        if not self._has_come(client.service_is_ready, timeout):
+            raise NoNodeError(self._who_is_there(timeout))
         self._node.destroy_client(client)
 
     def close(self) -> None:
@@ -147,6 +147,8 @@ class Remote:
         received: list[String] = []
         subscription = self._node.create_subscription(
             String, f'{self.name}/scene_description', received.append, qos.latched())
+        self._find(lambda: self._node.count_publishers(subscription.topic_name),
+                   'publishes', f'{self.name}/scene_description')
         self._spin_until(lambda: received, self.patience)
         self._node.destroy_subscription(subscription)
         return received[-1].data
@@ -168,25 +170,38 @@ class Remote:
         """Publish a command, and wait until the node has it."""
         publisher = self._node.create_publisher(type(message), f'{self.name}/{topic}',
                                                 qos.commands())
-        self._spin_until(publisher.get_subscription_count, self.patience)
+        self._find(publisher.get_subscription_count, 'listens to', f'{self.name}/{topic}')
         publisher.publish(message)
         if not publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=self.patience)):
             raise NoNodeError(f'{self.name} has not taken it within {self.patience:.0f} s')
 
     def _call(self, kind: type, service: str, request: Any) -> Any:
         client = self._node.create_client(kind, f'{self.name}/{service}')
-        self._spin_until(client.service_is_ready, self.patience)
+        self._find(client.service_is_ready, 'offers', f'{self.name}/{service}')
         future: Future = client.call_async(request)
         self._spin_until(future.done, self.patience)
         self._node.destroy_client(client)
         return future.result()
 
-    def _spin_until(self, done, patience: float) -> None:
+    def _find(self, found: Callable[[], Any], does: str, name: str) -> None:
+        """Wait until a topic or a service is there, which may have another name."""
+        patience = min(_SEARCH, self.patience)
+        if not self._has_come(found, patience):
+            raise NoNodeError(f'nobody {does} {name} within {patience:g} s'
+                              f'{_REMAPPED.format(name)}')
+
+    def _spin_until(self, done: Callable[[], Any], patience: float) -> None:
+        if not self._has_come(done, patience):
+            raise NoNodeError(f'{self.name} has not answered for {patience:.0f} s')
+
+    def _has_come(self, done: Callable[[], Any], patience: float) -> bool:
+        """Handle what arrives until something is so; say whether that was in time [s]."""
         end = monotonic() + patience
         while not done():
             if monotonic() > end:
-                raise NoNodeError(f'{self.name} has not answered for {patience:.0f} s')
+                return False
             self._executor.spin_once(timeout_sec=_TURN)
+        return True
 
     def _who_is_there(self, timeout: float) -> str:
         mark = '/scene_description'
@@ -194,7 +209,9 @@ class Remote:
                         for topic, _ in self._node.get_topic_names_and_types()
                         if topic.endswith(mark)})
         domain = os.environ.get('ROS_DOMAIN_ID') or '0'
-        there = (f'there is {", ".join(found)} (say --node)' if found else
+        there = (f'but it publishes{_REMAPPED.format(f"{self.name}/{_FIRST}")}'
+                 if self.name in found else
+                 f'there is {", ".join(found)} (say --node)' if found else
                  'nor any other sim node; start one with "ros2 run procphys_ros sim"')
         return f'no node {self.name} in ROS domain {domain} within {timeout:g} s, {there}'
 
