@@ -314,6 +314,23 @@ def test_every_one_of_many_clients_is_answered_by_the_deadline():
     assert len(manual.record.queue) == 0
 
 
+def test_a_look_in_another_thread_loses_no_call():
+    """Refuse a call at its deadline although others were looked at while it was being made."""
+    manual = ManualAnswers()
+    call = manual.record.queue.call
+
+    def call_late(command):
+        manual.answers.look()
+        call(command)
+    manual.record.queue.call = call_late
+    go_on = manual.ask('gust', lambda: lambda: 'blows')
+    manual.clock.now += 1.1 * DEADLINE
+    manual.answers.look()
+    go_on()
+    [(success, message)] = manual.results
+    assert not success and message.startswith(BUSY)
+
+
 def test_what_cannot_be_prepared_is_refused_at_once():
     """Say why, and count it, without waiting for the simulation."""
     manual = ManualAnswers()

@@ -194,6 +194,19 @@ def test_another_publisher_of_the_clock_is_warned_of(client):
     end(other)
 
 
+def test_a_node_in_a_process_of_users_tells_why_it_ended(client):
+    """Log once, and answer, why there is no scene, where no main function says so."""
+    said = client.listen(Log, '/rosout', 100)
+    broken = made(arguments=('-r', '__node:=broken'), publish_clock=False,
+                  **{'post.grammar_text': 'axiom: F(1) ]'})
+    client.host(broken)
+    client.spin_until(lambda: any(m.level == 50 and 'found "]"' in m.msg for m in said),
+                      'the reason')
+    answer = client.call(Trigger, '/broken/gust', Trigger.Request())
+    assert not answer.success and 'found "]"' in answer.message
+    end(broken)
+
+
 def test_a_node_of_the_same_name_is_warned_of(client):
     """Warn once when another node has the name: clients cannot tell whom they call."""
     said = client.listen(Log, '/rosout', 100)

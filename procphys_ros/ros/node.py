@@ -165,6 +165,7 @@ class SimNode(Node):
         say = self.get_logger().info
         self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
         self._clocks = self._namesakes = 1
+        self._has_told_end = False
         self._unheard: set[str] = set()
         status = self.parameters['status_line']
         self._has_status_line = status == 'on' or (
@@ -272,12 +273,21 @@ class SimNode(Node):
     def _report(self) -> None:
         """Say once a second how it goes."""
         self.diagnostics.publish()
+        self._tell_end()
         for work in self._watched:
             work.look()
         self._warn_of_others()
         self._warn_of_unheard()
         if self._has_status_line:
             self._print_status()
+
+    def _tell_end(self) -> None:
+        """Say once why the node has ended, to whom it goes on in a process of their own."""
+        error = self.loop.ended.exception() if self.loop.ended.done() else None
+        if error is not None and not self._has_told_end:
+            self._has_told_end = True
+            self.session.without_scene = f'the node has ended: {error}'
+            self.get_logger().fatal(self.session.without_scene)
 
     def _warn_of_others(self) -> None:
         """Say once when other nodes publish the time, too, or have the name of this one."""

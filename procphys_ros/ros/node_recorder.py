@@ -162,8 +162,7 @@ def _find(node: Node, executor: SingleThreadedExecutor, source: str, timeout: fl
     while not node.count_publishers(found) and not ended():
         if monotonic() > end:
             raise LookupError(f'nothing publishes {source}/scene_description; is the node '
-                              'running? --node names another one, --ros-args -r a topic with another '
-                              'name')
+                              'running? --node names another one, --ros-args -r another topic')
         executor.spin_once(timeout_sec=_TURN)
     if ended():
         raise LookupError(f'ended before {source} was found; nothing has been written')

@@ -16,6 +16,7 @@
 """Services of the node: each answers what happened, or why it did not."""
 
 from collections.abc import Callable
+from threading import Lock
 from time import monotonic
 from typing import Protocol
 
@@ -104,6 +105,7 @@ class Answers:
         self._queue = queue
         self._deadline = deadline
         self._now = now
+        self._lock = Lock()  # an executor of users may have many threads
         self._waiting: list[tuple[float, Command]] = []
         self.group = ReentrantCallbackGroup()
         self._timer = node.create_timer(_LOOK, self.look, self.group, clock)
@@ -119,10 +121,12 @@ class Answers:
         """
         def begin(answer: Answer) -> None:
             command = Command(name, prepare(), answer)
-            self._waiting.append((self._now() + self._deadline(), command))
-            if self._timer.is_canceled():
-                self._timer.reset()
-            self._queue.call(command)
+            due = self._now() + self._deadline()
+            self._queue.call(command)  # before a look in another thread can find it missing there
+            with self._lock:
+                self._waiting.append((due, command))
+                if self._timer.is_canceled():
+                    self._timer.reset()
         return await self.wait_for(name, begin)
 
     async def wait_for(self, name: str, begin: Callable[[Answer], None]) -> tuple[bool, str]:
@@ -149,8 +153,10 @@ class Answers:
 
     def look(self) -> None:
         """Refuse what has waited too long."""
+        with self._lock:
+            waiting, self._waiting = self._waiting, []
         now, still = self._now(), []
-        for due, command in self._waiting:
+        for due, command in waiting:
             if not self._queue.is_waiting(command):
                 continue
             if now < due:
@@ -160,9 +166,10 @@ class Answers:
                 reason = (f'{BUSY} with {doing} and has not come to this within '
                           f'{self._deadline():g} s (service_deadline); nothing was done')
                 command.answer(False, self._queue.reject(command.name, reason))
-        self._waiting = still
-        if not still:
-            self._timer.cancel()
+        with self._lock:
+            self._waiting += still
+            if not self._waiting:
+                self._timer.cancel()
 
 
 def create_services(node: Node, answers: Answers, actions: Actions, scenes: Scenes) -> None:
