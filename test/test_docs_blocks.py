@@ -20,6 +20,7 @@ from pathlib import Path
 import re
 import shlex
 
+from node_process import ROOT
 import pytest
 import yaml
 
@@ -31,7 +32,6 @@ from procphys_ros.scene.parameter_table import GLOBAL
 from procphys_ros.simulation import Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
-ROOT = Path(__file__).resolve().parents[1]
 PAGES = {str(path.relative_to(ROOT)): path.read_text('utf-8')
          for path in (ROOT / 'README.md', *sorted(ROOT.glob('docs/**/*.md')))}
 EXECUTED = [page for page, text in PAGES.items() if '```python\n' in text

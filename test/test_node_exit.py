@@ -15,6 +15,8 @@
 
 """How the node starts and ends: exit codes, one readable line, no traceback."""
 
+from array import array
+from math import nan
 from pathlib import Path
 import signal
 import subprocess
@@ -24,6 +26,8 @@ from node_process import Client, NodeProcess, ROOT, SCENE
 import pytest
 import rclpy
 from std_srvs.srv import Trigger
+
+from procphys_ros.ros.starting import overruled
 
 
 @pytest.fixture
@@ -53,6 +57,27 @@ def test_signal_ends_the_node_with_code_zero(start, how):
     assert '4 objects, 16 parts' in banner and '/sim/poses' in banner
     code, errors = process.finish(how)
     assert code == 0 and errors == ''
+
+
+def test_a_value_that_ros_drops_is_told(start):
+    """Warn when a file has another type than -p, which ROS then does not see."""
+    process = start(with_(real_time_factor=2, gravity=9.5), '-p', 'real_time_factor:=0.5',
+                    '-p', 'gravity:=3')
+    process.wait_for_banner()
+    code, errors = process.finish(signal.SIGINT)
+    assert code == 0 and errors.count('WARN') == 1
+    assert '-p real_time_factor:=0.5 does not hold: a file gives 2' in errors
+
+
+@pytest.mark.parametrize(('text', 'given', 'holds'), [
+    ('0.5', 2, False), ('[7.0, 0.0]', array('q', [1, 0]), False), ('many', 3, False),
+    ('3', 3, True), ('1e3', 1000.0, True), ('[1.0, 2.0]', array('d', [1, 2]), True),
+    ('on', True, True), ('"5"', '5', True), ('[a, b]', ['a', 'b'], True), ('.nan', nan, True),
+    ('[]', [], True), ('[ 1', '[ 1', True)])
+def test_values_of_both_readers_are_compared(text, given, holds):
+    """Take for the same what the YAML readers of ROS and of Python read differently."""
+    words = ['--ros-args', '-p', f'x:={text}', '-p', 'sim:x:=4', '--', '-p', 'x:=5']
+    assert bool(overruled(words, {'x': given})) is not holds
 
 
 @pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGTERM])

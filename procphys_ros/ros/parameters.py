@@ -106,10 +106,14 @@ class Parameters:
         self._node.set_parameters([RosParameter(name, value=value)])
         self._on_change = on_change
 
+    def given(self) -> dict[str, Any]:
+        """Give the values that ROS was given at start."""
+        return {name: given.value for name, given in self._node._parameter_overrides.items()}
+
     def unused_overrides(self) -> list[str]:
         """Say in few lines which values given at start are those of no parameter."""
-        return unused((name for name, given in self._node._parameter_overrides.items()
-                       if given.value is not None and name not in self._values), self._objects)
+        return unused((name for name, value in self.given().items()
+                       if value is not None and name not in self._values), self._objects)
 
     def _declare(self, parameter: Parameter, name: str,
                  given: Mapping[str, Any] = MappingProxyType({})) -> None:

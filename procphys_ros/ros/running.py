@@ -28,7 +28,7 @@ from rclpy.signals import uninstall_signal_handlers
 
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.ros.node import SimNode
-from procphys_ros.ros.starting import start_ros
+from procphys_ros.ros.starting import overruled, start_ros
 from procphys_ros.warning_lines import told_to
 
 _SWITCH = 0.001  # [s] after which a thread that computes lets another run (Python: 0.005)
@@ -47,7 +47,7 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
     try:
         start_ros(args)
         with told_to(get_logger('sim').warning):
-            _spin(kind)
+            _spin(kind, sys.argv[1:] if args is None else args)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ProcPhysError, ParameterException) as error:
@@ -62,9 +62,11 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
     return code
 
 
-def _spin(kind: type[SimNode]) -> None:
+def _spin(kind: type[SimNode], words: list[str]) -> None:
     executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
     node = kind()
+    for line in overruled(words, node.parameters.given()):
+        node.get_logger().warning(line)
     executor.add_node(node)
     code = 0
     try:

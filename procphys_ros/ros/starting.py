@@ -12,14 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start rclpy, which says in one line what is wrong with the arguments for ROS."""
+"""Start rclpy, and say in one line what is wrong with the arguments for ROS."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import rclpy
+import yaml
 
+from procphys_ros.argument_parser import split_words
 from procphys_ros.errors import SceneError
 from procphys_ros.language import shorten
+from procphys_ros.schema import short
 
 
 def start_ros(args: list[str] | None, **options: Any) -> None:
@@ -40,3 +44,39 @@ def start_ros(args: list[str] | None, **options: Any) -> None:
     except UnicodeEncodeError as error:
         raise SceneError(f'arguments for ROS: "{shorten(error.object)}" is not UTF-8, which ROS '
                          'needs, in names of files, too') from error
+
+
+def overruled(words: Sequence[str], given: Mapping[str, Any]) -> list[str]:
+    """
+    Say which values of `-p` do not hold.
+
+    ROS keeps a value for each type that a parameter was given in, and takes whole numbers before
+    others: 2 in a file goes before a 0.5 that comes later.
+
+    :param words: of the command line.
+    :param given: values that the node was given, by name.
+    """
+    ros_words = split_words(words)[1]
+    wanted = dict(word.split(':=', 1) for flag, word in zip(ros_words, ros_words[1:])
+                  if flag in ('-p', '--param') and ':=' in word)
+    return [f'-p {name}:={shorten(text)} does not hold: a file gives {short(given[name])}, of '
+            'another type, and ROS keeps that; write it there alike, such as 2.0 for 2'
+            for name, text in wanted.items()
+            if name in given and _plain(_read(text)) != _plain(given[name])]
+
+
+def _read(text: str) -> Any:
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError):
+        return text
+
+
+def _plain(value: Any) -> Any:
+    """Make values comparable that the readers of YAML see as different types, such as 1e3."""
+    if not isinstance(value, str) and hasattr(value, '__len__'):
+        return [_plain(one) for one in value]
+    try:
+        return str(float(value))  # as text NaN equals itself
+    except (TypeError, ValueError):
+        return str(value)
