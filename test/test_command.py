@@ -165,6 +165,13 @@ def test_no_node_ends_with_three(node, say):
         pytest.fail(err)
 
 
+def test_the_profile_for_quick_discovery_is_read(node, say, monkeypatch):
+    """Find the node with it, without a complaint of the middleware about the file."""
+    monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', str(ROOT / 'config/quick_discovery.xml'))
+    code, out, err = say('get seed')
+    assert (code, out.split(), err) == (0, ['seed', '0'], '')
+
+
 def test_what_is_remapped_is_told_and_found(say):
     """Name the topic that nobody listens to, and reach it under the name that ROS is given."""
     rclpy.init()

@@ -15,6 +15,8 @@
 
 """Several intruders by name: balls, boxes, capsules and meshes, each with its own wrench."""
 
+import warnings
+
 from grown_trees import BENDING
 import numpy as np
 import pytest
@@ -29,9 +31,17 @@ from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.mesh import boxes_in
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.lidar import INTRUDER
+from procphys_ros.simulation.validation import checked_rotation
 
 _TURN = [0.0, 0.0, 0.0, 1.0]
 _LYING = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # z of the body along -y of the world
+
+
+def test_huge_rotations_are_refused_without_a_warning():
+    """Name what is no rotation, and let NumPy say nothing of its length."""
+    with warnings.catch_warnings(), pytest.raises(CommandError, match='no rotation'):
+        warnings.simplefilter('error')
+        checked_rotation('orientation', (1e308, 1e308, 0.0, 0.0))
 
 
 def cube(low=(-0.5, -0.5, -0.5), high=(0.5, 0.5, 0.5)):

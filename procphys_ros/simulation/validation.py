@@ -57,7 +57,8 @@ def checked_rotation(what: str, value: Sequence[float] | np.ndarray) -> np.ndarr
     turn = _row(value)
     if turn.shape != (4,) or not np.isfinite(turn).all():
         raise CommandError(f'{what} is {value!r}, it must be a quaternion [x, y, z, w]')
-    length = float(np.linalg.norm(turn))
+    with np.errstate(over='ignore'):
+        length = float(np.linalg.norm(turn))
     if not 1e-6 <= length < np.inf:
         raise CommandError(f'{what}: {turn.tolist()} is no rotation')
     return turn / length
