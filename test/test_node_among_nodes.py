@@ -15,6 +15,7 @@
 
 """The node among other nodes: late joiners, other clocks, dumps of parameters, life cycles."""
 
+from threading import enumerate as enumerate_threads
 from threading import Event, Thread
 from types import SimpleNamespace
 
@@ -205,6 +206,19 @@ def test_a_node_in_a_process_of_users_tells_why_it_ended(client):
     answer = client.call(Trigger, '/broken/gust', Trigger.Request())
     assert not answer.success and 'found "]"' in answer.message
     end(broken)
+
+
+@pytest.mark.parametrize('wrong', [
+    {'seed': 1.5}, {'qos_overrides./failed/wind.subscription.depth': -5},
+    {'qos_overrides./failed/poses.publisher.depth': -5}], ids=str)
+def test_a_node_that_cannot_be_made_leaves_nothing(client, wrong):
+    """Take the node, and that of its topics, out of the graph when its parameters are refused."""
+    threads = set(enumerate_threads())
+    with pytest.raises(SceneError):
+        made(arguments=('-r', '__node:=failed'), publish_clock=False, **wrong)
+    client.spin_until(lambda: not {'failed', 'failed_commands'} & set(
+        client.node.get_node_names()), 'the end of the nodes')
+    assert {thread.name for thread in set(enumerate_threads()) - threads} == set()
 
 
 def test_a_node_of_the_same_name_is_warned_of(client):

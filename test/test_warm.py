@@ -149,6 +149,7 @@ def test_background_fills_the_cache(tmp_path, monkeypatch):
     monkeypatch.setattr('procphys_ros.ros.background_compilation.is_complete', lambda: False)
     said: list[str] = []
     background = BackgroundCompilation(said.append)
+    background.start()
     while not background.progress.startswith('1/'):  # the time limit of all tests ends this
         assert background.progress, said
         sleep(0.05)
@@ -162,6 +163,7 @@ def test_complete_cache_needs_no_child(monkeypatch):
     monkeypatch.setattr('procphys_ros.ros.background_compilation.is_complete', lambda: True)
     said: list[str] = []
     background = BackgroundCompilation(said.append)
+    background.start()
     background.close()
     assert (background.progress, said) == ('', [])
 

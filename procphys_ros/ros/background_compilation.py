@@ -42,6 +42,9 @@ class BackgroundCompilation:
         self._say = say
         self._child: subprocess.Popen | None = None
         self.progress = ''
+
+    def start(self) -> None:
+        """Begin, when there is something to compile."""
         if not is_complete():
             self._start()
 

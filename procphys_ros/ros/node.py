@@ -117,6 +117,13 @@ class SimNode(Node):
 
     def __init__(self, **options):
         super().__init__('sim', **options)
+        try:
+            self._set_up()
+        except Exception:
+            Node.destroy_node(self)  # else it would stay among the others, without a scene
+            raise
+
+    def _set_up(self) -> None:
         self.parameters = Parameters(self)
         if not self.parameters['scene.objects']:
             raise SceneError('scene.objects is empty, there is nothing to simulate; give a scene '
@@ -171,6 +178,7 @@ class SimNode(Node):
         self._has_status_line = status == 'on' or (
             status == 'auto' and sys.stdout is not None and sys.stdout.isatty())
         self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
+        self._compilation.start()
         self.topics.start()
         self.loop.start()
         self._begin()

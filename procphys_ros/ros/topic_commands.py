@@ -57,6 +57,13 @@ class TopicCommands:
         self._requests = requests
         self._frame = frame
         self._receiver = Receiver(node)
+        try:
+            self._subscribe_all(intruders)
+        except Exception:
+            self._receiver.stop(0.0)
+            raise
+
+    def _subscribe_all(self, intruders: Sequence[str]) -> None:
         for name, kind, read in (('wind', Vector3Stamped, self._wind),
                                  ('impulse', WrenchStamped, self._impulse),
                                  ('wrench', WrenchStamped, self._wrench),
