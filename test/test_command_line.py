@@ -183,6 +183,24 @@ def test_values_are_read_in_the_type_of_the_present_one(words, present, expected
     assert parse(show(value).split(), present) == value
 
 
+@pytest.mark.parametrize('words, expected', [
+    ([''], []), (['[]'], []), (['oak'], ['oak']), (['0 gust', '2 gust'], ['0 gust', '2 gust']),
+    (['[oak, pine]'], ['oak', 'pine']), (['[oak,', 'pine]'], ['oak', 'pine']),
+    (['["a, b", on, 12]'], ['a, b', 'on', '12']), (['size=[1'], ['size=[1'])])
+def test_lists_of_texts_are_read(words, expected):
+    """Take word by word, or the list that `get` prints and ROS takes."""
+    assert parse(words, [], of_texts=True) == expected
+    if not set(',[') & set(''.join(expected)):
+        assert parse([show(expected)], [], of_texts=True) == expected
+
+
+@pytest.mark.parametrize('text', ['[oak, [pine]]', '["oak]', '[{a: b}]'])
+def test_lists_that_hold_no_texts_are_refused(text):
+    """Say how a list is written."""
+    with pytest.raises(CommandError, match='such as'):
+        parse([text], [], of_texts=True)
+
+
 @pytest.mark.parametrize('word, present', [('abc', 1.0), ('maybe', True)])
 def test_values_of_another_type_are_refused(word, present):
     """Say what is wrong with the word."""

@@ -27,13 +27,14 @@ def parse(words: Sequence[str], present: Any, of_texts: bool = False) -> Any:
     """
     Read a value in the type of the present one.
 
-    :param words: as typed; lists word by word.
+    :param words: as typed; lists word by word, or in brackets with commas.
     :param present: value that it replaces; None = of any type.
-    :param of_texts: whether that is a list of texts: then each word is one, whatever it holds.
+    :param of_texts: whether that is a list of texts: then each word is one, whatever it holds,
+        unless all are in one pair of brackets.
     :raises CommandError: when it cannot be such a value.
     """
     if of_texts:
-        return [] if words in ([''], ['[]']) else list(words)
+        return [] if words == [''] else _texts(words)
     words = [word for text in words for word in text.strip('[]').replace(',', ' ').split()] \
         if isinstance(present, list) else [' '.join(words)]
     if isinstance(present, list):
@@ -67,6 +68,21 @@ def show(value: Any) -> str:
         lines = value.splitlines()
         return value if len(lines) < 2 else f'{lines[0]} … ({len(lines)} lines)'
     return '[' + ', '.join(show(v) for v in value) + ']'
+
+
+def _texts(words: Sequence[str]) -> list[str]:
+    """Read a list of texts, word by word or as YAML writes it."""
+    text = ' '.join(words)
+    if not (text.startswith('[') and text.endswith(']')):
+        return list(words)
+    import yaml  # late, because the TAB key need not wait for it
+    try:
+        values = yaml.load(text, yaml.BaseLoader)  # reads texts only, also for 'on' and 12
+    except yaml.YAMLError as error:
+        raise CommandError(f'"{text}" is not a list such as [oak, pine]') from error
+    if not all(isinstance(value, str) for value in values):
+        raise CommandError(f'"{text}" is not a list of texts such as [oak, pine]')
+    return values
 
 
 def _number(word: str) -> int | float | str:

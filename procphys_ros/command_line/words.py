@@ -167,7 +167,8 @@ def _add_time(group) -> None:
     put = group.add_parser('set', help='change a parameter',
                            epilog='example: command set gust.duration 3')
     put.add_argument('name')
-    put.add_argument('value', nargs='+', help='number, word, or the numbers of a list')
+    put.add_argument('value', nargs='+',
+                     help='number, word, or the numbers or texts of a list, such as [oak, pine]')
 
 
 def _add_looks(group) -> None:
