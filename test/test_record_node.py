@@ -180,19 +180,19 @@ def test_what_comes_in_a_burst_is_recorded(client, tmp_path):
         client.spin_until(lambda: len(written) == 21, 'all of them')
 
 
-def test_what_stands_still_is_recorded_while_the_clock_does(node, client, tmp_path):
-    """Write whole frames by the wall when the recorder uses a simulation time that stands."""
+def test_what_stands_still_is_recorded_while_the_clock_does(client, tmp_path):
+    """Write whole frames each second of the wall, also where simulated time stands."""
     written = []
-    still = rclpy.create_node('still', cli_args=[
+    node = rclpy.create_node('recorder', cli_args=[
         '--ros-args', '-p', 'use_sim_time:=true', '-r', '/clock:=/no/clock'])
-    client.host(still)
-    assert client.switch('set_pause', True).success
+    client.host(node)
     with Writer(tmp_path / 'run.mcap') as writer:
-        writer.write = lambda name, *_: name == '/sim/poses' and written.append(name)
-        NodeRecorder(still, '/sim', writer)
-        client.spin_until(lambda: len(written) > 3, 'whole frames')
-    assert client.switch('set_pause', False).success
-    still.destroy_node()
+        writer.write = lambda name, kind, data, at: written.append(data)
+        NodeRecorder(node, '/still', writer)
+        client.send_until(lambda: written, 'the only message',
+                          (client.publisher(PoseArray, '/still/poses'), PoseArray()))
+        client.spin_until(lambda: len(written) > 2, 'whole frames')
+    node.destroy_node()
 
 
 def test_a_node_is_found_by_a_remapped_topic(node, start, tmp_path):
