@@ -15,6 +15,10 @@ GALLERY := palms_in_a_gust:3 tree_on_house:5 village_street:3 figure_1:3.2 implo
   felled_by_wind:3.1 figure_8:8 wrecking_ball:1.5 wrecking_ball:6.5
 HOUSES := arcade barn bridge church cottage dry_stone garden_wall office terrace tower
 
+# What a process has compiled of its modules it keeps for the next, whatever the machine is set to:
+# tests start hundreds, and a node is there in a third of the processor time.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: run warm test lint types pytest bench gallery docs report clean
 
 run: warm
