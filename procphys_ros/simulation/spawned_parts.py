@@ -15,6 +15,8 @@
 
 """Parts that join a scene while it runs: projectiles, shards, broken bricks."""
 
+from functools import cache
+
 import numpy as np
 
 from procphys_ros import rotation
@@ -126,6 +128,7 @@ def _corner_order(thin: int, u: int, v: int) -> np.ndarray:
     return 4 * bits[thin] + 2 * bits[u] + bits[v]
 
 
+@cache
 def _round_skin() -> np.ndarray:
     """Give a unit sphere as 80 triangles, an icosahedron refined once, (80, 9)."""
     corners = np.array([[s, t * _GOLDEN, 0.0] for s in (-1, 1) for t in (-1, 1)])

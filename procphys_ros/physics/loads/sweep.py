@@ -48,6 +48,9 @@ class Hits:
         return len(self.index)
 
 
+_NONE = Hits(np.empty(0, np.int64), np.empty(0), np.empty((0, 3)), np.empty((0, 3)))
+
+
 def sweep_boxes(start: np.ndarray, end: np.ndarray, radius: float, poses: np.ndarray,
                 sizes: np.ndarray, active: np.ndarray | None = None) -> Hits:
     """
@@ -61,6 +64,8 @@ def sweep_boxes(start: np.ndarray, end: np.ndarray, radius: float, poses: np.nda
     """
     start, along = _way(start, end)
     rows = _near(start, along, radius, poses, sizes, _flags(active, len(poses)))
+    if not len(rows):
+        return _NONE
     axes = rotation.to_matrix(poses[rows, 3:])
     found = first_touch.sphere_on_boxes(start, along, radius, poses[rows, :3], axes,
                                         0.5 * sizes[rows])
@@ -78,6 +83,8 @@ def sweep_capsules(start: np.ndarray, end: np.ndarray, radius: float, poses: np.
     """
     start, along = _way(start, end)
     rows = _near(start, along, radius, poses, sizes, _flags(active, len(poses)))
+    if not len(rows):
+        return _NONE
     found = first_touch.sphere_on_capsules(start, along, radius, *_capsules(poses, sizes, rows))
     return _sorted(rows, *found)
 
@@ -99,6 +106,8 @@ def sweep_box_boxes(start: np.ndarray, end: np.ndarray, attitude: np.ndarray, ex
     half = 0.5 * np.asarray(extent, float)
     rows = _near(start, along, float(np.linalg.norm(half)), poses, sizes,
                  _flags(active, len(poses)))
+    if not len(rows):
+        return _NONE
     axes = rotation.to_matrix(poses[rows, 3:])
     found = first_touch.box_on_boxes(start, along, rotation.to_matrix(attitude), half,
                                      poses[rows, :3], axes, 0.5 * sizes[rows])
@@ -117,6 +126,8 @@ def sweep_box_capsules(start: np.ndarray, end: np.ndarray, attitude: np.ndarray,
     half = 0.5 * np.asarray(extent, float)
     rows = _near(start, along, float(np.linalg.norm(half)), poses, sizes,
                  _flags(active, len(poses)))
+    if not len(rows):
+        return _NONE
     found = first_touch.box_on_capsules(start, along, rotation.to_matrix(attitude), half,
                                         *_capsules(poses, sizes, rows))
     return _sorted(rows, *found)
