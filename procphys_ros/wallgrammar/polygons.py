@@ -116,11 +116,12 @@ def _facing(pairs: np.ndarray, normals: np.ndarray, middles: np.ndarray, reach: 
 
 def _patch(pair: tuple[int, int], face: np.ndarray, other: np.ndarray, normal: np.ndarray,
            gap: float) -> tuple | None:
-    """Give pair, pose, extents, area and gap of where two faces overlap, seen along a normal."""
+    """Give pair, frame, extents, area, gap and place of where faces overlap along a normal."""
     along = face[1] - face[0] if np.ptp(face[:2], axis=0).max() > 1e-9 else face[2] - face[1]
     along = along - (along @ normal) * normal
     along /= np.linalg.norm(along)
-    axes = np.column_stack([along, np.cross(normal, along), normal])
+    axes = np.empty((3, 3))
+    axes[:, 0], axes[:, 1], axes[:, 2] = along, _cross(normal, along), normal
     centre = 0.5 * (face.mean(axis=0) + other.mean(axis=0))
     flat = [(points - centre) @ axes[:, :2] for points in (face, other[::-1])]
     outline = clip(*flat)
@@ -138,8 +139,13 @@ def _patch(pair: tuple[int, int], face: np.ndarray, other: np.ndarray, normal: n
     if extent.min() < _THINNEST:
         return None
     frame = np.column_stack([axes[:, :2] @ turn, normal])
-    where = centre + axes[:, :2] @ middle
-    return pair, np.concatenate([where, rotation.from_matrix(frame[None])[0]]), extent, area, gap
+    return pair, frame, extent, area, gap, centre + axes[:, :2] @ middle
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> list[float]:
+    """Give the vector product of two vectors, as `np.cross` does at some cost."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return [y * w - z * v, z * u - x * w, x * v - y * u]
 
 
 def _table(found: Sequence[tuple], corners: np.ndarray) -> Patches:
@@ -148,7 +154,8 @@ def _table(found: Sequence[tuple], corners: np.ndarray) -> Patches:
         none = np.zeros(0)
         return Patches(np.zeros((0, 2), np.intp), np.zeros((0, 7)), np.zeros((0, 2)), none, none,
                        np.zeros((0, 2)))
-    pair, pose, extent, area, gap = (np.array(column) for column in zip(*found))
+    pair, frame, extent, area, gap, place = (np.array(column) for column in zip(*found))
+    pose = np.column_stack([place, rotation.from_matrix(frame)])
     normal = rotation.rotate(pose[:, 3:], np.array([0.0, 0.0, 1.0]))
     along = np.einsum('mpck,mk->mpc', corners[pair], normal)
     reach = 0.5 * np.ptp(along, axis=2)
@@ -162,17 +169,18 @@ def clip(subject: np.ndarray, window: np.ndarray) -> np.ndarray:
 
     :param subject, window: corners, counter-clockwise, (n, 2).
     """
-    points = list(subject)
-    for a, b in zip(window, np.roll(window, -1, axis=0)):
-        edge = b - a
-        side = [edge[0] * (p[1] - a[1]) - edge[1] * (p[0] - a[0]) for p in points]
+    points, corners = subject.tolist(), window.tolist()
+    for (x, y), (u, v) in zip(corners, corners[1:] + corners[:1]):
+        side = [(u - x) * (q - y) - (v - y) * (p - x) for p, q in points]
         kept = []
-        for i, p in enumerate(points):
+        for i, (p, q) in enumerate(points):
             j = (i + 1) % len(points)
             if side[i] >= 0.0:
-                kept.append(p)
+                kept.append([p, q])
             if (side[i] > 0.0 > side[j]) or (side[i] < 0.0 < side[j]):
-                kept.append(p + (points[j] - p) * side[i] / (side[i] - side[j]))
+                along = side[i] - side[j]
+                kept.append([p + (points[j][0] - p) * side[i] / along,
+                             q + (points[j][1] - q) * side[i] / along])
         points = kept
         if len(points) < 3:
             return np.zeros((0, 2))
@@ -185,7 +193,7 @@ def moments(outline: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
 
     :param outline: corners, counter-clockwise [m], (n, 2).
     """
-    following = np.roll(outline, -1, axis=0)
+    following = np.concatenate([outline[1:], outline[:1]])
     cross = outline[:, 0] * following[:, 1] - following[:, 0] * outline[:, 1]
     area = 0.5 * float(cross.sum())
     if area <= 1e-12:
