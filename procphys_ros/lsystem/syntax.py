@@ -15,7 +15,7 @@
 
 """Syntax of one statement of an L-system: from text to a lark tree."""
 
-from functools import cache
+from functools import cache, lru_cache
 
 from lark import Lark, Tree
 from lark.exceptions import UnexpectedInput
@@ -62,6 +62,7 @@ _START = {
     'consider': 'symbols', 'derivation length': 'value', 'angle': 'value',
     'maximum depth': 'value',
 }
+_KEPT = 1000  # trees of statements: reloads, runs of a batch and variants read the same ones again
 
 
 @cache
@@ -70,14 +71,20 @@ def _parser() -> Lark:
                        start=sorted(set(_START.values())))
 
 
+@lru_cache(_KEPT)
+def _tree(text: str, start: str) -> Tree:
+    return _parser().parse(text, start=start)
+
+
 def parse_statement(statement: Statement) -> Tree:
     """
     Read one statement.
 
     :param statement: cut from the text by `split_statements`.
+    :returns: its tree, which all equal statements share: it is only read.
     :raises GrammarError: saying what was found and what was expected.
     """
     try:
-        return _parser().parse(statement.text, start=_START[statement.section])
+        return _tree(statement.text, _START[statement.section])
     except UnexpectedInput as problem:
         raise syntax_error(problem, statement.source, statement.line, _WORDS) from None
