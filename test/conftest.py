@@ -21,11 +21,13 @@ from measurement import Measured
 import pytest
 
 # Files that take longest; begun first, so that no process is left alone with them at the end.
-LONG = ('test_kernel_cache', 'test_random_grammars', 'test_batch', 'test_wall_wind',
-        'test_node_exit', 'test_record_node', 'test_scenes', 'test_crack_speed',
-        'test_flaws_walls', 'test_lint', 'test_arching', 'test_docs_site', 'test_leaning',
-        'test_tree_grammars', 'test_command', 'test_random_changes', 'test_warm',
-        'test_view_node', 'test_node', 'test_node_view', 'test_view_browser', 'test_blasts')
+LONG = ('test_random_grammars', 'test_lint', 'test_scenes', 'test_kernel_cache', 'test_node_exit',
+        'test_record_node', 'test_wall_wind', 'test_leaning', 'test_command', 'test_batch',
+        'test_flaws_walls', 'test_crack_speed', 'test_wind', 'test_tree_grammars',
+        'test_docs_site', 'test_arching', 'test_buildings', 'test_flaws_trees',
+        'test_random_changes', 'test_warm', 'test_view_node', 'test_node', 'test_node_view',
+        'test_view_browser', 'test_blasts', 'test_contact', 'test_threads', 'test_render',
+        'test_trees', 'test_node_hostile')
 
 
 def pytest_collection_modifyitems(items):

@@ -314,6 +314,8 @@ def test_all_kernels_load():
     for _ in range(2):  # the first one compiles what is not there yet
         done = subprocess.run([sys.executable, '-c', LOADING], cwd=ROOT, text=True, check=True,
                               capture_output=True).stdout.split()
+        if int(done[1]) == 0:
+            break
     assert int(done[0]) > 100
     assert int(done[1]) == 0
 
