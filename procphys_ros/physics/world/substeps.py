@@ -61,7 +61,7 @@ def move(engine: Engine, bodies: BodyTable, awake: np.ndarray, gravity: np.ndarr
     for substep in range(substeps):
         if substep > 0:
             table = mean_contacts(engine, substeps)
-            early.append(table[table[:, 12] > 0.0])
+            early.append(table[table[:, 9:].any(axis=1)])  # Bullet may rub without pressing
         kinematic.keep_course(engine, bodies, gravity, time_step)
         before = bodies.velocities[awake]
         engine.step(time_step)
