@@ -124,6 +124,24 @@ def test_ball_rolls_downhill(engine):
 
 
 @pytest.mark.parametrize('engine', ['bullet', 'rapier'])
+def test_contacts_with_a_slope_carry_the_weight(engine):
+    """Lay a slab on a slope across many triangles: contacts tell its weight, and nothing else."""
+    pytest.importorskip({'bullet': 'pybullet', 'rapier': 'rapier3d'}[engine])
+    terrain, mass = slope(0.2), 500.0
+    attitude = np.array([0.0, np.sin(0.1), 0.0, np.cos(0.1)])
+    with World(engine=engine, terrain=terrain) as world:
+        world.add_body(Shape.BOX, np.array([3.0, 2.0, 0.2]), mass,
+                       np.array([0.2, 0.3, terrain.height(np.array([[0.2, 0.3]]))[0]
+                                 + 0.1 / np.cos(0.2), *attitude]))
+        forces = []
+        for step in range(25):
+            world.step(STEP)
+            if step >= 15:
+                forces.append(-world.contacts().on(world.ground)[2].sum(axis=0) / STEP)
+    np.testing.assert_allclose(np.mean(forces, axis=0), [0.0, 0.0, mass * G], atol=0.01 * mass * G)
+
+
+@pytest.mark.parametrize('engine', ['bullet', 'rapier'])
 def test_things_come_to_rest_in_a_hollow(engine):
     """Let boxes and a log fall into a bowl; they end near its bottom, on the ground, at rest."""
     pytest.importorskip({'bullet': 'pybullet', 'rapier': 'rapier3d'}[engine])

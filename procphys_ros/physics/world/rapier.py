@@ -79,6 +79,7 @@ class RapierEngine:
         parameters.num_solver_iterations = ITERATIONS
         parameters.num_internal_stabilization_iterations = STABILIZATION
         parameters.normalized_max_linear_velocity = _LARGEST_SPEED
+        parameters.contact_clustering = False  # or contacts with meshes tell no impulses
         self._bodies: dict[int, rapier3d.RigidBody] = {}
         self._handles: dict[int, rapier3d.RigidBodyHandle] = {}
         self._joints: dict[tuple[int, int], rapier3d.ImpulseJointHandle] = {}  # see `set_excluded`
