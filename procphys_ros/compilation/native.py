@@ -25,13 +25,7 @@ import numpy as np
 
 
 @intrinsic
-def call(_: Any, address: Any, arguments: Any) -> Any:
-    """
-    Call the C function at an address, with a tuple of what it takes.
-
-    Integers are as wide as they are in numba, pointers int64. What it gives is taken for a
-    pointer; of a function that gives nothing, or an int, it means nothing.
-    """
+def _compiled_call(_: Any, address: Any, arguments: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         given = [builder.extract_value(values[1], k) for k in range(len(arguments))]
         kind = ir.FunctionType(ir.IntType(64), [value.type for value in given])
@@ -40,23 +34,32 @@ def call(_: Any, address: Any, arguments: Any) -> Any:
 
 
 @intrinsic
-def load(_: Any, address: Any) -> Any:
-    """Load the number in double precision at an address."""
+def _compiled_load(_: Any, address: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.load(builder.inttoptr(values[0], ir.DoubleType().as_pointer()))
     return types.float64(address), generate
 
 
-if config.DISABLE_JIT:  # kernels are the functions that they are written as
-    def call(address: int, arguments: tuple) -> int:
-        """Call the C function at an address."""
-        kinds: dict[type, Any] = {float: ctypes.c_double, np.float64: ctypes.c_double,
-                                  np.int32: ctypes.c_int32}
-        given = [kinds.get(type(value), ctypes.c_int64) for value in arguments]
-        values = [kind(value.item() if isinstance(value, np.generic) else value)
-                  for kind, value in zip(given, arguments)]
-        return ctypes.CFUNCTYPE(ctypes.c_int64, *given)(int(address))(*values)
+def _python_call(address: int, arguments: tuple) -> int:
+    kinds: dict[type, Any] = {float: ctypes.c_double, np.float64: ctypes.c_double,
+                              np.int32: ctypes.c_int32}
+    given = [kinds.get(type(value), ctypes.c_int64) for value in arguments]
+    values = [kind(value.item() if isinstance(value, np.generic) else value)
+              for kind, value in zip(given, arguments)]
+    return ctypes.CFUNCTYPE(ctypes.c_int64, *given)(int(address))(*values)
 
-    def load(address: int) -> float:
-        """Load the number in double precision at an address."""
-        return ctypes.c_double.from_address(int(address)).value
+
+def _python_load(address: int) -> float:
+    return ctypes.c_double.from_address(int(address)).value
+
+
+call: Any = _python_call if config.DISABLE_JIT else _compiled_call
+"""
+Call the C function at an address, with a tuple of what it takes.
+
+Integers are as wide as they are in numba, pointers int64. What it gives is taken for a pointer; of
+a function that gives nothing, or an int, it means nothing.
+"""
+
+load: Any = _python_load if config.DISABLE_JIT else _compiled_load
+"""Load the number in double precision at an address."""
