@@ -172,7 +172,7 @@ class SimNode(Node):
         say = self.get_logger().info
         self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
         self._clocks = self._namesakes = 1
-        self._has_told_end = False
+        self.has_told_end = False  # who runs the node may do so instead, as `running` does
         self._unheard: set[str] = set()
         status = self.parameters['status_line']
         self._has_status_line = status == 'on' or (
@@ -292,8 +292,8 @@ class SimNode(Node):
     def _tell_end(self) -> None:
         """Say once why the node has ended, to whom it goes on in a process of their own."""
         error = self.loop.ended.exception() if self.loop.ended.done() else None
-        if error is not None and not self._has_told_end:
-            self._has_told_end = True
+        if error is not None and not self.has_told_end:
+            self.has_told_end = True
             self.session.without_scene = f'the node has ended: {error}'
             self.get_logger().fatal(self.session.without_scene)
 

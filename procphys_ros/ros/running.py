@@ -65,6 +65,7 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
 def _spin(kind: type[SimNode], words: list[str]) -> None:
     executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
     node = kind()
+    node.has_told_end = True  # `_complain` will
     for line in overruled(words, node.parameters.given()):
         node.get_logger().warning(line)
     executor.add_node(node)
