@@ -23,7 +23,7 @@ from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import impacts, Simulation
-from procphys_ros.simulation.blows import Blow
+from procphys_ros.simulation.blows import Blow, blows_of
 
 _UNBREAKABLE = {'tension': 1e12, 'cohesion': 1e12, 'compression': 1e12}  # [Pa]
 _WEIGHTY = 0.05  # of all energy: what has less is not looked at
@@ -182,7 +182,7 @@ def test_contacts_have_the_energy_of_the_change_of_motion_on_edges(engine):
                 break
             change = np.zeros((len(bodies.state), 6))
             change[awake] = impacts._jump(simulation.model, state, simulation.time_step)
-            told += impacts.blows_of(simulation.model, state, change).energy.sum()
+            told += blows_of(simulation.model, state, change).energy.sum()
             own += motion_energy(bodies.mass[awake], bodies.inertia[awake],
                                  state.rubble.poses[awake, 3:], change[awake]).sum()
             lifted += len(state.world.lifts())

@@ -20,10 +20,15 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.physics.world import Contacts
+from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.simulation.contact_forces import BodyContacts
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.state import State
 
 _STILL = 1e-6  # [m/s] change of closing speed below which a contact only bears
+_LONGEST = 1.0 / 60.0  # [s] contact that is a blow: engines end those of tonnes sooner than Hertz
+_TURNS = 40  # in which what presses on bodies is passed on through contacts at most ...
+_SAME = 0.01  # ... until no force changes by more than this share of that of the longest contact
 
 
 class Blows(NamedTuple):
@@ -59,24 +64,42 @@ class Blow(NamedTuple):
     rows: np.ndarray
 
 
-def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, dt: float) -> Blows:
+def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
+    """Gather the contacts of the last step with the change of motion that they made, (B, 6)."""
+    bodies, dt = state.world.bodies, model.time_step
+    loose = np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0)
+    return measure(state.world.contacts(), change, state.rubble.poses, loose, model.gravity * dt,
+                   dt)
+
+
+def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, loose: np.ndarray,
+            fall: float, dt: float) -> Blows:
     """
     Find energy and duration of contacts.
 
     The mass that a contact stops is its impulse over the change of the closing speed that all
     contacts together made where it is: the reduced mass of two free bodies, a share of a body
     that lands on several others, and all of what presses on a body that is squeezed and cannot
-    yield. The engine ends every contact within its step, so none lasts longer.
+    yield. None lasts longer than `_LONGEST`, however long the step is.
+
+    What does not close only passes on what presses on its bodies elsewhere, and takes as long:
+    under a body that is squeezed, and between bodies that land together. What bears their weights
+    lasts.
 
     :param contacts: of the step.
     :param change: of velocity and spin by contacts, world axes, by id [m/s], [rad/s], (B, 6).
     :param start: poses of the bodies at the start of the step, by id, (B, 7).
+    :param loose: masses of the bodies that move freely, by id, 0 for all others [kg], (B,).
+    :param fall: speed that gravity gives these in the step [m/s].
     :param dt: length of the step [s].
     """
-    energy, mass = _measure(contacts.body_a, contacts.body_b,
-                            np.ascontiguousarray(contacts.point),
-                            np.ascontiguousarray(contacts.impulse), change, start)
-    return Blows(contacts, energy, np.minimum(contact_time(mass), dt))
+    pairs, impulse = (contacts.body_a, contacts.body_b), np.ascontiguousarray(contacts.impulse)
+    energy, lasting, size = _measure(*pairs, np.ascontiguousarray(contacts.point), impulse, change,
+                                     start, np.where(loose > 0.0, fall, 0.0))
+    mass, share = _closing(energy - lasting, size)
+    rate = 1.0 / np.minimum(contact_time(mass), _LONGEST)
+    _pass_on(*pairs, size, share, loose, loose * fall, dt, rate)
+    return Blows(contacts, energy, 1.0 / rate)
 
 
 @kernel
@@ -106,9 +129,14 @@ def energies(energy, other, ends):
 
 
 @kernel
-def _measure(first, second, point, impulse, change, start):
-    """Give the energy of both bodies in each contact, (C, 2), and the mass it stops, (C,)."""
-    energy, mass = np.zeros((len(first), 2)), np.full(len(first), np.inf)
+def _measure(first, second, point, impulse, change, start, fall):
+    """
+    Give the energy of both bodies in each contact, and of what held them, (C, 2); sizes, (C,).
+
+    :param fall: speed downwards from which contacts held each body, by id [m/s], (B,).
+    """
+    energy, held = np.zeros((len(first), 2)), np.zeros((len(first), 2))
+    size = np.zeros(len(first))
     for c in range(len(first)):
         for side, body, half in ((0, first[c], 0.5), (1, second[c], -0.5)):
             u, v, w = change[body, 3], change[body, 4], change[body, 5]
@@ -118,8 +146,64 @@ def _measure(first, second, point, impulse, change, start):
             energy[c, side] = half * ((change[body, 0] + v * z - w * y) * impulse[c, 0]
                                       + (change[body, 1] + w * x - u * z) * impulse[c, 1]
                                       + (change[body, 2] + u * y - v * x) * impulse[c, 2])
-        size = (impulse[c, 0] ** 2 + impulse[c, 1] ** 2 + impulse[c, 2] ** 2) ** 0.5
-        closing = 2.0 * energy[c].sum() / max(size, 1e-12)
+            held[c, side] = half * fall[body] * impulse[c, 2]
+        size[c] = (impulse[c, 0] ** 2 + impulse[c, 1] ** 2 + impulse[c, 2] ** 2) ** 0.5
+    return energy, held, size
+
+
+@kernel
+def _closing(energy, size):
+    """
+    Say how far contacts close.
+
+    :param energy: of both bodies in each contact [J], (C, 2).
+    :param size: impulses [N·s], (C,).
+    :returns: the mass that each stops [kg], and which share of its energy it takes itself, the
+        rest it passes on, (C,) each.
+    """
+    mass, share = np.full(len(size), np.inf), np.zeros(len(size))
+    for c in range(len(size)):
+        taken = energy[c, 0] + energy[c, 1]
+        closing = 2.0 * taken / max(size[c], 1e-12)
         if closing > _STILL:
-            mass[c] = size / closing
-    return energy, mass
+            mass[c] = size[c] / closing
+            share[c] = taken / (abs(energy[c, 0]) + abs(energy[c, 1]))
+    return mass, share
+
+
+@kernel
+def _pass_on(first, second, size, share, loose, weight, dt, rate):
+    """
+    Give contacts that do not close the rate of what presses on their bodies, in place.
+
+    :param size: impulses [N·s], (C,).
+    :param share: of each that is its own, see `_closing`, (C,).
+    :param loose, weight: masses, 0 if immovable, and what gravity gave in the step, by id, (B,).
+    :param rate: force over impulse of each contact by itself [1/s], (C,).
+    """
+    pressed = weight.copy()
+    force = weight / dt
+    for c in range(len(first)):
+        for body in (first[c], second[c]):
+            pressed[body] += size[c]
+            force[body] += size[c] * rate[c]
+    own, passes = rate.copy(), np.flatnonzero((share < 1.0) & (size > 0.0))
+    for turn in range(_TURNS):
+        most = 0.0
+        for n in range(len(passes)):
+            c = passes[n if turn % 2 else len(passes) - 1 - n]
+            total, count = 0.0, 0
+            for body in (first[c], second[c]):
+                if loose[body] > 0.0:
+                    total += force[body] / pressed[body]
+                    count += 1
+            if not count:
+                continue
+            now = share[c] * own[c] + (1.0 - share[c]) * total / count
+            change = now - rate[c]
+            most = max(most, abs(change) * _LONGEST)
+            rate[c] = now
+            force[first[c]] += size[c] * change
+            force[second[c]] += size[c] * change
+        if most < _SAME:
+            break

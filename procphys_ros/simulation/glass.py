@@ -27,7 +27,7 @@ from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Resistance
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import fragments, spawned_parts
-from procphys_ros.simulation.blows import measure
+from procphys_ros.simulation.blows import blows_of
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -281,7 +281,7 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
                             contacts.point[touch] - pose[:, :3])
     on = (np.abs(local) < 0.5 * model.blueprint.size[parts] + _NEAR).all(axis=1)
     force = np.linalg.norm(contacts.impulse[touch[on]], axis=1)
-    force /= measure(contacts, change, start, model.time_step).duration[touch[on]]
+    force /= blows_of(model, state, change).duration[touch[on]]
     return rows[on], force / _point_force(model, parts[on])
 
 

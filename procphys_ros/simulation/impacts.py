@@ -33,7 +33,7 @@ from procphys_ros.simulation import (
     returned_impulses,
     sustained_loads,
 )
-from procphys_ros.simulation.blows import Blow, Blows, energies, measure
+from procphys_ros.simulation.blows import Blow, Blows, blows_of, energies
 from procphys_ros.simulation.contact_forces import BodyContacts, spread, turned_back
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -101,11 +101,6 @@ def step(model: Model, state: State, dt: float) -> None:
                                        if len(result.pieces) > 1])
     if glass.shatter_loose(model, state) or broken or found:
         fragments.write_poses(model, state, dt)
-
-
-def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
-    """Gather the contacts of the last step with the change of motion that they made, (B, 6)."""
-    return measure(state.world.contacts(), change, state.rubble.poses, model.time_step)
 
 
 def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
