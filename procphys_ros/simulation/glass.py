@@ -269,10 +269,13 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
     :returns: row and load of each such contact.
     """
     contacts, start = state.world.contacts(), state.rubble.poses
-    blow = np.flatnonzero(struck[contacts.body_a] | struck[contacts.body_b])
     body = state.carrier[model.glass.parts[rows]]
+    glazed = np.zeros(len(struck), bool)
+    glazed[body] = True
+    one, other = contacts.body_a, contacts.body_b
+    blow = np.flatnonzero((struck[one] | struck[other]) & (glazed[one] | glazed[other]))
     pairs = [np.nonzero(side[blow, None] == body)
-             for side in (contacts.body_a, contacts.body_b)]
+             for side in (one, other)]
     touch, k = (np.concatenate(column) for column in zip(*pairs))
     touch, rows = blow[touch], rows[k]
     parts = model.glass.parts[rows]
@@ -280,6 +283,8 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
     local = rotation.rotate(rotation.conjugate(pose[:, 3:]),
                             contacts.point[touch] - pose[:, :3])
     on = (np.abs(local) < 0.5 * model.blueprint.size[parts] + _NEAR).all(axis=1)
+    if not on.any():
+        return rows[on], np.zeros(0)
     force = np.linalg.norm(contacts.impulse[touch[on]], axis=1)
     force /= blows_of(model, state, change).duration[touch[on]]
     return rows[on], force / _point_force(model, parts[on])
