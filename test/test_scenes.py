@@ -71,7 +71,7 @@ def test_palms_bend_in_the_gust_and_stand():
 
 def test_a_super_strength_wind_fells_trees():
     """Break thick wood, and lay most of the stand down (the paper's figure 5)."""
-    simulation, causes = run('felled_by_wind', 6.0)
+    simulation, causes = run('felled_by_wind', 9.5)
     wooden = [Cause.BENDING, Cause.FORCE, Cause.TWIST, Cause.UPROOTING, Cause.IMPACT]
     assert np.all(np.isin(causes, wooden))
     low, trees = 0, [o for o in simulation.objects if o.name.startswith(('pine', 'birch'))]
@@ -84,7 +84,7 @@ def test_a_super_strength_wind_fells_trees():
 
 def test_a_tree_breaks_the_roof_that_it_falls_on():
     """Lay the pine on the cottage, and break tiles, battens or rafters under it."""
-    simulation, _ = run('tree_on_house', 5.0)
+    simulation, _ = run('tree_on_house', 8.0)
     source, events = simulation.blueprint, simulation.events
     cottage = next(o for o in simulation.objects if o.name == 'cottage')
     hit = (events['part_b'] >= cottage.first) & (events['part_b'] < cottage.first + cottage.count)
@@ -117,7 +117,7 @@ def test_strokes_of_a_ball_crack_a_wall_and_bring_it_down():
     away = np.linalg.norm(cracked - np.median(source.poses[np.flatnonzero(lost), :3], axis=0),
                           axis=1)
     assert len(cracked) > 20 and away.max() > 1.0
-    simulation.step(round(4.6 / simulation.time_step))
+    simulation.step(round(6.1 / simulation.time_step))
     bricks = rows(simulation, 'wall')
     moved = np.linalg.norm(simulation.poses[bricks, :3] - source.poses[bricks, :3], axis=1)
     assert np.mean(moved > 0.2) > 0.5
@@ -143,7 +143,7 @@ def test_what_is_thrown_goes_through_the_wall(name, seconds, thrown):
 @pytest.mark.parametrize('name', ['figure_8', 'implosion'])
 def test_charges_bring_the_block_down_on_its_own_plan(name):
     """Bring all of it down, break it into many pieces, and heap them where it stood."""
-    simulation, causes = run(name, 4.0)
+    simulation, causes = run(name, 5.0)
     bricks = rows(simulation, 'block', ['brick'])
     assert np.count_nonzero(causes == Cause.DEMOLITION) > 100
     now, before = simulation.poses[bricks, :3], simulation.blueprint.poses[bricks, :3]
@@ -163,7 +163,7 @@ def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
     Per metre of span, with a weight w: the arch of 3.2 m with 0.8 m rise pushes with 1.6 w at a
     height of 1.4 m, 2.2 w; what stands on the pier of 0.9 m holds with 3.1 w.
     """
-    simulation, _ = run('bridge', 4.0)
+    simulation, _ = run('bridge', 6.0)
     stones = rows(simulation, 'bridge')
     before, now = simulation.blueprint.poses[stones, :3], simulation.poses[stones, :3]
     fallen = before[:, 2] - now[:, 2]
