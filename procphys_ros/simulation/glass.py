@@ -274,8 +274,7 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
     glazed[body] = True
     one, other = contacts.body_a, contacts.body_b
     blow = np.flatnonzero((struck[one] | struck[other]) & (glazed[one] | glazed[other]))
-    pairs = [np.nonzero(side[blow, None] == body)
-             for side in (one, other)]
+    pairs = [np.nonzero(side[blow, None] == body) for side in (one, other)]
     touch, k = (np.concatenate(column) for column in zip(*pairs))
     touch, rows = blow[touch], rows[k]
     parts = model.glass.parts[rows]

@@ -57,8 +57,8 @@ _GROUND_DEPTH = 50.0   # [m] half of its thickness
 
 _MEMORY_FOLDER = '/dev/shm'  # a folder in memory, where there is one
 _ROUND = 6  # decimals of sizes and quaternions up to which plain bodies are added together
-_HELD = np.isin(list(BodyState), (BodyState.FIXED, BodyState.RESTING))  # by state: created
-#        with mass, or Bullet never moves them
+# By state: what stands still, and is created with mass, or Bullet never moves it.
+_HELD = np.isin(list(BodyState), (BodyState.FIXED, BodyState.RESTING))
 _UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
 _FILTERS = np.array([COLLISION_FILTERS.get(state, (0, 0)) for state in BodyState], np.intc)
 
