@@ -101,6 +101,9 @@ class BulletEngine:
         self.close()
         self._connect()
 
+    def use_threads(self, count: int) -> None:
+        """Do nothing: PyBullet's solver has one thread."""
+
     def refine(self, dense: bool) -> int:
         """Solve contacts finely where they are dense, and give the substeps that this takes."""
         if dense != self._dense:

@@ -91,6 +91,9 @@ class Engine(Protocol):
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Let pairs of bodies pass through each other, or meet again, (K, 2) ids."""
 
+    def use_threads(self, count: int) -> None:
+        """Step on so many threads at most, with results that are the same for any number."""
+
     def refine(self, dense: bool) -> int:
         """
         Choose how finely the next steps solve contacts.

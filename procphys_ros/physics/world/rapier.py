@@ -15,7 +15,7 @@
 """
 The engine of rapier3d: the only module that imports it.
 
-Rapier computes in single precision, and alike with any number of threads; one is used.
+Rapier computes in single precision, with the same results to the bit on any number of threads.
 
 Of its friction models the default is used, with one friction force per manifold: a sliding brick
 feels 1.00 of its coefficient, with a force per point 0.87 to 0.97. The default does not tell its
@@ -48,6 +48,8 @@ DENSE_STIFFNESS = rapier3d.SpringCoefficients(240.0, 10.0)  # with 30 Hz such a 
 #                     3 cm; rubble trembles with 240 Hz
 
 _LARGEST_SPEED = 1e4  # [m/s] rapier's own limit is 400
+_LENGTH_UNIT = 0.05  # [m]: rapier pads the bounds of each body by 0.04 of it. With its default of
+#                      1 m it keeps pairs that are further apart than a brick is thick
 _SKIN = 1e-3  # [m] of hulls
 _SAME = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # a pose
 _FREE = rapier3d.JointAxesMask.empty()  # a joint that holds nothing
@@ -69,16 +71,17 @@ class RapierEngine:
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
         self._terrain = terrain
         self._gravity = tuple(np.asarray(gravity, float).tolist())
+        self._threads = 1
         self.clear()
 
     def clear(self) -> None:
         """Start with an empty world, in which nothing is left of what was."""
         self._world = rapier3d.PhysicsWorld(gravity=self._gravity)
-        self._world.set_num_threads(1)
+        self._world.set_num_threads(self._threads)
         parameters = self._world.integration_parameters
         parameters.num_solver_iterations = ITERATIONS
         parameters.num_internal_stabilization_iterations = STABILIZATION
-        parameters.normalized_max_linear_velocity = _LARGEST_SPEED
+        _scale(parameters)
         parameters.contact_clustering = False  # or contacts with meshes tell no impulses
         self._bodies: dict[int, rapier3d.RigidBody] = {}
         self._handles: dict[int, rapier3d.RigidBodyHandle] = {}
@@ -93,6 +96,12 @@ class RapierEngine:
     def close(self) -> None:
         """Free the world; a second call does nothing."""
         self.clear()
+
+    def use_threads(self, count: int) -> None:
+        """Step on so many threads at most."""
+        if count != self._threads:
+            self._world.set_num_threads(count)
+            self._threads = count
 
     def refine(self, dense: bool) -> int:
         """Solve contacts finely where they are dense; rapier takes its substeps itself."""
@@ -270,6 +279,16 @@ class RapierEngine:
         mass = self._mass[:len(self._before)]
         change = self._after[:len(mass)] - self._before - np.array(self._gravity) * self._time_step
         return friction(ids, impulse, normal, np.where(np.isfinite(mass), mass, 0.0), change)
+
+
+def _scale(parameters: rapier3d.IntegrationParameters) -> None:
+    """Make bounds of bodies tight, and leave all other lengths and speeds as they are."""
+    parameters.normalized_max_linear_velocity = _LARGEST_SPEED
+    for name in ('allowed_linear_error', 'contact_recycle_distance', 'max_corrective_velocity',
+                 'max_linear_velocity', 'prediction_distance'):
+        length = getattr(parameters, f'normalized_{name}')  # in units of 1 m so far
+        setattr(parameters, f'normalized_{name}', length / _LENGTH_UNIT)
+    parameters.length_unit = _LENGTH_UNIT
 
 
 @cache

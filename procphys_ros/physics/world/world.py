@@ -326,12 +326,14 @@ class World:
         return total_impulse(body, self._places[body], self.contacts(),
                              self.lifts()) / self._time_step
 
-    def step(self, time_step: float) -> None:
+    def step(self, time_step: float, threads: int = 1) -> None:
         """
         Let time pass: set free what is about to be hit, move and collide, bring to rest.
 
         :param time_step: [s].
+        :param threads: of the engine at most; results are the same to the bit for any number.
         """
+        self._engine.use_threads(threads)
         bodies = self._bodies
         self._time_step = time_step
         self._contacts = None
