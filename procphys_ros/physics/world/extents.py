@@ -75,10 +75,13 @@ def _are_near(pairs, distance, poses, radius, first, count, shapes, sizes, local
             if _dot(arm, arm) > (_dot(half, half) ** 0.5 + radius[other]) ** 2:
                 continue
             for q in range(first[other], first[other] + count[other]):
-                other_place, other_turn = _placed(poses[other], local[q])
-                arm = (place[0] - other_place[0], place[1] - other_place[1],
-                       place[2] - other_place[2])
-                if _boxes_meet(arm, turn, half, other_turn, _half(shapes[q], sizes[q], 0.0)):
+                centre = carried(poses[other], local[q])
+                arm = place[0] - centre[0], place[1] - centre[1], place[2] - centre[2]
+                other_half = _half(shapes[q], sizes[q], 0.0)
+                if _dot(arm, arm) > (_dot(half, half) ** 0.5
+                                     + _dot(other_half, other_half) ** 0.5) ** 2:
+                    continue
+                if _boxes_meet(arm, turn, half, _placed(poses[other], local[q])[1], other_half):
                     near[n] = True
                     break
             if near[n]:
@@ -116,8 +119,6 @@ def _half(shape, size, room):
 @kernel
 def _boxes_meet(arm, turn, half, other, other_half):
     """Tell whether no axis separates two boxes: no face of either, and no edge across edge."""
-    if _dot(arm, arm) > (_dot(half, half) ** 0.5 + _dot(other_half, other_half) ** 0.5) ** 2:
-        return False
     for a in range(15):
         if a < 3:
             axis = (turn[0][a], turn[1][a], turn[2][a])
