@@ -50,6 +50,7 @@ DENSE_STIFFNESS = rapier3d.SpringCoefficients(240.0, 10.0)  # with 30 Hz such a 
 _LARGEST_SPEED = 1e4  # [m/s] rapier's own limit is 400
 _LENGTH_UNIT = 0.05  # [m]: rapier pads the bounds of each body by 0.04 of it. With its default of
 #                      1 m it keeps pairs that are further apart than a brick is thick
+_MOST_THREADS = 64  # each takes memory for its stack, also where there are fewer cores
 _SKIN = 1e-3  # [m] of hulls
 _SAME = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # a pose
 _FREE = rapier3d.JointAxesMask.empty()  # a joint that holds nothing
@@ -99,6 +100,7 @@ class RapierEngine:
 
     def use_threads(self, count: int) -> None:
         """Step on so many threads at most."""
+        count = min(count, _MOST_THREADS)
         if count != self._threads:
             self._world.set_num_threads(count)
             self._threads = count
