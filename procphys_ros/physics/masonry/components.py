@@ -73,6 +73,15 @@ def label(count: int, first: np.ndarray, second: np.ndarray,
 
 
 @kernel
+def bonds_of_standing(first, second, alive, supported):
+    """List the living bonds of parts that hold on to the ground, ascending."""
+    found = np.zeros(len(first), np.bool_)
+    for m in range(len(first)):
+        found[m] = alive[m] and supported[min(first[m], second[m])]
+    return np.flatnonzero(found)
+
+
+@kernel
 def joints_of_fallen(first, second, cracked, supported):
     """List the cracked joints of parts that have lost the ground."""
     count = len(supported)

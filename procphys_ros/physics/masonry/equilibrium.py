@@ -204,7 +204,12 @@ class Equilibrium:
             islands.
         """
         graph = self.graph
-        bonds = np.arange(len(graph)) if bonds is None else bonds
+        if bonds is None:
+            out = np.zeros((len(graph), 6))
+            rows = components.bonds_of_standing(graph.first, graph.second, graph.alive,
+                                                self.supported)
+            out[rows] = self.wrenches(rows)
+            return out
         out = np.empty((len(bonds), 6))
         links.pulls(bonds, graph.links, graph.axes, graph.first, graph.second, self.displacement,
                     out)

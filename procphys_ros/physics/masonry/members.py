@@ -84,6 +84,8 @@ def with_largest_moments(within: Pieces, alive: np.ndarray, centroid: np.ndarray
     :returns: the same, in rows of joints the peak where it is larger, (M, 6).
     """
     whole = alive[within.near] & alive[within.far]
+    whole[whole] = (wrench[within.near[whole]].any(axis=1)
+                    | wrench[within.far[whole]].any(axis=1))
     near, far = within.near[whole], within.far[whole]
     if not len(near):
         return wrench

@@ -61,6 +61,15 @@ def _crush(wrench, extent, compression):
 
 
 @kernel
+def _is_free(wrench):
+    """Say whether a bond carries nothing, as all do that have lost the ground."""
+    for c in range(6):
+        if wrench[c] != 0.0:
+            return False
+    return True
+
+
+@kernel
 def _utilise(alive, cracked, held, wrench, area, extent, tension, cohesion, friction, compression,
              reinforcement, out, cause):
     for m in range(len(alive)):
@@ -71,6 +80,8 @@ def _utilise(alive, cracked, held, wrench, area, extent, tension, cohesion, fric
         if cracked[m]:
             out[m] = _crush(wrench[m], extent[m], compression[m])
             cause[m] = _COMPRESSION
+            continue
+        if _is_free(wrench[m]):
             continue
         pull = wrench[m, 2] / area[m]
         press = max(-pull, 0.0)
