@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parser of a command's words whose complaints are one line, and readers of values for it."""
+"""Argument parser whose errors are one line, and readers of argument values."""
 
 import argparse
 from collections.abc import Sequence

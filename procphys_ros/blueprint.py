@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Blueprint: the one thing that every grammar writes and all the physics reads.
+Blueprint: parts and bonds, written by every grammar and read by all of the physics.
 
 A blueprint holds *parts* (what moves as one piece) and *bonds* (what ties two parts, or a part and
 the ground) as flat numpy arrays. Row i of every part array is part i, for life.

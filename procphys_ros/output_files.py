@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Output files: what keeps one from being written, told at once, and writing it whole or not."""
+"""Output files: report early what prevents writing one, and write it atomically."""
 
 from collections.abc import Callable
 import fcntl

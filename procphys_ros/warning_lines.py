@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Warnings of the library, of grammars and scenes, told in a line each."""
+"""Print warnings of the library, of grammars and of scenes as one line each."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

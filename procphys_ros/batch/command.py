@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Executable `batch`: many runs of a scene without anyone watching, a row of a table each."""
+"""Executable `batch`: run a scene many times unattended, and write a table row per run."""
 
 import argparse
 from collections.abc import Callable, Sequence

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Run: one simulation of a batch, and what is to be known of it afterwards."""
+"""Run: one simulation of a batch, and the results that are kept of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

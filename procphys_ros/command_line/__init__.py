@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The command line of people: its words, its help, and what it prints. Knows no ROS."""
+"""Command line of a running simulation: syntax, help and output, without ROS."""
 
 from procphys_ros.command_line.completion import answers, script
 from procphys_ros.command_line.description import Description

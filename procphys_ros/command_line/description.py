@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What a scene holds, as `~/scene_description` tells it, and how to list it."""
+"""Read `~/scene_description`, and list the contents of a scene."""
 
 from collections import Counter
 from collections.abc import Iterator

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How a simulation goes on, in single lines."""
+"""Print the progress of a simulation as single lines."""
 
 from collections.abc import Mapping, Sequence
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Values of parameters, as people write and read them."""
+"""Parse and print parameter values."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What people may say to a running simulation: words, numbers, and their help."""
+"""Syntax of the command-line client: verbs, their arguments and their help."""
 
 import argparse
 from collections.abc import Sequence

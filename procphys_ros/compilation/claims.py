@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Claims: what two processes need at the same time is compiled by one of them."""
+"""Claims: let one process compile what several need at the same time."""
 
 from contextlib import suppress
 import os

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Files of the cache: whole, or as if they were not there."""
+"""Cache files: written atomically; damaged ones count as missing."""
 
 import hashlib
 from pathlib import Path

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-How numba links what kernels call into them.
+Link subroutines into the kernels that call them.
 
 numba optimises every callee by itself, makes machine code of it, and optimises its copy within
 each caller again; which of the copies runs depends on what was loaded first. Here a kernel always

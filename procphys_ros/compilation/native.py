@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What kernels call that is not theirs: C functions, by addresses that are arguments."""
+"""Call C functions from kernels, by addresses that are passed as arguments."""
 
 import ctypes
 from typing import Any

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tells of every kernel that is compiled: dozens of them take a minute at a first start."""
+"""Report each kernel that is compiled: at a first start dozens take a minute."""
 
 import gc
 from typing import Any

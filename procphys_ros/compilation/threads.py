@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Threads that run kernels: over ranges of rows, or one beside something else."""
+"""Threads that run kernels: over ranges of rows, or concurrently with the caller."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait

@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     :returns: exit code: 0 done, 1 it cannot be done, 2 invalid usage, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
-    # Late, because PyBullet greets on import, which is noise before a one-line error.
+    # Import late: PyBullet prints a banner, which is noise before a one-line error.
     from procphys_ros.export.formats import check_target, export, export_animation
 
     try:

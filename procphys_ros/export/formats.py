@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Formats: which exporter writes which file, and what must hold before minutes of simulation."""
+"""Formats: choose an exporter by file name, and check its requirements before simulating."""
 
 from collections.abc import Callable
 from importlib import import_module

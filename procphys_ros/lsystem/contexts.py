@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Contexts: find the modules whose neighbours on the tree fit a pattern."""
+"""Contexts: find the modules whose neighbours along the branches match a pattern."""
 
 import numpy as np
 

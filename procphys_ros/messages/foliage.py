@@ -106,7 +106,7 @@ def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
 
 
 def _thinned(leaves: Leaves, most: int) -> Leaves:
-    """Keep every so manieth leaf, enlarged to the area of those that it stands for."""
+    """Keep every n-th leaf, enlarged to the area of those that it replaces."""
     share = min(1.0, most / max(len(leaves), 1))
     count = np.floor(np.arange(len(leaves) + 1) * share)
     kept = np.flatnonzero(np.diff(count) > 0)

@@ -14,7 +14,7 @@
 
 
 """
-MarkerArray of a scene: the whole set when somebody starts to look, then only what changed.
+MarkerArray of a scene: all markers for new subscribers, then only what changed.
 
 One marker per part (`ns` = object, `id` = part index), one per texture of an object's leaves and
 ornaments (`ns` = `<object>/leaves`, `id` = texture index), a few for dust (`ns` = `dust`), two for

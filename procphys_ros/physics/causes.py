@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Why bonds break: one list for trees and masonry, as `~/breaks` numbers them."""
+"""Causes of failure of bonds, for trees and masonry, numbered as in `~/breaks`."""
 
 from enum import IntEnum
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kinetic: the energy with which rigid bodies move."""
+"""Kinetic energy of rigid bodies."""
 
 import numpy as np
 

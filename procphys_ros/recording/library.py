@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The package mcap, without which nothing is recorded, and what is said when it is missing."""
+"""Import of the optional package mcap, with an error that says how to install it."""
 
 from importlib import import_module
 from types import SimpleNamespace

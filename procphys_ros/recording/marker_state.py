@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Marker state: what a viewer shows that has seen every MarkerArray so far, to be shown anew."""
+"""Marker state: the markers that a viewer shows after all MarkerArrays so far."""
 
 import numpy as np
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writer: messages into an MCAP file, for as long as there is room on the disk."""
+"""Writer: write messages into an MCAP file until the disk is full."""
 
 from pathlib import Path
 import shutil

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Backend: an OpenGL context without a display, and what is said when there is none."""
+"""Backend: an OpenGL context without a display, and the error when there is none."""
 
 from typing import Any
 

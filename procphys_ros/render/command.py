@@ -94,7 +94,7 @@ def _picture(scene: Scene, camera: CameraSettings, options: argparse.Namespace) 
         writer.add(renderer.draw(moment, motion.view(0.0)))
         renderer.close()
     else:
-        # Late, because PyBullet greets on import, which is noise before a one-line error.
+        # Import late: PyBullet prints a banner, which is noise before a one-line error.
         from procphys_ros.render.film import shoot, Shot
 
         shot = Shot(options.time, 1, 1.0, options.size, camera)

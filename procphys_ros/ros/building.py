@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Building of scenes in a thread of its own: commands are answered and time goes on meanwhile."""
+"""Build scenes in a thread of their own, while commands are answered and time goes on."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor

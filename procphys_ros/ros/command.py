@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Executable `command`: what people say to a running simulation, one sentence per call."""
+"""Executable `command`: command-line client for `sim`, one command per call."""
 
 import argparse
 from collections.abc import Callable, Sequence

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Commands: wait in one queue, take effect between two steps, and are answered for."""
+"""Command queue: commands take effect between two steps, and each is answered."""
 
 from collections import Counter, deque
 from collections.abc import Callable

@@ -124,7 +124,7 @@ class FollowedNode:
         executor.shutdown()
 
     def _watch(self) -> None:
-        """Subscribe to what moves while somebody looks; the node builds nothing for nobody."""
+        """Subscribe to moving topics while a page is open; the node skips unused ones."""
         if self.watched and not self._moving:
             state = self._state
             for kind, topic, take, profile, raw in (

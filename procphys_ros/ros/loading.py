@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Loading: has scenes, and what joins them, built and handed to the thread that simulates."""
+"""Loading: build scenes and spawned objects, and hand them to the simulation thread."""
 
 from collections.abc import Callable
 from threading import Thread

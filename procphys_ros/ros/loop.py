@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Loop: a thread that takes turns at the simulation while ROS is served by another."""
+"""Loop: the simulation thread; another thread serves ROS."""
 
 from collections.abc import Callable
 from threading import Event, Thread

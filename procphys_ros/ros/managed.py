@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The node as a managed node: a manager says when it builds its scene, and when time passes."""
+"""The node as a managed (lifecycle) node: configure builds the scene, activate runs it."""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Page commands: what is done at a page, said to a node in the order in which it was done."""
+"""Page commands: send what is done on a page to the node, in order."""
 
 from collections.abc import Callable, Sequence
 from queue import Empty, Queue

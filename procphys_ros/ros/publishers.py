@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Publishers of the node: what goes out, how often, and what is not built for nobody."""
+"""Publishers of the node: rates, and skipping of topics without subscribers."""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -36,7 +36,7 @@ _DEEPEST = 1_000_000  # [messages]
 
 
 def _checked(profile: QoSProfile) -> QosCallbackResult:
-    """Refuse what the middleware would refuse in words that nobody understands."""
+    """Refuse invalid profiles early, with a clearer message than that of the middleware."""
     if 0 <= profile.depth <= _DEEPEST:
         return QosCallbackResult(successful=True)
     return QosCallbackResult(

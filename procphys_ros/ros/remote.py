@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A running `sim` node, seen from outside: its services, topics and parameters."""
+"""Client of a running `sim` node: its services, topics and parameters."""
 
 from collections.abc import Callable, Iterable, Sequence
 import os

@@ -66,7 +66,7 @@ def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[s
 
 
 def _wait_for_subscribers(publishers: Sequence[Publisher], ended: Callable[[], bool]) -> None:
-    """Give those who listen already the time to find the publishers, and begin for nobody else."""
+    """Give present subscribers time to discover the publishers, and wait for no others."""
     end = monotonic() + _ALONE
     is_heard = False
     while (left := end - monotonic()) > 0.0 and not ended():

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Requests: what the services ask for, with the parameters as they are when they are called."""
+"""Requests: the commands of services, with the parameters at the time of the call."""
 
 from collections.abc import Callable
 from dataclasses import fields

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Run the node as a process: start it, serve ROS, end it cleanly and soon."""
+"""Run the node as a process: start it, serve ROS, and shut it down cleanly."""
 
 from contextlib import suppress
 import os

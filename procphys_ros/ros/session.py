@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Session: the simulation that runs at the moment, and what may be done to it."""
+"""Session: the running simulation, and the operations on it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start rclpy, and say in one line what is wrong with the arguments for ROS."""
+"""Start rclpy, and report wrong ROS arguments in one line."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Transform publisher: where the objects of a scene are, for tools that look things up in tf."""
+"""Transform publisher: poses of the objects of a scene on `/tf`."""
 
 from importlib import import_module
 

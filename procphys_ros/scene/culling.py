@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Settings of the level of detail: what is simulated less, because nobody looks closely."""
+"""Settings of the level of detail: what is simulated less, far from the observer."""
 
 from dataclasses import dataclass
 

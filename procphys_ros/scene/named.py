@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a command takes for a scene: a scene file, the name of a shipped scene, or a grammar."""
+"""Find a scene by a file, the name of a shipped scene, or a grammar."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a scene is asked to hold: the objects named by its parameters."""
+"""Objects that the parameters of a scene name."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields

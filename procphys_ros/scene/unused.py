@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What parameters of a scene file nobody reads: refused in a group that is known, else told."""
+"""Unused parameters of a scene file: an error in a known group, otherwise a warning."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Branch loads: what branches that lie or fall on standing walls do to them."""
+"""Branch loads: contact loads of branches on standing walls."""
 
 import numpy as np
 

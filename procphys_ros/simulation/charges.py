@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Charges in walls: they break what is around them into lumps, bricks and quarters, and throw these.
+Charges in walls: break the masonry around them into pieces, and throw these.
 
 A drilled charge is as heavy as the masonry needs that it is to break, so a kilogramme of masonry
 gets the same from all of them: at most v = √(2·_SHARE·_ENERGY·_SPECIFIC/ρ), 8.1 m/s for brick,

@@ -14,7 +14,7 @@
 
 
 """
-Climbers: plants that hold on to the wall or tree that they grow on, until they are pulled off.
+Climbers: plants that are anchored to a wall or tree until their holds are torn off.
 
 What they hold on to is found when a scene is compiled (`holds`). Walls feel the pull as a load,
 trees as impulses.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Commands: what users, cues and nodes tell a simulation, as data, and how each is carried out."""
+"""Commands: a dataclass each, for users, cues and nodes, and how each is executed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Contact work: what contacts of trees give, at most what it takes to undo overlaps.
+Contact work: bound the work of tree contacts by what undoing overlaps takes.
 
 An impulse J does the work J·(v₀ + v₁)/2, v being the velocity at which what touches moves apart.
 Contacts are solved for v₁ alone. A stiff twig that swings to and fro within a step may have a v₀

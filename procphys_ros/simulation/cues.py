@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Cues: what a scene does by itself, when its time has come."""
+"""Cues: commands that a scene executes by itself at given times."""
 
 import logging
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Debris loads: what rigid bodies do to masonry that stands, by lying on it and by hitting it."""
+"""Debris loads: loads and blows of rigid bodies on standing masonry."""
 
 from typing import NamedTuple
 

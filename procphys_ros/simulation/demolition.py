@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Demolition: charges in walls that go off one after the other."""
+"""Demolition: charges in walls that are fired one after the other."""
 
 import numpy as np
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Fragments: how parts leave walls and trees, and the rigid bodies that carry them then."""
+"""Fragments: release parts from walls and trees into rigid bodies, and split these."""
 
 from collections.abc import Sequence
 

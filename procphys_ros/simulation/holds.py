@@ -14,7 +14,7 @@
 
 
 """
-Holds: what the segments of climbing plants hold on to in a scene.
+Holds: the anchors of climbing plants in a scene.
 
 Each segment that clings (`Hinges.cling`) holds on to the nearest part of another object that
 reaches to within `REACH` of its middle: a brick or beam of a wall, or a branch that is no climber.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Impacts: what falls or flies in one piece breaks again where it hits."""
+"""Impacts: break loose pieces again where contacts overload their bonds."""
 
 from collections.abc import Iterator
 from typing import cast

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Leaning: trees that join a scene in which a wind blows have stood in it for long."""
+"""Leaning: put trees into equilibrium with the mean wind when they join a scene."""
 
 import numpy as np
 

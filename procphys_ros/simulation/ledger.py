@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Ledger: the momentum of blows and charges, where it came from and where it went."""
+"""Momentum ledger of blows and charges."""
 
 from collections import deque
 from dataclasses import dataclass, field

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Lidar: what a sensor of ranges sees of a scene."""
+"""Lidar: ranges that a sensor measures in a scene."""
 
 from dataclasses import dataclass
 from functools import lru_cache

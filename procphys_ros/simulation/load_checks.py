@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Load checks: what a user should be told of a scene before it starts."""
+"""Load checks: warnings about a scene before it starts."""
 
 from collections.abc import Sequence
 from dataclasses import replace

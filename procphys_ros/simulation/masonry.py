@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Masonry: what blows and loads do to what stands, whoever strikes."""
+"""Masonry: the response of standing parts to loads and blows, whatever causes them."""
 
 from dataclasses import dataclass, replace
 from functools import partial

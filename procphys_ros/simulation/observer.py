@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Observer: what a camera sees, so that the rest can be simulated less."""
+"""Observer: what a camera sees, for the level of detail."""
 
 import math
 

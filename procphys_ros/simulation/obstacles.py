@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Obstacles: what branches may run into, cut into boxes and capsules."""
+"""Obstacles: boxes and capsules that branches may collide with."""
 
 from typing import NamedTuple
 

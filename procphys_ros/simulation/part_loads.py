@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 
 
-"""Part loads: what one part carries at the moment, and how near that is to its strength."""
+"""Part loads: forces and utilisation of the bonds of one part."""
 
 from dataclasses import dataclass
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Parts: what is known of every part there is, as columns with a row per part."""
+"""Parts: the state of all parts as columns, a row per part."""
 
 from dataclasses import dataclass, field
 from enum import IntEnum

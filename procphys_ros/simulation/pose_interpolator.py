@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Interpolation between poses that arrive now and then, at a finite speed."""
+"""Interpolate between poses that arrive at irregular times, with a bounded speed."""
 
 import numpy as np
 

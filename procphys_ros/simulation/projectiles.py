@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Projectiles: what flies fast is swept before each step against what stands."""
+"""Projectiles: sweep fast bodies against standing parts before each step."""
 
 import numpy as np
 

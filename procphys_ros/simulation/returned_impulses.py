@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Returned impulses: what bonds could not transmit is taken back on both sides of a contact."""
+"""Returned impulses: take back, on both sides of a contact, what bonds could not transmit."""
 
 import numpy as np
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Wind on rubble: what lies still moves again when the wind can push it off or over."""
+"""Wind on rubble: wake resting bodies that the wind can slide or topple."""
 
 import numpy as np
 

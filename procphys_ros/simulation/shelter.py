@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Shelter: what of a scene stands in the way of the wind, as it was built."""
+"""Shelter: the obstacles of a scene to the wind, as built."""
 
 from collections.abc import Sequence
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Sustained loads: what lies on others must bear its own weight, and what lies on it."""
+"""Sustained loads: break loose pieces that lasting contact forces overload."""
 
 from itertools import pairwise
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What the numbers of a command must be before they may touch the simulation."""
+"""Validate the numbers of commands."""
 
 from collections.abc import Sequence
 import math

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Columns: what lies behind the face of a wall and is pushed along when the face is struck."""
+"""Columns: parts behind the struck face of a wall that are pushed along."""
 
 import numpy as np
 import scipy  # its parts are imported by their first use

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Clicks: what a click on something does to it."""
+"""Clicks: actions of clicks on parts."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Controls: sliders and buttons beside the scene, and what they say to the source."""
+"""Controls: sliders and buttons beside the scene, and their commands."""
 
 from collections.abc import Callable, Mapping
 import math

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The package viser, without which no page is served, and what is said when it is missing."""
+"""Import of the optional package viser, with an error that says how to install it."""
 
 from types import ModuleType
 

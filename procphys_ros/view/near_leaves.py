@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Near leaves: clusters that somebody looks at from near by, drawn leaf by leaf."""
+"""Near leaves: draw clusters near the camera leaf by leaf."""
 
 from typing import Any
 

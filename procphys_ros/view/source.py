@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Source: where a page takes what it shows from, and where it sends commands."""
+"""Source: what a page shows, and where it sends commands."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What it takes to tear parts out of a bond graph: force, momentum, energy."""
+"""Capacity: the force, momentum and energy that tear parts out of a bond graph."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What hangs together: connected components of the bond graph, and which of them stand."""
+"""Connected components of the bond graph, and which of them are supported."""
 
 import numpy as np
 

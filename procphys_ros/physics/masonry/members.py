@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Reinforced members: the largest moment within their pieces, which no joint need be at."""
+"""Reinforced members: the largest moment within their pieces, also between joints."""
 
 from typing import NamedTuple
 

@@ -62,11 +62,11 @@ def _crush(wrench, extent, compression):
 
 @kernel
 def _is_free(wrench):
-    """Say whether a bond carries nothing, as all do that have lost the ground."""
+    """Say whether a bond carries nothing, as those of fallen islands do."""
+    free = True
     for c in range(6):
-        if wrench[c] != 0.0:
-            return False
-    return True
+        free &= wrench[c] == 0.0
+    return free
 
 
 @kernel

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How exactly loads are to be balanced."""
+"""Tolerances of the stress solver, sharper where loads push an island as a whole."""
 
 import numpy as np
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Admission: standing bricks go to the engine when something that moves comes near them.
+Admission: add standing bricks to the engine when a moving body comes near them.
 
 Even what is frozen costs an engine every step, and to create a body some 0.1 ms: a second or two
 for a large building.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Everything that is known of the bodies of a world, as plain columns; row = id of a body."""
+"""Body table: the state and shapes of all bodies of a world as columns, a row per id."""
 
 from collections.abc import Sequence
 from enum import IntEnum

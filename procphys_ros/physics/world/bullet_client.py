@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-A world of PyBullet's library: each method is one command of Bullet's server, or one per body.
+Client of a PyBullet world: each method sends one command to Bullet, or one per body.
 
 Bodies go by the numbers that Bullet gives them.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a rigid-body engine must do for `World`, and the choice of one."""
+"""Protocol of rigid-body engines, and their selection."""
 
 from collections.abc import Callable
 from functools import cache

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Extents: the bounds of bodies, and which of them are near each other."""
+"""Extents: bounds of bodies, and proximity of pairs."""
 
 import numpy as np
 

@@ -14,7 +14,7 @@
 
 
 """
-The first turn of a body in Bullet: it turns as a solid of its shape would, not by its own inertia.
+First step of a body in Bullet: it uses the inertia of its shape, not the one it is given.
 
 Bullet takes over the inertia that a body is given only at the end of its first step.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Flight: what nothing but gravity moves follows its parabola exactly."""
+"""Flight: move bodies without contact along their exact parabola."""
 
 import numpy as np
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Friction that an engine does not tell, worked out from what the momenta of bodies lack."""
+"""Friction impulses that an engine does not report, from the momentum balance of bodies."""
 
 import numpy as np
 from scipy.sparse import csc_matrix

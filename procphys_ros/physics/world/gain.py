@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Gain: what bodies win in a step without contacts that account for it, they give back."""
+"""Gain: remove energy that bodies gained in a step and that no contact accounts for."""
 
 from collections.abc import Callable
 

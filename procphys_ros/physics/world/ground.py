@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The ground beyond what an engine does: nothing sinks into it, and true corners stand on it."""
+"""Ground contact beyond the engine's: no sinking, and contact at the true corners of bricks."""
 
 from typing import NamedTuple
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kinematic bodies: they follow prescribed poses, push what is in the way, and feel it."""
+"""Kinematic bodies: follow prescribed poses, push what is in the way, and measure the force."""
 
 import numpy as np
 

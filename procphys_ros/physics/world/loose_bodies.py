@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Loose bodies: what a world is told of those that are to move freely."""
+"""Loose bodies: mass, inertia and shapes of bodies that are to move freely."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -14,7 +14,7 @@
 
 
 """
-Contacts of rapier's narrow phase: what Python tells of it point by point, or its bytes.
+Contacts of rapier's narrow phase, read point by point or from its serialized bytes.
 
 A snapshot of the narrow phase is written in a quarter of the time that reading a thousand contacts
 one by one takes. Its layout is rapier's own affair and differs from version to version, so it is
@@ -28,7 +28,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
 
-TOUCH = 2e-3  # [m] from which on what presses on nothing is not told as a contact
+TOUCH = 2e-3  # [m] gap from which on a contact without force is not reported
 
 # Bytes of rapier 0.36; counts are 8 bytes long, handles and floats 4.
 _NODE = 16       # of the graph: a handle of a collider and two edges

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pieces: the boxes and capsules that a body collides with, and how far down they reach."""
+"""Pieces: the collision shapes of a body, and its lowest point."""
 
 from dataclasses import dataclass, field
 

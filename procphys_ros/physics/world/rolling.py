@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rolling: the ground and bark give way under what rolls, which slows it down."""
+"""Rolling resistance of the ground and of bark."""
 
 import numpy as np
 

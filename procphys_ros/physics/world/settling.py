@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Settling: which loose bodies have come to rest, and which resting ones must move again."""
+"""Settling: put loose bodies to rest, and wake resting ones that lost their support."""
 
 import numpy as np
 

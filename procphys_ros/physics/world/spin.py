@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Spin: what turns by more than a radian per step must not gain energy from its own inertia."""
+"""Spin: keep bodies that turn by more than a radian per step from gaining energy."""
 
 import numpy as np
 

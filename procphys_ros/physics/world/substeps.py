@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Substeps: where few bodies lean on each other, they are worth a finer solution."""
+"""Substeps: solve contacts more finely where a few bodies support each other."""
 
 from collections.abc import Callable
 from functools import cache, partial

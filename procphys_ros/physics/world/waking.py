@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Waking: which resting bodies are about to be hit hard enough to move, and what may tunnel."""
+"""Waking: wake resting bodies before they are hit, and sweep bodies that may tunnel."""
 
 import numpy as np
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The world in which everything that is loose collides, falls and comes to rest."""
+"""World: rigid bodies that collide, fall and come to rest."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Self
