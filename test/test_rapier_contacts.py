@@ -58,6 +58,33 @@ def test_bytes_tell_the_same_contacts(rubble):
     assert rapier._bytes_are_known()
 
 
+@pytest.mark.parametrize(('gap', 'pairs'), [(0.015, 1), (0.045, 0)])
+def test_pairs_are_those_within_millimetres_of_a_contact(gap, pairs):
+    """Move two bricks side by side: they are a pair within the 2 cm of foreseen contacts only."""
+    with World((0.0, 0.0, 0.0), engine='rapier') as world:
+        bodies = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(x, 0, 1.0))
+                  for x in (0.0, BRICK[0] + gap)]
+        world.set_velocities(np.array(bodies), np.tile([0.0, 0.0, 0.3, 0.0, 0.0, 0.0], (2, 1)))
+        for _ in range(3):  # bounds are padded once a body has moved
+            world.step(DT)
+        found = [(pair.collider1.index, pair.collider2.index)
+                 for pair in phase_of(world).contact_pairs()]
+        assert len([both for both in found if 0 not in both]) == pairs  # 0 is the ground
+
+
+def test_the_scale_of_rapier_leaves_all_lengths_as_they_were():
+    """Compare what rapier scales by its unit of length with its defaults for 1 m."""
+    rapier3d = pytest.importorskip('rapier3d')
+    usual = rapier3d.PhysicsWorld(gravity=(0.0, 0.0, 0.0)).integration_parameters
+    with World(engine='rapier') as world:
+        ours = world._engine._world.integration_parameters
+        for name in ('allowed_linear_error', 'max_corrective_velocity', 'prediction_distance',
+                     'contact_recycle_distance'):
+            scaled = getattr(ours, f'normalized_{name}') * ours.length_unit
+            assert scaled == pytest.approx(getattr(usual, f'normalized_{name}'), rel=1e-6), name
+        assert ours.normalized_max_linear_velocity * ours.length_unit == pytest.approx(1e4)
+
+
 def test_bytes_tell_the_same_motion(rubble):
     """Read how bodies of a falling heap lie and move both ways: all is the same to the bit."""
     for _ in range(90):
