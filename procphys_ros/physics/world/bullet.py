@@ -45,7 +45,10 @@ from procphys_ros.physics.world.urdf import SHORTEST, write_hulls, write_urdf
 # out, not thrown out. 12 s after its demolition some 80 pieces of a cottage move instead of some
 # 280, and with ERP 0.5 none of four of them rests deeper than 1.4 cm in the ground (0.3: 3.8 cm).
 ERP = 0.5  # share of a penetration that is corrected per step
-ITERATIONS = 15  # of the contact solver
+ITERATIONS = 15  # of the contact solver, at least
+MOST_ITERATIONS = 100  # where few bodies move
+ITERATIONS_TIMES_BODIES = 10_000  # between these two: with 15, small pieces under large ones are
+#                                   squeezed into their neighbours, and rest so (decision 67)
 WARM_START = 0.85  # share of the last step's contact impulses that the solver starts from
 DENSE_SUBSTEPS = 4  # where contacts are dense, and with how many iterations: with fewer than 200,
 DENSE_ITERATIONS = 300  # or with two substeps, a loose arch of 24 voussoirs, t/R = 0.13, falls
@@ -84,7 +87,7 @@ class BulletEngine:
         self._client = BulletClient()
         self._client.set_gravity(self._gravity)
         self._client.set_solver(ITERATIONS, ERP, WARM_START)
-        self._time_step, self._dense = 0.0, False
+        self._time_step, self._iterations = 0.0, ITERATIONS
         self._made, self._free = 0, list[int]()  # numbers of bodies: given out, given back
         self._shapes: dict[tuple, int] = {}
         self._states = np.full(0, -1)  # by PyBullet's ids, as collisions know them
@@ -104,11 +107,12 @@ class BulletEngine:
     def use_threads(self, count: int) -> None:
         """Do nothing: PyBullet's solver has one thread."""
 
-    def refine(self, dense: bool) -> int:
-        """Solve contacts finely where they are dense, and give the substeps that this takes."""
-        if dense != self._dense:
-            self._client.set_iterations(DENSE_ITERATIONS if dense else ITERATIONS)
-            self._dense = dense
+    def refine(self, moving: int, dense: bool) -> int:
+        """Iterate more where fewer bodies move, in substeps where contacts are dense."""
+        iterations = DENSE_ITERATIONS if dense else _iterations(moving)
+        if iterations != self._iterations:
+            self._client.set_iterations(iterations)
+            self._iterations = iterations
         return DENSE_SUBSTEPS if dense else 1
 
     def step(self, time_step: float) -> None:
@@ -334,6 +338,12 @@ class BulletEngine:
         handle = int(self._handles[body])
         bodies = self._client.contacts(handle)['bodies']
         return self._ids[np.where(bodies[:, 0] == handle, bodies[:, 1], bodies[:, 0])].tolist()
+
+
+def _iterations(moving: int) -> int:
+    """Choose the iterations of a step in which so many bodies move."""
+    affordable = ITERATIONS_TIMES_BODIES // max(moving, 1)
+    return min(max(ITERATIONS, affordable), MOST_ITERATIONS)
 
 
 def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:

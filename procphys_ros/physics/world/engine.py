@@ -94,10 +94,11 @@ class Engine(Protocol):
     def use_threads(self, count: int) -> None:
         """Step on so many threads at most, with results that are the same for any number."""
 
-    def refine(self, dense: bool) -> int:
+    def refine(self, moving: int, dense: bool) -> int:
         """
         Choose how finely the next steps solve contacts.
 
+        :param moving: number of bodies that move freely.
         :param dense: whether few bodies lean on each other, so that it can be afforded.
         :returns: into how many substeps `World` is to divide a step.
         """

@@ -105,7 +105,7 @@ class RapierEngine:
             self._world.set_num_threads(count)
             self._threads = count
 
-    def refine(self, dense: bool) -> int:
+    def refine(self, moving: int, dense: bool) -> int:
         """Solve contacts finely where they are dense; rapier takes its substeps itself."""
         self.integrations = DENSE_ITERATIONS if dense else ITERATIONS
         parameters = self._world.integration_parameters

@@ -258,12 +258,14 @@ def at_rest(bodies: BodyTable, quiet: np.ndarray,
 
 
 def _jammed(bodies: BodyTable, rests: np.ndarray, contacts: Contacts) -> np.ndarray:
-    """List what would come to rest deep in another loose body, and these others, ascending."""
-    still = bodies.state == BodyState.RESTING
+    """List loose bodies that would be left deep in others, which stand, rest or come to rest."""
+    still = (bodies.state == BodyState.FIXED) | (bodies.state == BodyState.RESTING)
     still[rests] = True
     pairs = np.column_stack([contacts.body_a, contacts.body_b])[contacts.distance < -JAMMED]
-    pairs = pairs[still[pairs].all(axis=1) & (bodies.stirred[pairs] < STIRRED).any(axis=1)]
-    return np.unique(pairs)
+    pairs = pairs[still[pairs].all(axis=1)]
+    loose = bodies.state[pairs] != BodyState.FIXED
+    again = (loose & (bodies.stirred[pairs] < STIRRED)).any(axis=1)
+    return np.unique(pairs[again][loose[again]])
 
 
 def _is_creeping(bodies: BodyTable, ids: np.ndarray, rim: np.ndarray) -> np.ndarray:

@@ -55,7 +55,7 @@ def move(engine: Engine, bodies: BodyTable, awake: np.ndarray, gravity: np.ndarr
     :returns: contacts of all substeps but the last as in `mean_contacts`, and what reads those of
         the last, once, when it is asked for them.
     """
-    substeps = engine.refine(are_dense(bodies, awake))
+    substeps = engine.refine(len(awake), are_dense(bodies, awake))
     early = [np.zeros((0, 13))]
     time_step /= substeps
     for substep in range(substeps):
