@@ -106,6 +106,20 @@ def test_a_loose_arch_stands_down_to_its_least_thickness(engine):
 
 
 @engines
+def test_many_posts_carry_a_slab(engine):
+    """Put 3 t on 49 loose posts of two bricks each: they stand, and none is squeezed away."""
+    grid = 0.3 * np.stack(np.meshgrid(np.arange(7), np.arange(7)), axis=-1).reshape(-1, 2)
+    heading = np.random.default_rng(0).uniform(0.0, np.pi, 2 * len(grid))
+    with World(engine=engine) as world:
+        for k, place in enumerate(np.repeat(grid, 2, axis=0)):
+            turn = rotation.from_axis_angle(np.array([0, 0, 1.0]), heading[k])
+            world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(*place, 0.033 + 0.066 * (k % 2), turn))
+        slab = world.add_body(Shape.BOX, [2.2, 2.2, 0.2], 3000.0, at(0.9, 0.9, 0.242))
+        rest(world, 5.0)
+        assert world.poses([slab])[0, 2] == pytest.approx(0.1 + 2 * BRICK[2], abs=0.003)
+
+
+@engines
 def test_a_ball_rolls_to_a_stop(engine):
     """Roll a ball at 1 m/s: v² / 2a with a = 5/7 g · lever / r, and no boxes are held by it."""
     radius, speed = 0.1, 1.0
