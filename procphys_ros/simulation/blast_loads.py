@@ -40,7 +40,7 @@ from procphys_ros.simulation.state import State
 def on_everything(model: Model, state: State, point: Sequence[float], charge: float,
                   ground: float) -> list[tuple[np.ndarray, Impulses]]:
     """
-    Compute what an explosion gives to parts.
+    Compute the loads of an explosion on parts.
 
     :param point: of the charge, (3,) [m], world.
     :param charge: mass of TNT [kg].
@@ -89,7 +89,7 @@ def _faces(model: Model, state: State, boxes: np.ndarray) -> tuple[np.ndarray, n
 
 def _fronts(state: State, boxes: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
             point: np.ndarray) -> np.ndarray:
-    """Give height and half the width of what each box belongs to, the less first [m], (N, 2)."""
+    """Give height and half width of the face around each box, the smaller first [m], (N, 2)."""
     labels, carrier = state.solver.labels, state.parts.body[boxes]
     stands = state.parts.owner[boxes] == Owner.STANDING
     whole = np.where(stands, 0, carrier + int(labels.max(initial=0)) + 1)
@@ -110,7 +110,7 @@ def _fronts(state: State, boxes: np.ndarray, poses: np.ndarray, sizes: np.ndarra
 def _gas(state: State, point: Sequence[float], charge: float, ground: float, boxes: np.ndarray,
          poses: np.ndarray, sizes: np.ndarray, centres: np.ndarray, closed: np.ndarray,
          sight: Sight) -> Impulses | None:
-    """Press what encloses the charge with the gas that it leaves; None in the open."""
+    """Compute the loads of the confined gas on what encloses the charge; None in the open."""
     place = np.asarray(point, float)
     room = find_room(place, poses[closed], sizes[closed], sight, ground)
     if room is None or not room.is_confined():
@@ -132,7 +132,7 @@ def _gas(state: State, point: Sequence[float], charge: float, ground: float, box
 def _through_walls(state: State, parts: np.ndarray, rows: np.ndarray,
                    shock: Impulses) -> Impulses:
     """
-    Let the leaves of walls move off together.
+    Share impulses so that the leaves of a wall move together.
 
     :param parts: that stand, (S,), and their rows in the shock, (S,).
     """
@@ -148,7 +148,7 @@ def _through_walls(state: State, parts: np.ndarray, rows: np.ndarray,
 
 
 def _add(shock: Impulses, gas: Impulses | None) -> Impulses:
-    """Let the gas press from when the shock arrives."""
+    """Add the loads of the gas, from the arrival of the shock on."""
     if gas is None:
         return shock
     return Impulses(shock.linear + gas.linear, shock.angular + gas.angular, shock.arrival,

@@ -32,7 +32,7 @@ _BENDING = 5.0       # strength in bending over that in shear, times span over t
 
 class Patches:
     """
-    Judge of pieces of wall, as many as a wave may try, by what bonds carried when it came.
+    Decides which pieces of wall a wave tears out, by what their bonds carried when it arrived.
 
     :param model, state: stresses must not change meanwhile.
     :param shaken: parts that pieces consist of, (S,).
@@ -135,7 +135,7 @@ def _middle_extent(places, rows):
 
 @subroutine
 def _thickness(places, edges, rows, way):
-    """Give how thick most of a piece of wall is along a direction [m]."""
+    """Give the prevailing thickness of a piece of wall along a direction [m]."""
     depth, reach = np.empty(len(rows)), np.zeros(len(rows))
     for k in range(len(rows)):
         row = rows[k]

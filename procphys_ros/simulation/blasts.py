@@ -48,7 +48,7 @@ _MOST_WAVES = 50     # explosions whose waves are under way
 
 def explode(model: Model, state: State, explosion: Explosion) -> None:
     """
-    Set a charge off; its wave arrives in this and the next steps. Writes `state.blasts`.
+    Detonate a charge; its wave arrives in this and the next steps. Writes `state.blasts`.
 
     :param explosion: where and how much.
     :raises CommandError: when too many waves are under way.
@@ -77,7 +77,7 @@ def explode(model: Model, state: State, explosion: Explosion) -> None:
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Deliver what arrives within the step.
+    Apply the waves that arrive within the step.
 
     Writes `state.blasts`, momentum of trees and bodies, bonds and loads of walls; releases.
     """
@@ -107,7 +107,7 @@ def _deliver(model: Model, state: State, wave: Wave, rows: np.ndarray) -> None:
 
 
 def _push_bodies(state: State, wave: Wave, rows: np.ndarray) -> None:
-    """Add up what parts of the same body get, about its centre of mass."""
+    """Sum the impulses on the parts of each body about its centre of mass, and apply them."""
     carrier = state.parts.body[wave.parts[rows]]
     bodies, place = np.unique(carrier, return_inverse=True)
     total = np.zeros((len(bodies), 6))
@@ -119,7 +119,7 @@ def _push_bodies(state: State, wave: Wave, rows: np.ndarray) -> None:
 
 
 def _shake(model: Model, state: State, wave: Wave, rows: np.ndarray) -> None:
-    """Let standing parts feel a wave: panes burst, pieces come loose, the rest bends."""
+    """Apply a wave to standing parts: break panes, tear out pieces, load the rest."""
     own, parts = state.blasts, wave.parts[rows]
     own.momentum[parts] += wave.linear[rows]
     own.pulse[parts] = wave.pulse[rows]
@@ -161,13 +161,13 @@ def _bond_work(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
 
 
 def _energy(state: State, parts: np.ndarray) -> np.ndarray:
-    """Give what parts would move with if nothing held them [J], (K,)."""
+    """Give the kinetic energy that parts would get if nothing held them [J], (K,)."""
     return 0.5 * (state.blasts.momentum[parts] ** 2).sum(axis=1) / state.parts.mass[parts]
 
 
 def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
     """
-    Tear round patches out of walls, each as large as the wave can.
+    Tear round patches out of walls, each as large as the wave is able to.
 
     :param shaken: parts with the energy to break away, (K,).
     :returns: parts that came loose.
@@ -210,7 +210,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
 
 def _loosen(model: Model, state: State, parts: np.ndarray, alive: np.ndarray) -> np.ndarray:
     """
-    Cut a piece of wall out, and into what flies singly and clumps.
+    Cut out a piece of wall, and divide it into single parts and clumps.
 
     :param alive: bonds that nothing has cut yet, (M,) bool; updated.
     :returns: bonds to cut.

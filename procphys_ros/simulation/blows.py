@@ -174,7 +174,7 @@ def _closing(energy, size):
 @kernel
 def _pass_on(first, second, size, share, loose, weight, dt, rate):
     """
-    Give contacts that do not close the rate of what presses on their bodies, in place.
+    Give contacts that do not close the rate of those that press on their bodies, in place.
 
     :param size: impulses [N·s], (C,).
     :param share: of each that is its own, see `_closing`, (C,).

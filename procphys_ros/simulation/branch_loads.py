@@ -66,7 +66,7 @@ def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
 
 def update(model: Model, state: State, dt: float) -> None:
     """
-    Load bricks that hold with what presses on them; writes `state.branch_loads` and loads.
+    Load standing bricks with branches that press on them; writes `state.branch_loads`, loads.
 
     What a branch presses with over some time is a load that lasts as long as it does; what goes
     far beyond that in one step is a blow.
@@ -95,7 +95,7 @@ def update(model: Model, state: State, dt: float) -> None:
 
 
 def _hand_over(state: State, standing: np.ndarray) -> None:
-    """Put the lasting loads on the walls, if they have changed."""
+    """Apply the lasting loads to the walls if they have changed."""
     own = state.branch_loads
     heavy = standing[own.parts] & (np.linalg.norm(own.mean, axis=1) > _HEAVY)
     now = dict(zip(own.parts[heavy].tolist(), own.mean[heavy]))

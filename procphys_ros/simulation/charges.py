@@ -151,7 +151,7 @@ def _burst_panes(model: Model, state: State, panes: np.ndarray, away: np.ndarray
 
 
 def _room(state: State) -> int:
-    """Say in about how many pieces a charge may break what it reaches."""
+    """Estimate how many pieces a charge may break the masonry in its reach into."""
     soon = sum(moment < state.time + _SOON for moment, _, _ in state.charges)
     return max((_BODIES - len(state.world.awake)) // (soon + 1), _FEWEST)
 
@@ -171,7 +171,7 @@ def _quarter(model: Model, part: int) -> Blueprint:
 
 
 def _lumps(state: State, parts: np.ndarray, wanted: int) -> tuple[np.ndarray, int]:
-    """Divide parts into about so many lumps that hang together: the lump of each, and number."""
+    """Divide parts into about so many connected lumps: the lump of each, and their number."""
     if wanted >= len(parts):
         return np.arange(len(parts)), len(parts)
     graph = state.solver.graph
@@ -201,7 +201,7 @@ def _free_faces(model: Model, state: State, parts: np.ndarray) -> np.ndarray:
 
 def _ways(away: np.ndarray, faces: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """
-    Say which way pieces fly: out of the wall, and a little away from the charge.
+    Choose the directions of flight: out of the wall, and a little away from the charge.
 
     What is in the middle of a wall goes to the side that has got less momentum so far.
 

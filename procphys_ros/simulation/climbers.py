@@ -50,7 +50,7 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def load_walls(model: Model, state: State) -> None:
-    """Put what climbing plants pull with on walls, if it has changed much."""
+    """Apply the pull of climbing plants to walls if it has changed much."""
     climbers, own = model.trees.climbers, state.climbers
     chosen = np.flatnonzero(own.holds & (climbers.host_row < 0))
     force = np.zeros((len(own.holds), 3))
@@ -88,7 +88,7 @@ def _let_go(model: Model, state: State) -> None:
 
 
 def _follow_trees(model: Model, state: State, dt: float) -> None:
-    """Move anchors along with the trees that hold them, and let these feel the pull."""
+    """Move anchors with the trees that hold them, and apply the pull to these trees."""
     forest = state.forest
     row, host, arm = _on_trees(model, state)
     if not len(row):
@@ -104,7 +104,7 @@ def _follow_trees(model: Model, state: State, dt: float) -> None:
 
 
 def lean(model: Model, state: State) -> None:
-    """Move anchors along with trees that a steady wind bends, and let these bear the pull."""
+    """Move anchors with trees that a steady wind bends, and load these trees with the pull."""
     forest = state.forest
     row, host, arm = _on_trees(model, state)
     forest.anchors[row, anchors.TARGET:anchors.FORCE] = forest.poses[host, :3] + arm
@@ -114,7 +114,7 @@ def lean(model: Model, state: State) -> None:
 
 
 def end_lean(model: Model, state: State) -> None:
-    """Take from trees what `lean` lets them bear; every step pushes them from now on."""
+    """Remove the loads of `lean` from trees; from now on every step applies them as impulses."""
     host = _on_trees(model, state)[1]
     state.forest.anchors[host] = state.forest.rest_anchors[host]
 

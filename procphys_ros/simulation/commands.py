@@ -112,7 +112,7 @@ class ClearWrenches:
 @dataclass(frozen=True)
 class SetBodyState:
     """
-    Put a loose part, with all that it is one piece with, somewhere else at once.
+    Move a loose part, and the piece that it belongs to, somewhere else at once.
 
     :ivar part: its name or index.
     :ivar pose: x y z qx qy qz qw of the part [m], (7,), world; None = where it is.
@@ -143,7 +143,7 @@ class PlaceIntruder:
 @dataclass(frozen=True)
 class Observe:
     """
-    Say from where the scene is looked at, for the schemes of `Settings.culling`.
+    Set the point of view for the schemes of `Settings.culling`.
 
     :ivar position: of the camera [m], (3,), world.
     :ivar orientation: quaternion xyzw; the camera looks along x, z is up.
@@ -155,7 +155,7 @@ class Observe:
 
 def apply(model: Model, state: State, command: Any) -> Any:
     """
-    Carry a command out; writes whatever it is about.
+    Execute a command; writes the state that it concerns.
 
     :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`
         or `Demolition`.
@@ -173,7 +173,7 @@ def apply(model: Model, state: State, command: Any) -> Any:
 
 
 def apply_wrenches(model: Model, state: State, dt: float) -> None:
-    """Let lasting forces act over a step; writes loads, momentum of trees and bodies."""
+    """Apply lasting forces over a step; writes loads, momentum of trees and bodies."""
     if not state.wrenches and 'wrenches' not in state.loads.sources:
         return
     parts = np.fromiter(state.wrenches, np.intp, len(state.wrenches))

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Contact: trees run into walls, debris, the ground and each other, and push what they meet."""
+"""Contact of trees with walls, debris, the ground and each other: impulses on both sides."""
 
 from collections.abc import Callable
 from functools import partial
@@ -51,7 +51,7 @@ _SHARES = (0.5, 0.5, 0.5, 0.0)  # of impulses that are left, in turn, while they
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Let everything that would run into trees in the next step, and they, push each other instead.
+    Find and apply the impulses that keep trees, and what they meet in the next step, apart.
 
     Contacts are solved before the step of the trees, with the masses that these really show
     there. Trees and bodies get equal and opposite impulses, so momentum is kept exactly. Branches
@@ -64,7 +64,7 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
-    """Solve for the impulses, and exert them."""
+    """Solve for the impulses, and apply them."""
     if not state.forest.active.any():
         return TreeContacts()
     for _ in range(_ROUNDS):
@@ -113,7 +113,7 @@ def _apply(state: State, contacts: TreeContacts, change: np.ndarray, bodies: np.
 
 
 def _give_way(model: Model, state: State, contacts: TreeContacts, dt: float) -> bool:
-    """Set free what the contacts would push away; say whether anything was."""
+    """Release what the contacts would push away; tell whether anything was released."""
     bodies = state.world.bodies
     hit = contacts.body >= 0
     ids, place = np.unique(contacts.body[hit], return_inverse=True)

@@ -55,7 +55,7 @@ class Knockout(NamedTuple):
 
 def update(model: Model, state: State, dt: float) -> None:
     """
-    Note what moving debris presses on, and renew its loads from time to time.
+    Record what moving debris presses on, and renew its loads at intervals.
 
     Writes `state.rubble` and loads.
     """
@@ -131,7 +131,7 @@ def knockouts(state: State, blows: Blows, struck: np.ndarray) -> list[Knockout]:
 
 def knock_out(model: Model, state: State, found: list[Knockout]) -> None:
     """
-    Release parts at rest: what hit them goes on and meets them in the next step.
+    Release parts from rest; the bodies that hit them go on and meet them in the next step.
 
     :param found: from `knockouts`, after their impulses were taken back.
     """

@@ -34,7 +34,7 @@ _SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at t
 
 def arm(model: Model, state: State, plan: Demolition) -> int:
     """
-    Start the clocks of a plan's charges.
+    Set the times at which the charges of a plan fire.
 
     :param plan: without charges, they are laid along the ground-floor walls.
     :returns: number of charges.

@@ -94,7 +94,7 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
 @kernel
 def _survey(roots, ends, active, parents, poses, velocities, anchored, terrain):
     """
-    Look at branches that fall.
+    Measure falling branches.
 
     :param roots: first row of each, (R,); the other columns are those of the forest.
     :returns: segments of each; largest part of a velocity [m/s]; height of the lowest middle over
@@ -127,7 +127,7 @@ def _release(model: Model, state: State, rows: list[int]) -> None:
 
 
 def _stays_flexible(model: Model, state: State, row: int) -> bool:
-    """Cut a branch loose as a tree with a free root, if it is worth it; say whether it was."""
+    """Detach a branch as a tree with a free root if that is worth its cost; tell whether it is."""
     forest = state.forest
     rows = forest.subtree(row)
     if not _clings(forest, rows) and (len(forest.free_roots) >= MOST or len(rows) < SMALLEST):

@@ -33,7 +33,7 @@ _CAPACITY = 200_000  # rows kept when nobody takes them; the oldest are let go a
 
 class EventLog:
     """
-    Collects break events until somebody takes them.
+    Collects break events until they are taken.
 
     :ivar total: number of events recorded so far.
     :ivar forgotten: number of events dropped because nobody took them.
@@ -97,7 +97,7 @@ class EventLog:
         return np.concatenate(chosen) if chosen else np.zeros(0, EVENT)
 
     def take(self) -> np.ndarray:
-        """Hand out all events held and forget them; the counters stay."""
+        """Return all events held and forget them; the counters stay."""
         rows = self.rows
         self._chunks = []
         self._held = 0

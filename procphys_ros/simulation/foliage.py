@@ -35,7 +35,7 @@ _FLUTTER_SEED = 101  # keeps random streams apart that share the scene's seed
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Tear off what the air takes now, and let what has come off fly on.
+    Tear off the leaves that the air takes, and move those in flight.
 
     Leaves are torn off standing trees only; those on a branch that came off fall with it. Writes
     `state.leaves` and the leaf area of the forest.
@@ -85,7 +85,7 @@ def _fly(model: Model, state: State, dt: float) -> None:
 
 
 def _sample_air(model: Model, state: State, flying: np.ndarray) -> None:
-    """Ask for the air at a share of the leaves, in turn, and at those that came off now."""
+    """Sample the air at a share of the leaves, in turn, and at those that have just come off."""
     own = state.leaves
     fresh = len(own.fallen) - len(own.felt)
     if fresh:

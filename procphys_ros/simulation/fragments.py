@@ -46,7 +46,7 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
             velocities: np.ndarray | None = None, cause: Cause | None = None,
             load: float | np.ndarray = 1.0) -> None:
     """
-    Let pieces of walls or trees go: each becomes one rigid body.
+    Release pieces of walls or trees: each becomes one rigid body.
 
     This is the only way from `Owner.STANDING` and `Owner.TREE` to `Owner.BODY`. Momentum and
     angular momentum of the parts are kept.
@@ -98,7 +98,7 @@ def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause, load: f
 
 def vanish(state: State, parts: np.ndarray) -> None:
     """
-    Note that parts, which no body carries any more, exist no more; they keep their poses.
+    Mark parts that no body carries any more as gone; they keep their poses.
 
     Lasting forces on them end.
     """
@@ -185,7 +185,7 @@ def _joined(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
 
 def adopt(state: State, parts: np.ndarray, bodies: np.ndarray) -> None:
     """
-    Take over bodies that are one part each.
+    Record which bodies, made already, consist of which single parts.
 
     :param parts: (P,) indices.
     :param bodies: ids in the world, (P,).
@@ -238,7 +238,7 @@ def part_states(state: State, body: int) -> tuple[np.ndarray, np.ndarray]:
 
 def apply_drag(model: Model, state: State, dt: float) -> None:
     """
-    Let the air slow down or carry off what is loose; writes velocities of bodies.
+    Apply the drag of the air to loose bodies; writes their velocities.
 
     Quadratic drag with the speed of the last step, integrated exactly over the step, so that no
     light body overshoots the speed of the air.

@@ -120,7 +120,7 @@ def shatter_standing(model: Model, state: State,
                      panes: Sequence[tuple[CrackedPane, np.ndarray, float]],
                      cause: Cause) -> None:
     """
-    Let shards fly instead of standing panes.
+    Replace standing panes by flying shards.
 
     :param panes: each with the velocity of the glass under the blow [m/s], (3,), and the load
         over what it bears.
@@ -170,7 +170,7 @@ def is_waiting(state: State) -> bool:
 
 def shatter_loose(model: Model, state: State) -> bool:
     """
-    Let cracked panes fall out of their pieces as shards, as many as there is room for.
+    Replace cracked panes of loose pieces by shards, as many as there is room for.
 
     :returns: whether any did.
     """
@@ -224,7 +224,7 @@ def _append(model: Model, state: State, panes: Sequence[tuple[int, Blueprint]]) 
 
 def _scatter(model: Model, state: State, part: int, first: int, pieces: Blueprint,
              velocities: np.ndarray) -> np.ndarray:
-    """Let shards, parts from `first` on, fly with velocities (S, 6); give their bodies."""
+    """Release shards, parts from `first` on, with velocities (S, 6); give their bodies."""
     bodies = state.world.add_bricks(pieces.poses, pieces.size, pieces.mass,
                                     hexahedra=pieces.hexahedra, inertia=pieces.inertia)
     state.world.thaw(bodies, velocities + _spring_back(model, part, pieces))
@@ -233,7 +233,7 @@ def _scatter(model: Model, state: State, part: int, first: int, pieces: Blueprin
 
 
 def _spring_back(model: Model, part: int, pieces: Blueprint) -> np.ndarray:
-    """Give what shards gain as the bent pane springs back, without momentum, (S, 6)."""
+    """Give what shards gain as the pane springs back, without net momentum, (S, 6)."""
     rng = np.random.default_rng([model.seed, part, 1])
     gained = rng.normal(0.0, [_SPRING] * 3 + [_SPIN] * 3, (len(pieces), 6))
     gained[:, :3] -= pieces.mass @ gained[:, :3] / pieces.mass.sum()
@@ -243,7 +243,7 @@ def _spring_back(model: Model, part: int, pieces: Blueprint) -> np.ndarray:
 def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
              jump: np.ndarray) -> np.ndarray:
     """
-    Compare how hard the edges of panes were stopped with what the glass bears, (K,).
+    Give the bending of panes whose edges were stopped, over their strength, (K,).
 
     :param rows: panes, (K,); body: ids of their bodies, (K,).
     :param jump: change of velocity of these, (K, 6).
@@ -262,7 +262,7 @@ def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
 def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarray,
                  change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Compare contacts on panes with the force in one point that these bear.
+    Give the contact forces on panes over the force in one point that they bear.
 
     :param rows: loose panes, (K,).
     :param struck, change: see `judge`.

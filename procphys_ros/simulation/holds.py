@@ -91,7 +91,7 @@ def find(blueprint: Blueprint, objects: Sequence[SceneObject], bricks: Bricks,
 
 def place(forest: Forest, anchors: Anchors, row: np.ndarray) -> Climbers:
     """
-    Note where anchors hold.
+    Record the positions of anchors.
 
     :param forest: at rest.
     :param row: of each part in the forest, -1 for none, (N,).

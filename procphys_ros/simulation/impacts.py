@@ -159,14 +159,14 @@ def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: f
 
 
 def _wrenches(model: Model, state: State, blow: Blow) -> np.ndarray:
-    """Put a blow on the parts of its body, in the frame of the blueprint, (P, 6)."""
+    """Distribute a blow to the parts of its body, in the frame of the blueprint, (P, 6)."""
     parts, contacts = blow.parts, cast(BodyContacts, blow.contacts)
     return spread(contacts, state.parts.local[parts], state.parts.size[parts],
                   model.blueprint.poses[parts])
 
 
 def _room(state: State) -> int:
-    """Say how many more bodies there may be than are awake."""
+    """Give how many bodies may be added to those that are awake."""
     size, awake = state.bodies.size, state.world.awake
     large = size[awake[awake < len(size)]] >= _grain(state)
     return max(_BODIES - len(awake), _LARGE - int(np.count_nonzero(large)))
@@ -289,7 +289,7 @@ def _record(model: Model, state: State, blow: Blow, result: Breakage) -> None:
 
 
 def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray | Cause:
-    """Say why bonds broke: what lies bends under its weight, which opens mortar by tension."""
+    """Give the causes of broken bonds: tension where what lies bends under its own weight."""
     if np.isfinite(blow.energy):
         return Cause.IMPACT
     wood = model.blueprint.bond_law[bonds] == Law.HINGE
@@ -298,7 +298,7 @@ def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray | Cause:
 
 def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
     """
-    Say in how many cells each piece may break; below 2 it stays as it is.
+    Give the number of cells that each piece may break into; below 2 it stays as it is.
 
     Small pieces under lasting forces are pressed hard, see `sustained_loads`: they break whatever
     room there is.

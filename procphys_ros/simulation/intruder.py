@@ -39,7 +39,7 @@ _SPACING = 0.25  # [radii] of the balls that a capsule presses walls as; 1 % of 
 
 def place(model: Model, state: State, name: str, pose: np.ndarray, time: float) -> None:
     """
-    Say where an intruder is to be; see `PoseInterpolator` for how it gets there.
+    Set the target of an intruder; see `PoseInterpolator` for how it gets there.
 
     :param name: of the intruder.
     :param pose: x y z [m], unit quaternion, (7,), world.
@@ -75,7 +75,7 @@ def bodies(state: State) -> dict[str, int]:
 
 def advance(model: Model, state: State, dt: float) -> None:
     """
-    Move the intruders on, whatever is in their way, and press on the walls there.
+    Move the intruders, whatever is in their way, and load the walls that they touch.
 
     Branches and loose bodies are pushed aside with their own masses. Bricks that stand press back
     the more the deeper it gets into them, up to what they withstand together, and then come out
@@ -127,7 +127,7 @@ def _bounds(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -
 
 
 def _wake(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> None:
-    """Set debris at rest free that it comes to, however slowly."""
+    """Wake resting debris that it reaches, however slowly."""
     table = state.world.bodies
     resting = np.flatnonzero(table.state == BodyState.RESTING)
     _, hit = overlaps(_bounds(state, own, velocity, dt), table.bounds[resting])
@@ -174,7 +174,7 @@ def _together(depth: np.ndarray, normal: np.ndarray) -> Iterator[np.ndarray]:
 def _drive_out(model: Model, state: State, plug: np.ndarray, speed: np.ndarray,
                push: np.ndarray) -> float:
     """
-    Let bricks go, and what they push ahead; give the momentum of all of it [N·s].
+    Release bricks and what they push ahead; give the momentum of all of it [N·s].
 
     :param plug: the bricks, then what they push ahead, (P,).
     :param speed: of each of the bricks [m/s], (K,).

@@ -58,7 +58,7 @@ def lean(model: Model, state: State, first: int = 0) -> None:
 
 
 def _lean(model: Model, state: State, trees: np.ndarray, share: float, on_trees: bool) -> None:
-    """Find where some trees stand still in a share of the wind, and what climbs on them."""
+    """Find the equilibrium of some trees, and of what climbs on them, in a share of the wind."""
     forest, air = state.forest, state.trees.air
     clings = np.isin(trees, _trees_of(forest, np.flatnonzero(
         forest.active & (forest.anchors[:, anchors.STIFFNESS] > 0.0))))

@@ -126,7 +126,7 @@ def _dry(blueprint: Blueprint) -> np.ndarray:
 
 def _hanging(blueprint: Blueprint, objects: Sequence[SceneObject],
              terrain: Terrain) -> list[str]:
-    """Name what is built, and neither reaches the ground nor stands on another object."""
+    """Name built objects that neither reach the ground nor stand on another object."""
     up = np.abs(rotation.to_matrix(blueprint.poses[:, 3:])[:, 2])
     height = blueprint.poses[:, 2] - 0.5 * (up * blueprint.size).sum(axis=1)
     height = height - terrain.height(blueprint.poses)

@@ -55,7 +55,7 @@ def load_of(state: State, part: int) -> PartLoad:
 
 
 def describe(state: State, part: int) -> str:
-    """Say in one line how a part fares."""
+    """Describe the state of a part in one line."""
     owner, name = state.parts.owner[part], state.names.name(part)
     if owner == Owner.GONE:
         return f'{name} exists no more'

@@ -50,7 +50,7 @@ _BALL_DRAG = 0.47 * 0.25 * np.pi  # Cd·A over diameter squared of a sphere (Hoe
 
 def launch(model: Model, state: State, projectile: Projectile) -> int:
     """
-    Let a projectile fly.
+    Launch a projectile.
 
     :returns: its part.
     :raises CommandError: when there are too many, or it would start inside of something.
@@ -86,7 +86,7 @@ def launch(model: Model, state: State, projectile: Projectile) -> int:
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Let everything that flies meet what stands on its way of the next step.
+    Find and apply the hits of projectiles on standing parts within the next step.
 
     Blows pass through the point of touch without turning the projectile: its spin changes only by
     the world's contacts. Writes bodies of projectiles, trees that are hit, loads and the ledger;

@@ -26,7 +26,7 @@ _FASTEST = 120.0  # [m/s] beyond any wind
 
 
 def step(model: Model, state: State, dt: float) -> None:
-    """Set free what lies in a wind that is too strong for it; writes bodies."""
+    """Wake resting bodies that the wind can move; writes bodies."""
     if int(state.time / _INTERVAL + 1e-6) == int((state.time + dt) / _INTERVAL + 1e-6):
         return
     bodies = state.world.bodies

@@ -100,7 +100,7 @@ class StandingLoads:
     def add_blow(self, parts: np.ndarray, wrenches: np.ndarray,
                  speed: np.ndarray | float) -> None:
         """
-        Let blows act until the stresses under them have broken what they break.
+        Add blows, which act until the stresses under them break nothing more.
 
         :param parts: indices; one that stands twice gets both, (K,).
         :param wrenches: force at the centre of mass and moment [N], [N·m], world, (K, 6).
@@ -156,7 +156,7 @@ class StandingLoads:
 
     def take_more(self, broke: bool) -> None:
         """
-        Take note that something failed in a round under the loads handed over.
+        Record that something failed in a round under the loads handed over.
 
         :param broke: whether anything is gone, and not just cracked: then other loads may follow.
         """
@@ -164,7 +164,7 @@ class StandingLoads:
         self._open |= broke
 
     def end_blows(self) -> None:
-        """Take note that the loads handed over have broken what they break."""
+        """Record that the loads handed over break nothing more."""
         self._open = True
         if self._blows is not None:
             self._blows = None

@@ -38,7 +38,7 @@ _SAMPLES = 5      # whose mean counts as lasting: 0.25 s are some periods of a s
 def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
                 dt: float) -> list[Blow]:
     """
-    List the pieces that the forces of what carries them, and of what they carry, might break.
+    List the pieces that lasting contact forces, from below and above, might break.
 
     A piece that a heap stops little by little was never hit, but may rest on a few points, and a
     storey may come to stand on a few bricks. The mean of the contact forces of a piece is a blow

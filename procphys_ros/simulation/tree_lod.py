@@ -108,7 +108,7 @@ class LodScheduler:
     def choose(self, forest: Forest, observer: Observer | None, wind: Wind, time: float
                ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
-        Say what happens to which trees in this step.
+        Choose the trees to step, to stop and to start.
 
         :param forest: the trees.
         :param observer: who looks; None = nobody, and all trees count as seen and near.

@@ -28,7 +28,7 @@ _BLEND = 2.0  # [s] over which a tree that comes back into the view goes over to
 
 def sample_wind(model: Model, state: State, dt: float) -> None:
     """
-    Ask for the air at the trees that are stepped now; writes `state.trees`.
+    Sample the air at the trees that are stepped now; writes `state.trees`.
 
     Without level of detail all trees are. With it, a tree that stands still keeps its pose to the
     bit and loses its velocity.

@@ -32,7 +32,7 @@ _LAYER = 'wind'
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Press the wind on the outsides of buildings; writes `state.wall_wind` and loads.
+    Apply the pressure of the wind to buildings; writes `state.wall_wind` and loads.
 
     Each building feels the air at its top as a whole (EN 1991-1-4, 7.2.2: the reference height of
     walls no higher than wide; it overrates the lower storeys of towers). Eddies smaller than a
@@ -66,7 +66,7 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def _leave(state: State) -> None:
-    """Take the wind off all walls."""
+    """Remove the loads of the wind from all walls."""
     state.wall_wind.applied = np.zeros_like(state.wall_wind.applied)
     state.loads.remove_layer(_LAYER)  # also where a survey has just forgotten what was applied
 
@@ -87,7 +87,7 @@ def _survey(model: Model, state: State, standing: np.ndarray) -> None:
 
 
 def _press(model: Model, state: State, standing: np.ndarray) -> None:
-    """Let buildings feel the air last applied, inside by the openings that they have now."""
+    """Apply the pressure of the last air, inside according to the present openings."""
     walls, own = model.masonry, state.wall_wind
     exposed = np.zeros((len(standing), 6), bool)
     exposed[own.parts] = own.exposed
@@ -106,7 +106,7 @@ def _press(model: Model, state: State, standing: np.ndarray) -> None:
 
 
 def _place_at_building(building: np.ndarray, own: WallWindState, gone: np.ndarray) -> np.ndarray:
-    """Give the structure to which parts that are gone have belonged, or what is left of it."""
+    """Give the structure that lost parts belonged to, or what is left of it."""
     place = np.zeros(int(building.max(initial=0)) + 1, np.intp)
     place[building[own.parts]] = own.structure
     return place[building[gone]]
