@@ -153,7 +153,7 @@ def _pack(joints, rows, a, b, centre):
 @kernel
 def _solve(cell, pairs, packed, axes, a, b, alive, faint, wrench):
     """
-    Work out what the bonds carry; give the strain energy [J], -1 when nothing is strained.
+    Solve for what the bonds carry; give the strain energy [J], -1 when nothing is strained.
 
     :param cell: see `rigid_cells.gather`; pairs: see `rigid_cells.pair_up`.
     :param faint: loads that are none [N], [N·m].
@@ -249,7 +249,7 @@ def _demand(wrench, area, extent, tension, cohesion, friction, compression, rein
 @kernel
 def _wood_demand(wrench, area, wood, row):
     """
-    Compare what a joint of a broken-off branch carries with what the wood can.
+    Give the load of a joint of a broken-off branch over the strength of its wood.
 
     The limits are those of standing trees: force, twist, and bending stress M/W with
     W = π·d³/32 = A·d/8.

@@ -152,7 +152,7 @@ def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -
 
 def plugs(graph: BondGraph, parts: np.ndarray, direction: np.ndarray) -> Iterator[np.ndarray]:
     """
-    List what a blow may drive ahead: the struck parts, then each time one layer more behind them.
+    List what a blow may drive out: the struck parts, then each time one more layer behind them.
 
     A layer is all that joints across the blow press on, so that a plug widens as bricks overlap.
 

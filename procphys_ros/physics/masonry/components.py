@@ -96,7 +96,7 @@ def joints_of_fallen(first, second, cracked, supported):
 @kernel
 def forget_fallen(supported, displacement, residual, sudden):
     """
-    Let parts that have lost the ground neither move nor be loaded, rows of (N + 1, 6) each.
+    Clear displacements and loads of parts that have lost the ground, rows of (N + 1, 6) each.
 
     :returns: whether any other sudden load is left.
     """

@@ -59,7 +59,7 @@ class ConjugateGradients:
         self.fresh = all(other.fresh for other, _ in others)
 
     def invert_blocks(self, parts: np.ndarray) -> None:
-        """Work out the blocks of parts whose bonds have changed, (K,)."""
+        """Recompute the blocks of parts whose bonds have changed, (K,)."""
         graph = self._graph
         if not len(graph):  # trees only: nothing to compile for
             return
@@ -67,20 +67,20 @@ class ConjugateGradients:
                                 graph.first, self.blocks)
 
     def aggregate(self, parts: np.ndarray) -> None:
-        """Aggregate anew what is connected now, and factor; (K,), all that stands."""
+        """Rebuild the aggregates of all standing parts, (K,), and factor their matrix."""
         graph = self._graph
         self.coarse = (CoarseSpace(graph, parts, np.flatnonzero(graph.alive), _AGGREGATE)
                        if len(parts) else None)
         self.fresh = True
 
     def begin(self, islands: Islands) -> None:
-        """Start islands anew."""
+        """Restart the iterations of islands."""
         self.islands, self._space = islands, self.coarse
         self._columns: tuple[np.ndarray, np.ndarray] | None = None
         self._products = np.zeros(len(islands.part) - 1)
 
     def confine(self, sets: Islands) -> None:
-        """Start sets of parts anew, with what is around them as the ground."""
+        """Restart the iterations of sets of parts, with all around them held fixed."""
         graph = self._graph
         self.begin(sets)
         self._space = None  # formed when it is needed
@@ -90,7 +90,7 @@ class ConjugateGradients:
     def iterate(self, displacement: np.ndarray, residual: np.ndarray, target: float,
                 limit: int) -> tuple[np.ndarray, np.ndarray]:
         """
-        Go on with what was started last.
+        Continue the iterations that were started last.
 
         :param displacement, residual: [m, rad] and [N, N·m], (N + 1, 6), changed in place.
         :param target: largest nodal residual to stop at [N].

@@ -52,7 +52,7 @@ class Equilibrium:
         self.reset()
 
     def reset(self) -> None:
-        """Begin without displacement and without loads but the weight; bonds stay as they are."""
+        """Reset displacements, and all loads but the weight; bonds stay as they are."""
         self.joints.reset()
         self.displacement = np.zeros_like(self.weight)
         self.residual = self.weight.copy()
@@ -125,7 +125,7 @@ class Equilibrium:
 
     def crack(self, bonds: np.ndarray) -> None:
         """
-        Let whole bonds only press and rub from now on, see `joints`.
+        Crack whole bonds: from now on they only press and rub, see `joints`.
 
         Those without any strength crack in a state of stress that could never be, pulled where
         they press in truth. Friction by that pressure would hold no flat arch, so they stick until
@@ -137,7 +137,7 @@ class Equilibrium:
         self.linearise(bonds)
 
     def linearise(self, rows: np.ndarray, renew: bool = True) -> None:
-        """Put the tangents of cracked joints where they are now, see `CrackedJoints`."""
+        """Update the tangents of cracked joints to the displacements, see `CrackedJoints`."""
         self.joints.linearise(rows, self.displacement, self.residual, renew)
 
     def fade_sudden(self, share: float) -> np.ndarray:
@@ -223,7 +223,7 @@ class Equilibrium:
         return pcg.residual_sizes(self.residual, self.graph.reach)
 
     def settle(self) -> None:
-        """Make lasting what has slid in cracked joints, once the present loads are carried."""
+        """Make slip in cracked joints permanent, once the present loads are carried."""
         rows = np.flatnonzero(self.graph.cracked)
         if len(rows):
             self.joints.settle(rows, self.displacement)

@@ -94,7 +94,7 @@ class Fracture:
         self._dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
 
     def adopt(self, before: 'Fracture') -> None:
-        """Go on with the blow on what stood before other parts joined behind it."""
+        """Continue the blow of another fracture, whose parts are the first of these."""
         self._thrown, self._hanging = before._thrown, before._hanging
 
     @property
@@ -147,18 +147,18 @@ class Fracture:
         return rounds
 
     def _accept(self) -> None:
-        """Take note that the present loads are carried."""
+        """Record that the present loads are carried."""
         self.solver.equilibrium.settle()
         self.solver.hold()
         self._judged = self.solver.state
 
     def prepare(self, iterations: int) -> None:
-        """Spend some iterations at most on what is judged next, and do not judge it."""
+        """Iterate on what is judged next, and do not judge it."""
         self.solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
 
     def prepare_blow(self, iterations: int, blow: float) -> None:
         """
-        Spend some iterations at most on the next round of `withstand`, and do not judge it.
+        Iterate on the next round of `withstand`, and do not judge it.
 
         :param blow: see `withstand`.
         """
@@ -166,7 +166,7 @@ class Fracture:
 
     def _swing_less(self, energy: float, failures: Failures) -> None:
         """
-        Take the work of fracture of a round from the energy of what was released at once.
+        Subtract the work of fracture of a round from the energy of sudden releases.
 
         :param energy: of its swing beyond the balance before the round [J].
         """
@@ -179,7 +179,7 @@ class Fracture:
     def withstand(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],
                   last: bool = False) -> tuple[list[Failures], bool]:
         """
-        Spend some iterations on one round under loads that are soon over, such as blows.
+        Iterate on one round under loads that end soon, such as blows.
 
         What these pull apart closes again, and is not gone. They need not be balanced to the end:
         what carries much more than it can is found while more is left.
@@ -201,7 +201,7 @@ class Fracture:
 
     def _round(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],
                last: bool) -> tuple[list[Failures], bool]:
-        """Go on with a round, see `withstand`."""
+        """Continue a round, see `withstand`."""
         solver = self.solver
         while iterations > 0:
             before = solver.spent
@@ -237,7 +237,7 @@ class Fracture:
         return [], False
 
     def _part_thrown(self) -> list[Failures]:
-        """Let go what a blow has thrown over and what still hangs on when the blow ends."""
+        """Release what a blow has thrown over and what still hangs on when the blow ends."""
         solver, graph = self.solver, self.solver.graph
         parts = self._hanging[solver.supported[self._hanging]]
         self._hanging = np.zeros(0, np.intp)
@@ -251,11 +251,11 @@ class Fracture:
         return [Failures(rows, cause[rows], share[rows], np.ones(len(rows), bool), had_cracked)]
 
     def _left(self, blow: float) -> float:
-        """Give what may be left unbalanced when all holds under a blow [N]."""
+        """Give the tolerated residual when all holds under a blow [N]."""
         return max(self.solver.goal, _FAINT * blow)
 
     def _enough(self, blow: float) -> float:
-        """Give what may be left unbalanced when the next round is judged under a blow [N]."""
+        """Give the tolerated residual when the next round is judged under a blow [N]."""
         solver = self.solver
         if not solver.converged and self._released[0] != solver.problem:
             self._released = solver.problem, solver.residual
@@ -266,13 +266,13 @@ class Fracture:
         return self._judged == self.solver.state
 
     def _may_glance(self) -> bool:
-        """Say whether the problem is nearly solved, not glanced at yet, and no mechanism."""
+        """Tell whether to judge early: nearly solved, not judged so yet, and no mechanism."""
         solver = self.solver
         near = solver.known and solver.residual <= _ROUGH * solver.goal
         return near and self._glances()
 
     def _glances(self) -> bool:
-        """Say whether the problem is to be glanced at."""
+        """Tell whether the next judgement is an early one."""
         return self._glanced != self.solver.problem
 
     def _judge(self, adrift: np.ndarray, least: float, balanced: bool,
@@ -318,7 +318,7 @@ class Fracture:
 
     def _straighten(self, parts: np.ndarray) -> bool:
         """
-        Let the cracked joints of parts that find no balance be linear again; say if any was not.
+        Make the cracked joints of parts without equilibrium linear again; tell if any was not.
 
         They become bonds as narrow as they are pressed, or are gone if they are not.
         """

@@ -104,7 +104,7 @@ class FreeBodies:
 
     def take_over(self, graph: BondGraph, parts: np.ndarray) -> None:
         """
-        Go on with the bonds of parts that fall as a building left them: broken, opened or whole.
+        Take over the bonds of falling parts as their building left them: broken, opened or whole.
 
         :param graph: of the building.
         :param parts: that fall, (P,).
@@ -117,7 +117,7 @@ class FreeBodies:
         self.graph.cut(rows[graph.cracked[bonds]])  # nothing presses them together in flight
 
     def pieces(self, parts: np.ndarray) -> list[np.ndarray]:
-        """List what hangs together among some parts, the largest piece first."""
+        """List the connected pieces of some parts, the largest first."""
         _, a, b = self._inside(parts)
         label = components.label(len(parts), a, b, np.ones(len(a), bool))[0]
         return _largest_first(parts, label)

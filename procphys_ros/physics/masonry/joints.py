@@ -87,7 +87,7 @@ class CrackedJoints:
         self._shear = np.ascontiguousarray(graph.spring[:, 0])
 
     def reset(self) -> None:
-        """Forget everything: no bond has cracked."""
+        """Reset: no bond has cracked."""
         for array in (self._bias, self._slip, self._middle, self._place, self._bound):
             array[:] = 0.0
         self._share[:] = _SHARE
@@ -112,7 +112,7 @@ class CrackedJoints:
     def linearise(self, rows: np.ndarray, displacement: np.ndarray, residual: np.ndarray,
                   renew: bool = True) -> None:
         """
-        Put the tangents of joints where the displacements are.
+        Update the tangents of joints to the present displacements.
 
         :param rows: of the graph, (K,).
         :param displacement: of the parts [m, rad], (N + 1, 6).
@@ -133,12 +133,12 @@ class CrackedJoints:
                     graph.grip, displacement, residual, self._share, follows)
 
     def stick(self, rows: np.ndarray) -> None:
-        """Let nothing slide in joints until `release`."""
+        """Prevent sliding in joints until `release`."""
         self._sticks[rows] = True
         self._bound[rows] = _STUCK
 
     def release(self) -> None:
-        """Let the friction of all joints follow their pressure from now on."""
+        """Limit the friction of all joints by their pressure from now on."""
         self._sticks[:] = False
 
     @property
@@ -195,7 +195,7 @@ class CrackedJoints:
         return np.maximum(gap, 0.0)
 
     def settle(self, rows: np.ndarray, displacement: np.ndarray) -> None:
-        """Make lasting what has slid."""
+        """Make slip permanent."""
         joint_kernels.settle(rows, *self._geometry, self._shear, self._slip, self._place,
                              self._bound, displacement)
 

@@ -50,7 +50,7 @@ def separate(count, first, second, order, loose, cut):
 def loosening(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np.ndarray,
               drift: np.ndarray) -> np.ndarray:
     """
-    Choose the overloaded bonds by which parts that drift hang on to what does not.
+    Choose the overloaded bonds between drifting parts and the rest.
 
     As a load grows, bonds break in the order of their utilisation, until what has drifted furthest
     is loose. Of them only those count that lie between it and the ground: the others are relieved
@@ -73,7 +73,7 @@ def loosening(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np
 def parting(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np.ndarray,
             drift: np.ndarray) -> np.ndarray:
     """
-    Choose the bonds by which parts that are thrown over come off, however sound they are.
+    Choose the bonds that part from the rest what is thrown over, however sound they are.
 
     :param share: utilisation, (M,).
     :param parts, labels, drift: see `loosening`.

@@ -98,7 +98,7 @@ class Step:
         return self.confined or len(self.rows) > 0
 
     def spend(self, iterations: int) -> None:
-        """Take note of iterations done."""
+        """Count iterations."""
         if self.curved and iterations:
             self.fresh = False
             self.left -= iterations
@@ -153,7 +153,7 @@ def _measure(parts, part, before, residual, step):
 
 @kernel
 def _shorten(parts, part, reach, start, before, step, displacement, residual):
-    """Leave a share of the step of each island."""
+    """Scale the step of each island by a share."""
     for k in range(len(reach)):
         for i in parts[part[k]:part[k + 1]]:
             for c in range(6):

@@ -29,7 +29,7 @@ from procphys_ros.physics.masonry import links
 @subroutine
 def gather(masses, parts, node, count, wrenches):
     """
-    Sum up what cells weigh and bear.
+    Sum up masses and loads of cells.
 
     :param masses: mass, centre, reach and inertia in world axes of all parts.
     :param parts: those of the piece, (P,); node: cell of each, (P,).
@@ -87,7 +87,7 @@ def balanced(label, cell):
 @subroutine
 def _accelerations(label, cell):
     """
-    Find how loads accelerate free islands as rigid bodies.
+    Compute the rigid accelerations of free islands under loads.
 
     :returns: centres of mass (C, 3), linear and angular accelerations (C, 6), by island.
     """
@@ -162,7 +162,7 @@ def springs(pair, cells, a, packed, alive):
 @subroutine
 def relax(cells, spring, centre, load, reach, accuracy, limit):
     """
-    Find how loads displace cells, by conjugate gradients (Saad 2003, algorithm 9.1) from zero.
+    Compute displacements of cells by conjugate gradients (Saad 2003, algorithm 9.1), from zero.
 
     :param cells: of each pair, (P, 2); spring: see `springs`.
     :param load: on the cells [N, N·m], (C, 6); its sum vanishes over every island.
@@ -244,7 +244,7 @@ def _multiply(blocks, residual, z):
 
 @subroutine
 def _resist(cells, spring, centre, q, out):
-    """Write the forces that displacements meet, (C, 6)."""
+    """Write the elastic forces of displacements, (C, 6)."""
     out[:] = 0.0
     w, f = np.empty(6), np.empty(6)
     for n in range(len(cells)):

@@ -72,7 +72,7 @@ class StressSolver:
     def joined(cls, graph: BondGraph, gravity: Sequence[float],
                solvers: Sequence[tuple['StressSolver', int, np.ndarray]]) -> Self:
         """
-        Go on from where solvers of parts of a graph are.
+        Join solvers of parts of a graph, with their present state.
 
         :param graph: whole.
         :param gravity: [m/s²], (3,).
@@ -106,19 +106,19 @@ class StressSolver:
         self.state = self.problem = 0
 
     def reset(self) -> None:
-        """Return to whole bonds, no loads but the weight, and no displacement."""
+        """Reset bonds, displacements and all loads but the weight."""
         self.graph.restore()
         self.equilibrium.reset()
         self._begin_anew()
 
     def _begin_anew(self) -> None:
-        """Work out all that follows from bonds and displacements."""
+        """Recompute all that follows from bonds and displacements."""
         self._begin_at_displacements()
         self._gradients.invert_blocks(np.arange(self.graph.count))
         self._refresh()
 
     def _begin_at_displacements(self) -> None:
-        """Begin where the displacements are; blocks and coarse space are left to the caller."""
+        """Restart at the present displacements; blocks and coarse space are left to the caller."""
         equilibrium, graph = self.equilibrium, self.graph
         self._step, self._begun, self._target = Step.straight(equilibrium), False, 0.0
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
@@ -201,7 +201,7 @@ class StressSolver:
             self._change(self.equilibrium.weaken, bonds, share)
 
     def crack(self, bonds: np.ndarray) -> None:
-        """Let bonds pull and stick together no more, see `Equilibrium.crack`."""
+        """Crack bonds, which then carry no tension, see `Equilibrium.crack`."""
         graph = self.graph
         bonds = bonds[graph.alive[bonds] & ~graph.cracked[bonds]]
         if len(bonds):
@@ -219,7 +219,7 @@ class StressSolver:
         return bonds
 
     def forget_sudden(self, share: float = 1.0) -> None:
-        """Let a share of the dynamic part of released forces die away, 1 = all of it."""
+        """Fade the dynamic part of released forces by a share, 1 = all of it."""
         if self.equilibrium.sudden:
             self._halt()
             self._past.shift(self.equilibrium.fade_sudden(share))
@@ -238,13 +238,13 @@ class StressSolver:
         self.state, self.problem = self.state + 1, self.problem + 1
 
     def _halt(self) -> None:
-        """End a step that is under way, before loads or bonds change: it might go too far."""
+        """End the present step before loads or bonds change: it might go too far."""
         if not self.known:
             self._finish()
             self._moved()
 
     def _moved(self) -> None:
-        """Take note that loads or bonds have changed."""
+        """Record that loads or bonds have changed."""
         self._begun = False
         self._stale_view = True
 
@@ -322,7 +322,7 @@ class StressSolver:
             self._next_step()
 
     def _end(self) -> None:
-        """Go along a step as far as the true forces agree to, and start the next one there."""
+        """Finish a step by line search with the true forces, and start the next one there."""
         rows = self._islands.cracked(self.graph)
         self._finish()
         self._next_step()
@@ -331,7 +331,7 @@ class StressSolver:
             self._moved()
 
     def _finish(self) -> None:
-        """Go along a step as far as the true forces agree to."""
+        """Finish a step by line search with the true forces."""
         self._step.finish(self.equilibrium)
         self._linearise(self._step.rows, False)
 
@@ -343,7 +343,7 @@ class StressSolver:
             self._gradients.confine(self._step.islands)
 
     def _linearise(self, rows: np.ndarray, renew: bool = True) -> None:
-        """Put the tangents of joints where they are now, see `CrackedJoints.linearise`."""
+        """Update the tangents of joints, see `CrackedJoints.linearise`."""
         self.equilibrium.linearise(rows, renew)
         self._gradients.invert_blocks(self.graph.parts_of(rows))
         if self._gradients.fresh:
@@ -406,7 +406,7 @@ class StressSolver:
         return (self.displacement - self._calm)[parts, :3]
 
     def rewind(self) -> None:
-        """Go back to where all was in equilibrium last; loads and bonds stay as they are."""
+        """Return to the displacements of the last equilibrium; loads and bonds stay."""
         self._halt()
         self.equilibrium.rewind(self._calm)
         self._patience = self._worked = 0
@@ -441,7 +441,7 @@ class StressSolver:
         return np.abs(self.displacement - self.sound)[:-1, :3].max(axis=1, initial=0.0)
 
     def hold(self) -> None:
-        """Take note that all holds: what drifts, drifts from here on."""
+        """Record that all holds: drift counts from here on."""
         self.sound = self.displacement.copy()
 
     def mechanisms(self, furthest: float) -> np.ndarray:

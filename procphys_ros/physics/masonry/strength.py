@@ -49,7 +49,7 @@ _MARGIN = 0.95      # of the side that balances the resultant: utilisation 0.9 o
 @kernel
 def _crush(wrench, extent, compression):
     """
-    Compare the pressure of a cracked joint with what the block around its resultant bears.
+    Give the pressure of a cracked joint over the strength of the block around its resultant.
 
     The block is rectangular, uniformly stressed and centred on the resultant (EN 1996-1-1, 6.1.2).
     """
@@ -106,7 +106,7 @@ def _utilise(alive, cracked, held, wrench, area, extent, tension, cohesion, fric
 
 def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Compare what bonds carry with what they can.
+    Compute the utilisation of bonds: load over strength.
 
     Joints of reinforced members answer for the moments within the pieces beside them (`members`).
 

@@ -36,7 +36,7 @@ _MOST = 1.0 / 3.0   # of all parts: with more a step on all costs little more
 def furthest_off(graph: BondGraph, islands: Islands, sizes: np.ndarray,
                  goal: float) -> Islands | None:
     """
-    List what a step over cracked joints does best to begin with; None if that is all.
+    List the parts that a step over cracked joints begins with; None for all of them.
 
     :param graph: the bonds.
     :param islands: out of balance.

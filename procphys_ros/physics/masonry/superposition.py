@@ -42,7 +42,7 @@ class Superposition:
 
     def forget(self, labels: np.ndarray, straight: np.ndarray) -> None:
         """
-        Drop all: the stiffness has changed.
+        Forget all answers: the stiffness has changed.
 
         :param labels: which building each part belongs to, (N,).
         :param straight: parts whose building answers loads in proportion, (N,) bool; nothing is
@@ -61,7 +61,7 @@ class Superposition:
                 '_loads': self._loads[:self._known]}
 
     def shift(self, change: np.ndarray) -> None:
-        """Note a change of load that is not to be guessed, (N + 1, 6)."""
+        """Record a change of load that is not to be guessed, (N + 1, 6)."""
         if self._start is not None:
             self._start[1][:] += change
 
@@ -81,7 +81,7 @@ class Superposition:
         self._start = displacement.copy(), residual.copy()
 
     def _project(self, answer: np.ndarray, load: np.ndarray, sign: float) -> None:
-        """Take out of a load what is known, and add its answers with a sign to another one."""
+        """Subtract the known part of a load, and add the answers to it with a sign to another."""
         if self._known:
             _project(self._owner, self._answers[:self._known], self._loads[:self._known], answer,
                      load, sign)

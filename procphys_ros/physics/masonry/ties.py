@@ -54,7 +54,7 @@ def tie_stress(pull, bending):
 def give_way(graph: BondGraph, bonds: np.ndarray, wrench: np.ndarray
              ) -> tuple[np.ndarray, np.ndarray]:
     """
-    Say how much of its stiffness each bond keeps that cracks or whose steel yields.
+    Give the share of stiffness kept by each bond that cracks or whose steel yields.
 
     :param bonds: rows of reinforced bonds beyond their limit, (K,).
     :param wrench: of these, bond frame [N, N·m], (K, 6).
