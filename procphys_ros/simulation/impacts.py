@@ -104,7 +104,7 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
-    """Say which bodies break coarsely, because they are far from who looks, (K,) bool."""
+    """Tell which bodies break coarsely, being far from the observer, (K,) bool."""
     sharp = model.settings.culling.debris_distance
     if state.observer is None or sharp == 0.0:
         return np.zeros(len(bodies), bool)

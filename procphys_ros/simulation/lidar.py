@@ -60,7 +60,7 @@ class Scan:
 
 def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     """
-    Look around once; everything stands still meanwhile.
+    Take one scan; nothing moves meanwhile.
 
     Parts are seen as the boxes and capsules that they collide as, those in walls with the mortar
     around them, so that no ray slips through a joint; leaves and dust are not seen.

@@ -187,7 +187,7 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
 
 
 def release(model: Model, state: State, out: Exit, blow: Strike) -> None:
-    """Let parts go that a blow drives out."""
+    """Release parts that a blow drives out."""
     moving = np.zeros((len(out.parts), 6))
     moving[:, :3] = out.speed * blow.direction
     fragments.release(model, state, out.pieces, moving, Cause.IMPACT, out.load)
@@ -196,7 +196,7 @@ def release(model: Model, state: State, out: Exit, blow: Strike) -> None:
 def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
                    rate: float = WALL_RATE, speed: float | None = None) -> None:
     """
-    Let what stands feel impulses, until they have broken what they break.
+    Apply impulses to standing parts, until they break nothing more.
 
     :param parts: (K,) indices.
     :param impulses: at their centres of mass [N·s], world, (K, 3), or with angular impulses
@@ -213,7 +213,7 @@ def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
 def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
                          impulse: np.ndarray, speed: float) -> None:
     """
-    Let what stands around parts that come out feel what breaking their bonds gave to it.
+    Apply to the neighbours of released parts what breaking their bonds gave to them.
 
     What struck these parts before, they have passed on by then, too.
 
@@ -232,7 +232,7 @@ def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
 
 
 def is_stable(state: State) -> bool:
-    """Say whether the stresses are known and nothing more breaks under them."""
+    """Tell whether the stresses have converged and break nothing more."""
     return not len(state.solver.graph) or state.fracture.stable
 
 
@@ -270,7 +270,7 @@ def solve_stresses(model: Model, state: State, dt: float) -> None:
 
 def judge_stresses(model: Model, state: State, dt: float) -> None:
     """
-    Fail what carries too much, and go on solving with what is left of the step's share of work.
+    Break overloaded bonds, and go on solving within the iterations left to the step.
 
     Writes bonds and stresses of what stands, and releases what lost the ground.
     """

@@ -105,5 +105,5 @@ class PartNames:
         return index
 
     def nearest(self, owner: str) -> str:
-        """Say which objects are called alike, for use inside an error message."""
+        """List objects with similar names, for an error message."""
         return nearest_names(owner, self._objects)

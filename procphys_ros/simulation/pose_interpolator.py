@@ -43,7 +43,7 @@ class PoseInterpolator:
 
     def set_target(self, pose: np.ndarray, time: float) -> bool:
         """
-        Take a new pose; one for the same time as the last takes its place.
+        Set a new target; one for the same time as the last replaces it.
 
         :param pose: (7,), world.
         :param time: at which it was valid [s].

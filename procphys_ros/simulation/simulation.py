@@ -215,14 +215,14 @@ class Simulation:
         return scan(self.model, self.state, lidar)
 
     def leaf_poses(self) -> np.ndarray:
-        """Work out the petioles of all leaves, fluttering, flying or fallen, world, (L, 7)."""
+        """Compute the poses of all petioles, fluttering, flying or fallen, world, (L, 7)."""
         if self._flutter is None and self.model.settings.leaves.flutter:
             self._flutter = foliage.make_flutter(self.model)
         return foliage.poses(self.model, self.state, self._flutter)
 
     def reset(self) -> None:
         """
-        Put everything back to rest and whole, the time to zero.
+        Reset everything to rest and whole, and the time to zero.
 
         What was added stays, where it was placed; what was removed stays away; `revert` ends
         both. The wind goes back to the settings that it was last given, and the observer stays.
@@ -261,7 +261,7 @@ class Simulation:
 
     def restore(self, data: bytes) -> None:
         """
-        Go back, or forward, to a saved state of the same scene.
+        Restore a saved state of the same scene.
 
         :param data: from `save`, of this or another simulation of the scene, in any process.
         :raises SnapshotError: when it is no snapshot, damaged, or of another scene or version;
@@ -272,7 +272,7 @@ class Simulation:
         self.model, self.state, self._flutter = model, state, None
 
     def fork(self) -> Self:
-        """Make a second simulation that goes on from here, the same if told the same."""
+        """Make a second simulation that goes on from here; equal commands give equal results."""
         other = copy(self)
         other.timings = {}
         other.state = snapshot.clone(self.model, self.state)
@@ -319,7 +319,7 @@ class Simulation:
 
     def step(self, n: int = 1) -> None:
         """
-        Let time pass.
+        Advance time.
 
         :param n: number of time steps.
         :raises CommandError: when it is negative, or no whole number.
@@ -372,7 +372,7 @@ class Simulation:
     def set_observer(self, position: Sequence[float],
                      orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)) -> None:
         """
-        Say from where the scene is looked at, for the schemes of `Settings.culling`.
+        Set the point of view for the schemes of `Settings.culling`.
 
         :param position: of the camera [m], (3,), world.
         :param orientation: quaternion xyzw; the camera looks along x, z is up.
@@ -413,7 +413,7 @@ class Simulation:
 
     def launch(self, projectile: Projectile) -> int:
         """
-        Let a ball or a block fly.
+        Launch a ball or a block.
 
         :param projectile: its shape, size, mass, position and velocity.
         :returns: index of the part that it becomes, behind all others.
@@ -433,7 +433,7 @@ class Simulation:
 
     def demolish(self, plan: Demolition | None = None) -> int:
         """
-        Start the clocks of timed charges.
+        Set the times at which charges fire, from now.
 
         :param plan: where and when; None = along the ground-floor walls, from the middle out.
         :returns: number of charges.
@@ -444,7 +444,7 @@ class Simulation:
     def set_body_state(self, part: int | str, pose: Sequence[float] | None = None,
                        twist: Sequence[float] | None = None) -> None:
         """
-        Put a loose part, with all that it is one piece with, somewhere else at once.
+        Move a loose part, and the piece that it belongs to, somewhere else at once.
 
         :param part: its name or index.
         :param pose: of the part [m], (7,), world; None = where it is.
@@ -457,7 +457,7 @@ class Simulation:
     def place_intruder(self, pose: Sequence[float], time: float | None = None,
                        name: str = INTRUDER) -> None:
         """
-        Put a body of `Settings.intruder` or `Settings.intruders` into the scene, or move it on.
+        Place a body of `Settings.intruder` or `Settings.intruders`, or set its next pose.
 
         :param pose: x y z qx qy qz qw [m], (7,), world.
         :param time: when it is there [s]; None = now.

@@ -381,7 +381,7 @@ class State:
 
     @classmethod
     def initial(cls, model: Model) -> 'State':
-        """Put a scene at rest: everything whole, nothing known of the stresses yet."""
+        """Make the state of a scene at rest: everything whole, stresses not solved yet."""
         count, trees, leaves = len(model.blueprint), model.trees, model.leaves
         forest = deepcopy(trees.forest)
         graph = deepcopy(model.masonry.graph)
@@ -439,7 +439,7 @@ class State:
 
     def append(self, model: Model, groups: Sequence[tuple[Blueprint, str]]) -> list[int]:
         """
-        Let parts without bonds join behind all others; the caller gives them their bodies.
+        Append parts without bonds; the caller gives them their bodies.
 
         :param groups: parts and the name of the object that they make, once per step for all.
         :returns: the first part of each object.

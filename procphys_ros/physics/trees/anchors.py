@@ -144,7 +144,7 @@ def place(state: Any, table: np.ndarray, parents: np.ndarray) -> None:
 
 def cut(table: np.ndarray, rest: np.ndarray, rows: np.ndarray, hosts: np.ndarray) -> None:
     """
-    Let segments go, and relieve what held them.
+    Release segments, and unload what held them.
 
     :param table: `State.anchor`, changed in place, (S, 8); `rest` the same at rest.
     :param rows: of the segments, (K,).

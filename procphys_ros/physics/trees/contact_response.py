@@ -84,7 +84,7 @@ class ContactResponse:
 
     def renewed(self, ends: np.ndarray, fresh: 'ContactResponse') -> 'ContactResponse':
         """
-        Take over what was foreseen of some trees anew; points are in the order of their trees.
+        Replace the predictions of some trees by new ones; points are in the order of their trees.
 
         :param ends: the points on them, (E,) bool.
         :param fresh: of these points.
@@ -102,7 +102,7 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses
                      model: tuple, state: State, workspaces: list[Scratch], wind: np.ndarray,
                      gravity: np.ndarray, dt: float, threads: int) -> ContactResponse:
     """
-    Look one step ahead; the state stays as it is.
+    Predict the motion of one step; the state stays as it is.
 
     :param entry: places of the touched rows in the plan, (E,).
     :param points: on these rows [m], (E, 3), world.
@@ -296,7 +296,7 @@ def _respond(path, rows, above, model, state, scratch, entry, points, response):
 
 @subroutine
 def _ascend(path, rows, above, model, state, scratch):
-    """Hand the motion that pushes cause from the root to the tips of some paths."""
+    """Propagate the motion that pushes cause from the root to the tips of some paths."""
     motion = scratch.motion
     for k in path:
         i = rows[k]

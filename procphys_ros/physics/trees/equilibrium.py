@@ -95,7 +95,7 @@ def tighten(rows, above, model, state, scratch, h):
 
 @subroutine(**INLINE)
 def bend(rows, above, model, state, scratch, h):
-    """Take the joints of one tree along; give the largest change [rad] or [m]."""
+    """Move the joints of one tree a step on; give the largest change [rad] or [m]."""
     moved = 0.0
     for k in range(len(rows)):
         i = rows[k]

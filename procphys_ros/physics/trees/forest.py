@@ -148,7 +148,7 @@ class Forest:
         return self._state.wrenches
 
     def reset(self) -> None:
-        """Put everything back to rest and whole, bit for bit as it was first built."""
+        """Reset to rest and whole, bit for bit as first built."""
         for column in self._state:
             column[:] = 0.0
         self._state.bend[:] = self._rest_bend
@@ -213,7 +213,7 @@ class Forest:
         return subset.rows_of(self.plan, trees)
 
     def adopt(self, other: 'Forest') -> None:
-        """Go on from where another forest is, whose rows are the first ones here."""
+        """Copy the state of another forest, whose rows are the first ones here."""
         columns = ((*f._state, f._model.joint, f._model.body, f.parents, f.active, f._disturbed)
                    for f in (self, other))
         for mine, theirs in zip(*columns):
@@ -260,7 +260,7 @@ class Forest:
 
     def detach(self, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
-        Take a subtree out of the articulation; its rows become inactive and cost nothing.
+        Remove a subtree from the articulation; its rows become inactive and cost nothing.
 
         :param row: first row of what comes off.
         :returns: rows, poses (K, 7) and velocities (K, 6) as they are now.
@@ -288,7 +288,7 @@ class Forest:
 
     def keep_leaves(self, rows: np.ndarray, share: np.ndarray) -> None:
         """
-        Leave segments only part of the leaves they grew with; the wind finds less to push.
+        Reduce the leaves of segments to a share of those at the start; drag decreases with them.
 
         :param rows: of the segments, (K,).
         :param share: of their leaf area that is left, 0 to 1, (K,).
@@ -326,7 +326,7 @@ class Forest:
 
     def cut_anchors(self, rows: np.ndarray, hosts: np.ndarray) -> None:
         """
-        Let segments go, and relieve what held them.
+        Release segments, and unload what held them.
 
         :param rows: of the segments, (K,).
         :param hosts: rows of the trees that held them, -1 for walls, (K,).
@@ -336,7 +336,7 @@ class Forest:
 
     def push(self, rows: np.ndarray, points: np.ndarray, impulses: np.ndarray) -> None:
         """
-        Let the next step take up impulses, exactly, whatever is small that they act on.
+        Apply impulses in the next step, exactly, however light what they act on.
 
         Other than with `apply_impulse`, velocities stay as they are until then, so that the air
         does not resist the speed that a twig would have if the impulse were its own.
@@ -416,7 +416,7 @@ class Forest:
                      + (0.5 * elastic - preload)[held].sum())
 
     def _load_anchors(self, climbers: Anchors) -> np.ndarray:
-        """Let anchors carry what they do at rest; give them with their springs, (S, 8)."""
+        """Load anchors as they are at rest; give them with their springs, (S, 8)."""
         mass = self._model.body[:, MASS]
         made = anchors.make(climbers, self.parts, self._rooted, mass, self._gravity)
         self._anchors[:, anchors.FORCE:] = made[:, anchors.FORCE:]
@@ -424,7 +424,7 @@ class Forest:
         return made
 
     def _breathe(self, dt: float, wind: np.ndarray | None) -> None:
-        """Take over the time step and the air of the step that begins."""
+        """Set the time step and the air of the step that begins."""
         if self._stale:
             self._replan()
         self._time_step = float(dt)

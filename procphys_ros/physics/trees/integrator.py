@@ -68,7 +68,7 @@ def advance(rows, above, model, state, scratch, wind, gravity, dt):
 
 @subroutine(**KERNEL)
 def take_up(rows, body, state):
-    """Make impulses of what was done to the velocities of one tree since the last step."""
+    """Turn changes of the velocities of one tree since the last step into impulses."""
     v, old, frame, push = state.velocities, state.carried, state.frame, state.push
     for i in rows:
         if (v[i, 0] == old[i, 0] and v[i, 1] == old[i, 1] and v[i, 2] == old[i, 2]
@@ -190,7 +190,7 @@ def move(rows, above, model, state, scratch, gravity, dt, theta):
 
 @subroutine(**KERNEL)
 def undo(rows, above, model, state, scratch):
-    """Put one tree back to where the step began: its weight would win more than it moves by."""
+    """Undo the step of one tree, whose weight would do more work than its motion accounts for."""
     for k in range(len(rows)):
         i = rows[k]
         for c in range(4):

@@ -211,7 +211,7 @@ def drag(i, x, y, z, wx, wy, wz, body, v, wind):
 
 @subroutine(**KERNEL)
 def take(rows, above, model, state, scratch, frame, h):
-    """Hand motion from the root to the tips and read the wrenches that the joints transmit."""
+    """Propagate motion from root to tips, and read the wrenches that the joints transmit."""
     motion = scratch.motion
     for k in range(len(rows)):
         i = rows[k]
@@ -300,7 +300,7 @@ def kick(rows, above, model, state, scratch, frame, dt):
 
 @subroutine(**KERNEL)
 def pass_on(i, k, model, stop, frame, f, p):
-    """Let the joint of row i give way to a load, as elimination does; give what is left."""
+    """Eliminate the joint of row i from a load; give what is left."""
     n1, n2, _ = joints.basis(stop, i)
     along = (frame[i, 9], frame[i, 10], frame[i, 11])
     if model.joint[i] == _SPRUNG:
@@ -314,7 +314,7 @@ def pass_on(i, k, model, stop, frame, f, p):
 
 @subroutine(**INLINE)
 def give(k, d, x, y, z, axis, f, p):
-    """Let one degree of freedom give way to its share (x, y, z) of a load."""
+    """Eliminate one degree of freedom from its share (x, y, z) of a load."""
     drive = x * axis[0] + y * axis[1] + z * axis[2]
     f[k, d, 7] = drive
     return relieve(p, (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5]),

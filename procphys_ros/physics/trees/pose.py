@@ -124,7 +124,7 @@ def put(i, c, value, frame, middle):
 
 @subroutine(**INLINE)
 def normalise_axis(i, middle):
-    """Make the extrapolated axis of row i a unit vector; what rests stays as it is to the bit."""
+    """Normalise the extrapolated axis of row i; what rests keeps its axis to the bit."""
     x, y, z = middle[i, 9], middle[i, 10], middle[i, 11]
     excess = x * x + y * y + z * z - 1.0
     if excess > 1e-12:

@@ -73,7 +73,7 @@ def slide_slope(b, m, x, y, z):
 
 @subroutine(**INLINE)
 def eliminate(j, b, m, u, inverse):
-    """Take out of an inertia what a degree of freedom of slope u gives way to."""
+    """Eliminate a degree of freedom of slope u from an inertia."""
     w0, w1, w2 = inverse * u[0], inverse * u[1], inverse * u[2]
     w3, w4, w5 = inverse * u[3], inverse * u[4], inverse * u[5]
     j = (j[0] - w0 * u[0], j[1] - w0 * u[1], j[2] - w0 * u[2], j[3] - w1 * u[1],
@@ -88,7 +88,7 @@ def eliminate(j, b, m, u, inverse):
 
 @subroutine(**INLINE)
 def relieve(p, u, push):
-    """Take out of a load what a degree of freedom of slope u gives way to."""
+    """Eliminate a degree of freedom of slope u from a load."""
     return (p[0] - u[0] * push, p[1] - u[1] * push, p[2] - u[2] * push,
             p[3] - u[3] * push, p[4] - u[4] * push, p[5] - u[5] * push)
 

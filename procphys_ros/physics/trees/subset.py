@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Subset: what is done to some trees of a forest while the others stand still."""
+"""Subset: steps and impulses of some trees of a forest while the others stand still."""
 
 import numpy as np
 
@@ -90,7 +90,7 @@ def kinetic(plan, trees, body, state):
 
 @kernel
 def push(rows, points, impulses, root, state):
-    """Let the next step take up impulses; see `Forest.push`."""
+    """Apply impulses in the next step; see `Forest.push`."""
     for n in range(len(rows)):
         i, (x, y, z) = rows[n], impulses[n]
         u, v, w = points[n] - state.poses[i, :3]

@@ -55,7 +55,7 @@ class Queue:
         self._high = self._bounds[:, 3:].max(axis=0, initial=-np.inf)
 
     def append(self, ids: np.ndarray) -> None:
-        """Let plain boxes wait, (K,) ids; works out their bounds."""
+        """Queue plain boxes, (K,) ids, and compute their bounds."""
         bodies, piece = self._bodies, self._bodies.first_piece[ids]
         bodies.bounds[ids] = piece_bounds(
             bodies.piece_shape[piece], bodies.poses[ids], bodies.piece_size[piece],
@@ -78,7 +78,7 @@ class Queue:
         return ids[~waits]
 
     def _find(self, ids: np.ndarray) -> np.ndarray:
-        """Say which bodies wait, (K,) bool."""
+        """Tell which bodies are queued, (K,) bool."""
         known = ids < len(self._waits)
         known[known] = self._waits[ids[known]]
         return known
@@ -107,7 +107,7 @@ class Queue:
             self._engine.add(self._bodies, ids)
 
     def _leave(self, ids: np.ndarray) -> None:
-        """Let bodies wait no more, (K,) ids."""
+        """Remove bodies from the queue, (K,) ids."""
         self._waits[ids] = False
         self._left += len(ids)
         if self._left > _GONE * len(self._ids):

@@ -145,7 +145,7 @@ class BodyTable:
         return self._awake
 
     def set_state(self, ids: np.ndarray, state: BodyState) -> None:
-        """Let bodies do something else from now on."""
+        """Set the state of bodies."""
         self.state[ids] = state
         self._awake = None
 
@@ -220,7 +220,7 @@ class BodyTable:
         return ids
 
     def remove(self, ids: np.ndarray) -> None:
-        """Take bodies out; their ids may be given again."""
+        """Remove bodies; their ids may be given again."""
         self.set_state(ids, BodyState.GONE)
         for body in ids.tolist():
             self._free.append(body)
@@ -242,7 +242,7 @@ class BodyTable:
     def velocity_change(self, body: int, impulse: np.ndarray, point: np.ndarray | None,
                         angular: np.ndarray | None) -> np.ndarray:
         """
-        Work out what an impulse does to the velocity of a free body, (6,).
+        Compute the change of velocity that an impulse causes in a free body, (6,).
 
         :param impulse: [N·s], world, (3,).
         :param point: where it acts, world [m], (3,); None = at the centre of mass.

@@ -100,7 +100,7 @@ class BulletEngine:
         self._client.close()
 
     def clear(self) -> None:
-        """Start with an empty world, in which nothing is left of what was."""
+        """Empty the world."""
         self.close()
         self._connect()
 
@@ -116,7 +116,7 @@ class BulletEngine:
         return DENSE_SUBSTEPS if dense else 1
 
     def step(self, time_step: float) -> None:
-        """Let time pass [s]."""
+        """Advance time [s]."""
         if time_step != self._time_step:
             self._client.set_time_step(time_step)
             self._time_step = time_step
@@ -189,7 +189,7 @@ class BulletEngine:
             table.poses[ids, :3], table.poses[ids[0], 3:])
 
     def _shape(self, piece: Pieces) -> int:
-        """Make the shape of a plain body once: Bullet never frees them."""
+        """Create the shape of a plain body once: Bullet never frees shapes."""
         if len(piece.hexahedra):
             corners = inset(piece.hexahedra.corners.reshape(1, 8, 3), _MARGIN)[0].round(_ROUND)
             return self._make(self._client.create_hull, corners)
@@ -265,7 +265,7 @@ class BulletEngine:
         self.set_swept(swept, table.swept_radius[swept])
 
     def _note(self, handles: np.ndarray, states: np.ndarray) -> None:
-        """Keep what bodies do, and follow the rules of pairs, which go before their filters."""
+        """Record the states of bodies, and apply the rules of pairs: these override filters."""
         self._states = _filled(self._states, handles, states)
         for handle in handles.tolist() if self._rules else ():
             for other in self._rules.get(handle, ()):
@@ -273,7 +273,7 @@ class BulletEngine:
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """
-        Let pairs of bodies pass through each other, or meet again, (K, 2) ids.
+        Exclude pairs of bodies from collision, or include them again, (K, 2) ids.
 
         PyBullet keeps a rule for a pair for ever, also for later bodies of the same numbers, and
         asks no masks where it has one.
@@ -289,7 +289,7 @@ class BulletEngine:
         self._client.set_pair(one, other, meet)
 
     def remove(self, ids: np.ndarray) -> None:
-        """Take bodies out, (K,) ids."""
+        """Remove bodies, (K,) ids."""
         handles = self._handles[ids].tolist()
         self._client.remove(handles)
         self._free += handles
@@ -301,7 +301,7 @@ class BulletEngine:
         self._note(self._handles[ids], states)
 
     def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Let immovable bodies move, (K,) ids."""
+        """Make immovable bodies movable, (K,) ids."""
         states = np.full(len(ids), BodyState.AWAKE)
         self._client.thaw(self._handles[ids], table.mass[ids], table.inertia[ids],
                           _FILTERS[states])

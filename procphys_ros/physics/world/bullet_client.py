@@ -96,7 +96,7 @@ class BulletClient:
         self._submit(command)
 
     def step(self) -> None:
-        """Let time pass, and other threads run meanwhile."""
+        """Advance time; other threads run meanwhile."""
         self._submit_freely(self._world, self._c.b3InitStepSimulationCommand(self._world))
 
     def _create_visual(self) -> int:
@@ -192,7 +192,7 @@ class BulletClient:
         return c.b3GetStatusBodyIndex(self._submit(command))
 
     def load_urdf(self, path: str, pose: list[float]) -> int:
-        """Make a body of a file, with the inertia that it tells, and give its number."""
+        """Create a body from a file, with the inertia given there, and give its number."""
         c, command = self._c, self._c.b3LoadUrdfCommandInit(self._world, path.encode())
         c.b3LoadUrdfCommandSetFlags(command, _SLEEPING | _INERTIA_FROM_FILE)
         c.b3LoadUrdfCommandSetStartPosition(command, *pose[:3])
@@ -201,7 +201,7 @@ class BulletClient:
         return c.b3GetStatusBodyIndex(self._submit(command))
 
     def remove(self, bodies: list[int]) -> None:
-        """Take bodies out."""
+        """Remove bodies."""
         for body in bodies:
             self._submit(self._c.b3InitRemoveBodyCommand(self._world, body))
 
@@ -214,11 +214,11 @@ class BulletClient:
 
     def thaw(self, bodies: np.ndarray, mass: np.ndarray, inertia: np.ndarray,
              filters: np.ndarray) -> None:
-        """Let bodies move that never sleep: mass [kg], (K,), principal moments [kg·m²], (K, 3)."""
+        """Make bodies move and never sleep: mass [kg], (K,), principal moments [kg·m²], (K, 3)."""
         commands.thaw(self._dynamics, self._world, bodies, mass, inertia, filters)
 
     def freeze(self, bodies: np.ndarray, filters: np.ndarray) -> None:
-        """Let bodies stand still at no cost."""
+        """Make bodies immovable at no cost per step."""
         commands.freeze(self._dynamics, self._set_velocities, self._world, bodies, filters)
 
     def set_swept(self, body: int, radius: float) -> None:
@@ -228,7 +228,7 @@ class BulletClient:
         self._submit(command)
 
     def set_pair(self, one: int, other: int, meet: bool) -> None:
-        """Say for ever whether two bodies meet, whatever their masks say."""
+        """Set for good whether two bodies collide, whatever their masks say."""
         command = self._c.b3CollisionFilterCommandInit(self._world)
         self._c.b3SetCollisionFilterPair(command, one, other, _BASE, _BASE, int(meet))
         self._submit(command)

@@ -123,7 +123,7 @@ def set_up(functions, world, bodies, frees, holds, surfaces, mass, inertia, filt
 
 @kernel
 def thaw(functions, world, bodies, mass, inertia, filters):
-    """Let bodies move that never sleep, see `set_up`."""
+    """Make bodies movable, never to sleep, see `set_up`."""
     for k in range(len(bodies)):
         body = np.int32(bodies[k])
         _set_free(functions, world, body, mass[k], inertia, k)
@@ -133,7 +133,7 @@ def thaw(functions, world, bodies, mass, inertia, filters):
 @kernel
 def freeze(functions, motion, world, bodies, filters):
     """
-    Let bodies stand still at no cost, see `set_up`.
+    Make bodies immovable at no cost per step, see `set_up`.
 
     :param motion: addresses of `SET_VELOCITIES`, (4,).
     """

@@ -71,13 +71,13 @@ class Engine(Protocol):
         """Add bodies, (K,) ids, with the shapes, states, poses and velocities of the table."""
 
     def remove(self, ids: np.ndarray) -> None:
-        """Take bodies out, (K,) ids."""
+        """Remove bodies, (K,) ids."""
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, at no cost per step, (K,) ids."""
 
     def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Let immovable bodies move, with the masses and inertias of the table, (K,) ids."""
+        """Make immovable bodies movable, with masses and inertias of the table, (K,) ids."""
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
         """Set centres of mass and principal axes, world, (K, 7)."""
@@ -89,7 +89,7 @@ class Engine(Protocol):
         """Sweep spheres of these radii [m] along the steps of plain bodies, (K,); 0 = do not."""
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
-        """Let pairs of bodies pass through each other, or meet again, (K, 2) ids."""
+        """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
 
     def use_threads(self, count: int) -> None:
         """Step on so many threads at most, with results that are the same for any number."""
@@ -105,7 +105,7 @@ class Engine(Protocol):
         raise NotImplementedError
 
     def step(self, time_step: float) -> None:
-        """Let time pass [s]."""
+        """Advance time [s]."""
 
     def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Read poses (K, 7) and velocities (K, 6), world axes."""
@@ -132,7 +132,7 @@ def installed_engines() -> list[str]:
 
 def make_engine(name: str, gravity: np.ndarray, terrain: Terrain = FLAT) -> Engine:
     """
-    Start an engine.
+    Create an engine.
 
     :param name: of `ENGINES`, or 'auto' for the first whose library is installed; the log says
         once when that is not the first of all.

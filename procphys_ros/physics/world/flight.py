@@ -26,7 +26,7 @@ _ROUNDING = 1e-6  # ... at this share of the speed
 def correct_flight(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravity: np.ndarray,
                    time_step: float, integrations: int) -> tuple[np.ndarray, np.ndarray]:
     """
-    Put bodies that touched nothing where velocity Verlet has them.
+    Correct the poses of bodies that touched nothing to those of velocity Verlet.
 
     Engines move bodies with the velocity of the end of a step (semi-implicit Euler), which gives
     a fall n + 1 / n of its way after n steps. What rests on something needs that: contacts are

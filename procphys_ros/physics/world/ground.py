@@ -110,7 +110,7 @@ def _reach(terrain: Terrain, places: np.ndarray, radius: np.ndarray) -> np.ndarr
 
 
 def _pay(table: BodyTable, ids: np.ndarray, velocities: np.ndarray, owed: np.ndarray) -> None:
-    """Take energy [J/kg, doubled] from the fall of bodies, then from their spin, in place."""
+    """Subtract energy [J/kg, doubled] from the fall of bodies, then from their spin, in place."""
     fall = np.minimum(velocities[:, 2], 0.0) ** 2
     velocities[:, 2] = np.where(velocities[:, 2] > 0.0, velocities[:, 2],
                                 -np.sqrt(np.maximum(fall - owed, 0.0)))
@@ -123,7 +123,7 @@ def _pay(table: BodyTable, ids: np.ndarray, velocities: np.ndarray, owed: np.nda
 def touch_with_points(table: BodyTable, awake: np.ndarray, time_step: float,
                       terrain: Terrain = FLAT) -> Correction:
     """
-    Let the ground meet the corners that stick out of the collision shapes of bodies.
+    Resolve ground contacts of the corners that stick out of the collision shapes of bodies.
 
     :param table: the bodies.
     :param awake: ids, (K,).

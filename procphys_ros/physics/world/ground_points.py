@@ -163,7 +163,7 @@ def resolve_ground_contacts(first, number, points, poses, velocities, mass, iner
 @kernel
 def _effects(rows, mass, compliance):
     """
-    Work out what unit impulses at points do: along the ground, in two directions, and upwards.
+    Compute the effect of unit impulses at points: along the ground, two ways, and upwards.
 
     :returns: for each way its direction, the spin that it gives, its moment, and the change of
         speed at the point, (C, 3, 10).

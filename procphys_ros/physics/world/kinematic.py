@@ -36,7 +36,7 @@ def set_out(table: BodyTable, time_step: float) -> None:
 
 def keep_course(engine: Engine, table: BodyTable, gravity: np.ndarray, time_step: float) -> None:
     """
-    Let kinematic bodies move with their velocities in the next step of the engine.
+    Set the velocities of kinematic bodies for the next step of the engine.
 
     :param gravity: [m/s²], (3,); what the engine adds to the velocity of a body in a step.
     :param time_step: of the engine [s].
@@ -49,7 +49,7 @@ def keep_course(engine: Engine, table: BodyTable, gravity: np.ndarray, time_step
 
 
 def arrive(engine: Engine, table: BodyTable) -> None:
-    """Put kinematic bodies exactly where they were to go."""
+    """Set kinematic bodies exactly to their targets."""
     ids = np.flatnonzero(table.state == BodyState.KINEMATIC)
     if len(ids):
         table.poses[ids] = table.target[ids]

@@ -76,7 +76,7 @@ class RapierEngine:
         self.clear()
 
     def clear(self) -> None:
-        """Start with an empty world, in which nothing is left of what was."""
+        """Empty the world."""
         self._world = rapier3d.PhysicsWorld(gravity=self._gravity)
         self._world.set_num_threads(self._threads)
         parameters = self._world.integration_parameters
@@ -116,7 +116,7 @@ class RapierEngine:
         return 1
 
     def step(self, time_step: float) -> None:
-        """Let time pass [s]."""
+        """Advance time [s]."""
         self._time_step = time_step
         self._before = self._velocity.copy()
         self._world.integration_parameters.dt = time_step
@@ -138,7 +138,7 @@ class RapierEngine:
         self._own(owners, colliders, places)
 
     def _note(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Note what contacts are worked out with."""
+        """Record what contacts are computed from."""
         more = max(int(ids.max()) + 1 - len(self._mass), 0)
         if more:
             self._mass = np.concatenate([self._mass, np.full(more, np.inf)])
@@ -171,7 +171,7 @@ class RapierEngine:
                        for collider, pose in zip(colliders, poses)], poses
 
     def _own(self, bodies: list[int], colliders: list[int], poses: list[list[float]]) -> None:
-        """Note what bodies colliders belong to, and their poses in them."""
+        """Record the bodies that colliders belong to, and their poses in these."""
         more = max(colliders) + 1 - len(self._owner)
         if more > 0:
             room = max(more, len(self._owner))
@@ -180,7 +180,7 @@ class RapierEngine:
         self._owner[colliders], self._inside[colliders] = bodies, poses
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
-        """Let pairs of bodies pass through each other, or meet again, (K, 2) ids."""
+        """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
         joints = self._world.impulse_joints
         for one, other in pairs.tolist():
             if excluded:
@@ -191,7 +191,7 @@ class RapierEngine:
                 joints.remove(self._joints.pop((one, other)), True)
 
     def remove(self, ids: np.ndarray) -> None:
-        """Take bodies out, (K,) ids."""
+        """Remove bodies, (K,) ids."""
         for body in ids.tolist():
             self._world.remove_body(self._handles.pop(body))
             del self._bodies[body]
@@ -206,7 +206,7 @@ class RapierEngine:
             self._set_filter(frozen, BodyState.FIXED)
 
     def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Let immovable bodies move, (K,) ids; their masses were given when they were added."""
+        """Make immovable bodies movable, (K,) ids; `add` has given their masses."""
         self._mass[ids] = table.mass[ids]
         for body in ids.tolist():
             self._bodies[body].body_type = rapier3d.RigidBodyType.DYNAMIC
@@ -272,7 +272,7 @@ class RapierEngine:
 
     def _friction(self, ids: np.ndarray, impulse: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """
-        Work out what else contacts did to bodies than their normal impulses say, (C, 3).
+        Compute the friction of contacts from what normal impulses leave unexplained, (C, 3).
 
         :param ids: of the bodies, (2, C).
         :param impulse: along the normals, on the first bodies [N·s], (C, 3).

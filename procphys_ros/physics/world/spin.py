@@ -27,7 +27,7 @@ FAST = 1.0  # [rad] per step, from which an implicit gyroscopic term no longer c
 def limit_spin(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
                time_step: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Slow down what has got more energy of rotation by a step than it had, and turns very fast.
+    Slow down fast spinning bodies that gained energy of rotation in a step.
 
     :param ids: bodies that move, (K,).
     :param poses: theirs before the step, (K, 7).

@@ -191,7 +191,7 @@ class World:
         return ids
 
     def remove(self, ids: np.ndarray) -> None:
-        """Take bodies out; what rested on them is set free. Their ids may be given again."""
+        """Remove bodies; those that rested on them are set free. Ids may be given again."""
         ids = np.atleast_1d(ids)
         if not len(ids):
             return
@@ -204,7 +204,7 @@ class World:
         self.thaw(carried[self._bodies.state[carried] == BodyState.RESTING])
 
     def drive(self, body: int, pose: np.ndarray) -> None:
-        """Say where a kinematic body is to be at the end of the next step, (7,)."""
+        """Set the pose of a kinematic body at the end of the next step, (7,)."""
         self._bodies.target[body] = pose
 
     def thaw(self, ids: np.ndarray, velocities: np.ndarray | None = None) -> None:
@@ -249,7 +249,7 @@ class World:
         self._engine.set_velocities(ids, self._bodies.velocities[ids])
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
-        """Put bodies somewhere else, (K, 7)."""
+        """Set the poses of bodies, (K, 7)."""
         ids = np.atleast_1d(ids)
         self._queue.admit_among(ids)
         self._bodies.poses[ids] = poses
@@ -328,7 +328,7 @@ class World:
 
     def step(self, time_step: float, threads: int = 1) -> None:
         """
-        Let time pass: set free what is about to be hit, move and collide, bring to rest.
+        Advance time: wake what is about to be hit, move and collide, put to rest.
 
         :param time_step: [s].
         :param threads: of the engine at most; results are the same to the bit for any number.
@@ -365,7 +365,7 @@ class World:
         self._settle(time_step)
 
     def _pass_time(self, time_step: float) -> None:
-        """Let time pass while nothing moves: an engine asks even what sleeps."""
+        """Advance time while nothing moves, without the engine: it visits even what sleeps."""
         self._places = self._bodies.copied('poses', self._places)
         self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
         self._since_check += time_step
