@@ -35,7 +35,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
-from procphys_ros.physics.world import BodyState
+from procphys_ros.physics.world import BodyState, bullet
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
@@ -214,13 +214,16 @@ def _sinking(simulation: Simulation) -> np.ndarray:
 
 
 @pytest.mark.report('flaws')
-def test_no_bricks_float_in_the_air(fall: _Fall, measured):
+def test_no_bricks_float_in_the_air(fall: _Fall, measured, monkeypatch):
     """
     What stands hangs on bonds, whole or cracked, down to the ground; what lies about on something.
 
     Woken, a piece that floats comes down by 0.21 m in 0.2 s; one that leans on what gives way only
-    begins to tip in that time. A brick lifted into the air must be found.
+    begins to tip in that time, and one of 550 may be held by no more than friction in a notch.
+    All are woken at once, but contacts are solved as finely as when the last ones came to rest.
+    A brick lifted into the air must be found.
     """
+    monkeypatch.setattr(bullet, 'ITERATIONS', bullet.MOST_ITERATIONS)
     simulation, count = fall.simulation, len(fall.plan)
     whole = np.setdiff1d(np.arange(len(fall.plan.bonds)), simulation.events['bond'])
     graph = simulation.state.solver.graph
@@ -234,8 +237,9 @@ def test_no_bricks_float_in_the_air(fall: _Fall, measured):
     print(f'{len(sunk)} pieces, woken, come down by {1e3 * sunk.max():.0f} mm at most; at rest at '
           f'{simulation.time:.0f} s')
     assert len(sunk) > 100
+    assert np.count_nonzero(sunk > 0.5 * _FREE) <= 1
     measured.within('floating: way down of rubble in 0.2 s when it is woken', 1e3 * sunk.max(),
-                    high=500.0 * _FREE, unit='mm')
+                    high=900.0 * _FREE, unit='mm')
     world = simulation.state.world
     for _ in range(240):
         world.step(_STEP)
