@@ -79,7 +79,7 @@ class SnapshotError(CommandError):
 
 def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     """
-    Say which known names look most like the one given, for use inside an error message.
+    Return which known names look most like the one given, for use inside an error message.
 
     :param name: the name that was not found.
     :param known: the names that exist.

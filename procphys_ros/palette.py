@@ -105,7 +105,7 @@ def look(name: str) -> Look:
 
 
 def is_known(name: str) -> bool:
-    """Say whether a texture has a look of its own: its name is in the table, or contains one."""
+    """Return whether a texture has its own look: its name is in the table, or contains one."""
     return any(known in name for known in LOOKS)
 
 

@@ -121,7 +121,7 @@ def _print_all_signs() -> None:
 
 
 def _has_gone() -> bool:
-    """Say whether the reader of the output, such as head, has gone."""
+    """Return whether the reader of the output, such as head, has gone."""
     poll = select.poll()
     poll.register(sys.stdout.fileno(), 0)  # errors are told in any case
     return bool(poll.poll(0))

@@ -58,7 +58,7 @@ class Parameter:
 
     @property
     def takes_any_length(self) -> bool:
-        """Say whether it is a list that may be of any length."""
+        """Return whether it is a list that may be of any length."""
         return isinstance(self.default, list) and (self.any_length or not self.default)
 
     def read(self, value: Any, name: str = '') -> Any:

@@ -88,7 +88,7 @@ def run(what: Run) -> dict[str, float]:
 
 
 def _loose(simulation: Simulation) -> np.ndarray:
-    """Say which parts neither stand nor hang on something that does, (N,) bool."""
+    """Return which parts neither stand nor hang on something that does, (N,) bool."""
     parts, forest = simulation.state.parts, simulation.state.forest
     loose = (parts.owner == Owner.BODY) | (parts.owner == Owner.GONE)
     grown = np.flatnonzero(parts.owner == Owner.TREE)

@@ -42,7 +42,7 @@ def status_line(message: str, values: Mapping[str, str]) -> str:
 
 def break_line(row: Mapping[str, float], names: Sequence[str] = ()) -> str:
     """
-    Say which bond broke.
+    Describe a broken bond in one line.
 
     :param row: of `~/breaks`.
     :param names: of parts, as far as they are known.

@@ -80,7 +80,7 @@ def shipped() -> tuple[list[Overload], ...]:
 
 
 def is_complete() -> bool:
-    """Say whether all overloads have been compiled for these sources and this machine."""
+    """Return whether all overloads have been compiled for these sources and this machine."""
     return _mark().is_file()
 
 

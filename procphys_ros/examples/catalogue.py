@@ -51,7 +51,7 @@ class Example:
 
     @property
     def is_scene(self) -> bool:
-        """Say whether it is a scene file; else it is a Python program."""
+        """Return whether it is a scene file; else it is a Python program."""
         return self.path.suffix == '.yaml'
 
 

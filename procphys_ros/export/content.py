@@ -97,12 +97,12 @@ class Content:
 
     @cached_property
     def exists(self) -> np.ndarray:
-        """Say which parts have not been crushed or split into others, (N,) bool."""
+        """Return which parts have not been crushed or split into others, (N,) bool."""
         return np.isfinite(self.poses).all(axis=1)
 
     @cached_property
     def holds(self) -> np.ndarray:
-        """Say which bonds still hold parts that exist, (M,) bool."""
+        """Return which bonds still hold parts that exist, (M,) bool."""
         first, second = self.blueprint.bonds.T
         there = np.append(self.exists, True)  # the last entry stands for the ground
         return ~self.broken & there[first] & there[second]

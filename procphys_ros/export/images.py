@@ -42,7 +42,7 @@ def pixels(name: str) -> np.ndarray:
 
 
 def has_holes(name: str) -> bool:
-    """Say whether a texture is cut out, as those of leaves are."""
+    """Return whether a texture is cut out, as those of leaves are."""
     pattern = texture.image(look(name).pattern)
     return pattern is not None and bool((pattern[..., 3] < _CUT).any())
 

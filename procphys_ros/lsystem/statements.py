@@ -107,7 +107,7 @@ def _check_header(line: str, section: str, place: Place) -> None:
 
 
 def _starts_rule(lines: list[str], index: int, buffer: list[str]) -> bool:
-    """Tell whether a line begins a rule, or carries on the one in the buffer."""
+    """Return whether a line begins a rule, or carries on the one in the buffer."""
     before = '\n'.join(buffer)
     if before.count('(') > before.count(')'):
         return False

@@ -61,7 +61,7 @@ class Range(NamedTuple):
     unit: str = ''
 
     def holds(self, values: np.ndarray) -> np.ndarray:
-        """Say which values lie inside, with room for rounding; NaN does not."""
+        """Return which values lie inside, with room for rounding; NaN does not."""
         return ((values >= self.low - 1e-9 * abs(self.low))
                 & (values <= self.high + 1e-9 * abs(self.high)))
 

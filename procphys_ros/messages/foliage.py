@@ -57,7 +57,7 @@ class Foliage:
 
 
 def too_many(blueprint: Blueprint, most_triangles: int) -> bool:
-    """Say whether the leaves have more triangles than may be drawn."""
+    """Return whether the leaves have more triangles than may be drawn."""
     return 2 * len(blueprint.leaves) > most_triangles
 
 

@@ -222,7 +222,7 @@ def _take_over(poses, sent, limit, changed):
 
 @kernel(nogil=True)
 def _differ(poses, others, limit):
-    """Say which poses differ from others by more than a limit in any number, or are none."""
+    """Return which poses differ from others by more than a limit in any number, or are none."""
     out = np.zeros(len(poses), np.bool_)
     for i in range(len(poses)):
         for c in range(7):

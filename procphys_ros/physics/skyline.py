@@ -61,7 +61,7 @@ class Skyline(NamedTuple):
         return cls(tops, low, edge, terrain)
 
     def left_in_the_air(self, points: np.ndarray) -> np.ndarray:
-        """Say which points, (K, 3), of what lay on something lie on nothing any more, (K,)."""
+        """Return which points, (K, 3), of what lay on something lie on nothing any more, (K,)."""
         return _left(self, np.ascontiguousarray(points, float))
 
 

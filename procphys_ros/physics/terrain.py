@@ -42,7 +42,7 @@ class Terrain(NamedTuple):
 
     @property
     def is_flat(self) -> bool:
-        """Say whether this is the plane z = 0."""
+        """Return whether this is the plane z = 0."""
         return not len(self.heights)
 
     def __repr__(self) -> str:

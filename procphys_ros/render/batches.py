@@ -91,7 +91,7 @@ class Batch:
 
     @property
     def is_glass(self) -> bool:
-        """Say whether one sees through it."""
+        """Return whether one sees through it."""
         return self.look.rgba[3] < 1.0
 
     def append(self, copies: Copies) -> None:

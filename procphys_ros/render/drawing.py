@@ -61,7 +61,7 @@ class Moment:
     dust: Puffs = field(default_factory=Puffs.none)
 
     def shown(self) -> np.ndarray:
-        """Say which parts there are, (N,) bool."""
+        """Return which parts there are, (N,) bool."""
         finite = np.isfinite(self.poses).all(axis=1)
         return finite if self.exists is None else finite & np.asarray(self.exists, bool)
 

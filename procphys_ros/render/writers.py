@@ -52,7 +52,7 @@ class Writer(Protocol):
 
 
 def is_series(path: Path) -> bool:
-    """Say whether a path names many files, as frames/%04d.png does."""
+    """Return whether a path names many files, as frames/%04d.png does."""
     return '%' in path.name
 
 

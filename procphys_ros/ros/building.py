@@ -47,7 +47,7 @@ class Builder:
     def build(self, parameters: Mapping[str, Any], done: Callable[[Simulation], None],
               failed: Callable[[Exception], None]) -> None:
         """
-        Begin to build.
+        Start building.
 
         :param parameters: nested mapping that describes the scene.
         :param done: called with the simulation, in another thread.
@@ -99,7 +99,7 @@ class _Job:
         self._thread.start()
 
     def cancel(self) -> bool:
-        """Say that the scene is not wanted; False when it is too late for that."""
+        """Cancel the building; False when it is too late for that."""
         if not self.abandon():
             return False
         self._failed(CommandError('cancelled'))

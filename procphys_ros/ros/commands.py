@@ -104,12 +104,12 @@ class CommandQueue:
 
     @property
     def is_called(self) -> bool:
-        """Say whether somebody waits for a command."""
+        """Return whether somebody waits for a command."""
         return bool(self._calls)
 
     @property
     def is_full(self) -> bool:
-        """Say whether there is no room for another command from a topic."""
+        """Return whether there is no room for another command from a topic."""
         return len(self._from_topics) >= CAPACITY
 
     def reject_surplus(self, name: str) -> None:
@@ -124,7 +124,7 @@ class CommandQueue:
         self._on_call()
 
     def is_waiting(self, command: Command) -> bool:
-        """Say whether a call has not been begun with."""
+        """Return whether a call has not been begun with."""
         return command in self._calls
 
     def withdraw(self, command: Command) -> bool:

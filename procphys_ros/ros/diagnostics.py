@@ -178,7 +178,7 @@ def judge(look: Look | None, factor: float, work: Activity, building: Activity
 
 def status_line(look: Look | None, factor: float, building: str) -> str:
     """
-    Say how it goes, in one line for a terminal.
+    Describe the state in one line for a terminal.
 
     :param look: what was seen last; None = there is no scene yet.
     :param factor: real-time factor reached.

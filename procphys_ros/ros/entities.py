@@ -52,7 +52,7 @@ class Entities:
         raise CommandError(f'nothing is left of {name}')
 
     def is_left(self, name: str) -> bool:
-        """Say whether anything is left of an object."""
+        """Return whether anything is left of an object."""
         return bool(np.isfinite(self._simulation.poses[self._parts(name), 0]).any())
 
     def movable(self, name: str) -> int:
@@ -96,12 +96,12 @@ class Entities:
         return (own - reach[:, None]).min(axis=0), (own + reach[:, None]).max(axis=0)
 
     def near(self, name: str, centre: np.ndarray, radius: float) -> bool:
-        """Say whether the box around an object comes within a radius [m] of a point (3,)."""
+        """Return whether the box around an object comes within a radius [m] of a point (3,)."""
         low, high = self._box(name)
         return bool(np.linalg.norm(np.clip(centre, low, high) - centre) <= radius)
 
     def overlaps(self, name: str, low: np.ndarray, high: np.ndarray) -> bool:
-        """Say whether the box around an object overlaps a box between two corners [m], (3,)."""
+        """Return whether the box around an object overlaps a box between two corners [m], (3,)."""
         lower, upper = self._box(name)
         return bool(np.all(lower <= high) and np.all(upper >= low))
 

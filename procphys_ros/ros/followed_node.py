@@ -78,7 +78,7 @@ class FollowedNode:
         self._thread = Thread(target=self._spin, name='follow', daemon=True)
 
     def start(self) -> None:
-        """Begin to listen."""
+        """Start listening."""
         self._thread.start()
         self._commands.start()
 
@@ -95,7 +95,7 @@ class FollowedNode:
         return self._state.frame()
 
     def status(self) -> Status:
-        """Say how the node is, or that it is silent."""
+        """Describe the state of the node, or say that it is silent."""
         silence = monotonic() - self._heard
         if silence > _SILENCE:
             since = '' if np.isinf(silence) else f' for {silence:.0f} s'
@@ -267,7 +267,7 @@ def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Conten
 
 
 def _continues(old: Content, new: Content) -> bool:
-    """Say whether a content has the ground and parts of another, and perhaps more."""
+    """Return whether a content has the ground and parts of another, and perhaps more."""
     count = len(old)
     return (len(new) >= count and _ground(new) == _ground(old)
             and np.array_equal(old.size, new.size[:count])

@@ -48,7 +48,7 @@ class LateJoinerTracker:
             self._due = [now + wait for wait in _TELLING]
 
     def are_waiting(self) -> bool:
-        """Say whether it is time to tell everything; in the thread that simulates."""
+        """Return whether it is time to tell everything; in the thread that simulates."""
         due = self._due  # the other thread replaces it as a whole
         if not due or self._clock() < due[0]:
             return False

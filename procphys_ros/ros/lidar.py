@@ -44,7 +44,7 @@ class LidarPublisher:
         self.apply({'lidar.rate'})
 
     def apply(self, names: set[str]) -> None:
-        """Let changed parameters take effect."""
+        """Apply changed parameters."""
         if any(name.startswith('lidar.') for name in names):
             self._settings = LidarSettings(**self._parameters.nested()['lidar'])
 

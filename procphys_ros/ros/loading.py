@@ -57,7 +57,7 @@ class Loading:
     def load_first(self, failed: Callable[[Exception], None],
                    answer: Callable[[bool, str], None] | None = None) -> None:
         """
-        Begin to load the first scene.
+        Start loading the first scene.
 
         :param failed: called with ProcPhysError, in another thread, when it cannot be built.
         :param answer: told, in another thread, when it runs; who waits for that can cancel it.
@@ -74,7 +74,7 @@ class Loading:
 
     def reload(self, answer: Callable[[bool, str], None]) -> None:
         """
-        Begin to load the scene of the present parameters; on an error the old one stays.
+        Start loading the scene of the present parameters; on an error the old one stays.
 
         :param answer: told, in another thread, whether it runs now, and what it holds or why not.
         :raises CommandError: when another is being loaded, or none has been yet.
@@ -92,7 +92,7 @@ class Loading:
 
     def spawn(self, answer: Callable[[bool, str], None]) -> None:
         """
-        Begin to build what the `spawn.*` parameters describe; it joins the scene when it is built.
+        Start building what the `spawn.*` parameters describe; it joins the scene when it is built.
 
         :param answer: told, in another thread, what joined or why nothing did.
         :raises ProcPhysError: when the parameters make no sense.
@@ -103,7 +103,7 @@ class Loading:
     def begin_spawn(self, wanted: Spawn, join: Callable[[Blueprint], str],
                     answer: Callable[[bool, str], None]) -> None:
         """
-        Begin to build an object.
+        Start building an object.
 
         :param wanted: describes it.
         :param join: called with it between two steps; says what happened, or raises.
@@ -131,7 +131,7 @@ class Loading:
         self._spawning[-1].start()
 
     def stop(self, patience: float) -> bool:
-        """Let nothing join any more, wait some time [s], and say whether all building ended."""
+        """Let nothing join any more, and wait [s]; return whether all building has ended."""
         self._stopped = True
         end = monotonic() + patience
         for thread in self._spawning:

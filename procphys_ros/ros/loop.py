@@ -48,11 +48,11 @@ class Loop:
         self.ended = Future()
 
     def start(self) -> None:
-        """Begin to take turns."""
+        """Start taking turns."""
         self._thread.start()
 
     def wake(self) -> None:
-        """Begin the next turn now."""
+        """Start the next turn now."""
         self._woken.set()
 
     def fail(self, error: Exception) -> None:

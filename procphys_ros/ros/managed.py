@@ -80,11 +80,11 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
         return self._wait_for(self._works['configuring'])
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let time pass."""
+        """Let the time of the simulation run."""
         return self._wait_for(self._works['activating'])
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let time stand still."""
+        """Stop the time of the simulation."""
         return self._wait_for(self._works['deactivating'])
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:

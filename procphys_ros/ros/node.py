@@ -167,7 +167,7 @@ class SimNode(Node):
         self._loading, self._answers = loading, answers
 
     def _start(self) -> None:
-        """Begin with everything that runs by itself."""
+        """Start everything that runs by itself."""
         self._warn_about_settings()
         say = self.get_logger().info
         self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
@@ -273,13 +273,13 @@ class SimNode(Node):
         return f'{", ".join(sorted(names))} changed'
 
     def _tell_wind(self) -> None:
-        """Let the parameter say what blows, however that came about."""
+        """Set the parameter to the present wind, however that came about."""
         velocity = list(self.session.mean_wind)
         if self.parameters['wind.velocity'] != velocity:
             self.parameters.tell('wind.velocity', velocity)
 
     def _report(self) -> None:
-        """Say once a second how it goes."""
+        """Log the state once a second."""
         self.diagnostics.publish()
         self._tell_end()
         for work in self._watched:
@@ -290,7 +290,7 @@ class SimNode(Node):
             self._print_status()
 
     def _tell_end(self) -> None:
-        """Say once why the node has ended, to whom it goes on in a process of their own."""
+        """Log once why the node has ended, to whom it goes on in a process of their own."""
         error = self.loop.ended.exception() if self.loop.ended.done() else None
         if error is not None and not self.has_told_end:
             self.has_told_end = True
@@ -298,7 +298,7 @@ class SimNode(Node):
             self.get_logger().fatal(self.session.without_scene)
 
     def _warn_of_others(self) -> None:
-        """Say once when other nodes publish the time, too, or have the name of this one."""
+        """Log once when other nodes publish the time, too, or have the name of this one."""
         clocks = self._output.clocks
         if clocks > max(self._clocks, 1):
             self.get_logger().warning(f'{clocks} nodes publish /clock, time will jump for all '
@@ -314,7 +314,7 @@ class SimNode(Node):
         self._namesakes = namesakes
 
     def _warn_of_unheard(self) -> None:
-        """Say once of each topic when commands on it do not come through."""
+        """Log once for each topic when commands on it do not come through."""
         for topic, (sender, reason) in self.topics.unheard().items():
             if topic not in self._unheard:
                 self.get_logger().warning(
@@ -361,7 +361,7 @@ class SimNode(Node):
 
 
 def banner(node: SimNode) -> str:
-    """Say what runs and where to look, with the names as they are after remapping."""
+    """Describe what runs and where to look, with remapped names."""
     everywhere = ('/rosout', '/parameter_events')
     topics = node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())
     sent = sorted(topic for topic, _ in topics

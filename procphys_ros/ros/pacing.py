@@ -125,7 +125,7 @@ class RateLimiter:
         return max(0.0, self._next - self._clock())
 
     def is_due(self) -> bool:
-        """Say whether it is due; when it is, the next time is one period later."""
+        """Return whether it is due; when it is, the next time is one period later."""
         period = 1.0 / self.rate
         if self.wait > self._early * period:
             return False

@@ -111,7 +111,7 @@ class Publishers:
             self._wait_for_markers()
 
     def end_scene(self) -> None:
-        """Say that there is no scene any more, and clear what viewers show of it."""
+        """Announce that there is no scene any more, and clear what viewers show of it."""
         self.close()
         if self._scene_markers is not None:
             self._markers.publish(self._scene_markers.deletions((0, 0)))
@@ -120,7 +120,7 @@ class Publishers:
         self._ready.publish(Bool(data=False))
 
     def reset(self, simulation: Simulation) -> None:
-        """Begin anew, because time has jumped."""
+        """Restart, because time has jumped."""
         self._describer: SceneDescription | None = None
         # What breaks at the start is news; what a saved state brings along was told before.
         self._told_breaks = simulation.log.total if simulation.time > 0.0 else 0
@@ -139,7 +139,7 @@ class Publishers:
         self._described: tuple | None = None
 
     def apply(self, names: set[str]) -> None:
-        """Let changed parameters take effect."""
+        """Apply changed parameters."""
         self._marker_limiter.rate = self._parameters['marker_rate']
         if names & {'marker_triangles', 'marker_mesh'}:
             self.restart()

@@ -119,7 +119,7 @@ class Receiver:
         return found
 
     def start(self) -> None:
-        """Begin to receive."""
+        """Start receiving."""
         self._thread.start()
 
     def stop(self, patience: float) -> bool:

@@ -108,7 +108,7 @@ class Remote:
             raise CommandError(result.reason)
 
     def holds_texts(self, name: str) -> bool:
-        """Say whether a parameter is a list of texts, also when that is empty."""
+        """Return whether a parameter is a list of texts, also when that is empty."""
         answer = self._call(GetParameters, 'get_parameters', GetParameters.Request(names=[name]))
         return answer.values[0].type == ParameterType.PARAMETER_STRING_ARRAY
 

@@ -92,7 +92,7 @@ def _play(recording: Recording, said: argparse.Namespace, publishers: dict[str, 
 
 class _Rivals:
     """
-    Says once of each topic when somebody else publishes it, too.
+    Logs once for each topic when somebody else publishes it, too.
 
     :param node: of the replay.
     :param topics: those that it publishes.

@@ -92,7 +92,7 @@ class Requests:
         return self._session.step_simulation
 
     def reset_simulation(self) -> Act:
-        """Put everything back to where it began."""
+        """Reset everything to its start."""
         return self._session.reset_simulation
 
     def save_state(self) -> Act:
@@ -113,7 +113,7 @@ class Requests:
         return lambda: self._session.remove(name)
 
     def inspect(self) -> Act:
-        """Say what the part `inspect.part` carries."""
+        """Describe what the part `inspect.part` carries."""
         part = part_name(self._parameters['inspect.part'], 'the parameter inspect.part')
         return lambda: self._session.inspect(part)
 

@@ -61,7 +61,7 @@ class Session:
 
     @property
     def has_scene(self) -> bool:
-        """Say whether there is a simulation."""
+        """Return whether there is a simulation."""
         return self._simulation is not None
 
     @property
@@ -125,7 +125,7 @@ class Session:
                 + ('' if moves else '; it holds, and its building takes the blow'))
 
     def push(self, part: str, force: Sequence[float], torque: Sequence[float]) -> str:
-        """Let a lasting force act on a part [N], [N·m]."""
+        """Apply a lasting force to a part [N], [N·m]."""
         self.simulation.apply_wrench(part, force, torque)
         return f'wrench on {part}'
 
@@ -158,7 +158,7 @@ class Session:
         return f'{name} to {list(pose[:3])} m'
 
     def spawn(self, spawn: Spawn, blueprint: Blueprint) -> str:
-        """Let what has been built join the scene; when it cannot, the scene stays as it was."""
+        """Add what has been built to the scene; when that fails, the scene stays as it was."""
         self._refuse_after_failure()
         name = spawn.name or self.simulation.free_name(spawn.stem)
         known = len(self.simulation.warnings)
@@ -181,7 +181,7 @@ class Session:
         return f'{name} is gone'
 
     def inspect(self, part: str) -> str:
-        """Say what a part carries."""
+        """Describe what a part carries."""
         state = self.simulation.state
         return part_loads.describe(state, state.names.index(part))
 
@@ -224,7 +224,7 @@ class Session:
         return f'stepped to {self.simulation.time:.4f} s'
 
     def reset_simulation(self) -> str:
-        """Put everything back to where it began; what was spawned stays, removed stays away."""
+        """Reset everything to its start; what was spawned stays, removed stays away."""
         return self._begin_anew(self.simulation.reset)
 
     def revert(self) -> str:
@@ -262,7 +262,7 @@ class Session:
 
     def fail(self, error: Exception) -> None:
         """
-        Let time stand still because a step went wrong: its state is not to be trusted.
+        Stop time because a step went wrong: its state is not to be trusted.
 
         :param error: what was raised.
         """
@@ -271,11 +271,11 @@ class Session:
 
     @property
     def stands(self) -> bool:
-        """Say whether time stands still."""
+        """Return whether time stands still."""
         return self.paused or bool(self.failure)
 
     def summary(self) -> str:
-        """Say in one line what the scene holds."""
+        """Describe the scene in one line."""
         simulation = self.simulation
         return (f'{len(simulation.scene.objects)} objects, {len(simulation.poses)} parts, '
                 f'{len(simulation.blueprint.bonds)} bonds')

@@ -139,7 +139,7 @@ class SimulationInterfacesServer:
         return response
 
     async def get_simulation_state(self, request: Any, response: Any) -> Any:
-        """Say whether time passes; paused, whole and at time 0 counts as stopped."""
+        """Return whether time passes; paused, whole and at time 0 counts as stopped."""
         response.state.state = self._present_state()
         return self._done(response)
 

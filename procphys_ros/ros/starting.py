@@ -48,7 +48,7 @@ def start_ros(args: list[str] | None, **options: Any) -> None:
 
 def overruled(words: Sequence[str], given: Mapping[str, Any]) -> list[str]:
     """
-    Say which values of `-p` do not hold.
+    Return which values of `-p` do not hold.
 
     ROS keeps a value for each type that a parameter was given in, and takes whole numbers before
     others: 2 in a file goes before a 0.5 that comes later.

@@ -86,7 +86,7 @@ class TopicCommands:
         return self._receiver.unheard()
 
     def start(self) -> None:
-        """Begin to receive."""
+        """Start receiving."""
         self._receiver.start()
 
     def stop(self, patience: float) -> bool:

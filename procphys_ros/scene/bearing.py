@@ -30,7 +30,7 @@ _LEAST_AREA = 1e-4    # [m²] smaller overlaps bear nothing
 
 def bear(base: Blueprint, placed: Blueprint, name: str, on: str) -> tuple[Blueprint, np.ndarray]:
     """
-    Put an object on another: its heights so far count from the highest face under its feet.
+    Place an object on another: its heights count from the highest face under its feet.
 
     :param base: the object that bears, in the world.
     :param placed: the object over the ground.

@@ -63,5 +63,5 @@ class CullingSettings:
 
     @property
     def spares_trees(self) -> bool:
-        """Say whether any scheme leaves trees out of steps."""
+        """Return whether any scheme leaves trees out of steps."""
         return self.sleeping or self.frustum or self.distance > 0.0 or self.far_interval > 1

@@ -82,7 +82,7 @@ def boxes_in(triangles: np.ndarray) -> Pieces:
 
 def _inside(triangles: np.ndarray, low: np.ndarray, cell: np.ndarray,
             count: np.ndarray) -> np.ndarray:
-    """Say which cells have their centres inside, (X, Y, Z) bool: an odd number of faces above."""
+    """Return which cells have their centres inside, (X, Y, Z): an odd number of faces above."""
     # A little off the middle, so that no line runs along an edge that two triangles share.
     off = 0.5 + np.array([1.3e-6, 2.1e-6])
     x = low[0] + (np.arange(count[0]) + off[0]) * cell[0]

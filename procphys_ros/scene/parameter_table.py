@@ -116,7 +116,7 @@ def find(name: str, objects: list[str]) -> Parameter | None:
 
 
 def is_of_an_object(name: str) -> bool:
-    """Say whether a full name is one that a parameter of some object could have."""
+    """Return whether a full name is one that a parameter of some object could have."""
     owner, _, key = name.partition('.')
     return owner not in GROUPS and key in _OBJECT
 

@@ -57,7 +57,7 @@ def unbonded(blueprint: Blueprint, height: float) -> Blueprint:
 
 def stand_on(terrain: Terrain, placed: Blueprint, name: str) -> Blueprint:
     """
-    Put an object on the ground: its heights so far count from there.
+    Place an object on the ground: its heights count from there.
 
     What grows is raised plant by plant, by the ground at its root. A building is raised as a whole
     by the highest ground under its plan, and gets footings where the ground is lower.

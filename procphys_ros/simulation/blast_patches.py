@@ -55,7 +55,7 @@ class Patches:
 
     def comes_out(self, rows: np.ndarray) -> bool:
         """
-        Say whether a piece of wall is torn from what surrounds it.
+        Return whether a piece of wall is torn from what surrounds it.
 
         The steady force of the same effect as a short pulse is the impulse times the angular
         frequency of what it hits, at most twice the mean force of the pulse (Biggs 1964,

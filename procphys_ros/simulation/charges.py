@@ -157,7 +157,7 @@ def _room(state: State) -> int:
 
 
 def _breakable(source: Blueprint, parts: np.ndarray) -> np.ndarray:
-    """Say which parts break into quarters, (K,) bool."""
+    """Return which parts break into quarters, (K,) bool."""
     return (source.size[parts].max(axis=1, initial=0.0) < _LONGEST) & ~np.isin(
         parts, source.hexahedra.part)
 

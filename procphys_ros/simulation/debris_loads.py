@@ -82,7 +82,7 @@ def update(model: Model, state: State, dt: float) -> None:
 
 def may_touch(model: Model, state: State) -> bool:
     """
-    Say whether anything that moves may touch masonry; reading contacts is expensive.
+    Return whether anything that moves may touch masonry; reading contacts is expensive.
 
     It is worked out once per step, after bodies have moved.
     """

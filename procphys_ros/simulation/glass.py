@@ -164,7 +164,7 @@ def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
 
 
 def is_waiting(state: State) -> bool:
-    """Say whether any cracked pane of a loose piece is still in one piece."""
+    """Return whether any cracked pane of a loose piece is still in one piece."""
     return bool(np.any(state.glass.load > 1.0))
 
 

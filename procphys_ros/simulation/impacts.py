@@ -104,7 +104,7 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
-    """Tell which bodies break coarsely, being far from the observer, (K,) bool."""
+    """Return which bodies break coarsely, being far from the observer, (K,) bool."""
     sharp = model.settings.culling.debris_distance
     if state.observer is None or sharp == 0.0:
         return np.zeros(len(bodies), bool)

@@ -88,7 +88,7 @@ def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
                       rounds: Sequence[Failures], rows: np.ndarray,
                       loose: np.ndarray) -> list[str]:
     """
-    Say which objects crack or break under their own weight, how much, and where first.
+    Return which objects crack or break under their own weight, how much, and where first.
 
     :param rounds: of failure, in their order.
     :param rows: of the blueprint's bonds, by row of the bond graph.
@@ -198,7 +198,7 @@ def _bounds(blueprint: Blueprint) -> np.ndarray:
 
 def _overlapping(blueprint: Blueprint, objects: Sequence[SceneObject], present: np.ndarray,
                  pairs: Sequence[tuple[int, int]]) -> list[str]:
-    """Say which pairs, a wall and another object each, reach into each other, and how deep."""
+    """Return which pairs, a wall and another object each, reach into each other, and how deep."""
     built, bounds = _mortared(blueprint, objects), _bounds(blueprint)
     lines = []
     for mine, other in pairs:

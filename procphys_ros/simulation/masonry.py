@@ -232,7 +232,7 @@ def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
 
 
 def is_stable(state: State) -> bool:
-    """Tell whether the stresses have converged and break nothing more."""
+    """Return whether the stresses have converged and break nothing more."""
     return not len(state.solver.graph) or state.fracture.stable
 
 

@@ -48,7 +48,7 @@ class Observer:
 
     def sees(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
         """
-        Say which spheres reach into the view, as far as its planes and its distance tell.
+        Return which spheres reach into the view, as far as its planes and its distance tell.
 
         A sphere near an edge of the view may count as seen though it just misses it, never the
         other way round.

@@ -96,7 +96,7 @@ class LodScheduler:
         return np.unique(np.searchsorted(self._roots, forest.roots(rows)))
 
     def stand_still(self, forest: Forest, rows: np.ndarray) -> np.ndarray:
-        """Say whether the trees of active rows are not stepped at present, (K,) bool."""
+        """Return whether the trees of active rows are not stepped at present, (K,) bool."""
         return self.held[np.searchsorted(self._roots, forest.roots(rows))]
 
     def wake(self, trees: np.ndarray) -> None:

@@ -157,7 +157,7 @@ def _odd(count: float) -> int:
 
 
 def too_many(curve: Curve, depth: float, pitch: float) -> bool:
-    """Say whether a ring would have more voussoirs than anybody could lay."""
+    """Return whether a ring would have more voussoirs than anybody could lay."""
     return bool(np.pi * (curve.span + 2.0 * depth) > _MOST * pitch)
 
 

@@ -165,7 +165,7 @@ def _pieces(courses: Courses, gaps: Sequence[cutting.Gap]
 
 
 def _is_box(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
-    """Say whether nothing has been cut off."""
+    """Return whether nothing has been cut off."""
     same = np.abs(np.concatenate([outline.min(axis=0) - low, outline.max(axis=0) - high])) < 1e-7
     return bool(same.all()) and cutting.area(outline) > (1.0 - 1e-6) * float((high - low).prod())
 

@@ -226,12 +226,12 @@ def _joiners(pair: np.ndarray, boxes: Boxes, names: list[str]) -> np.ndarray:
 
 
 def _by_one_nail(pair: np.ndarray, boxes: Boxes) -> np.ndarray:
-    """Tell which pairs a single nail joins, (m,) bool."""
+    """Return which pairs a single nail joins, (m,) bool."""
     nailed = (boxes.joint[pair] == Joint.NAIL).all(axis=1) & (pair[:, 0] != GROUND)
     return nailed & ~_grain(pair, boxes)
 
 
 def _grain(pair: np.ndarray, boxes: Boxes) -> np.ndarray:
-    """Tell which pairs are pieces of one member, (m,) bool."""
+    """Return which pairs are pieces of one member, (m,) bool."""
     first, second = boxes.member[pair[:, 0]], boxes.member[pair[:, 1]]
     return (first >= 0) & (first == second) & (pair[:, 0] != GROUND)

@@ -197,7 +197,7 @@ def check_apart(bodies: Sequence[Body]) -> None:
 
 
 def _stands_in(piece: Piece, ground: np.ndarray, other: Body) -> bool:
-    """Say whether a panel that stands out meets another body, or a panel that stands out of it."""
+    """Return whether a projecting panel meets another body, or a panel that projects from it."""
     if piece.scope.bottom < other.height and _overlap(ground, _ground_of(other)):
         return True
     return any(max(piece.scope.bottom, of.scope.bottom) < min(piece.scope.top, of.scope.top)
@@ -229,7 +229,7 @@ def _ground_of(body: Body) -> np.ndarray:
 
 
 def _crossed(points: np.ndarray, others: np.ndarray) -> bool:
-    """Say whether edges of two polygons cross, well off the ends of both."""
+    """Return whether edges of two polygons cross, well off the ends of both."""
     def aside(lines: np.ndarray, places: np.ndarray) -> np.ndarray:
         ways = np.roll(lines, -1, axis=0) - lines
         normals = np.column_stack([-ways[:, 1], ways[:, 0]]) / np.hypot(*ways.T)[:, None]
@@ -243,7 +243,7 @@ def _crossed(points: np.ndarray, others: np.ndarray) -> bool:
 
 
 def _overlap(points: np.ndarray, others: np.ndarray) -> bool:
-    """Say whether two polygons share more than their edges."""
+    """Return whether two polygons share more than their edges."""
     if _crossed(points, others):
         return True
     samples = [np.concatenate([(1.0 - share) * p + share * np.roll(p, -1, axis=0)
@@ -253,7 +253,7 @@ def _overlap(points: np.ndarray, others: np.ndarray) -> bool:
 
 
 def _inside(samples: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """Say which points lie inside a polygon and off its edges, (n,) bool."""
+    """Return which points lie inside a polygon and off its edges, (n,) bool."""
     inside = np.zeros(len(samples), bool)
     near = np.zeros(len(samples), bool)
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0)):

@@ -92,7 +92,7 @@ class Layout:
 
     @property
     def crossed(self) -> bool:
-        """Say whether the bond has headers."""
+        """Return whether the bond has headers."""
         return self.bond in ('english', 'flemish')
 
     @property

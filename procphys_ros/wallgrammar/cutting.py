@@ -65,7 +65,7 @@ def polygon(planes: np.ndarray) -> np.ndarray:
 
 
 def is_steep(way: np.ndarray) -> bool:
-    """Say whether a side, (2,), is fitted sideways."""
+    """Return whether a side, (2,), is fitted sideways."""
     return bool(abs(way[1]) > _STEEP * abs(way[0]))
 
 
@@ -127,7 +127,7 @@ def area(outline: np.ndarray) -> float:
 
 
 def overlaps(outline: np.ndarray, planes: np.ndarray) -> bool:
-    """Say whether a convex outline reaches into an intersection of half planes."""
+    """Return whether a convex outline reaches into an intersection of half planes."""
     return area(within(outline, planes)) >= _NOTHING
 
 

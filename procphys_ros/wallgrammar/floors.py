@@ -105,7 +105,7 @@ def _joist_lines(bay: Bay, axis: int,
 
 
 def _crosses(facade: Facade, bay: Bay, axis: int, low: int, high: int) -> bool:
-    """Say whether joists of a bay run through a partition."""
+    """Return whether joists of a bay run through a partition."""
     if facade.quarter % 2 == axis:
         return False
     inside = bay.outer.low[axis] < facade.origin[axis] < bay.outer.high[axis]

@@ -110,7 +110,7 @@ class Footprint:
 
     @property
     def right_angled(self) -> bool:
-        """Say whether all edges lie in the first frame."""
+        """Return whether all edges lie in the first frame."""
         return all(facade.frame == 0 for facade in self.facades)
 
     @property

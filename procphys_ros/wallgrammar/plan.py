@@ -88,7 +88,7 @@ def bays(plan: Footprint, axis: int, thickness: int) -> list[Bay]:
 
 
 def _covers(facade: Facade, across: int, place: float) -> bool:
-    """Say whether a facade that runs along `across` passes a place on it."""
+    """Return whether a facade that runs along `across` passes a place on it."""
     if facade.quarter % 2 != across:
         return False
     start = facade.origin[across]
@@ -97,7 +97,7 @@ def _covers(facade: Facade, across: int, place: float) -> bool:
 
 
 def _wall_at(plan: Footprint, across: int, line: int, axis: int, low: int, high: int) -> bool:
-    """Say whether a facade runs along a line between two places."""
+    """Return whether a facade runs along a line between two places."""
     for facade in plan.facades:
         if facade.quarter % 2 == axis and facade.origin[across] == line:
             start = facade.origin[axis]

@@ -61,7 +61,7 @@ class Pyramid:
                          for i in range(len(self.reach))])
 
     def is_solid(self, level: float) -> bool:
-        """Say whether a course that ends at some height leaves no hollow, or no room for sides."""
+        """Return whether a course that ends at a height leaves no hollow, or no room for sides."""
         share = 1.0 - level / self.height
         sides = np.roll(self.outline(0.0), -1, axis=0) - self.outline(0.0)
         turn = np.arccos((self.normals * np.roll(self.normals, 1, axis=0)).sum(axis=1))

@@ -53,7 +53,7 @@ class Stem(NamedTuple):
 
     @property
     def upwards(self) -> bool:
-        """Say whether it leaves the bar towards larger coordinates."""
+        """Return whether it leaves the bar towards larger coordinates."""
         return self.end > self.mouth
 
 

@@ -170,7 +170,7 @@ class Elevation:
                 f'its sides, and there is {aside}: leave more wall around it')
 
     def piers_above(self, level: int) -> bool:
-        """Say whether a pier that stands out of the wall is higher than a level [µm]."""
+        """Return whether a pier that stands out of the wall is higher than a level [µm]."""
         return any(owner in self._thick and piece.scope.depth < 0 and piece.scope.top > level
                    for piece, owner in zip(self.pieces, self._owners.tolist()))
 

@@ -115,7 +115,7 @@ class DustCloud:
 
     @property
     def dusty(self) -> bool:
-        """Say whether there is dust, in the air or lying."""
+        """Return whether there is dust, in the air or lying."""
         return bool(self.state.any())
 
     @property

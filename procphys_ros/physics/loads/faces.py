@@ -51,7 +51,7 @@ class Patches:
 
 
 def facing(poses: np.ndarray, sizes: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Say which faces of boxes a point lies in front of, (N, 6) bool."""
+    """Return which faces of boxes a point lies in front of, (N, 6) bool."""
     offset = np.einsum('nji,nj->ni', rotation.to_matrix(poses[:, 3:]), point - poses[:, :3])
     return np.stack([offset < -0.5 * sizes, offset > 0.5 * sizes], axis=2).reshape(-1, 6)
 

@@ -70,7 +70,7 @@ class Lattice:
         return np.floor(local / self.cell).astype(np.intp)
 
     def holds(self, mask: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Say which places lie in cells of a mask of this lattice, (K,) bool."""
+        """Return which places lie in cells of a mask of this lattice, (K,) bool."""
         cell = self.cells(points)
         within = ((cell >= 0) & (cell < mask.shape)).all(axis=1)
         found = np.zeros(len(points), bool)

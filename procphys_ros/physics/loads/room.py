@@ -56,12 +56,12 @@ class Room:
     inside: np.ndarray
 
     def is_confined(self) -> bool:
-        """Say whether gas stays long enough to press."""
+        """Return whether gas stays long enough to press."""
         return self.vents < _OPEN * self.volume ** (2.0 / 3.0)
 
     def faces(self, centres: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """
-        Say which faces look into the room, (K,) bool.
+        Return which faces look into the room, (K,) bool.
 
         :param centres: (K, 3) [m], world.
         :param normals: unit vectors out of the bodies, (K, 3), world.
@@ -72,7 +72,7 @@ class Room:
         return found
 
     def encloses(self, points: np.ndarray) -> np.ndarray:
-        """Say which places lie in the walls around the room, (K,) bool; points (K, 3), world."""
+        """Return which points lie in the walls around the room, (K,) bool; world, (K, 3)."""
         around = scipy.ndimage.binary_dilation(self.inside, iterations=_WALL) & ~self.inside
         return self.lattice.holds(around, points)
 

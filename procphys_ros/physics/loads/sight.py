@@ -60,7 +60,7 @@ class Sight:
 
     def clear(self, starts: np.ndarray, ends: np.ndarray, owners: np.ndarray) -> np.ndarray:
         """
-        Say which rays pass unhindered; boxes that hold the end of a ray do not hinder it.
+        Return which rays pass unhindered; boxes that hold the end of a ray do not hinder it.
 
         :param starts: (K, 3) [m], world.
         :param ends: (K, 3) or (3,) [m], world.
@@ -101,7 +101,7 @@ def _list_boxes(low, high, rows, origin, cell, shape):
 
 @kernel(error_model='numpy', fastmath=True)
 def _hit(start, along, boxes, row):
-    """Say whether the segment from start to start + along enters a box that its end is not in."""
+    """Return whether the segment from start to start + along enters a box and ends outside it."""
     x, y, z = start[0] - boxes[row, 0], start[1] - boxes[row, 1], start[2] - boxes[row, 2]
     enter, leave = 0.0, 1.0
     holds_end = True
@@ -180,7 +180,7 @@ def _hinder(start, along, owner, boxes, grid, walk):
 @kernel
 def _trace(begins, ends, owners, boxes, blocking, grid):
     """
-    Say which rays are free.
+    Return which rays are free.
 
     Neighbours in a wall are hindered by neighbours: the box as many rows from the ray's owner as
     it was for the ray before is tried first, which saves most walks.

@@ -209,7 +209,7 @@ class CoarseSpace:
 
     def reached(self, parts: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
-        Say which columns of the factor islands need, see `Factor.reached`.
+        Return which columns of the factor islands need, see `Factor.reached`.
 
         :param parts: of all islands, (P,).
         :param start: where those of each island start, (I + 1,).

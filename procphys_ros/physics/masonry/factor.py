@@ -77,7 +77,7 @@ class Factor:
 
     def reached(self, unknowns: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
-        Say which columns have to do with some unknowns: their own and all that these lead to.
+        Return which columns have to do with some unknowns: their own and all that these lead to.
 
         With a right-hand side that is zero elsewhere, `solve` needs no others for their solution
         (Gilbert 1994, SIAM J. Matrix Anal. Appl. 15(1)).

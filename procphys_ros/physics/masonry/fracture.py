@@ -266,13 +266,13 @@ class Fracture:
         return self._judged == self.solver.state
 
     def _may_glance(self) -> bool:
-        """Tell whether to judge early: nearly solved, not judged so yet, and no mechanism."""
+        """Return whether to judge early: nearly solved, not judged so yet, and no mechanism."""
         solver = self.solver
         near = solver.known and solver.residual <= _ROUGH * solver.goal
         return near and self._glances()
 
     def _glances(self) -> bool:
-        """Tell whether the next judgement is an early one."""
+        """Return whether the next judgement is an early one."""
         return self._glanced != self.solver.problem
 
     def _judge(self, adrift: np.ndarray, least: float, balanced: bool,

@@ -163,11 +163,11 @@ class BondGraph:
         self._spread(bonds)
 
     def narrowed(self, bonds: np.ndarray) -> np.ndarray:
-        """Say which bonds have been narrowed, (K,) bool."""
+        """Return which bonds have been narrowed, (K,) bool."""
         return np.any(self.extent[bonds] != self.whole_extent[bonds], axis=1)
 
     def has_cracked(self, bonds: np.ndarray) -> np.ndarray:
-        """Say which bonds have cracked, reinforced ones included, (K,) bool."""
+        """Return which bonds have cracked, reinforced ones included, (K,) bool."""
         return self.cracked[bonds] | (self.held[bonds] < 1.0)
 
     def adopt(self, other: 'BondGraph', theirs: np.ndarray, mine: np.ndarray) -> None:

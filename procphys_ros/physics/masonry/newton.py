@@ -94,7 +94,7 @@ class Step:
 
     @property
     def curved(self) -> bool:
-        """Say whether it has to be ended: tangents change on the way, or neighbours get a push."""
+        """Return whether it must be ended: tangents change on the way, or neighbours are hit."""
         return self.confined or len(self.rows) > 0
 
     def spend(self, iterations: int) -> None:

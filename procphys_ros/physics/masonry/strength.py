@@ -62,7 +62,7 @@ def _crush(wrench, extent, compression):
 
 @kernel
 def _is_free(wrench):
-    """Say whether a bond carries nothing, as those of fallen islands do."""
+    """Return whether a bond carries nothing, as those of fallen islands do."""
     free = True
     for c in range(6):
         free &= wrench[c] == 0.0
@@ -137,7 +137,7 @@ def _closed(wrench, extent):
 
 @kernel
 def stays_closed(wrench, extent, whole_extent):
-    """Say whether a bond over its limit of edge tension stays partly closed, see `opening`."""
+    """Return whether a bond over its limit of edge tension stays partly closed, see `opening`."""
     if not wrench[2] < 0.0:
         return False
     _, x, _, y = _closed(wrench, extent)

@@ -136,7 +136,7 @@ class Forest:
 
     @property
     def has_sagged(self) -> bool:
-        """Say whether weight bends anything before the first step."""
+        """Return whether weight bends anything before the first step."""
         return bool(self._rest_bend.any())
 
     @property
@@ -369,7 +369,7 @@ class Forest:
         return np.flatnonzero(self.active & (self._model.joint == state.Joint.FREE))
 
     def is_free(self, roots: np.ndarray) -> np.ndarray:
-        """Say which root rows belong to trees that were released, (K,) bool."""
+        """Return which root rows belong to trees that were released, (K,) bool."""
         return self._model.joint[roots] == state.Joint.FREE
 
     def predict_response(self, rows: np.ndarray, points: np.ndarray, dt: float,

@@ -117,7 +117,7 @@ def eliminate_joints(rows, above, model, state, scratch, frame, h, dt, gate):
 
 @subroutine(**INLINE)
 def was_changed(i, state):
-    """Tell whether anything was done to the velocities of row i since the last step."""
+    """Return whether anything was done to the velocities of row i since the last step."""
     new, old = state.velocities, state.carried
     return (new[i, 0] != old[i, 0] or new[i, 1] != old[i, 1] or new[i, 2] != old[i, 2]
             or new[i, 3] != old[i, 3] or new[i, 4] != old[i, 4] or new[i, 5] != old[i, 5])

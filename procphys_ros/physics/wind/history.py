@@ -103,7 +103,7 @@ class History:
         self._stretches.append(_Stretch(time, first, travelled, velocity, duration))
 
     def _lasting(self, velocity: Vector, time: float) -> bool:
-        """Say whether a wind blows already, and would go on to."""
+        """Return whether a wind blows already, and would go on to."""
         last = self._stretches[-1]
         return last.target == velocity and time >= last.start + last.duration
 

@@ -201,7 +201,7 @@ class Wind:
         return out
 
     def is_still(self, time: float) -> bool:
-        """Say whether the air rests everywhere: no mean wind, and no gust that is remembered."""
+        """Return whether the air rests everywhere: no mean wind, and no gust on its way."""
         return not self._blows(time, self._gusts)
 
     def _blows(self, time: float, gusts: np.ndarray) -> bool:

@@ -78,7 +78,7 @@ class Queue:
         return ids[~waits]
 
     def _find(self, ids: np.ndarray) -> np.ndarray:
-        """Tell which bodies are queued, (K,) bool."""
+        """Return which bodies are queued, (K,) bool."""
         known = ids < len(self._waits)
         known[known] = self._waits[ids[known]]
         return known

@@ -173,7 +173,7 @@ def placed(points, inner, inner_poses, outer, outer_poses):
 @kernel
 def aligned_extents(poses, sizes, tolerance):
     """
-    Tell which boxes are turned by quarter turns only, and their extents along the axes.
+    Return which boxes are turned by quarter turns only, and their extents along the axes.
 
     :param poses: (P, 7).
     :param sizes: full extents in the boxes' own axes [m], (P, 3).

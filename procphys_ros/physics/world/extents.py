@@ -35,7 +35,7 @@ def bounds(table: BodyTable, ids: np.ndarray) -> np.ndarray:
 
 def are_near(table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """
-    Tell which pairs of bodies are less than a distance apart, (P,) bool.
+    Return which pairs of bodies are less than a distance apart, (P,) bool.
 
     What is no box counts as the box about it, and edges reach a little farther than they do.
 
@@ -118,7 +118,7 @@ def _half(shape, size, room):
 
 @kernel
 def _boxes_meet(arm, turn, half, other, other_half):
-    """Tell whether no axis separates two boxes: no face of either, and no edge across edge."""
+    """Return whether no axis separates two boxes: no face of either, and no edge across edge."""
     for a in range(15):
         if a < 3:
             axis = (turn[0][a], turn[1][a], turn[2][a])

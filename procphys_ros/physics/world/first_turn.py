@@ -51,7 +51,7 @@ def turn_as_their_shapes(table: BodyTable, ids: np.ndarray) -> np.ndarray:
 
 def turns_as_the_box_about_it(table: BodyTable, body: int) -> bool:
     """
-    Tell whether the inertia of a compound is about what Bullet takes it for in its first step.
+    Return whether the inertia of a compound is about what Bullet takes it for in its first step.
 
     With less inertia than that, first contacts turn it too little.
     """

@@ -88,7 +88,7 @@ def _diagonal(size):
 
 @kernel
 def _is_inside(point, near, many, poses, sizes, axes):
-    """Tell whether a point is in one of the boxes, which becomes the first that is looked into."""
+    """Return whether a point is in one of the boxes; that box is tried first from now on."""
     for n in range(many):
         k = near[n]
         inside = True

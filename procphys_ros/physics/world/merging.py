@@ -174,7 +174,7 @@ def _close_joints(bounds):
 
 @kernel
 def _face(box, other, axis):
-    """Tell whether two boxes overlap when looked at along an axis."""
+    """Return whether two boxes overlap when looked at along an axis."""
     for across in range(3):
         if across != axis and not (box[1, across] > other[0, across] + _FLUSH
                                    and box[0, across] < other[1, across] - _FLUSH):

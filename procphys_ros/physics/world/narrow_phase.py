@@ -94,7 +94,7 @@ def touched(narrow_phase: Any, collider: Any) -> list[int]:
 
 
 def _touches(pair: Any) -> bool:
-    """Say whether any contact of a pair is told; copies of all its contacts take longer."""
+    """Return whether any contact of a pair is told; copies of all its contacts take longer."""
     if pair.total_impulse_magnitude() > 0.0:
         return True
     deepest = pair.find_deepest_contact()

@@ -140,7 +140,7 @@ class Supports:
         return ids[lost]
 
     def _carry(self, bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
-        """Tell which bodies stand on the supports that they have left, (K,) bool."""
+        """Return which bodies stand on the supports that they have left, (K,) bool."""
         index = np.full(len(bodies.state), -1)
         index[ids] = np.arange(len(ids))
         carried = np.where(self.gone, -1, index[self.resting])
@@ -202,7 +202,7 @@ def _way(start, now):
 
 
 def _is_starting(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
-    """Tell which quiet bodies get faster: the slow start of a slide or a fall, (K,) bool."""
+    """Return which quiet bodies get faster: the slow start of a slide or a fall, (K,) bool."""
     pose, mark, velocity = bodies.poses[ids], bodies.mark[ids], bodies.velocities[ids]
     _, turn = _moved(mark, pose)
     way = np.concatenate([pose[:, :3] - mark[:, :3], (turn * bodies.radius[ids])[:, None]], axis=1)
@@ -270,7 +270,7 @@ def _jammed(bodies: BodyTable, rests: np.ndarray, contacts: Contacts) -> np.ndar
 
 def _is_creeping(bodies: BodyTable, ids: np.ndarray, rim: np.ndarray) -> np.ndarray:
     """
-    Tell which bodies have been too slow for too long to slide or to fall, (K,) bool.
+    Return which bodies have been too slow for too long to slide or to fall, (K,) bool.
 
     Turns count with the farthest corner of a box of the same inertia: what is long and rolls about
     its axis, as a stem does that leans on an edge, moves no rim by that.

@@ -31,7 +31,7 @@ _HEAP = 40  # resting ones: large heaps stand on broad feet, and their pieces ja
 
 def are_dense(bodies: BodyTable, awake: np.ndarray) -> bool:
     """
-    Tell whether loose bodies may hold each other up, and are few enough to look closely.
+    Return whether loose bodies may hold each other up, and are few enough to look closely.
 
     Rubble that falls is too fast to stand on itself; a loose arch or a corbel stands or falls by
     the last percent of its contact forces.
