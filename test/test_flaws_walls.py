@@ -35,7 +35,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
-from procphys_ros.physics.world import BodyState, bullet
+from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
@@ -46,6 +46,7 @@ _STEP = 1.0 / 60.0  # [s]
 _EYE = 1e-3  # [m] smallest motion that shows from a few metres: 1/3 mrad at 3 m
 _FREE = 0.213  # [m] free fall in 12 steps
 _FAST = 14.0  # [m/s] of the block
+_TOGETHER = 90  # bodies that are woken at a time
 _FEW = 3  # pieces of some 450 that may still move when the rubble counts as at rest
 
 
@@ -203,27 +204,36 @@ def test_standing_walls_do_not_wobble(fall: _Fall, measured):
 
 
 def _sinking(simulation: Simulation) -> np.ndarray:
-    """Wake all that lies about; give how far each body has come down within 0.2 s [m]."""
-    world = simulation.state.world
-    resting = np.flatnonzero(world.bodies.state == BodyState.RESTING)
-    before = world.bodies.poses[resting, 2].copy()
-    world.thaw(resting)
-    for _ in range(12):
-        world.step(_STEP)
-    return before - world.bodies.poses[resting, 2]
+    """
+    Wake what lies about, neighbours together; give how far each comes down within 0.2 s [m].
+
+    So many at a time as have their contacts solved as finely as when the last came to rest: what
+    is woken all at once shows how coarse the solution for all of them is. All rests again then.
+    """
+    saved, bodies = simulation.save(), simulation.state.world.bodies
+    resting = np.flatnonzero(bodies.state == BodyState.RESTING)
+    resting = resting[np.argsort(bodies.poses[resting, 0], kind='stable')]
+    ways = []
+    for group in np.array_split(resting, -(-len(resting) // _TOGETHER)):
+        simulation.restore(saved)
+        world = simulation.state.world
+        before = world.poses(group)[:, 2].copy()
+        world.thaw(group)
+        for _ in range(12):
+            world.step(_STEP)
+        ways.append(before - world.poses(group)[:, 2])
+    simulation.restore(saved)
+    return np.concatenate(ways)
 
 
 @pytest.mark.report('flaws')
-def test_no_bricks_float_in_the_air(fall: _Fall, measured, monkeypatch):
+def test_no_bricks_float_in_the_air(fall: _Fall, measured):
     """
     What stands hangs on bonds, whole or cracked, down to the ground; what lies about on something.
 
     Woken, a piece that floats comes down by 0.21 m in 0.2 s; one that leans on what gives way only
-    begins to tip in that time, and one of 550 may be held by no more than friction in a notch.
-    All are woken at once, but contacts are solved as finely as when the last ones came to rest.
-    A brick lifted into the air must be found.
+    begins to tip in that time. A brick lifted into the air must be found.
     """
-    monkeypatch.setattr(bullet, 'ITERATIONS', bullet.MOST_ITERATIONS)
     simulation, count = fall.simulation, len(fall.plan)
     whole = np.setdiff1d(np.arange(len(fall.plan.bonds)), simulation.events['bond'])
     graph = simulation.state.solver.graph
@@ -237,12 +247,9 @@ def test_no_bricks_float_in_the_air(fall: _Fall, measured, monkeypatch):
     print(f'{len(sunk)} pieces, woken, come down by {1e3 * sunk.max():.0f} mm at most; at rest at '
           f'{simulation.time:.0f} s')
     assert len(sunk) > 100
-    assert np.count_nonzero(sunk > 0.5 * _FREE) <= 1
     measured.within('floating: way down of rubble in 0.2 s when it is woken', 1e3 * sunk.max(),
-                    high=900.0 * _FREE, unit='mm')
+                    high=500.0 * _FREE, unit='mm')
     world = simulation.state.world
-    for _ in range(240):
-        world.step(_STEP)
     brick = np.flatnonzero(world.bodies.state == BodyState.RESTING)[[0]]
     pose = world.bodies.poses[brick]
     pose[:, 2] += 2.0

@@ -255,17 +255,39 @@ def test_what_creeps_comes_to_rest_and_what_starts_to_slide_does_not(engine, pul
         assert world.poses([plank])[0, 0] > 0.25
 
 
+def wedge(world):
+    """Put a brick 1 cm deep into a standing block and into a brick that rests; give both ids."""
+    world.add_bricks(at(-0.1, 0, 0.1)[None], np.array([[0.2, 0.3, 0.2]]), np.array([20.0]))
+    out = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.3, 0, 0.0325))
+    rest(world)
+    inner = 0.5 * BRICK[0] - 0.01
+    between = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(inner, 0, 0.0325))
+    world.set_poses([out], at(inner + BRICK[0] - 0.01, 0, 0.0325)[None])
+    rest(world)
+    return between, out
+
+
+@engines
+def test_what_is_jammed_pushes_apart_what_rests(engine):
+    """Wedge a brick in a slot, in which it cannot climb out: the one that rests gives way."""
+    with World(engine=engine) as world:
+        side = 0.5 * BRICK[1] + 0.052
+        world.add_bricks(np.array([at(0.3, side, 0.1), at(0.3, -side, 0.1),
+                                   at(0.3, 0, BRICK[2] + 0.052)]),
+                         np.array([[0.8, 0.1, 0.2], [0.8, 0.1, 0.2], [0.6, 0.1, 0.1]]),
+                         np.full(3, 20.0))
+        between, out = wedge(world)
+        assert world.bodies.stirred[out] > 0
+        inside, outside = world.poses([between, out])[:, 0]
+        assert inside > 0.5 * BRICK[0] - 0.005
+        assert outside - inside > BRICK[0] - 0.005
+
+
 @engines
 def test_what_is_jammed_comes_out_of_what_rests(engine):
-    """Put a brick 1 cm deep into a wall and into one that rests: it comes out of both."""
+    """Wedge a brick in the open, where it may climb out: no overlap is left."""
     with World(engine=engine) as world:
-        world.add_bricks(at(-0.1, 0, 0.1)[None], np.array([[0.2, 0.3, 0.2]]), np.array([20.0]))
-        out = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.3, 0, 0.0325))
-        rest(world)
-        inner = 0.5 * BRICK[0] - 0.01
-        between = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(inner, 0, 0.0325))
-        world.set_poses([out], at(inner + BRICK[0] - 0.01, 0, 0.0325)[None])
-        rest(world)
+        between, out = wedge(world)
         assert world.poses([between])[0, 0] > 0.5 * BRICK[0] - 0.005
         world.thaw(np.array([between, out]))
         world.step(1e-4)
