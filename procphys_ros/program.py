@@ -30,6 +30,7 @@ import sys
 from typing import NoReturn
 
 from procphys_ros import __version__
+from procphys_ros.interruption import raising
 
 INTERRUPTED = 130
 COMMANDS = {
@@ -64,7 +65,7 @@ def run(name: str, words: Sequence[str] | None = None) -> int:
     _print_all_signs()
     main = import_module(COMMANDS[name]).main
     if heeds:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, raising(KeyboardInterrupt))
     try:
         code = main(words)
         if sys.stdout is not None:  # as after >&-

@@ -303,7 +303,7 @@ def test_a_killed_batch_goes_on(scene, tmp_path, capsys):
     parquet = pytest.importorskip('pyarrow.parquet')
     words = [str(scene), '--vary', 'wind.velocity=[[0, 0, 0], [9, 0, 0]]', '--seeds', '3',
              '--duration', '2', '--out', str(path), '--jobs', '1']
-    process = subprocess.Popen([sys.executable, '-m', 'procphys_ros.batch.command', *words],
+    process = subprocess.Popen([sys.executable, '-m', 'procphys_ros', 'batch', *words],
                                cwd=ROOT, stdout=subprocess.DEVNULL)
     early = tmp_path / 'table.parquet.rows.csv'
     while process.poll() is None and not (early.exists() and len(rows(early)) > 1):

@@ -267,7 +267,7 @@ def test_a_disk_that_fills_up_is_told_with_the_file(name, scene, tmp_path, monke
 def test_interrupted_film_is_whole(scene, tmp_path):
     """Keep what has been drawn when somebody ends a film of an hour."""
     path = tmp_path / 'film.mp4'
-    command = [sys.executable, '-m', 'procphys_ros.render.command', str(scene), '--out', str(path),
+    command = [sys.executable, '-m', 'procphys_ros', 'render', str(scene), '--out', str(path),
                '--to', '3600', *_WORDS]
     running = subprocess.Popen(command, cwd=_ROOT, stdout=subprocess.PIPE, text=True,
                                stderr=subprocess.PIPE, env={**os.environ, 'PYTHONUNBUFFERED': '1'})

@@ -39,7 +39,7 @@ LONGEST = 470  # lines of a file; aim at 120, and do not cut a class in two for 
 LAYERS = {
     'errors': 0, 'rotation': 0, 'resources': 0, 'palette': 0, 'progress': 0, '': 0,
     'progress_bar': 0, 'whole_files': 0, 'argument_parser': 0,
-    'output_files': 0,
+    'output_files': 0, 'interruption': 0,
     'compilation': 1, 'schema': 1, 'warning_lines': 1, 'rotation_kernels': 2, 'blueprint': 2,
     'physics.terrain': 2, 'physics.causes': 2, 'paving': 0,
     'program': 0, '__main__': 1,

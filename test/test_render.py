@@ -316,7 +316,7 @@ def test_command_draws_without_a_display(tmp_path):
                    if key not in ('DISPLAY', 'WAYLAND_DISPLAY')}
     path = tmp_path / 'shrub.png'
     done = subprocess.run(
-        [sys.executable, '-m', 'procphys_ros.render.command', 'shrub.lsys', '--out', str(path),
+        [sys.executable, '-m', 'procphys_ros', 'render', 'shrub.lsys', '--out', str(path),
          '--size', '200x120', '--seed', '3'],
         cwd=_ROOT, env=environment, capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stderr

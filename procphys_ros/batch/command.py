@@ -23,14 +23,14 @@ import os
 from pathlib import Path
 import signal
 import sys
-from types import FrameType
-from typing import Any, NoReturn
+from typing import Any
 
 from procphys_ros.argument_parser import count, OneLineParser, positive
 from procphys_ros.batch.sweep import Sweep
 from procphys_ros.batch.table import check_format, Table
 from procphys_ros.batch.workers import dask_cluster, processes, Workers
 from procphys_ros.errors import ProcPhysError
+from procphys_ros.interruption import raising
 from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.scene.named import scene_file
 from procphys_ros.schema import short
@@ -55,7 +55,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         130 interrupted.
     """
     options = _parser().parse_args(arguments)
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, raising(KeyboardInterrupt))
     warn = cache(print_warning)  # what many runs are warned of is told once
     try:
         check_format(options.out)
@@ -126,10 +126,6 @@ def _tell_failure(reason: str, runs: Sequence[str]) -> None:
     print(*lines, sep='\n', file=sys.stderr)
 
 
-def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
-
-
 def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog='batch', epilog=_EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -148,7 +144,3 @@ def _parser() -> OneLineParser:
     parser.add_argument('--dask', nargs='?', const='', default=None, metavar='ADDRESS',
                         help='use a Dask cluster, of that scheduler or a local one')
     return parser
-
-
-if __name__ == '__main__':
-    sys.exit(main())

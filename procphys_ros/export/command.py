@@ -81,7 +81,3 @@ def _parser() -> OneLineParser:
 def _size(path: Path) -> str:
     size = path.stat().st_size
     return f'{size / 1e6:.1f} MB' if size >= 1e5 else f'{size / 1e3:.1f} kB'
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -23,10 +23,10 @@ from pathlib import Path
 import signal
 import sys
 from threading import current_thread, main_thread
-from typing import NoReturn
 
 from procphys_ros.argument_parser import add_grammar_options, OneLineParser
 from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.interruption import raising
 from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.render.backend import RenderUnavailableError
 from procphys_ros.render.drawing import Moment
@@ -146,10 +146,7 @@ def _terminable() -> Iterator[None]:
         yield
         return
 
-    def interrupt(*_: object) -> NoReturn:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
+    before = signal.signal(signal.SIGTERM, raising(KeyboardInterrupt))
     try:
         yield
     finally:
@@ -240,7 +237,3 @@ def _camera(text: str) -> dict[str, object]:
     if values[:3] == values[3:]:
         raise argparse.ArgumentTypeError(f'"{text}": the camera stands where it looks')
     return {'motion': 'fixed', 'position': values[:3], 'target': values[3:]}
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -17,6 +17,7 @@
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 import os
 from pathlib import Path
 import signal
@@ -28,6 +29,7 @@ from procphys_ros.command_line import answers, Description, read, script
 from procphys_ros.command_line.completion import memory, remember
 from procphys_ros.command_line.values import parse, show
 from procphys_ros.errors import CommandError, nearest_names, SceneError
+from procphys_ros.interruption import raising
 
 _DONE, _REFUSED, _INVALID, _NOT_FOUND = 0, 1, 2, 3
 _SENT = 'sent on ~/{topic}, which gives no answer; "watch" shows rejections'
@@ -55,8 +57,9 @@ def main(words: Sequence[str] | None = None) -> int:
     if said.verb == 'warm':
         from procphys_ros.compilation.warming import main as warm
         return warm([])
+    end = partial(SystemExit, _DONE if said.verb == 'watch' else 130)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: sys.exit(_DONE if said.verb == 'watch' else 130))
+        signal.signal(number, raising(end))
     return _talk(said, for_ros)
 
 

@@ -25,6 +25,7 @@ from typing import Any
 
 from procphys_ros import __version__
 from procphys_ros.argument_parser import split_words
+from procphys_ros.interruption import raising
 
 _USAGE = """\
 usage: {name} [--help] [--version] [--ros-args ...]
@@ -65,8 +66,8 @@ def main(args: list[str] | None = None, kind: str = 'procphys_ros.ros.node:SimNo
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
     run, node = _import(kind)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, raising(SystemExit))
+    signal.signal(signal.SIGINT, raising(KeyboardInterrupt))
     return run(args, node)
 
 

@@ -1,0 +1,56 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Interruption: signal handlers that raise an exception where that is safe.
+
+Compiled code calls Python functions while it turns its results into objects. An exception that a
+signal raises within one of them is lost, comes out as another error, or crashes the process.
+"""
+
+from collections.abc import Callable
+import signal
+from types import FrameType
+
+_AGAIN = 0.001  # [s] until a signal that came at a bad moment is tried again
+
+# What is called from C that does not expect exceptions (numba 0.68, numpy 2.4, Python 3.11). All
+# of it is done within a millisecond.
+_UNSAFE = ('enum', 'numba.core.serialize', 'numpy._core._internal', 'weakref')
+
+
+def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | None], None]:
+    """
+    Make a signal handler that raises an exception, as soon as that is safe.
+
+    It takes SIGALRM over when it has to wait.
+
+    :param error: makes the exception, such as `KeyboardInterrupt`.
+    """
+    def handle(_: int, frame: FrameType | None) -> None:
+        if not _is_unsafe(frame):
+            raise error()
+        signal.signal(signal.SIGALRM, handle)
+        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+
+    return handle
+
+
+def _is_unsafe(frame: FrameType | None) -> bool:
+    """Return whether compiled code may have called a frame, or one that has called it."""
+    while frame is not None:
+        if frame.f_globals.get('__name__') in _UNSAFE:
+            return True
+        frame = frame.f_back
+    return False

@@ -1,0 +1,118 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Signals that come while compiled code calls Python end a program as all others do."""
+
+from functools import partial
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from types import ModuleType
+import weakref
+
+import pytest
+
+from procphys_ros import program
+from procphys_ros.interruption import raising
+from procphys_ros.ros import sim
+
+ROOT = Path(__file__).resolve().parents[1]
+IN_A_KERNEL = """
+import signal, sys
+import numpy as np
+from procphys_ros.interruption import raising
+from procphys_ros.physics.touch.geometry import meet_ground
+
+def signalled(frame, event, argument):
+    if event == 'call' and frame.f_code.co_name == '_numba_unpickle':
+        sys.setprofile(None)
+        print('in numba', flush=True)
+        signal.raise_signal(signal.SIGTERM)
+
+signal.signal(signal.SIGTERM, raising(KeyboardInterrupt))
+try:
+    none = np.empty((0, 7))
+    meet_ground(np.empty(0, int), np.empty(0, bool), none, none[:, :3], none[:, :6], 0.01)
+    sys.setprofile(signalled)
+    while True:
+        meet_ground(np.empty(0, int), np.empty(0, bool), none, none[:, :3], none[:, :6], 0.01)
+except KeyboardInterrupt:
+    print('interrupted')
+"""
+
+
+class _Thing:
+    """Can be referred to weakly."""
+
+
+def _signalled_in_a_callback(number, *_):
+    """Send a signal where Python drops exceptions, and wait for it to have an effect."""
+    thing = _Thing()
+    weakref.finalize(thing, signal.raise_signal, number)
+    del thing
+    for _ in range(600):
+        time.sleep(0.1)
+    return 0
+
+
+@pytest.fixture(autouse=True)
+def signals():
+    """Leave the handlers as they were."""
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
+    before = [signal.getsignal(number) for number in numbers]
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # nohup ignores it
+    yield
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    for number, handler in zip(numbers, before):
+        signal.signal(number, handler)
+
+
+def test_a_signal_is_raised_at_once():
+    """Raise in code that can bear it, before the next line of it."""
+    signal.signal(signal.SIGTERM, raising(partial(SystemExit, 3)))
+    later = False
+    with pytest.raises(SystemExit, match='3'):
+        signal.raise_signal(signal.SIGTERM)
+        later = True
+    assert not later
+
+
+def test_a_signal_within_numba_is_raised_behind_it():
+    """Let a kernel finish whose result is made into objects; raised in there it is an error."""
+    done = subprocess.run([sys.executable, '-c', IN_A_KERNEL], cwd=ROOT, text=True,
+                          capture_output=True)
+    assert (done.returncode, done.stdout) == (0, 'in numba\ninterrupted\n'), done.stderr
+    assert done.stderr == ''
+
+
+@pytest.mark.parametrize('name', program.COMMANDS)
+def test_commands_lose_no_signal(name, monkeypatch, capsys):
+    """Interrupt a command while a callback runs that Python lets no exception out of."""
+    module = ModuleType('running')
+    module.main = lambda words: _signalled_in_a_callback(signal.SIGINT)
+    monkeypatch.setitem(sys.modules, program.COMMANDS[name], module)
+    assert program.run(name, []) == program.INTERRUPTED
+    assert capsys.readouterr().err == f'{name}: interrupted\n'
+
+
+@pytest.mark.parametrize('number, error', [
+    (signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
+def test_the_node_loses_no_signal(number, error, monkeypatch):
+    """Stop the node while a callback runs, before ROS takes signals over."""
+    monkeypatch.setattr(sim, '_import', lambda kind: (
+        lambda *_: _signalled_in_a_callback(number), None))
+    with pytest.raises(error):
+        sim.main([])
