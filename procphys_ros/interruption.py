@@ -26,7 +26,7 @@ from types import FrameType
 _AGAIN = 0.001  # [s] until a signal that came at a bad moment is tried again
 
 # What is called from C that does not expect exceptions (numba 0.68, numpy 2.4, Python 3.11). All
-# of it is done within a millisecond.
+# of it is done within milliseconds.
 _UNSAFE = ('enum', 'numba.core.serialize', 'numpy._core._internal', 'weakref')
 
 
