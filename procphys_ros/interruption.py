@@ -39,10 +39,12 @@ def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | No
     :param error: makes the exception, such as `KeyboardInterrupt`.
     """
     def handle(_: int, frame: FrameType | None) -> None:
-        if not _is_unsafe(frame):
-            raise error()
-        signal.signal(signal.SIGALRM, handle)
-        signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        if _is_unsafe(frame):
+            signal.signal(signal.SIGALRM, handle)
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            return
+        signal.setitimer(signal.ITIMER_REAL, 0.0)  # another that waits is not to disturb the end
+        raise error()
 
     return handle
 

@@ -25,13 +25,13 @@ import weakref
 
 import pytest
 
-from procphys_ros import program
+from procphys_ros import interruption, program
 from procphys_ros.interruption import raising
 from procphys_ros.ros import sim
 
 ROOT = Path(__file__).resolve().parents[1]
 IN_A_KERNEL = """
-import signal, sys
+import signal, sys, time
 import numpy as np
 from procphys_ros.interruption import raising
 from procphys_ros.physics.touch.geometry import meet_ground
@@ -47,8 +47,8 @@ try:
     none = np.empty((0, 7))
     meet_ground(np.empty(0, int), np.empty(0, bool), none, none[:, :3], none[:, :6], 0.01)
     sys.setprofile(signalled)
-    while True:
-        meet_ground(np.empty(0, int), np.empty(0, bool), none, none[:, :3], none[:, :6], 0.01)
+    meet_ground(np.empty(0, int), np.empty(0, bool), none, none[:, :3], none[:, :6], 0.01)
+    time.sleep(60.0)
 except KeyboardInterrupt:
     print('interrupted')
 """
@@ -88,6 +88,22 @@ def test_a_signal_is_raised_at_once():
         signal.raise_signal(signal.SIGTERM)
         later = True
     assert not later
+
+
+def test_two_signals_interrupt_once(monkeypatch):
+    """Leave the closing of files alone that a second signal, sent at the same time, interrupts."""
+    monkeypatch.setattr(interruption, '_AGAIN', 1.0)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, raising(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        thing = _Thing()
+        weakref.finalize(thing, signal.raise_signal, signal.SIGINT)
+        del thing
+        signal.raise_signal(signal.SIGTERM)
+    try:
+        time.sleep(1.5)
+    except KeyboardInterrupt:
+        pytest.fail('interrupted twice')
 
 
 def test_a_signal_within_numba_is_raised_behind_it():
