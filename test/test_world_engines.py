@@ -202,6 +202,23 @@ def test_each_body_tells_what_it_touches(engine):
         assert most > 20
 
 
+def test_contacts_of_a_step_stay_those_when_bodies_are_moved(engine):
+    """Move, turn and stop what touches: its contacts were read late when nobody asked before."""
+    with World(engine=engine) as world:
+        bodies, most = heap(world, 2, 2, 12), 0
+        for _ in range(60):
+            world.step(DT)
+            before = world._engine.contacts()
+            poses, velocities = world.poses(bodies), world.velocities(bodies)
+            world.set_poses(bodies, poses[::-1])
+            world.set_velocities(bodies, velocities[::-1])
+            np.testing.assert_array_equal(world._engine.contacts(), before)
+            world.set_poses(bodies, poses)
+            world.set_velocities(bodies, velocities)
+            most = max(most, len(before))
+        assert most > 20
+
+
 def test_what_loses_its_support_tells_the_contacts_of_that_step(engine):
     """Pull the lower of two bricks away: the upper one is set free, and has rubbed on it."""
     with World(engine=engine) as world:

@@ -92,7 +92,7 @@ class RapierEngine:
         self._time_step = 1.0 / 60.0
         self._mass = np.zeros(0)  # [kg], infinite while immovable
         self._velocity = self._before = self._after = np.zeros((0, 3))  # [m/s] by id
-        self._poses = np.zeros((0, 7))  # likewise
+        self._poses = self._moved_to = np.zeros((0, 7))  # likewise; after the last step
 
     def close(self) -> None:
         """Free the world; a second call does nothing."""
@@ -243,7 +243,7 @@ class RapierEngine:
         table[:, 3:7] /= np.linalg.norm(table[:, 3:7], axis=1, keepdims=True)
         self._poses[ids] = table[:, :7]
         self._velocity[ids] = table[:, 7:10]
-        self._after = self._velocity.copy()
+        self._after, self._moved_to = self._velocity.copy(), self._poses.copy()
         return table[:, :7], table[:, 7:]
 
     def contacts(self) -> np.ndarray:
@@ -264,7 +264,7 @@ class RapierEngine:
         owners, local, normal, sizes = touches
         ids = self._owner[owners]
         second, body = (np.ascontiguousarray(rows[:, 1]) for rows in (owners, ids))
-        point = placed(local, second, self._inside, body, self._poses)
+        point = placed(local, second, self._inside, body, self._moved_to)
         impulse = -sizes[:, 1:] * normal
         impulse += self._friction(ids.T, impulse, sizes[:, 1])
         return np.column_stack([ids, point, -normal, sizes[:, 0], impulse / self._time_step,
