@@ -92,7 +92,7 @@ class RapierEngine:
         self._time_step = 1.0 / 60.0
         self._mass = np.zeros(0)  # [kg], infinite while immovable
         self._velocity = self._before = self._after = np.zeros((0, 3))  # [m/s] by id
-        self._poses = self._moved_to = np.zeros((0, 7))  # likewise; after the last step
+        self._poses = self._started = np.zeros((0, 7))  # likewise; when the last step began
 
     def close(self) -> None:
         """Free the world; a second call does nothing."""
@@ -118,7 +118,7 @@ class RapierEngine:
     def step(self, time_step: float) -> None:
         """Advance time [s]."""
         self._time_step = time_step
-        self._before = self._velocity.copy()
+        self._before, self._started = self._velocity.copy(), self._poses.copy()
         self._world.integration_parameters.dt = time_step
         self._world.step()
 
@@ -243,7 +243,7 @@ class RapierEngine:
         table[:, 3:7] /= np.linalg.norm(table[:, 3:7], axis=1, keepdims=True)
         self._poses[ids] = table[:, :7]
         self._velocity[ids] = table[:, 7:10]
-        self._after, self._moved_to = self._velocity.copy(), self._poses.copy()
+        self._after = self._velocity.copy()
         return table[:, :7], table[:, 7:]
 
     def contacts(self) -> np.ndarray:
@@ -264,7 +264,7 @@ class RapierEngine:
         owners, local, normal, sizes = touches
         ids = self._owner[owners]
         second, body = (np.ascontiguousarray(rows[:, 1]) for rows in (owners, ids))
-        point = placed(local, second, self._inside, body, self._moved_to)
+        point = placed(local, second, self._inside, body, self._started)  # when it was found
         impulse = -sizes[:, 1:] * normal
         impulse += self._friction(ids.T, impulse, sizes[:, 1])
         return np.column_stack([ids, point, -normal, sizes[:, 0], impulse / self._time_step,
