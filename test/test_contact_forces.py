@@ -32,4 +32,4 @@ def test_a_contact_without_a_normal_presses_nothing():
     for order in ([0, 1], [1, 0]):
         found = spread(BodyContacts(points[order], normals[order], forces[order],
                                     np.zeros(2, np.int64)), poses, sizes, poses)
-        np.testing.assert_array_equal(found, wanted)
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)

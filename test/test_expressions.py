@@ -56,7 +56,7 @@ def test_value(text, value):
 
 def test_arrays():
     """Evaluate for many elements as for each of them."""
-    x = np.linspace(0.1, 5, 50)
+    x = np.linspace(0.13, 5, 50)  # none at 1 or 4, where rounding decides
     got = _evaluate('x * k + sqrt(x) ^ 2 > 3 && x < 4', 50, x=x, k=2.0)
     assert np.array_equal(got, [float(3 * v > 3 and v < 4) for v in x])
 

@@ -211,4 +211,4 @@ def test_a_page_that_is_closed_ends_what_plays(simulation):
     assert not left & {'player', 'page'}
     time = simulation.time
     simulation.step()
-    assert simulation.time == time + simulation.time_step
+    assert simulation.time == pytest.approx(time + simulation.time_step)
