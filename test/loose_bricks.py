@@ -29,6 +29,11 @@ def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
     return np.array([x, y, z, *attitude])
 
 
+def nudged(seed):
+    """Give a gravity that differs by a millionth, as a nudge of what is chaotic [m/s²]."""
+    return np.array([0.0, 0.0, -G]) + 1e-6 * np.random.default_rng(seed).normal(size=3)
+
+
 def heap(world, seed, wide, count):
     """Drop bricks in loose layers, so many wide and deep; give their ids."""
     rng = np.random.default_rng(seed)

@@ -23,16 +23,15 @@ docs/flaws.md holds the figures; `pytest -s` prints those of this run.
 
 from pathlib import Path
 
+from envelopes import energy, FREE, hanging, sinking
 from jointed_bodies import bond_gaps, JointedBodies
 from masonry_walls import building, wall
 import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt, label
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.blueprint import Blueprint
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.physics.world import BodyState
@@ -44,9 +43,7 @@ from procphys_ros.wallgrammar import WallGrammar
 _GRAMMARS = Path(__file__).resolve().parents[1] / 'grammars'
 _STEP = 1.0 / 60.0  # [s]
 _EYE = 1e-3  # [m] smallest motion that shows from a few metres: 1/3 mrad at 3 m
-_FREE = 0.213  # [m] free fall in 12 steps
 _FAST = 14.0  # [m/s] of the block
-_TOGETHER = 90  # bodies that are woken at a time
 _FEW = 3  # pieces of some 450 that may still move when the rubble counts as at rest
 
 
@@ -58,15 +55,6 @@ def _simulation(plan: Blueprint, **parameters: dict) -> Simulation:
     scene = Scene.from_parameters({'scene': {'objects': []}, **parameters})
     scene.add(plan, name='house')
     return Simulation(scene)
-
-
-def _energy(simulation: Simulation) -> float:
-    """Give the energy of motion and height of all parts that exist [J]."""
-    plan, poses, speed = simulation.blueprint, simulation.poses, simulation.velocities
-    spin = np.einsum('nij,ni->nj', rotation.to_matrix(poses[:, 3:]), speed[:, 3:])
-    energy = plan.mass * (9.81 * poses[:, 2] + 0.5 * (speed[:, :3] ** 2).sum(axis=1))
-    energy += 0.5 * (plan.inertia * spin ** 2).sum(axis=1)
-    return float(energy[np.isfinite(poses[:, 0])].sum())
 
 
 class _Fall:
@@ -107,7 +95,7 @@ class _Fall:
         free, before = np.zeros(0, int), np.zeros(0)
         for i in range(steps):
             simulation.step()
-            self.energies.append(_energy(simulation) - simulation.ledger.released)
+            self.energies.append(energy(simulation) - simulation.ledger.released)
             speed = np.linalg.norm(simulation.velocities[:count, :3], axis=1)
             self.fastest = max(self.fastest, float(speed.max()))
             cloud = simulation.state.dust.cloud
@@ -203,29 +191,6 @@ def test_standing_walls_do_not_wobble(fall: _Fall, measured):
     assert wobble > 1e-4
 
 
-def _sinking(simulation: Simulation) -> np.ndarray:
-    """
-    Wake what lies about, neighbours together; give how far each comes down within 0.2 s [m].
-
-    So many at a time as have their contacts solved as finely as when the last came to rest: what
-    is woken all at once shows how coarse the solution for all of them is. All rests again then.
-    """
-    saved, bodies = simulation.save(), simulation.state.world.bodies
-    resting = np.flatnonzero(bodies.state == BodyState.RESTING)
-    resting = resting[np.argsort(bodies.poses[resting, 0], kind='stable')]
-    ways = []
-    for group in np.array_split(resting, -(-len(resting) // _TOGETHER)):
-        simulation.restore(saved)
-        world = simulation.state.world
-        before = world.poses(group)[:, 2].copy()
-        world.thaw(group)
-        for _ in range(12):
-            world.step(_STEP)
-        ways.append(before - world.poses(group)[:, 2])
-    simulation.restore(saved)
-    return np.concatenate(ways)
-
-
 @pytest.mark.report('flaws')
 def test_no_bricks_float_in_the_air(fall: _Fall, measured):
     """
@@ -234,29 +199,22 @@ def test_no_bricks_float_in_the_air(fall: _Fall, measured):
     Woken, a piece that floats comes down by 0.21 m in 0.2 s; one that leans on what gives way only
     begins to tip in that time. A brick lifted into the air must be found.
     """
-    simulation, count = fall.simulation, len(fall.plan)
-    whole = np.setdiff1d(np.arange(len(fall.plan.bonds)), simulation.events['bond'])
-    graph = simulation.state.solver.graph
-    whole = np.union1d(whole, graph.rows[graph.cracked])  # which press and rub
-    pairs = np.where(fall.plan.bonds[whole] == GROUND, count, fall.plan.bonds[whole])
-    links = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count + 1, count + 1))
-    island = connected_components(links)[1]
-    standing = np.flatnonzero(simulation.state.standing[:count])
-    assert (island[standing] == island[count]).all()
-    sunk = _sinking(simulation)
+    simulation = fall.simulation
+    assert not len(hanging(simulation))
+    sunk = sinking(simulation)
     print(f'{len(sunk)} pieces, woken, come down by {1e3 * sunk.max():.0f} mm at most; at rest at '
           f'{simulation.time:.0f} s')
     assert len(sunk) > 100
     measured.within('floating: way down of rubble in 0.2 s when it is woken', 1e3 * sunk.max(),
-                    high=500.0 * _FREE, unit='mm')
+                    high=500.0 * FREE, unit='mm')
     world = simulation.state.world
     brick = np.flatnonzero(world.bodies.state == BodyState.RESTING)[[0]]
     pose = world.bodies.poses[brick]
     pose[:, 2] += 2.0
     world.set_poses(brick, pose)
-    lifted = _sinking(simulation).max()
+    lifted = sinking(simulation).max()
     measured.instead('floating: way down of rubble in 0.2 s when it is woken', 1e3 * lifted, 'mm')
-    assert lifted > 0.9 * _FREE
+    assert lifted > 0.9 * FREE
 
 
 @pytest.mark.report('flaws')
