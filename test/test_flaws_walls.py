@@ -383,4 +383,4 @@ def test_what_touches_nothing_falls_freely(fall: _Fall, measured):
     assert len(rate) > 300
     measured('laws: median acceleration of what touches nothing', np.median(rate), 9.81, 'm/s²',
              rtol=0.03)
-    assert share > 0.95
+    assert share > 0.9  # 0.961 to 0.976 in five nudged runs
