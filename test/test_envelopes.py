@@ -12,8 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-
 """The harness of envelopes finds what breaks its laws, and runs that leave their bounds."""
 
 from envelopes import Envelope, nudge, nudged, Watch
