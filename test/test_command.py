@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The executable `command` in processes of its own, against a running node."""
+"""The executable `command`, against a running node."""
 
 import os
 import signal
@@ -28,6 +28,7 @@ import pytest
 import rclpy
 from std_srvs.srv import Trigger
 
+from procphys_ros.ros import command
 from procphys_ros.ros.remote import NoNodeError, Remote
 
 COMMAND = (sys.executable, '-m', 'procphys_ros.ros.command')
@@ -44,20 +45,38 @@ def node(tmp_path_factory):
     process.kill()
 
 
-@pytest.fixture(scope='module')
-def say(tmp_path_factory):
-    """Give a function that runs one command line: exit code, output, errors."""
-    cache = tmp_path_factory.mktemp('cache')
+@pytest.fixture
+def say(tmp_path, monkeypatch, capfd):
+    """Give a function that carries out one command line here: exit code, output, errors."""
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
-    def run(words):
-        look = [] if words.startswith('__complete') else ['--timeout', str(PATIENCE)]
+    def carry_out(words):
+        code = command.main(with_patience(words))
+        out, err = capfd.readouterr()
+        return code, out, err
+    yield carry_out
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Give a function that runs one command line as a process: exit code, output, errors."""
+    def start(words):
         done = subprocess.run(
-            [*COMMAND, *look, *words.split()], cwd=ROOT,
-            env={**os.environ, 'XDG_CACHE_HOME': str(cache)}, capture_output=True, text=True,
+            [*COMMAND, *with_patience(words)], cwd=ROOT,
+            env={**os.environ, 'XDG_CACHE_HOME': str(tmp_path)}, capture_output=True, text=True,
             timeout=5 * PATIENCE, check=False)
         assert 'Traceback' not in done.stderr
         return done.returncode, done.stdout, done.stderr
-    return run
+    return start
+
+
+def with_patience(words):
+    """Split a command line, and let it look for the node as long as it takes."""
+    look = [] if words.startswith('__complete') else ['--timeout', str(PATIENCE)]
+    return [*look, *words.split()]
 
 
 @pytest.mark.parametrize('words, answer', [
@@ -101,6 +120,12 @@ def test_what_is_refused_ends_with_one(node, say, words, reason):
     code, out, err = say(words)
     assert code == 1 and not out and reason in err
     assert err.startswith('command: ') and err.count('\n') == 1
+
+
+def test_a_process_ends_as_its_command_does(node, run):
+    """Exit with 1 and the reason alone where the node refuses."""
+    code, out, err = run('wind 500 0 0')
+    assert (code, out) == (1, '') and err.startswith('command: ') and err.count('\n') == 1
 
 
 def test_time_obeys(node, say):
@@ -153,10 +178,10 @@ def test_a_message_that_nobody_has_taken_is_told():
     assert len(sent) == 1
 
 
-def test_no_node_ends_with_three(node, say):
+def test_no_node_ends_with_three(node, run):
     """Say where was looked and what is there."""
     for timeout in (0.5, 5.0, 30.0, PATIENCE):  # a busy machine may find the other node late
-        code, out, err = say(f'--node /elsewhere --timeout {timeout} reset')
+        code, out, err = run(f'--node /elsewhere --timeout {timeout} reset')
         assert code == 3 and not out
         assert '/elsewhere' in err and os.environ['ROS_DOMAIN_ID'] in err
         if '/sim' in err:
@@ -165,14 +190,14 @@ def test_no_node_ends_with_three(node, say):
         pytest.fail(err)
 
 
-def test_the_profile_for_quick_discovery_is_read(node, say, monkeypatch):
-    """Find the node with it, without a complaint of the middleware about the file."""
-    monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', str(ROOT / 'config/quick_discovery.xml'))
-    code, out, err = say('get seed')
+def test_the_profile_for_quick_discovery_is_not_needed(node, run, monkeypatch):
+    """Find the node without it; with it, as in all other tests, nothing complains about it."""
+    monkeypatch.delenv('FASTRTPS_DEFAULT_PROFILES_FILE')
+    code, out, err = run('get seed')
     assert (code, out.split(), err) == (0, ['seed', '0'], '')
 
 
-def test_what_is_remapped_is_told_and_found(say):
+def test_what_is_remapped_is_told_and_found(run):
     """Name the topic that nobody listens to, and reach it under the name that ROS is given."""
     rclpy.init()
     client = Client()
@@ -182,25 +207,25 @@ def test_what_is_remapped_is_told_and_found(say):
     with pytest.raises(NoNodeError, match='nobody listens to /far/explosion .* -r /far/explosion'):
         remote.explode((0.0, 0.0, 0.0))
     remote.close()
-    assert say('--node /far explode 1 2 3 --ros-args -r /far/explosion:=/world/explosion')[0] == 0
+    assert run('--node /far explode 1 2 3 --ros-args -r /far/explosion:=/world/explosion')[0] == 0
     client.spin_until(lambda: received, 'the message')
     assert received[0].point.z == 3.0
     client.close()
     rclpy.shutdown()
 
 
-def test_bad_words_for_ros_end_with_two(say):
+def test_bad_words_for_ros_end_with_two(run):
     """Say in the words of ROS what cannot be read, also where no node would be found."""
-    code, out, err = say('pause --ros-args -r a')
+    code, out, err = run('pause --ros-args -r a')
     assert code == 2 and not out and 'remap rule' in err
 
 
-def test_completion_and_help_need_no_node(say):
+def test_completion_and_help_need_no_node(run):
     """Answer at once, without looking for a node."""
-    code, out, _ = say('completion bash')
+    code, out, _ = run('completion bash')
     assert code == 0 and '__complete' in out and 'complete -F' in out
-    assert say('--help')[0] == 0
-    assert say('impulse')[0] == 2
+    assert run('--help')[0] == 0
+    assert run('impulse')[0] == 2
     for name in ('bad-name!', '/', '9', '/sim/', '//sim'):
-        code, _, errors = say(f'--node {name} pause')
+        code, _, errors = run(f'--node {name} pause')
         assert code == 2 and 'cannot name a node' in errors, name
