@@ -17,7 +17,7 @@
 Simulate many random grammars for 60 steps, and print every one that fails.
 
 The generators and what is asserted are those of `test/test_random_grammars.py`; its scenes are the
-first ten, and its houses the first 70. Trees and walls stand in one row, too far apart to meet;
+first five, and its houses the first 70. Trees and walls stand in one row, too far apart to meet;
 houses of several thicknesses, with piers, arches, chimneys, valleys and spires, one by one.
 
     python bench/random_grammars.py --count 50000

@@ -128,8 +128,7 @@ def test_a_cottage_cracks_in_a_storm_and_stands():
     whole = np.count_nonzero(simulation.state.standing)
     _let_answer(simulation, (0.0, 12.0))
     assert simulation.bonds_broken == 0
-    for along in (24.0, -24.0):
-        _let_answer(simulation, (0.0, along))
+    _let_answer(simulation, (0.0, 24.0))
     broken = simulation.events['part_a']
     assert masonry.is_stable(simulation.state) and 0 < len(broken) < 400
     assert np.count_nonzero(simulation.state.standing) == whole
