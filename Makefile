@@ -38,10 +38,12 @@ types: $(VENV)/.installed-test
 	$(BIN)/mypy procphys_ros
 
 # Kernels first, on all cores: else every node that a test starts would begin to compile them.
-# Then two files at a time, each with a ROS domain of its own; the longest come first.
+# Then three files at a time, also on two cores, because tests of nodes often wait; each has a ROS
+# domain of its own, and the longest come first.
 pytest: $(VENV)/.installed-test
 	$(BIN)/python -m procphys_ros.warm
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder \
+	  --durations 40 --durations-min 1
 
 bench: $(VENV)/.installed-test
 	for file in bench/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
