@@ -62,7 +62,7 @@ def test_lime_mortar_arches_over_a_door():
 
 def test_lime_mortar_falls_over_a_gate():
     """Let nearly all of the wall fall when piers of half a metre are all that is left below."""
-    _, _, stands = cut(0.5 * _LENGTH, 4.5, **_LIME)
+    _, _, stands = cut(0.5 * _LENGTH, 4.5, 2.0, **_LIME)
     assert stands.mean() < 0.1
 
 
@@ -105,7 +105,7 @@ def test_a_house_bridges_a_hole_in_its_ground_floor(floors):
 
 def test_collapse_runs_through_a_house_with_slabs():
     """Take half of the ground floor: the slab tips and brings down what stood on whole walls."""
-    x, stands = house_without('slab(0.15)', lambda p: p[:, 0] > 2.0)
+    x, stands = house_without('slab(0.15)', lambda p: p[:, 0] > 2.0, 80)
     assert stands[x > 2.0].mean() < 0.1 and stands[x < 2.0].mean() < 0.5
 
 
