@@ -214,8 +214,9 @@ MISREAD = {
 }
 # Imports once what takes most of the time of a node that does not start.
 IN_TURN = """
-import json, os, sys
+import gc, json, os, sys
 from procphys_ros.ros.running import run
+gc.freeze()
 for number, arguments in enumerate(json.load(open('arguments.json'))):
     if not os.fork():
         said = os.open(f'{number}.txt', os.O_CREAT | os.O_WRONLY)
