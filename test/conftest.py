@@ -21,13 +21,18 @@ from measurement import Measured
 import pytest
 
 # Files that take longest; begun first, so that no process is left alone with them at the end.
-LONG = ('test_random_grammars', 'test_lint', 'test_scenes', 'test_kernel_cache', 'test_node_exit',
-        'test_record_node', 'test_wall_wind', 'test_leaning', 'test_command', 'test_batch',
-        'test_flaws_walls', 'test_crack_speed', 'test_wind', 'test_tree_grammars',
-        'test_docs_site', 'test_arching', 'test_buildings', 'test_flaws_trees',
-        'test_random_changes', 'test_warm', 'test_view_node', 'test_node', 'test_node_view',
-        'test_view_browser', 'test_blasts', 'test_contact', 'test_threads', 'test_render',
-        'test_trees', 'test_node_hostile')
+# About every third one waits for nodes and leaves its core to others.
+LONG = ('test_lint', 'test_node', 'test_scenes', 'test_flaws_walls', 'test_record_node',
+        'test_random_grammars', 'test_kernel_cache', 'test_view_node', 'test_wall_wind',
+        'test_node_exit', 'test_view_browser', 'test_tree_grammars', 'test_same_bits',
+        'test_node_view', 'test_leaning', 'test_command', 'test_batch', 'test_wind',
+        'test_node_hostile', 'test_flaws_trees', 'test_node_faults', 'test_render',
+        'test_threads', 'test_node_strikes', 'test_buildings', 'test_docs_site',
+        'test_node_among_nodes', 'test_contact', 'test_crack_speed', 'test_demolition',
+        'test_random_changes', 'test_docs_blocks', 'test_recording', 'test_blow_pace',
+        'test_export_mjcf', 'test_arching', 'test_films', 'test_warm', 'test_collapse',
+        'test_splintering', 'test_blasts', 'test_struck_walls', 'test_node_in_and_out',
+        'test_node_intruder', 'test_node_fuzz', 'test_detail', 'test_package')
 
 
 def pytest_collection_modifyitems(items):
