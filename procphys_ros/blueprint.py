@@ -329,7 +329,7 @@ def box_inertia(mass: np.ndarray, size: np.ndarray) -> np.ndarray:
     :param mass: [kg], (N,).
     :param size: full extents [m], (N, 3).
     """
-    square = np.asarray(size, float) ** 2
+    square = np.square(np.asarray(size, float))
     return np.asarray(mass)[:, None] / 12.0 * (square.sum(axis=1, keepdims=True) - square)
 
 
@@ -341,8 +341,8 @@ def cylinder_inertia(mass: np.ndarray, diameter: np.ndarray, length: np.ndarray)
     :param diameter: [m], (N,).
     :param length: [m], (N,).
     """
-    radius_square = (0.5 * np.asarray(diameter, float)) ** 2
-    across = mass * (3.0 * radius_square + np.asarray(length, float) ** 2) / 12.0
+    radius_square = np.square(0.5 * np.asarray(diameter, float))
+    across = mass * (3.0 * radius_square + np.square(np.asarray(length, float))) / 12.0
     return np.column_stack([across, across, 0.5 * mass * radius_square])
 
 

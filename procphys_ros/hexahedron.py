@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.linear import determinant, eigen, norm
 
 # Corners of the faces, counter-clockwise from outside: -x +x -y +y -z +z (see `Hexahedra`).
 FACES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1],
@@ -26,6 +27,7 @@ FACES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2,
 _TRIANGLES = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]])
 _ADJACENT = np.array([np.flatnonzero(np.isin(FACES, corner).any(axis=1)) for corner in range(8)])
 _PARALLEL = 1e-9  # products of inertia over the largest moment that count as none
+_FLAT = 1e-12  # eigenvalue of products of unit normals below which they lie in a plane
 
 
 def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -48,9 +50,9 @@ def faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     points = corners[:, FACES]
     across = np.cross(points[:, :, 2] - points[:, :, 0], points[:, :, 3] - points[:, :, 1])
-    length = np.linalg.norm(across, axis=2, keepdims=True)
+    length = norm(across, axis=2, keepdims=True)
     size = np.ptp(corners, axis=1).max(axis=1)[:, None, None]
-    real = length > 1e-9 * size ** 2
+    real = length > 1e-9 * (size * size)
     return points, np.where(real, across / np.where(real, length, 1.0), 0.0), points.mean(axis=2)
 
 
@@ -70,7 +72,7 @@ def _tetrahedra(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
     """Cut solids into tetrahedra about the middles of their corners: volumes, middles, edges."""
     middle = corners.mean(axis=1)
     edges = corners[:, _TRIANGLES] - middle[:, None, None]
-    return np.linalg.det(edges) / 6.0, middle, edges
+    return determinant(edges) / 6.0, middle, edges
 
 
 def inertia_tensors(corners: np.ndarray) -> np.ndarray:
@@ -100,12 +102,12 @@ def principal_axes(tensors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     :param tensors: (N, 3, 3).
     :returns: moments, (N, 3), and axes as columns, right-handed, (N, 3, 3).
     """
-    moments, axes = np.linalg.eigh(tensors)
+    moments, axes = eigen(tensors)
     for row, own in enumerate(axes):
         order = _nearest_order(np.abs(own))
         turned = own[:, order]
         turned = turned * np.where(np.diag(turned) < 0.0, -1.0, 1.0)
-        if np.linalg.det(turned) < 0.0:
+        if determinant(turned) < 0.0:
             turned[:, np.argmin(np.abs(np.diag(turned)))] *= -1.0
         axes[row], moments[row] = turned, moments[row][order]
     diagonal = np.diagonal(tensors, axis1=1, axis2=2)
@@ -160,6 +162,10 @@ def inset(corners: np.ndarray, distance: float) -> np.ndarray:
     :param distance: of each face from where it was.
     """
     normal = faces(corners)[1]
-    back = np.linalg.pinv(normal[:, _ADJACENT], rcond=1e-6)
-    real = np.linalg.norm(normal[:, _ADJACENT], axis=3) > 0.5
-    return corners - distance * np.einsum('ncij,ncj->nci', back, real.astype(float))
+    normal = normal[:, _ADJACENT]
+    real = (norm(normal, axis=3) > 0.5).astype(float)
+    # The least shift by that distance along each of the normals, two of which may be the same.
+    values, vectors = eigen(np.einsum('ncik,ncjk->ncij', normal, normal))
+    inverses = np.where(values > _FLAT, 1.0 / np.maximum(values, _FLAT), 0.0)
+    weights = np.einsum('ncij,ncj,nckj,nck->nci', vectors, inverses, vectors, real)
+    return corners - distance * np.einsum('nci,ncik->nck', weights, normal)

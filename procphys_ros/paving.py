@@ -19,6 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.linear import norm
+
 
 @dataclass(frozen=True)
 class Paving:
@@ -41,4 +43,4 @@ class Paving:
         normals = np.zeros_like(self.points)
         for corner in self.faces.T:
             np.add.at(normals, corner, across)
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        return normals / np.maximum(norm(normals, axis=1, keepdims=True), 1e-12)

@@ -16,6 +16,9 @@
 
 import numpy as np
 
+from procphys_ros.elementary import cos, sin
+from procphys_ros.linear import norm
+
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
 
@@ -101,7 +104,7 @@ def from_matrix(m: np.ndarray) -> np.ndarray:
     q[row, 1] = part[:, 0, 2] - part[:, 2, 0]
     q[row, 2] = part[:, 1, 0] - part[:, 0, 1]
     q[row, 3] = 1 + trace[row]
-    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    q /= norm(q, axis=1, keepdims=True)
     return q.reshape(m.shape[:-2] + (4,))
 
 
@@ -113,12 +116,12 @@ def from_axis_angle(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
     :param angle: (...) angles [rad].
     """
     half = 0.5 * np.asarray(angle, float)[..., None]
-    return np.concatenate([np.asarray(axis, float) * np.sin(half), np.cos(half)], axis=-1)
+    return np.concatenate([np.asarray(axis, float) * sin(half), cos(half)], axis=-1)
 
 
 def from_yaw(yaw: float) -> np.ndarray:
     """Build the quaternion (4,) of a turn about the vertical [rad]."""
-    return np.array([0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw)])
+    return np.array([0.0, 0.0, sin(0.5 * yaw), cos(0.5 * yaw)])
 
 
 def compose(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:

@@ -30,7 +30,9 @@ from procphys_ros.blueprint import (
     Ornaments,
     Shape,
 )
+from procphys_ros.elementary import power
 from procphys_ros.errors import SceneError
+from procphys_ros.linear import norm
 
 # Fresh leaf mass per one-sided area [kg/m²]: about 75 g/m² dry for deciduous trees (Poorter et al.
 # 2009, New Phytologist 182:565) at about 60 % water.
@@ -123,8 +125,8 @@ def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PL
     count = len(branches)
     axis = rotation.rotate(branches.attitude, np.array([0.0, 0.0, 1.0]))
     middle = branches.base + 0.5 * branches.length[:, None] * axis
-    area = 0.25 * np.pi * branches.width ** 2
-    leaf_area = np.bincount(leaves.part, leaves.size ** 2, minlength=count)
+    area = 0.25 * np.pi * (branches.width * branches.width)
+    leaf_area = np.bincount(leaves.part, leaves.size * leaves.size, minlength=count)
     mass = wood_mass(branches) + LEAF_AREAL_DENSITY * leaf_area
     mean_width = 0.5 * (branches.width + branches.tip_width)
     bone = branches.bone_ratio * branches.length
@@ -176,9 +178,10 @@ def wood_mass(branches: Branches) -> np.ndarray:
     it widens, it takes as much from the segment below, at most a quarter of its mass.
     """
     first, last = branches.width, branches.tip_width
-    square = first ** 2 + first * last + last ** 2
+    square = first * first + first * last + last * last
     mass = branches.density * np.pi / 12.0 * branches.length * square
-    below = 0.5 - (first ** 2 + 2.0 * first * last + 3.0 * last ** 2) / (4.0 * square)  # of length
+    # Of the length.
+    below = 0.5 - (first * first + 2.0 * first * last + 3.0 * (last * last)) / (4.0 * square)
     follows = np.flatnonzero((branches.parent >= 0) & ~branches.lateral)
     parent = branches.parent[follows]
     apart = 0.5 * (branches.length[follows] + branches.length[parent])
@@ -193,7 +196,8 @@ def wood_mass(branches: Branches) -> np.ndarray:
 
 def _bend_of_half(branches: Branches, first: np.ndarray, last: np.ndarray) -> np.ndarray:
     """Integrate 1/(E·I) over half a segment whose width goes from first to last [rad/(N·m)]."""
-    mean = (first ** 2 + first * last + last ** 2) / (3.0 * (first * last) ** 3)  # of 1/d⁴
+    # Of 1/d⁴.
+    mean = (first * first + first * last + last * last) / (3.0 * power(first * last, 3.0))
     return 0.5 * branches.length * 64.0 / (np.pi * branches.modulus) * mean
 
 
@@ -227,7 +231,7 @@ def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
     same = np.ones(len(tip))
     return build(Branches(
         parent=segment[start], lateral=lateral, base=nodes[start],
-        attitude=_shortest_turn(along), length=np.linalg.norm(along, axis=1),
+        attitude=_shortest_turn(along), length=norm(along, axis=1),
         width=2.0 * radii[np.where(lateral, tip, start)], tip_width=2.0 * radii[tip],
         density=density * same, modulus=modulus * same, strength=strength * same,
         bone_ratio=bone_ratio * same, swing_limit=swing_limit * same,
@@ -260,10 +264,10 @@ def _hinges(branches: Branches) -> Hinges:
 
 def _shortest_turn(direction: np.ndarray) -> np.ndarray:
     """Give the attitudes (S, 4) that turn z onto directions (S, 3) on the shortest way."""
-    x, y, z = (direction / np.linalg.norm(direction, axis=1, keepdims=True)).T
+    x, y, z = (direction / norm(direction, axis=1, keepdims=True)).T
     q = np.column_stack([-y, x, np.zeros_like(x), 1.0 + z])
     q[1.0 + z < 1e-12] = (1.0, 0.0, 0.0, 0.0)  # straight down: any half turn will do
-    return q / np.linalg.norm(q, axis=1, keepdims=True)
+    return q / norm(q, axis=1, keepdims=True)
 
 
 def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
@@ -315,7 +319,7 @@ def _check_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray) -> N
     _demand(np.isfinite(radii) & (radii > 0.0), 'node', 'radius', radii, 'finite and above zero')
     _demand((parents >= GROUND) & (parents < np.arange(len(nodes))), 'node', 'parent', parents,
             'an earlier node, or -1 for the ground')
-    apart = np.where(parents >= 0, np.linalg.norm(nodes - nodes[parents], axis=1), 1.0)
+    apart = np.where(parents >= 0, norm(nodes - nodes[parents], axis=1), 1.0)
     _demand(apart > 0.0, 'node', 'distance from its parent', apart, 'above zero')
 
 

@@ -25,6 +25,8 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.elementary import cos, sin
+from procphys_ros.linear import norm
 
 TORN, SOIL = 'torn_wood', 'soil'  # names of looks
 _APART = 0.05     # [m] the two sides of a joint that is whole stay closer than that
@@ -77,8 +79,8 @@ class WoodJoints:
         self._inner = rotation.relative(rest[self._child], frame)
         self._outer = rotation.relative(rest[self._parent], frame)
         self._stretches = np.isfinite(blueprint.hinges.stretch_stiffness)
-        bending = blueprint.hinges.strength * np.pi / 32.0 * blueprint.bond_extent[
-            self._bond, 0] ** 3
+        width = blueprint.bond_extent[self._bond, 0]
+        bending = blueprint.hinges.strength * np.pi / 32.0 * (width * width * width)
         self._uproots = (self._parent == GROUND) & (blueprint.hinges.root_moment < bending)
 
     def apart(self, poses: np.ndarray) -> np.ndarray:
@@ -90,7 +92,7 @@ class WoodJoints:
         frames = np.concatenate([poses, _GROUND_FRAME])
         here = rotation.compose(frames[self._child], self._inner)
         there = rotation.compose(frames[self._parent], self._outer)
-        gap = np.linalg.norm(here[:, :3] - there[:, :3], axis=1)
+        gap = norm(here[:, :3] - there[:, :3], axis=1)
         gone = np.isnan(frames[:, 0])
         whole = (gap < _APART) | (self._stretches & np.isfinite(gap)) | (
             gone[self._child] & gone[self._parent])
@@ -197,9 +199,9 @@ def splinters(width: float, seed: int, stub: float = 0.0) -> np.ndarray:
     rng = np.random.default_rng(seed)
     radius, count = 0.5 * width, 2 * _SPIKES
     turn = 2.0 * np.pi * (np.arange(count) + rng.uniform(-0.3, 0.3, count)) / count
-    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    circle = np.column_stack([cos(turn), sin(turn)])
     side = rng.uniform(0.0, 2.0 * np.pi)  # wood tears off longer on one side
-    height = rng.uniform(0.2, 1.0, count) * (0.65 + 0.35 * np.cos(turn - side))
+    height = rng.uniform(0.2, 1.0, count) * (0.65 + 0.35 * cos(turn - side))
     height[1::2] *= 0.25
     foot = np.column_stack([1.06 * radius * circle, np.full(count, -0.4 * radius)])
     tip = np.column_stack([radius * rng.uniform(0.6, 0.95, (count, 1)) * circle,
@@ -221,7 +223,7 @@ def root_plate(width: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     reach = _PLATE * width
     turn = 2.0 * np.pi * (np.arange(_RIM) + rng.uniform(-0.3, 0.3, _RIM)) / _RIM
-    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    circle = np.column_stack([cos(turn), sin(turn)])
     rings = [np.tile([0.0, 0.0, 0.08 * reach], (_RIM, 1))]
     for far, low in ((0.8, 0.0), (1.0, -0.25), (0.6, -0.75)):
         rings.append(np.column_stack([
@@ -245,12 +247,12 @@ def placed(frame: np.ndarray, corners: np.ndarray) -> np.ndarray:
 def _roots(reach: float, width: float, rng: np.random.Generator) -> np.ndarray:
     """Draw torn roots, three-sided cones that stick out of a plate."""
     turn = 2.0 * np.pi * (np.arange(_ROOTS) + rng.uniform(-0.3, 0.3, _ROOTS)) / _ROOTS
-    way = np.column_stack([np.cos(turn), np.sin(turn), rng.uniform(-0.6, 0.05, _ROOTS)])
+    way = np.column_stack([cos(turn), sin(turn), rng.uniform(-0.6, 0.05, _ROOTS)])
     start = 0.5 * reach * way
     end = start + reach * rng.uniform(0.5, 1.0, (_ROOTS, 1)) * way
-    across = np.column_stack([-np.sin(turn), np.cos(turn), np.zeros(_ROOTS)])
+    across = np.column_stack([-sin(turn), cos(turn), np.zeros(_ROOTS)])
     up = np.cross(way, across)
     thick = 0.15 * width * rng.uniform(0.5, 1.0, _ROOTS)[:, None]
-    corners = [start + thick * (np.cos(a) * across + np.sin(a) * up)
+    corners = [start + thick * (cos(a) * across + sin(a) * up)
                for a in 2.0 * np.pi * np.arange(3) / 3.0]
     return np.concatenate([np.hstack([corners[k], corners[(k + 1) % 3], end]) for k in range(3)])

@@ -15,6 +15,6 @@
 
 """Compile kernels once, and keep them where no upgrade can leave stale ones behind."""
 
-from procphys_ros.compilation.decorator import kernel, subroutine
+from procphys_ros.compilation.decorator import inlined, kernel, subroutine
 
-__all__ = ['kernel', 'subroutine']
+__all__ = ['inlined', 'kernel', 'subroutine']

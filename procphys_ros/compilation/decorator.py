@@ -20,6 +20,7 @@ from functools import partial
 from typing import Any
 
 from numba import config, njit
+from numba.extending import register_jitable
 
 from procphys_ros.compilation.cache import KernelCache, SubroutineCache
 from procphys_ros.compilation.linking import KernelCompiler, Subroutine, SubroutineCompiler
@@ -61,6 +62,11 @@ def subroutine(function: Callable | None = None, /, **options: Any) -> Any:
         'nopython': True, 'no_cfunc_wrapper': True, 'no_cpython_wrapper': True, **options})
     compiled._cache = SubroutineCache(function)
     return _noted(function, compiled)
+
+
+def inlined(function: Callable) -> Callable:
+    """Let kernels compile a function along with what calls it; Python calls it as it is."""
+    return register_jitable(function)
 
 
 def _noted(function: Callable, compiled: Any) -> Any:

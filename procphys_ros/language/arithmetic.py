@@ -20,6 +20,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from procphys_ros import elementary
+from procphys_ros.elementary import acos, asin, atan2, cos, exp, sin, tan
+
 Value: TypeAlias = 'float | np.ndarray'
 
 
@@ -61,7 +64,7 @@ def power(a: Value, b: Value) -> Value:
     b = np.asarray(b, float)
     _refuse_where((a < 0.0) & (b != np.floor(b)), a, 'a fractional power of {} is not real')
     _refuse_where((a == 0.0) & (b < 0.0), b, 'zero to the power {} is a division by zero')
-    return _finite(np.power(a, b), 'the power')
+    return _finite(elementary.power(a, b), 'the power')
 
 
 def sqrt(x: Value) -> Value:
@@ -73,7 +76,7 @@ def sqrt(x: Value) -> Value:
 def log(x: Value) -> Value:
     """Take the natural logarithm; what is not positive is refused."""
     _refuse_where(np.less_equal(x, 0.0), x, 'log({}) does not exist')
-    return np.log(x)
+    return elementary.log(x)
 
 
 def _arc(function: Callable, name: str) -> Callable[[Value], Value]:
@@ -89,19 +92,19 @@ def _turned(function: Callable) -> Callable[[Value], Value]:
 
 FUNCTIONS: dict[str, tuple[Callable[..., Value], int, int]] = {
     # name: (function, least arguments, most arguments)
-    'sin': (_turned(np.sin), 1, 1),
-    'cos': (_turned(np.cos), 1, 1),
-    'tan': (_turned(np.tan), 1, 1),
-    'asin': (_arc(np.arcsin, 'asin'), 1, 1),
-    'acos': (_arc(np.arccos, 'acos'), 1, 1),
-    'atan2': (lambda y, x: np.degrees(np.arctan2(y, x)), 2, 2),
+    'sin': (_turned(sin), 1, 1),
+    'cos': (_turned(cos), 1, 1),
+    'tan': (_turned(tan), 1, 1),
+    'asin': (_arc(asin, 'asin'), 1, 1),
+    'acos': (_arc(acos, 'acos'), 1, 1),
+    'atan2': (lambda y, x: np.degrees(atan2(y, x)), 2, 2),
     'sqrt': (sqrt, 1, 1),
     'abs': (np.abs, 1, 1),
     'min': (lambda *x: np.min(np.broadcast_arrays(*x), axis=0), 2, 16),
     'max': (lambda *x: np.max(np.broadcast_arrays(*x), axis=0), 2, 16),
     'floor': (np.floor, 1, 1),
     'ceil': (np.ceil, 1, 1),
-    'exp': (lambda x: _finite(np.exp(x), 'exp'), 1, 1),
+    'exp': (lambda x: _finite(exp(x), 'exp'), 1, 1),
     'log': (log, 1, 1),
     'pow': (power, 2, 2),
 }
@@ -117,7 +120,7 @@ def rand(generator: np.random.Generator, count: int, low: Value, high: Value) ->
 def nran(generator: np.random.Generator, count: int, mean: Value, spread: Value) -> Value:
     """Draw from a normal distribution, once per element."""
     _refuse_where(np.less(spread, 0.0), spread, 'nran(mean, sd) needs sd >= 0, it is {}')
-    return _finite(mean + spread * generator.standard_normal(count), 'nran')
+    return _finite(mean + spread * elementary.standard_normal(generator, count), 'nran')
 
 
 RANDOM_FUNCTIONS = {'rand': (rand, 2, 2), 'nran': (nran, 2, 2)}

@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves, Ornaments
+from procphys_ros.elementary import cos, sin
 from procphys_ros.lsystem import walk
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.symbols import ATTRIBUTE_INDEX, ATTRIBUTES
@@ -132,8 +133,8 @@ def _tubes(pieces: np.ndarray) -> np.ndarray:
     width = ATTRIBUTE_INDEX['Width']
     radius = 0.5 * pieces[:, HEAD + walk.VALUES + width]
     tip = radius * pieces[:, HEAD + walk.RATES + width]
-    across = (np.cos(turn)[:, None] * _axis(pieces, walk.LEFT)[:, None]
-              + np.sin(turn)[:, None] * _axis(pieces, walk.UP)[:, None])
+    across = (cos(turn)[:, None] * _axis(pieces, walk.LEFT)[:, None]
+              + sin(turn)[:, None] * _axis(pieces, walk.UP)[:, None])
     base = _axis(pieces, walk.POSITION)[:, None]
     low = base + radius[:, None, None] * across
     high = base + (pieces[:, 2:3] * _axis(pieces, walk.HEADING))[:, None] \

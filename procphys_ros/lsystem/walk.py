@@ -15,9 +15,12 @@
 
 """Turtle walk: the compiled loop that follows a string in three dimensions."""
 
+import math
+
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.elementary import functions
 from procphys_ros.lsystem.symbols import ATTRIBUTE_INDEX, ATTRIBUTES, Op
 
 # Layout of the turtle's state; every bracket saves all of it.
@@ -27,7 +30,8 @@ RATES = VALUES + _COUNT
 STATE_SIZE = RATES + _COUNT
 _TEXTURE = VALUES + ATTRIBUTE_INDEX['Texture']
 _LEAF = VALUES + ATTRIBUTE_INDEX['Leaf']
-_THINNER = 0.5 ** 0.5  # `!` without a width: two equal branches share the area of the wood below
+# `!` without a width: two equal branches share the area of the wood below.
+_THINNER = math.sqrt(0.5)
 
 # numba freezes globals: plain integers, not members of an enumeration
 _SEGMENT, _ORNAMENT, _MOVE, _PUSH, _POP = map(int, (
@@ -59,7 +63,7 @@ def _copy(source, target):
 @subroutine
 def _rotate(state, a, b, angle):
     """Turn the axis at a towards the axis at b by an angle [rad]."""
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = functions.cos(angle), functions.sin(angle)
     for k in range(3):
         x, y = state[a + k], state[b + k]
         state[a + k] = c * x + s * y
@@ -100,7 +104,7 @@ def _square_up(state, second, third):
 @subroutine
 def _turn_all(state, axis, angle):
     """Turn the whole frame about a unit axis (Rodrigues)."""
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = functions.cos(angle), functions.sin(angle)
     for at in (HEADING, LEFT, UP):
         x, y, z = state[at], state[at + 1], state[at + 2]
         along = (1.0 - c) * (axis[0] * x + axis[1] * y + axis[2] * z)
@@ -123,7 +127,7 @@ def _bend(state, target, elasticity):
     axis[2] = heading[0] * target[1] - heading[1] * target[0]
     size = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
     along = heading[0] * target[0] + heading[1] * target[1] + heading[2] * target[2]
-    between = np.arctan2(size, along)
+    between = functions.atan2(size, along)
     if size < 1e-12:
         if elasticity == np.inf and along < 0.0:  # straight back: any axis across will do
             for k in range(3):

@@ -16,6 +16,8 @@
 
 import numpy as np
 
+from procphys_ros.elementary import cbrt
+
 # [s/kg^(1/3)] Hertz' contact of compact lumps of 1900 kg/m³ at 3 m/s, whose time grows with their
 # size, with E* = 0.5 GPa: a tenth of that of whole bricks, because edges and mortar crush. A brick
 # of 3 kg is in contact for 2 ms, a ball of 2 t for 18 ms.
@@ -32,4 +34,4 @@ def contact_time(mass: float | np.ndarray) -> np.ndarray:
     :param mass: of what strikes, reduced with that of what it strikes if this gives way,
         1 / (1/m + 1/M) [kg]; inf = nothing moves, and the blow never ends.
     """
-    return CONTACT_TIME * np.cbrt(mass)
+    return CONTACT_TIME * cbrt(mass)

@@ -21,6 +21,7 @@ import zlib
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.linear import norm
 
 
 class Terrain(NamedTuple):
@@ -105,7 +106,7 @@ class Terrain(NamedTuple):
         if margin > 0.0:
             slope = np.pad(slope, ((1, 1), (1, 1), (0, 0)))
         normals = np.concatenate([-slope, np.ones((*slope.shape[:2], 1))], axis=-1).reshape(-1, 3)
-        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        return normals / norm(normals, axis=1, keepdims=True)
 
     def padded(self, margin: float) -> 'Terrain':
         """Go on with further cells beyond the edges, level with them, for at least so far [m]."""

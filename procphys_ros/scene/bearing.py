@@ -22,6 +22,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.hexahedron import box_corners, faces
+from procphys_ros.linear import norm, product
 
 _UPRIGHT = 0.999      # least height of the unit normal of a face that bears
 _REACH = 0.02         # [m] between a foot and what bears it
@@ -116,6 +117,7 @@ def _patch(outline: np.ndarray, top: np.ndarray) -> tuple[np.ndarray, np.ndarray
     area, middle, _ = moments(shared)
     if area < _LEAST_AREA:
         return None
-    along = (outline[1] - outline[0]) / np.linalg.norm(outline[1] - outline[0])
-    sides = np.ptp(shared @ np.array([[along[0], -along[1]], [along[1], along[0]]]), axis=0)
+    along = (outline[1] - outline[0]) / norm(outline[1] - outline[0])
+    axes = np.array([[along[0], -along[1]], [along[1], along[0]]])
+    sides = np.ptp(product(shared, axes), axis=0)
     return middle, sides * np.sqrt(area / sides.prod()), area

@@ -67,8 +67,8 @@ def _scatter(count: int, spacing: float, rng: np.random.Generator) -> np.ndarray
         for throw in range(1, 100 * _SCATTER_TRIES):
             x, y = rng.uniform(-half, half, 2).tolist()
             column, row = math.floor(x / clearance), math.floor(y / clearance)
-            limit = clearance * 0.5 ** (throw // _SCATTER_TRIES)
-            if all((x - other) ** 2 + (y - another) ** 2 >= limit * limit
+            limit = clearance / (1 << throw // _SCATTER_TRIES)
+            if all(np.square(x - other) + np.square(y - another) >= limit * limit
                    for place in product((column - 1, column, column + 1), (row - 1, row, row + 1))
                    for other, another in cells.get(place, ())):
                 break

@@ -24,6 +24,7 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.language import shorten
+from procphys_ros.linear import product
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces
 from procphys_ros.resources import shared_folder
 
@@ -98,6 +99,6 @@ def _inside(triangles: np.ndarray, low: np.ndarray, cell: np.ndarray,
                  for p, q in ((a, b), (b, c), (c, a))]
         crossed = np.all(np.sign(sides) == np.sign(normal[2]), axis=0)
         i, j = np.nonzero(crossed)
-        height = a[2] - ((points[i, j] - a[:2]) @ normal[:2]) / normal[2]
+        height = a[2] - product(points[i, j] - a[:2], normal[:2]) / normal[2]
         above[i, j] += z[None, :] < height[:, None]
     return above % 2 == 1

@@ -20,6 +20,7 @@ from collections.abc import Iterable, Iterator, Sequence
 import numpy as np
 
 from procphys_ros.errors import SceneError
+from procphys_ros.linear import product
 from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.scene.plan import Street
@@ -51,17 +52,17 @@ def pave(streets: Sequence[Street], terrain: Terrain, origin: np.ndarray,
     laid: list[np.ndarray] = []
     pieces: dict[str, list[np.ndarray]] = {}
     for texture, corners in surfaces:
-        outline = np.asarray(origin) + corners @ turn.T
+        outline = np.asarray(origin) + product(corners, turn.T)
         left = [outline]
         for other in laid:
             left = [rest for piece in left for rest in without(piece, other)]
         laid.append(outline)
         pieces.setdefault(texture, []).extend(left)
     area = sum(_area(piece) for group in pieces.values() for piece in group)
-    if not terrain.is_flat and area > _MOST_CELLS * terrain.edge ** 2:
+    if not terrain.is_flat and area > _MOST_CELLS * (terrain.edge * terrain.edge):
         raise SceneError(
             f'{where}: the surfaces of the streets cover {area:.0f} m², on a terrain in cells of '
-            f'{terrain.edge:g} m at most {_MOST_CELLS * terrain.edge ** 2:.0f} m²; make '
+            f'{terrain.edge:g} m at most {_MOST_CELLS * np.square(terrain.edge):.0f} m²; make '
             'terrain.cell larger, or leave out some surface')
     return [_laid_on(terrain, texture, group) for texture, group in pieces.items() if group]
 
@@ -74,7 +75,7 @@ def without(piece: np.ndarray, other: np.ndarray) -> Iterator[np.ndarray]:
     """
     for start, end in zip(other, np.roll(other, -1, axis=0)):
         along = end - start
-        side = (piece - start) @ np.array([along[1], -along[0]])  # positive: outside
+        side = product(piece - start, np.array([along[1], -along[0]]))  # positive: outside
         outside, piece = _cut(piece, side), _cut(piece, -side)
         if _area(outside) > _LEAST:
             yield outside
@@ -88,7 +89,7 @@ def _laid_on(terrain: Terrain, texture: str, pieces: Iterable[np.ndarray]) -> Pa
         for way in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
             normal = np.array(way) / terrain.edge
             pieces = [part for piece in pieces
-                      for part in _split(piece, (piece - terrain.low) @ normal)]
+                      for part in _split(piece, product(piece - terrain.low, normal))]
     pieces = list(pieces)
     corners = np.concatenate(pieces)
     starts = np.cumsum([0, *(len(piece) for piece in pieces[:-1])])

@@ -23,7 +23,9 @@ import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, GROUND, Law, Mortar, Shape
+from procphys_ros.elementary import atan2, cos, hypot, sin
 from procphys_ros.errors import SceneError
+from procphys_ros.linear import product
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.world.merging import merge_boxes
 
@@ -122,18 +124,18 @@ def _highest(terrain: Terrain, placed: Blueprint, parts: np.ndarray) -> float:
     """Give the highest ground under the rectangle about some parts [m]."""
     frame = placed.poses[parts[0]]
     turn = rotation.to_matrix(rotation.from_yaw(_heading(frame)))[:2, :2]
-    reach = 0.5 * np.hypot(placed.size[parts, 0], placed.size[parts, 1]).max()
-    local = placed.poses[parts, :2] @ turn
+    reach = 0.5 * hypot(placed.size[parts, 0], placed.size[parts, 1]).max()
+    local = product(placed.poses[parts, :2], turn)
     low, high = local.min(axis=0) - reach, local.max(axis=0) + reach
     counts = np.ceil((high - low) / (0.25 * terrain.edge)).astype(int) + 2
     x, y = (np.linspace(low[a], high[a], min(int(counts[a]), 400)) for a in (0, 1))
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    return float(terrain.height(grid @ turn.T).max())
+    return float(terrain.height(product(grid, turn.T)).max())
 
 
 def _heading(pose: np.ndarray) -> float:
     axis = rotation.rotate(pose[3:], np.array([1.0, 0.0, 0.0]))
-    return math.atan2(axis[1], axis[0])
+    return atan2(axis[1], axis[0])
 
 
 def _with_footings(terrain: Terrain, building: Blueprint, base: np.ndarray) -> Blueprint:
@@ -167,7 +169,7 @@ def _below_doors(building: Blueprint, base: np.ndarray) -> tuple[np.ndarray, np.
     up = np.abs(turn[:, 2]).argmax(axis=1)
     along = np.where(np.arange(3) == up[:, None], 0.0, size).argmax(axis=1)
     row = np.arange(len(others))
-    yaw = np.arctan2(turn[row, 1, along], turn[row, 0, along])
+    yaw = atan2(turn[row, 1, along], turn[row, 0, along])
     poses = building.poses[others].copy()
     poses[:, 2] -= 0.5 * (size[row, up] - _LEVEL)
     poses[:, 3:] = [rotation.from_yaw(angle) for angle in yaw]
@@ -189,8 +191,8 @@ def _blocks(terrain: Terrain, pose: np.ndarray,
     up = int(np.argmax(np.abs(turn[2])))  # bricks may stand on end
     along = max((a for a in range(3) if a != up), key=lambda a: size[a])
     across = 3 - up - along
-    yaw = math.atan2(turn[1, along], turn[0, along])
-    way, side = np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])
+    yaw = atan2(turn[1, along], turn[0, along])
+    way, side = np.array([cos(yaw), sin(yaw)]), np.array([-sin(yaw), cos(yaw)])
     foot = pose[2] - 0.5 * size[up]
     count = math.ceil(size[along] / _LENGTH)
     length = size[along] / count

@@ -24,7 +24,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from procphys_ros.elementary import atan2, cos, sin
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.linear import norm
 from procphys_ros.palette import is_known, LOOKS
 from procphys_ros.scene.yaml_file import parsed
 
@@ -58,12 +60,12 @@ class Street:
     @property
     def length(self) -> float:
         """Length [m]."""
-        return float(np.linalg.norm(self.end - self.start))
+        return float(norm(self.end - self.start))
 
     @property
     def heading(self) -> float:
         """Direction from its start to its end [rad]."""
-        return math.atan2(*(self.end - self.start)[::-1])
+        return atan2(*(self.end - self.start)[::-1])
 
     def strip(self, right: float, left: float) -> np.ndarray:
         """
@@ -72,13 +74,13 @@ class Street:
         :param right: its lesser distance from the middle of the street, positive to the left [m].
         :param left: its larger one.
         """
-        side = np.array([-math.sin(self.heading), math.cos(self.heading)])
+        side = np.array([-sin(self.heading), cos(self.heading)])
         return np.array([self.start + right * side, self.end + right * side,
                          self.end + left * side, self.start + left * side])
 
     def place(self, along: float, beyond: float, left: bool) -> np.ndarray:
         """Give the place so far along the street and beyond its kerb [m], (2,)."""
-        way = np.array([math.cos(self.heading), math.sin(self.heading)])
+        way = np.array([cos(self.heading), sin(self.heading)])
         side = np.array([-way[1], way[0]]) * (1.0 if left else -1.0)
         return self.start + along * way + (0.5 * self.width + beyond) * side
 

@@ -24,7 +24,9 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.elementary import cos, sin
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.linear import product
 from procphys_ros.paving import Paving
 from procphys_ros.progress import stage
 from procphys_ros.scene.bearing import bear
@@ -242,10 +244,10 @@ class Scene:
             foreseen = _SMALLEST * len(mine) * grown / len(built)
             check_capacity(self._parts + max(grown, int(foreseen)), self._memory)
         check_capacity(self._parts + sum(len(built[i % variants]) for i in mine), self._memory)
-        turn = np.array([[np.cos(spec.yaw), np.sin(spec.yaw)],
-                         [-np.sin(spec.yaw), np.cos(spec.yaw)]])
+        turn = np.array([[cos(spec.yaw), sin(spec.yaw)],
+                         [-sin(spec.yaw), cos(spec.yaw)]])
         for i in mine:
-            x, y = points[i] @ turn
+            x, y = product(points[i], turn)
             position = np.asarray(spec.origin) + np.array([x, y, 0.0])
             self.add(built[i % variants], position, spec.yaw + headings[i], names[i], spec.on)
 
@@ -277,5 +279,5 @@ class Scene:
         for i, lot in enumerate(lay_out(plan.rows, seed, build)):
             with stage('growing objects', f'{spec.name}_{lot.name}, {i + 1} of {count}'):
                 if i in mine:
-                    place = np.asarray(spec.origin) + [*(turn @ lot.position), 0.0]
+                    place = np.asarray(spec.origin) + [*product(turn, lot.position), 0.0]
                     self.add(lot.blueprint, place, spec.yaw + lot.yaw, f'{spec.name}_{lot.name}')

@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.errors import SceneError
+from procphys_ros.linear import product
 from procphys_ros.rotation import from_yaw, to_matrix
 from procphys_ros.scene.plan import Row
 
@@ -81,7 +82,7 @@ def lay_out(rows: Sequence[Row], seed: int, build: Build) -> Iterator[Lot]:
             front = np.array([0.5 * (low[0] + high[0]), low[1]])
             place = row.street.place(along + 0.5 * width, row.beyond, row.left)
             turn = to_matrix(from_yaw(heading))[:2, :2]
-            yield Lot(name, blueprint, place - turn @ front, heading)
+            yield Lot(name, blueprint, place - product(turn, front), heading)
             along += width + row.gap
 
 

@@ -17,10 +17,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import math
 
 import numpy as np
 
+from procphys_ros.elementary import hypot
 from procphys_ros.errors import CommandError
 from procphys_ros.scene.solids import edges_of, SHAPES
 from procphys_ros.schema import check, declared
@@ -64,7 +64,7 @@ class Projectile:
         if place[2] < 0.5 * edges[2]:
             raise CommandError(f'projectile.position is {list(place)}: it reaches '
                                f'{0.5 * edges[2] - place[2]:.3g} m into the ground')
-        speed = math.hypot(*self.velocity)
+        speed = hypot(*self.velocity)
         if speed > _FASTEST:
             raise CommandError(f'projectile.velocity is {speed:g} m/s, it must not exceed '
                                f'{_FASTEST:g}')

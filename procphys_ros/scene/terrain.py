@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from procphys_ros.elementary import cos, power, sin
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene.height_file import MOST_CORNERS, read_heights
@@ -66,7 +67,7 @@ class TerrainSettings:
         check(self, 'terrain')
         if self.file and self.noise > 0.0:
             raise SceneError('terrain: give either terrain.file or terrain.noise, not both')
-        if self.noise > 0.0 and (self.extent / self.cell + 1.0) ** 2 > MOST_CORNERS:
+        if self.noise > 0.0 and np.square(self.extent / self.cell + 1.0) > MOST_CORNERS:
             raise SceneError(f'terrain: terrain.extent {self.extent:g} m in cells of '
                              f'{self.cell:g} m makes more than {MOST_CORNERS} heights; make '
                              'terrain.cell larger')
@@ -101,11 +102,11 @@ def _hills(settings: TerrainSettings, seed: int) -> np.ndarray:
     x, y = np.meshgrid(along, along, indexing='ij')
     heights = np.zeros((count, count))
     for octave in range(_OCTAVES):
-        number = 2.0 * math.pi * 2.0 ** octave / settings.wavelength
+        number = 2.0 * math.pi * (1 << octave) / settings.wavelength
         for angle, phase in rng.uniform(0.0, 2.0 * math.pi, (_WAVES, 2)):
-            heights += _LESS ** octave * np.cos(
-                number * (x * math.cos(angle) + y * math.sin(angle)) + phase)
-    fade = np.sin(0.5 * math.pi * np.clip((0.5 * (count - 1) * settings.cell - np.abs(along))
-                                          / (0.2 * settings.extent), 0.0, 1.0)) ** 2
+            heights += power(_LESS, octave) * cos(
+                number * (x * cos(angle) + y * sin(angle)) + phase)
+    inside = 0.5 * (count - 1) * settings.cell - np.abs(along)
+    fade = np.square(sin(0.5 * math.pi * np.clip(inside / (0.2 * settings.extent), 0.0, 1.0)))
     heights = (heights - heights.min()) * fade[:, None] * fade
     return heights * settings.noise / max(float(np.ptp(heights)), 1e-9)

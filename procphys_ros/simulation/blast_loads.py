@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.linear import norm
 from procphys_ros.physics.loads import (
     blast_boxes,
     blast_capsules,
@@ -101,7 +102,7 @@ def _fronts(state: State, boxes: np.ndarray, poses: np.ndarray, sizes: np.ndarra
     np.minimum.at(low, whole, poses[:, :3] - reach)
     np.maximum.at(high, whole, poses[:, :3] + reach)
     away = 0.5 * (low + high)[:, :2] - point[:2]
-    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+    away /= np.maximum(norm(away, axis=1, keepdims=True), 1e-9)
     extent = high - low
     width = np.abs(away[:, 1]) * extent[:, 0] + np.abs(away[:, 0]) * extent[:, 1]
     return np.sort(np.column_stack([extent[:, 2], 0.5 * width]), axis=1)[whole]
@@ -126,7 +127,7 @@ def _gas(state: State, point: Sequence[float], charge: float, ground: float, box
     push = -patches.area[:, None] * patches.normal
     linear, angular = faces.gather(patches, impulse * push, centres)
     return Impulses(linear, angular, np.zeros(len(boxes)),
-                    peak / impulse * np.linalg.norm(linear, axis=1))
+                    peak / impulse * norm(linear, axis=1))
 
 
 def _through_walls(state: State, parts: np.ndarray, rows: np.ndarray,

@@ -48,7 +48,7 @@ class Patches:
         self._shaken = np.asarray(shaken, np.int64)
         self._bodies = (np.ascontiguousarray(poses[:, :3]),
                         rotation.to_matrix(poses[:, 3:]) * size[:, None, :], momentum,
-                        0.5 * (momentum ** 2).sum(axis=1) / mass, own.pulse[shaken])
+                        0.5 * (momentum * momentum).sum(axis=1) / mass, own.pulse[shaken])
         self._topology = (graph.start, graph.incident, graph.first, graph.second, self.alive)
         self._inside = np.zeros(graph.count + 1, bool)
         self._wrench = state.solver.wrenches()

@@ -147,7 +147,7 @@ def _measure(first, second, point, impulse, change, start, fall):
                                       + (change[body, 1] + w * x - u * z) * impulse[c, 1]
                                       + (change[body, 2] + u * y - v * x) * impulse[c, 2])
             held[c, side] = half * fall[body] * impulse[c, 2]
-        size[c] = (impulse[c, 0] ** 2 + impulse[c, 1] ** 2 + impulse[c, 2] ** 2) ** 0.5
+        size[c] = np.sqrt(impulse[c, 0] ** 2 + impulse[c, 1] ** 2 + impulse[c, 2] ** 2)
     return energy, held, size
 
 

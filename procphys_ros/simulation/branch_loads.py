@@ -17,6 +17,8 @@
 
 import numpy as np
 
+from procphys_ros.elementary import expm1
+from procphys_ros.linear import norm
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.simulation import fragments, masonry
@@ -44,7 +46,7 @@ def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
     """
     broke = False
     for part, total in zip(*_per_part(contacts.part, contacts.impulse)):
-        size = float(np.linalg.norm(total))
+        size = float(norm(total))
         if size < _HEAVY * dt:
             continue
         chosen, direction = np.array([part]), -total / size
@@ -83,13 +85,13 @@ def update(model: Model, state: State, dt: float) -> None:
     mean[place[:before]] = own.mean
     now[place[before:]] = -total / dt
     beyond = now - mean
-    size = np.linalg.norm(beyond, axis=1)
-    struck = ((size > np.maximum(_HEAVY, np.linalg.norm(mean, axis=1)))
+    size = norm(beyond, axis=1)
+    struck = ((size > np.maximum(_HEAVY, norm(mean, axis=1)))
               & now.any(axis=1) & standing[both])
     if struck.any():
         masonry.apply_impulses(state, both[struck], beyond[struck] * dt, 1.0 / dt)
-    mean -= np.expm1(-dt / _SMOOTHING) * beyond
-    felt = np.linalg.norm(mean, axis=1) > _LEAST
+    mean -= expm1(-dt / _SMOOTHING) * beyond
+    felt = norm(mean, axis=1) > _LEAST
     own.parts, own.mean = both[felt], mean[felt]
     _hand_over(state, standing)
 
@@ -97,12 +99,12 @@ def update(model: Model, state: State, dt: float) -> None:
 def _hand_over(state: State, standing: np.ndarray) -> None:
     """Apply the lasting loads to the walls if they have changed."""
     own = state.branch_loads
-    heavy = standing[own.parts] & (np.linalg.norm(own.mean, axis=1) > _HEAVY)
+    heavy = standing[own.parts] & (norm(own.mean, axis=1) > _HEAVY)
     now = dict(zip(own.parts[heavy].tolist(), own.mean[heavy]))
     none = np.zeros(3)
-    change = max((np.linalg.norm(now.get(part, none) - own.given.get(part, none))
+    change = max((norm(now.get(part, none) - own.given.get(part, none))
                   for part in now.keys() | own.given.keys()), default=0.0)
-    largest = max((np.linalg.norm(force) for force in now.values()), default=0.0)
+    largest = max((norm(force) for force in now.values()), default=0.0)
     if change > max(_CHANGE * largest, 0.5 * _HEAVY):
         own.given = now
         wrenches = np.zeros((len(now), 6))

@@ -25,6 +25,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain, Shape
+from procphys_ros.linear import eigen, norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import exposed_faces
 from procphys_ros.physics.masonry import cells
@@ -61,7 +62,7 @@ def fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
     """
     source, standing = model.blueprint, state.standing[:len(model.blueprint)]
     away = source.poses[:, :3] - place
-    distance = np.linalg.norm(away, axis=1)
+    distance = norm(away, axis=1)
     hit = np.flatnonzero(standing & (distance < radius) & (source.shape == Shape.BOX))
     pane = model.glass.is_pane[hit]
     light = hit[~pane & (source.mass[hit] < HEAVY)]
@@ -103,7 +104,7 @@ def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, pla
     faces = np.zeros((count, 3, 3))
     np.add.at(faces, lump, free[whole])
     away = np.concatenate([middle, *(pieces.poses[:, :3] for pieces in made)]) - place
-    fall = (1.0 - _RIM) * np.minimum(np.linalg.norm(away, axis=1) / radius, 1.0)
+    fall = (1.0 - _RIM) * np.minimum(norm(away, axis=1) / radius, 1.0)
     speed = speed_of(source, light) * (1.0 - fall)
     weight = speed * np.concatenate([mass, *(pieces.mass for pieces in made)])
     ways = _ways(away, np.concatenate([faces, np.repeat(free[broken], _QUARTERS, axis=0)]),
@@ -112,8 +113,8 @@ def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, pla
     _release_lumps(model, state, light[whole], lump, velocities[:count], heavy)
     if made:
         _replace(model, state, light[broken], chain(made), velocities[count:])
-    state.ledger.throw(weight @ ways, 0.5 * float(weight @ speed))
-    return weight @ ways
+    state.ledger.throw(product(weight, ways), 0.5 * float(product(weight, speed)))
+    return product(weight, ways)
 
 
 def _release_lumps(model: Model, state: State, parts: np.ndarray, lump: np.ndarray,
@@ -144,7 +145,7 @@ def _replace(model: Model, state: State, parts: np.ndarray, made: Blueprint,
 def _burst_panes(model: Model, state: State, panes: np.ndarray, away: np.ndarray,
                  speed: float) -> None:
     """Let the shards of panes within reach fly away from the charge."""
-    way = away[panes] / np.maximum(np.linalg.norm(away[panes], axis=1, keepdims=True), 1e-9)
+    way = away[panes] / np.maximum(norm(away[panes], axis=1, keepdims=True), 1e-9)
     glass.shatter_standing(model, state, [
         (glass.crack(model, pane, count=len(panes)), speed * out, _LOAD)
         for pane, out in zip(panes.tolist(), way)], Cause.DEMOLITION)
@@ -186,7 +187,7 @@ def _free_faces(model: Model, state: State, parts: np.ndarray) -> np.ndarray:
     shell, source = model.masonry, model.blueprint
     middle = source.poses[parts, :3]
     low, high = middle.min(axis=0, initial=np.inf), middle.max(axis=0, initial=-np.inf)
-    reach = 0.5 * np.linalg.norm(source.size, axis=1, keepdims=True) + _NEAR
+    reach = 0.5 * norm(source.size, axis=1, keepdims=True) + _NEAR
     near = (source.poses[:, :3] > low - reach) & (source.poses[:, :3] < high + reach)
     near = np.flatnonzero(near.all(axis=1) & state.standing[:len(source)]
                           & (source.shape == Shape.BOX))
@@ -210,18 +211,18 @@ def _ways(away: np.ndarray, faces: np.ndarray, weight: np.ndarray) -> np.ndarray
     :param weight: momentum of each [N·s], (P,).
     :returns: unit vectors, (P, 3).
     """
-    area, normal = np.linalg.eigh(faces)
+    area, normal = eigen(faces)
     normal = normal[:, :, 2] * (area[:, 2] > 1e-9)[:, None]
     out = np.einsum('pi,pi->p', away, normal)
-    radial = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
+    radial = away / np.maximum(norm(away, axis=1, keepdims=True), 1e-9)
     radial[~radial.any(axis=1)] = [0.0, 0.0, 1.0]
     both = np.stack([side * normal + _ASIDE * radial for side in (1.0, -1.0)])
-    both /= np.maximum(np.linalg.norm(both, axis=2, keepdims=True), 1e-9)
+    both /= np.maximum(norm(both, axis=2, keepdims=True), 1e-9)
     ways = np.where((out >= 0.0)[:, None], both[0], both[1])
     either = np.abs(out) < _MIDDLE
-    total = weight[~either] @ ways[~either]
+    total = product(weight[~either], ways[~either])
     for row in np.flatnonzero(either).tolist():
         sums = total + weight[row] * both[:, row]
-        side = int(np.argmin(np.linalg.norm(sums, axis=1)))
+        side = int(np.argmin(norm(sums, axis=1)))
         ways[row], total = both[side, row], sums[side]
     return ways

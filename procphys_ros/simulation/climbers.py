@@ -23,6 +23,7 @@ trees as impulses.
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.linear import norm
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees import anchors, Forest
 from procphys_ros.simulation.model import Model
@@ -69,7 +70,7 @@ def _let_go(model: Model, state: State) -> None:
     climbers, own, parts = model.trees.climbers, state.climbers, state.parts
     held = np.flatnonzero(own.holds)
     row, host = climbers.row[held], climbers.anchors.host[held]
-    load = (np.linalg.norm(_pulls(state.forest, row), axis=1)
+    load = (norm(_pulls(state.forest, row), axis=1)
             / climbers.anchors.strength[held])
     wooden = climbers.host_row[held] >= 0
     there = np.where(wooden, parts.owner[host] == Owner.TREE, parts.owner[host] == Owner.STANDING)

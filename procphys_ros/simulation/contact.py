@@ -120,7 +120,7 @@ def _give_way(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
     total = np.zeros((len(ids), 3))
     np.add.at(total, place, contacts.impulse[hit])
     woken = ids[(bodies.state[ids] == BodyState.RESTING)
-                & ((total ** 2).sum(axis=1) > (_WAKE * bodies.mass[ids]) ** 2)]
+                & ((total * total).sum(axis=1) > np.square(_WAKE * bodies.mass[ids]))]
     state.world.thaw(woken)
     broke = branch_loads.break_out(model, state, contacts, dt)
     return broke or len(woken) > 0

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.linear_kernels import solve, transformed, transformed_back
 from procphys_ros.rotation_kernels import matrix
 
 _FLAT = 0.03    # [m] off the plane of contact: what is nearer takes part of the pressure
@@ -87,7 +88,7 @@ def _spread(points, normals, forces, other, poses, sizes, rest):
     out = np.zeros((len(poses), 6))
     radius = np.empty(len(poses))
     for p in range(len(poses)):
-        radius[p] = 0.5 * (sizes[p, 0] ** 2 + sizes[p, 1] ** 2 + sizes[p, 2] ** 2) ** 0.5
+        radius[p] = 0.5 * np.sqrt(sizes[p, 0] ** 2 + sizes[p, 1] ** 2 + sizes[p, 2] ** 2)
     done = np.zeros(len(points), np.bool_)
     for c in range(len(points)):
         if done[c]:
@@ -139,8 +140,8 @@ def _near(low, high, poses, radius):
 def _nearest(point, poses, radius):
     best, least = 0, np.inf
     for p in range(len(poses)):
-        gap = ((point[0] - poses[p, 0]) ** 2 + (point[1] - poses[p, 1]) ** 2
-               + (point[2] - poses[p, 2]) ** 2) ** 0.5 - radius[p]
+        gap = np.sqrt((point[0] - poses[p, 0]) ** 2 + (point[1] - poses[p, 1]) ** 2
+                      + (point[2] - poses[p, 2]) ** 2) - radius[p]
         if gap < least:
             best, least = p, gap
     return best
@@ -193,13 +194,12 @@ def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
         if not chosen[n] or share[n] <= 0.0:
             continue
         p = near[n]
-        inner = np.ascontiguousarray(axes[n].T)
-        arm = inner @ ((middle if n == nearest else spot[n]) - poses[p, :3])
+        arm = transformed_back(axes[n], (middle if n == nearest else spot[n]) - poses[p, :3])
         for k in range(3):  # a merged outline may touch where no part is: act on its surface
             arm[k] = min(max(arm[k], -0.5 * sizes[p, k]), 0.5 * sizes[p, k])
         back = matrix(rest[p, 3:])
-        push = share[n] * (back @ (inner @ force))
-        arm = back @ arm
+        push = share[n] * transformed(back, transformed_back(axes[n], force))
+        arm = transformed(back, arm)
         out[p, :3] += push
         out[p, 3] += arm[1] * push[2] - arm[2] * push[1]
         out[p, 4] += arm[2] * push[0] - arm[0] * push[2]
@@ -218,7 +218,7 @@ def _footing(middle, normal, spot, chosen):
     for p in range(len(spot)):
         if chosen[p]:
             spread_ += np.outer(spot[p] - mean, spot[p] - mean)
-    tilt = np.linalg.solve(spread_, middle - mean)
+    tilt = solve(spread_, middle - mean)
     share = np.zeros(len(spot))
     total = 0.0
     for p in range(len(spot)):

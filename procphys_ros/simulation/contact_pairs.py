@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.linear import norm
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overlaps
 from procphys_ros.physics.trees import Forest
@@ -206,7 +207,7 @@ def survey(forest: Forest, sizes: np.ndarray, bricks: Bricks,
         length = 0.5 * sizes[:, 2].max(initial=0.0)
         for first, last in zip(plan.start[:-1], plan.start[1:]):
             rows = plan.row[first:last]
-            arm = np.linalg.norm(forest.poses[rows, :3] - forest.poses[rows[0], :3], axis=1)
+            arm = norm(forest.poses[rows, :3] - forest.poses[rows[0], :3], axis=1)
             room = np.full(3, arm.max() + 3.0 * length)
             base = forest.poses[rows[0], :3]
             reached, _ = overlaps(np.concatenate([base - room, base + room])[None], bricks.cells)

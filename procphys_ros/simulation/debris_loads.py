@@ -19,6 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.elementary import exp, expm1
+from procphys_ros.linear import norm
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import resistances
 from procphys_ros.physics.touch import overlaps
@@ -62,9 +64,9 @@ def update(model: Model, state: State, dt: float) -> None:
     own = state.rubble
     if not ((state.bodies.members or own.given.any()) and state.standing.any()):
         return
-    own.moving *= np.exp(-dt / _SMOOTHING)
+    own.moving *= exp(-dt / _SMOOTHING)
     if may_touch(model, state):
-        share = -np.expm1(-dt / _SMOOTHING) / dt
+        share = -expm1(-dt / _SMOOTHING) / dt
         _add_contacts(state, state.world.contacts(), share)
     own.since += dt
     if own.since < _INTERVAL - 1e-9:
@@ -118,14 +120,15 @@ def knockouts(state: State, blows: Blows, struck: np.ndarray) -> list[Knockout]:
     total, force = np.zeros((2, len(hit), 3))
     np.add.at(total, place, impulse)
     np.add.at(force, place, impulse / blows.duration[rows][:, None])
-    size = np.linalg.norm(total, axis=1)
+    size = norm(total, axis=1)
     hardest = np.argsort(-size, kind='stable')[:_MOST]
     hardest = hardest[size[hardest] >= _GRAIN]
     hit, size = hit[hardest], size[hardest]
     direction = total[hardest] / size[:, None]
     push, mass = (force[hardest] * direction).sum(axis=1), state.parts.mass[hit]
     withstood, work = resistances(state.solver, hit, direction)
-    out = (push > withstood) & ((size / mass) ** 2 > 2.0 * work / mass)  # see masonry.comes_out
+    # See masonry.comes_out.
+    out = (push > withstood) & (np.square(size / mass) > 2.0 * work / mass)
     return [Knockout(int(hit[n]), float(withstood[n] / push[n])) for n in np.flatnonzero(out)]
 
 

@@ -19,6 +19,7 @@ from itertools import islice
 
 import numpy as np
 
+from procphys_ros.linear import norm, product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.dust import DustCloud, lost_energy
 from procphys_ros.physics.kinetic import motion_energy
@@ -48,7 +49,7 @@ def watch(model: Model, state: State, dt: float) -> None:
     bodies, ids = state.world.bodies, state.world.awake
     free = bodies.velocities[ids]  # a copy
     free[:, 2] -= model.gravity * dt
-    fast = (free[:, :3] ** 2).sum(axis=1) > _HARD ** 2
+    fast = (free[:, :3] * free[:, :3]).sum(axis=1) > _HARD * _HARD
     own.watch = None
     if fast.any():
         poses, mass = bodies.poses[ids], bodies.mass[ids]
@@ -98,8 +99,10 @@ def _from_projectiles(model: Model, state: State, cloud: DustCloud) -> None:
         after = velocity.get(blow.projectile, bodies.velocities[body, :3])
         before = velocity[blow.projectile] = after + blow.lost / mass
         if stony[blow.parts].all():
-            carried = blow.carried @ blow.carried / (2.0 * state.parts.mass[blow.parts].sum())
-            energy = 0.5 * mass * (before @ before - after @ after) - carried - blow.work
+            moved = state.parts.mass[blow.parts].sum()
+            carried = product(blow.carried, blow.carried) / (2.0 * moved)
+            lost = 0.5 * mass * (product(before, before) - product(after, after))
+            energy = lost - carried - blow.work
             cloud.raise_dust(blow.point[None], np.zeros(1), np.array([max(energy, 0.0)]))
 
 
@@ -139,7 +142,7 @@ def _spent(model: Model, state: State, watch: dict[str, np.ndarray],
                                         bodies.poses[others, 3:], bodies.velocities[others])))
     energy = lost_energy(watch['energy'], now, gained)[hit]
     kick = (after - free)[hit, :3]  # away from what it hit
-    kick /= np.maximum(np.linalg.norm(kick, axis=1, keepdims=True), 1e-9)
+    kick /= np.maximum(norm(kick, axis=1, keepdims=True), 1e-9)
     radius = watch['radius'][hit]
     place = watch['poses'][hit, :3] - radius[:, None] * kick
     place[:, 2] = np.maximum(place[:, 2], model.terrain.height(place))
@@ -155,8 +158,8 @@ def _present(model: Model, state: State, watch: dict[str, np.ndarray],
     """
     bodies, ids, mass, free = state.world.bodies, watch['ids'], watch['mass'], watch['free']
     poses, after = bodies.poses[ids], bodies.velocities[ids]
-    way = np.linalg.norm(free[:, :3], axis=1) * dt
-    shift = np.linalg.norm(poses[:, :3] - watch['poses'][:, :3], axis=1)
+    way = norm(free[:, :3], axis=1) * dt
+    shift = norm(poses[:, :3] - watch['poses'][:, :3], axis=1)
     doing = bodies.state[ids]
     same = (((doing == BodyState.AWAKE) | (doing == BodyState.RESTING))
             & (bodies.mass[ids] == mass) & (shift < 2.0 * way + _JUMP))
@@ -176,7 +179,7 @@ def _at_contacts(state: State, ids: np.ndarray, place: np.ndarray, radius: np.nd
     row = np.full(len(state.world.bodies.state) + 1, -1)
     row[ids[radius > _LARGE]] = np.flatnonzero(radius > _LARGE)
     side = row[np.concatenate([contacts.body_a, contacts.body_b])]
-    push = np.tile(np.linalg.norm(contacts.impulse, axis=1), 2)
+    push = np.tile(norm(contacts.impulse, axis=1), 2)
     point = np.flatnonzero((side >= 0) & (push > 0.0))
     side, push = side[point], push[point]
     total = np.bincount(side, push, minlength=len(ids))

@@ -20,6 +20,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.elementary import expm1
+from procphys_ros.linear import norm
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.world import (
@@ -167,7 +169,8 @@ def make_bodies(model: Model, state: State, pieces: Sequence[tuple[
 def _joined(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
             velocities: np.ndarray) -> tuple[LooseBody, np.ndarray, np.ndarray]:
     """Describe a body of parts; give these in order, and their poses in it."""
-    order = np.argsort(parts)  # rows of a tree follow its branches, not the part indices
+    # Rows of a tree follow its branches, not the part indices.
+    order = np.argsort(parts, kind='stable')
     parts, poses, velocities = np.asarray(parts)[order], poses[order], velocities[order]
     columns = state.parts
     friction = FRICTION if columns.shape[parts[0]] == Shape.BOX else _WOOD_FRICTION
@@ -251,12 +254,12 @@ def apply_drag(model: Model, state: State, dt: float) -> None:
     area[:len(state.bodies.drag_area)] = state.bodies.drag_area
     velocities = state.world.velocities(awake).copy()
     slip = air - velocities[:, :3]
-    rate = (0.5 * AIR_DENSITY * area[awake] * np.linalg.norm(slip, axis=1)
+    rate = (0.5 * AIR_DENSITY * area[awake] * norm(slip, axis=1)
             / state.world.bodies.mass[awake])
-    share = -np.expm1(-rate * dt)[:, None]
+    share = -expm1(-rate * dt)[:, None]
     velocities[:, :3] += share * slip
     velocities[:, 3:] *= 1.0 - share
-    felt = rate * np.linalg.norm(slip, axis=1) > _NEGLIGIBLE
+    felt = rate * norm(slip, axis=1) > _NEGLIGIBLE
     state.world.set_velocities(awake[felt], velocities[felt])
 
 

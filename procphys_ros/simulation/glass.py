@@ -22,6 +22,8 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.elementary import exp, hypot, standard_normal
+from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Resistance
@@ -72,7 +74,7 @@ class CrackedPane:
 def pressure(model: Model, parts: np.ndarray) -> np.ndarray:
     """Give the steady pressure at which panes break [Pa], (K,)."""
     slenderness = model.glass.edge[parts] / model.glass.thickness[parts]
-    return _STRENGTH / (_PLATE_STRESS * slenderness ** 2)
+    return _STRENGTH / (_PLATE_STRESS * (slenderness * slenderness))
 
 
 def frequency(model: Model, parts: np.ndarray) -> np.ndarray:
@@ -83,8 +85,8 @@ def frequency(model: Model, parts: np.ndarray) -> np.ndarray:
     and contact are springs in series: the squares of their half periods add up to that of a blow.
     """
     thick, edge = model.glass.thickness[parts], model.glass.edge[parts]
-    stiffness = _MODULUS * thick ** 3 / (12.0 * (1.0 - _POISSON ** 2))
-    return 2.0 * np.pi ** 2 / edge ** 2 * np.sqrt(
+    stiffness = _MODULUS * thick * thick * thick / (12.0 * (1.0 - _POISSON * _POISSON))
+    return 2.0 * (np.pi * np.pi) / (edge * edge) * np.sqrt(
         stiffness / (model.blueprint.density[parts] * thick))
 
 
@@ -105,13 +107,13 @@ def crack(model: Model, part: int, point: np.ndarray | None = None, size: float 
     thin, edge = float(model.glass.thickness[part]), float(model.glass.edge[part])
     if point is not None:
         edge = min(edge, size + _REACH)
-        mass = min(mass, float(source.density[part]) * thin * edge ** 2)
-        distance = np.linalg.norm(parts.poses[:, :3] - point, axis=1)
-        share = np.exp(-(distance / (0.5 * size + _REACH)) ** 2)
-        share *= mass / float(parts.mass @ share)
+        mass = min(mass, float(source.density[part]) * thin * (edge * edge))
+        distance = norm(parts.poses[:, :3] - point, axis=1)
+        share = exp(-np.square(distance / (0.5 * size + _REACH)))
+        share *= mass / float(product(parts.mass, share))
     force = float(_point_force(model, np.array([part]))[0])
-    stiffness = _MODULUS * thin ** 3 / (12.0 * (1.0 - _POISSON ** 2))
-    energy = 0.5 * force ** 2 * _POINT_SAG * edge ** 2 / stiffness
+    stiffness = _MODULUS * thin * thin * thin / (12.0 * (1.0 - _POISSON * _POISSON))
+    energy = 0.5 * (force * force) * _POINT_SAG * (edge * edge) / stiffness
     return CrackedPane(part, parts, share, mass,
                        Resistance(np.zeros(0, np.intp), force, energy))
 
@@ -179,10 +181,10 @@ def shatter_loose(model: Model, state: State) -> bool:
     awake = state.world.awake
     own.shards = own.shards[np.isin(own.shards, awake)]
     room = max(SHARDS - len(own.shards), 0)
-    chosen = rows[:min(_MOST, max(room, BODIES - len(awake)) // FEWEST ** 2)]
+    chosen = rows[:min(_MOST, max(room, BODIES - len(awake)) // (FEWEST * FEWEST))]
     if not len(chosen):
         return False
-    pieces = min(max(int((room / len(rows)) ** 0.5), FEWEST), _PIECES)
+    pieces = min(max(int(np.sqrt(room / len(rows))), FEWEST), _PIECES)
     parts = model.glass.parts[chosen]
     carrier = state.parts.body[parts]
     made, moving = {}, {}
@@ -203,7 +205,7 @@ def shatter_loose(model: Model, state: State) -> bool:
 
 def _point_force(model: Model, parts: np.ndarray) -> np.ndarray:
     """Give the force in one point that panes withstand [N], (K,)."""
-    return _STRENGTH * model.glass.thickness[parts] ** 2 / _POINT_STRESS
+    return _STRENGTH * np.square(model.glass.thickness[parts]) / _POINT_STRESS
 
 
 def _cut_up(model: Model, part: int, pose: np.ndarray, pieces: int,
@@ -235,8 +237,8 @@ def _scatter(model: Model, state: State, part: int, first: int, pieces: Blueprin
 def _spring_back(model: Model, part: int, pieces: Blueprint) -> np.ndarray:
     """Give what shards gain as the pane springs back, without net momentum, (S, 6)."""
     rng = np.random.default_rng([model.seed, part, 1])
-    gained = rng.normal(0.0, [_SPRING] * 3 + [_SPIN] * 3, (len(pieces), 6))
-    gained[:, :3] -= pieces.mass @ gained[:, :3] / pieces.mass.sum()
+    gained = standard_normal(rng, (len(pieces), 6)) * ([_SPRING] * 3 + [_SPIN] * 3)
+    gained[:, :3] -= product(pieces.mass, gained[:, :3]) / pieces.mass.sum()
     return gained
 
 
@@ -253,7 +255,7 @@ def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
     change = jump[:, :3] + np.cross(jump[:, 3:], pose[:, :3] - start[:, :3])
     across = rotation.to_matrix(pose[:, 3:])[np.arange(len(rows)), :, model.glass.thin[rows]]
     rate = np.abs(np.einsum('ki,ki->k', across, change))
-    rate /= np.hypot(contact_time(state.world.bodies.mass[body]), np.pi / frequency(model, parts))
+    rate /= hypot(contact_time(state.world.bodies.mass[body]), np.pi / frequency(model, parts))
     bearable = pressure(model, parts) / (model.blueprint.density[parts]
                                          * model.glass.thickness[parts])
     return rate / bearable
@@ -284,7 +286,7 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
     on = (np.abs(local) < 0.5 * model.blueprint.size[parts] + _NEAR).all(axis=1)
     if not on.any():
         return rows[on], np.zeros(0)
-    force = np.linalg.norm(contacts.impulse[touch[on]], axis=1)
+    force = norm(contacts.impulse[touch[on]], axis=1)
     force /= blows_of(model, state, change).duration[touch[on]]
     return rows[on], force / _point_force(model, parts[on])
 

@@ -27,6 +27,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law, Shape
+from procphys_ros.linear import norm
 from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.trees import Anchors, Forest
 from procphys_ros.scene import SceneObject
@@ -123,4 +124,4 @@ def _distance(blueprint: Blueprint, part: np.ndarray, host: np.ndarray) -> np.nd
     round_ = blueprint.shape[host] == Shape.CAPSULE
     radius = np.where(round_, half[:, 0], 0.0)
     core = np.where(round_[:, None], [0.0, 0.0, 1.0], 1.0) * (half - radius[:, None])
-    return np.linalg.norm(local - np.clip(local, -core, core), axis=1) - radius
+    return norm(local - np.clip(local, -core, core), axis=1) - radius

@@ -199,8 +199,8 @@ def _jump(model: Model, state: State, dt: float) -> np.ndarray:
 def _struck(state: State, jump: np.ndarray) -> np.ndarray:
     """Mark the bodies whose motion contacts changed at once, by id, (B,) bool."""
     bodies, awake = state.world.bodies, state.world.awake
-    felt = (np.sqrt((jump[:, :3] ** 2).sum(axis=1))
-            + np.sqrt((jump[:, 3:] ** 2).sum(axis=1)) * bodies.radius[awake])
+    felt = (np.sqrt((jump[:, :3] * jump[:, :3]).sum(axis=1))
+            + np.sqrt((jump[:, 3:] * jump[:, 3:]).sum(axis=1)) * bodies.radius[awake])
     struck = np.zeros(len(bodies.state), bool)
     struck[awake] = felt > _LEAST_JUMP
     return struck
@@ -219,7 +219,7 @@ def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
     bodies, known, bonds = state.world.bodies, state.bodies, state.loose_bonds
     count = len(bodies.state)
     side = np.concatenate([contacts.body_a, contacts.body_b])
-    push = np.tile(np.sqrt((contacts.impulse ** 2).sum(axis=1)), 2)
+    push = np.tile(np.sqrt((contacts.impulse * contacts.impulse).sum(axis=1)), 2)
     by_blow = struck[side] | struck[np.concatenate([contacts.body_b, contacts.body_a])]
     felt = np.bincount(side, push * by_blow, count)
     rows = np.flatnonzero(by_blow[:len(contacts)])

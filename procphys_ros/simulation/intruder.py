@@ -21,7 +21,9 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.elementary import expm1
 from procphys_ros.errors import CommandError, nearest_names
+from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.touch import overlap_ball, overlap_box, overlaps
 from procphys_ros.physics.world import BodyState, Pieces
@@ -105,7 +107,7 @@ def sum_wrench(model: Model, state: State, dt: float) -> None:
             continue
         own.wrench = own.from_wall.copy()
         table = world.bodies
-        away = np.linalg.norm(table.poses[:, :3] - own.path.pose[:3], axis=1)
+        away = norm(table.poses[:, :3] - own.path.pose[:3], axis=1)
         near = away < table.radius + table.radius[own.body] + 0.1
         if (near & (table.state == BodyState.AWAKE)).any():
             own.wrench += world.wrench(own.body)
@@ -113,8 +115,8 @@ def sum_wrench(model: Model, state: State, dt: float) -> None:
         force = -state.contacts.impulse[mine] / dt
         own.wrench[:3] += force.sum(axis=0)
         own.wrench[3:] += np.cross(state.contacts.point[mine] - own.start, force).sum(axis=0)
-        own.smooth_wrench = own.smooth_wrench - np.expm1(-dt / SMOOTHING) * (own.wrench
-                                                                             - own.smooth_wrench)
+        share = -expm1(-dt / SMOOTHING)
+        own.smooth_wrench = own.smooth_wrench + share * (own.wrench - own.smooth_wrench)
 
 
 def _bounds(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> np.ndarray:
@@ -146,12 +148,12 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
         if not len(rows):
             continue
         push = -normal[rows].mean(axis=0)
-        push /= np.linalg.norm(push)
+        push /= norm(push)
         plug, withstood = masonry.weakest_plug(state, near.part[rows], push)
         force = withstood.force / len(rows) * np.minimum(depth[rows] / _YIELD, 1.0)
         arm = point[rows] - pose[:3]
         if depth[rows[0]] > _YIELD:
-            speed = np.maximum((velocity[:3] + np.cross(velocity[3:], arm)) @ push, 0.0)
+            speed = np.maximum(product(velocity[:3] + np.cross(velocity[3:], arm), push), 0.0)
             force += _drive_out(model, state, plug, speed, push) / len(rows) / dt
         else:
             parts.append(near.part[rows])
@@ -166,7 +168,7 @@ def _together(depth: np.ndarray, normal: np.ndarray) -> Iterator[np.ndarray]:
     for rows in (np.flatnonzero(depth > _YIELD),
                  np.flatnonzero((depth > 0.0) & (depth <= _YIELD))):
         while len(rows):
-            alike = normal[rows] @ normal[rows[0]] > _ALIKE
+            alike = product(normal[rows], normal[rows[0]]) > _ALIKE
             yield rows[alike]
             rows = rows[~alike]
 
@@ -185,7 +187,7 @@ def _drive_out(model: Model, state: State, plug: np.ndarray, speed: np.ndarray,
     leaving[:, :3] = speed.mean() * push
     leaving[:len(speed), :3] = speed[:, None] * push
     fragments.release(model, state, pieces, leaving, Cause.IMPACT, 1.0)
-    return float(state.parts.mass[parts] @ (leaving[:, :3] @ push))
+    return float(product(state.parts.mass[parts], product(leaving[:, :3], push)))
 
 
 def _deepest(pieces: Pieces, pose: np.ndarray,

@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.errors import CommandError
+from procphys_ros.linear import product
 from procphys_ros.physics.lidar import cast, NOTHING, Pattern, pinhole, spherical
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.schema import short
@@ -55,7 +56,7 @@ class Scan:
         points = self.directions * ranges[..., None]
         if not in_world:
             return points
-        return points @ rotation.to_matrix(self.pose[3:]).T + self.pose[:3]
+        return product(points, rotation.to_matrix(self.pose[3:]).T) + self.pose[:3]
 
 
 def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:

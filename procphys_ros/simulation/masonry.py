@@ -21,6 +21,7 @@ import math
 
 import numpy as np
 
+from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Failures, plugs, Resistance, resistance
@@ -109,7 +110,7 @@ def comes_out(pieces: list[np.ndarray], mass: float, withstood: Resistance,
     :param withstood: by the bonds around them.
     """
     whole = blow.mass + mass
-    left = (blow.momentum / whole) ** 2 - 2.0 * withstood.energy / whole
+    left = np.square(blow.momentum / whole) - 2.0 * withstood.energy / whole
     if blow.force <= withstood.force or left <= 0.0:
         return None
     speed = math.sqrt(left)
@@ -171,7 +172,7 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
     :param point: where the linear impulse acts [m], (3,), world.
     :returns: whether it came out of its wall.
     """
-    size = float(np.linalg.norm(linear))
+    size = float(norm(linear))
     chosen = np.array([part])
     mass = float(state.parts.mass[part])
     turn = angular + np.cross(point - state.parts.poses[part, :3], linear)
@@ -207,7 +208,7 @@ def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
     wrenches = np.zeros((len(parts), 6))
     wrenches[:, :impulses.shape[1]] = rate * impulses
     state.loads.add_blow(parts, wrenches, speed if speed is not None else
-                         np.linalg.norm(impulses[:, :3], axis=1) / state.parts.mass[parts])
+                         norm(impulses[:, :3], axis=1) / state.parts.mass[parts])
 
 
 def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
@@ -354,11 +355,11 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
     """
     waves = state.blasts.momentum[moved]  # which `_let_go` hands over
     whole = float(state.parts.mass[moved].sum())
-    way = state.parts.mass[moved] @ state.solver.motion(moved)
-    way /= max(float(np.linalg.norm(way)), 1e-12)
-    blows = max(float(state.loads.blows_on(moved) @ way) / WALL_RATE, 0.0) * way
-    size = float(np.linalg.norm(blows))
-    if max(size, float(np.linalg.norm(waves.sum(axis=0)))) > _TIPPING * whole:
+    way = product(state.parts.mass[moved], state.solver.motion(moved))
+    way /= max(float(norm(way)), 1e-12)
+    blows = max(float(product(state.loads.blows_on(moved), way)) / WALL_RATE, 0.0) * way
+    size = float(norm(blows))
+    if max(size, float(norm(waves.sum(axis=0)))) > _TIPPING * whole:
         most = state.loads.striking_speed(moved) * whole
         velocity = min(1.0, most / max(size, 1e-12)) * blows / whole
         state.parts.velocities[moved[~waves.any(axis=1)], :3] = velocity
@@ -378,7 +379,7 @@ def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:
         state.loads.scale_blows(thrown, 1.0 - mass[leaves].sum() / max(mass[thrown].sum(), 1e-9))
     for parts in pieces:
         # What stands has no velocity but the one from `_ride_out`.
-        state.ledger.come_off(state.parts.mass[parts] @ state.parts.velocities[parts, :3])
+        state.ledger.come_off(product(state.parts.mass[parts], state.parts.velocities[parts, :3]))
         own = state.blasts.momentum[parts]
         if own.any():
             state.parts.velocities[parts, :3] += own / state.parts.mass[parts][:, None]

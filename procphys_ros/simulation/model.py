@@ -292,7 +292,7 @@ def _glass(blueprint: Blueprint, loose_bonds: FreeBodies) -> GlassModel:
 
 def _leaves(blueprint: Blueprint, settings: Settings, trees: TreeModel, seed: int) -> LeafModel:
     leaves = blueprint.leaves
-    area = leaves.size ** 2  # as `Blueprint.leaf_area` has it
+    area = leaves.size * leaves.size  # as `Blueprint.leaf_area` has it
     carriers, carrier = np.unique(leaves.part, return_inverse=True)
     rng = np.random.default_rng((_STRENGTH_SEED << 64) + seed)
     usual = settings.leaves.shedding_speed / SHEDDING_SPEED

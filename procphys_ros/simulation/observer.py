@@ -20,6 +20,8 @@ import math
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import atan, cos, sin, tan
+from procphys_ros.linear import norm, product
 from procphys_ros.scene.culling import CullingSettings
 
 _STRAIGHT = 0.5 * math.pi  # [rad] widest half angle; the planes of wider ones would not bound
@@ -44,7 +46,7 @@ class Observer:
 
     def distance(self, centres: np.ndarray) -> np.ndarray:
         """Give how far points are away [m], (K,)."""
-        return np.linalg.norm(centres - self.position, axis=1)
+        return norm(centres - self.position, axis=1)
 
     def sees(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
         """
@@ -60,9 +62,9 @@ class Observer:
         away = centres - self.position
         seen = np.ones(len(centres), bool)
         for normal in self._normals:
-            seen &= away @ normal >= -radii
+            seen &= product(away, normal) >= -radii
         if self._reach > 0.0:
-            seen &= np.einsum('ki,ki->k', away, away) <= (self._reach + radii) ** 2
+            seen &= np.einsum('ki,ki->k', away, away) <= np.square(self._reach + radii)
         return seen
 
 
@@ -70,7 +72,7 @@ def _planes(settings: CullingSettings) -> np.ndarray:
     """Give inward normals of the planes through the eye: sides, top, bottom, behind, (5, 3)."""
     half = 0.5 * settings.field_of_view
     up = min(half + settings.widening, _STRAIGHT)
-    side = min(math.atan(settings.aspect * math.tan(half)) + settings.widening, _STRAIGHT)
-    return np.array([[math.sin(side), math.cos(side), 0.0], [math.sin(side), -math.cos(side), 0.0],
-                     [math.sin(up), 0.0, math.cos(up)], [math.sin(up), 0.0, -math.cos(up)],
+    side = min(atan(settings.aspect * tan(half)) + settings.widening, _STRAIGHT)
+    return np.array([[sin(side), cos(side), 0.0], [sin(side), -cos(side), 0.0],
+                     [sin(up), 0.0, cos(up)], [sin(up), 0.0, -cos(up)],
                      [1.0, 0.0, 0.0]])

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.linear import norm
 from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.world import BodyState, expand, World
 
@@ -107,7 +108,7 @@ class Bricks:
             blueprint.shape[parts], blueprint.poses[parts], blueprint.size[parts],
             np.zeros((len(parts), 6)), part=parts)
         self._cell, self.cells = sorted_into_cells(self._all.bounds(0.0, 0.0))
-        room = 0.5 * np.linalg.norm(blueprint.size[parts], axis=1)[:, None]
+        room = 0.5 * norm(blueprint.size[parts], axis=1)[:, None]
         place = blueprint.poses[parts, :3]
         self.reach = sorted_into_cells(np.hstack([place - room, place + room]))[1]
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Law
+from procphys_ros.linear import norm, product
 from procphys_ros.physics.masonry import strength
 from procphys_ros.physics.trees.breaks import section_modulus
 from procphys_ros.simulation.parts import Owner
@@ -60,7 +61,7 @@ def describe(state: State, part: int) -> str:
     if owner == Owner.GONE:
         return f'{name} exists no more'
     if owner == Owner.BODY:
-        return f'{name} is loose, {np.linalg.norm(state.parts.velocities[part, :3]):.2g} m/s'
+        return f'{name} is loose, {norm(state.parts.velocities[part, :3]):.2g} m/s'
     load = load_of(state, part)
     return (f'{name} carries {load.force:.3g} N and {load.moment:.3g} N·m, '
             f'{100.0 * load.share:.2g} % of its strength')
@@ -69,12 +70,12 @@ def describe(state: State, part: int) -> str:
 def _branch(state: State, part: int) -> PartLoad:
     row = int(state.parts.row[part])
     wrench, bond = state.forest.joint_wrenches[row], int(state.forest.bonds[row])
-    force, moment = float(np.linalg.norm(wrench[:3])), float(np.linalg.norm(wrench[3:]))
+    force, moment = float(norm(wrench[:3])), float(norm(wrench[3:]))
     source = state.blueprint
     hinge = int(np.count_nonzero(source.bond_law[:bond] == Law.HINGE))
     axis = rotation.rotate(state.parts.poses[part, 3:], np.array([0.0, 0.0, 1.0]))
-    twist = abs(float(wrench[3:] @ axis))
-    bending = float(np.sqrt(max(moment ** 2 - twist ** 2, 0.0)))
+    twist = abs(float(product(wrench[3:], axis)))
+    bending = float(np.sqrt(max(moment * moment - twist * twist, 0.0)))
     stress = bending / float(section_modulus(source.bond_extent[bond, 0]))
     own = source.hinges
     share = max(force / own.break_force[hinge], twist / own.break_torque[hinge],
@@ -90,5 +91,5 @@ def _brick(state: State, part: int) -> PartLoad:
         return PartLoad()
     wrench = state.solver.wrenches()
     share, _ = strength.utilisation(graph, wrench)
-    size = np.linalg.norm(wrench[bonds].reshape(-1, 2, 3), axis=2).max(axis=0)
+    size = norm(wrench[bonds].reshape(-1, 2, 3), axis=2).max(axis=0)
     return PartLoad(float(size[0]), float(size[1]), float(share[bonds].max()))

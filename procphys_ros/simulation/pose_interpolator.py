@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.linear import norm
 from procphys_ros.physics.world import velocity_between
 
 _STALE = 0.5      # [s] without a pose after which what arrives next is not part of one motion
@@ -55,7 +56,7 @@ class PoseInterpolator:
         if not self.placed:
             self.pose, self.placed, self._arrival = pose, True, time
             return True
-        if np.linalg.norm(pose[:3] - self.pose[:3]) > _FASTEST * (self._arrival - time):
+        if norm(pose[:3] - self.pose[:3]) > _FASTEST * (self._arrival - time):
             self.pose = pose
             return True
         return False
@@ -74,7 +75,7 @@ class PoseInterpolator:
         if left <= time_step:
             self.pose = self._target
             return velocity
-        spin = float(np.linalg.norm(velocity[3:]))
+        spin = float(norm(velocity[3:]))
         turn = rotation.IDENTITY
         if spin > 0.0:
             turn = rotation.from_axis_angle(velocity[3:] / spin, np.asarray(spin * time_step))

@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros.errors import CommandError
+from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.loads import (
@@ -79,7 +80,7 @@ def launch(model: Model, state: State, projectile: Projectile) -> int:
                                       made.poses[0], velocity, restitution=RESTITUTION)
     fragments.adopt(state, np.array([part]), np.array([body]))
     if ball:
-        state.bodies.drag_area[body] = _BALL_DRAG * float(size[0]) ** 2
+        state.bodies.drag_area[body] = _BALL_DRAG * np.square(float(size[0]))
     state.missiles.append(Missile(part, body, ball, size, float(projectile.mass)))
     return part
 
@@ -96,7 +97,7 @@ def step(model: Model, state: State, dt: float) -> None:
     for missile in state.missiles:
         if state.parts.owner[missile.part] != Owner.BODY:
             continue
-        speed = np.linalg.norm(bodies.velocities[missile.body, :3])
+        speed = norm(bodies.velocities[missile.body, :3])
         if bodies.state[missile.body] == BodyState.AWAKE and speed > _SLOW:
             _fly(model, state, missile, dt)
 
@@ -119,7 +120,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
         if is_tree:
             passed.add(int(hits.index[0]))
             _hit_tree(state, missile, hits, velocity, dt)
-            goes_on = before @ velocity[:3] > 0.0
+            goes_on = product(before, velocity[:3]) > 0.0
         else:
             goes_on = _hit_wall(model, state, missile, hits, way, velocity)
         left = left if goes_on else dt
@@ -134,7 +135,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
 def _move(pose: np.ndarray, velocity: np.ndarray, duration: float, gravity: float) -> None:
     """Move straight on, or back, with the energy of free flight."""
     pose[:3] += duration * velocity[:3]
-    square = velocity[2] ** 2 - 2.0 * gravity * duration * velocity[2]
+    square = velocity[2] * velocity[2] - 2.0 * gravity * duration * velocity[2]
     velocity[2] = np.copysign(np.sqrt(max(square, 0.0)), velocity[2])
 
 
@@ -157,7 +158,7 @@ def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, wa
               velocity: np.ndarray, passed: set[int]) -> tuple[Hits, bool] | None:
     """Find the next blow on a way: its touches, and whether it is on a tree."""
     wall, tree = _ahead(model, state, missile, pose, way)
-    wall = _take(wall, wall.normal @ velocity < -_SLOW)
+    wall = _take(wall, product(wall.normal, velocity) < -_SLOW)
     if len(tree):
         forest = state.forest
         moving = forest.velocities[tree.index]
@@ -171,7 +172,7 @@ def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, wa
     if not len(wall):
         return None
     depth = _depth(wall, way)
-    together = (depth < _DENT) & (wall.normal @ wall.normal[0] > _ALIKE)
+    together = (depth < _DENT) & (product(wall.normal, wall.normal[0]) > _ALIKE)
     panes = model.glass.is_pane[wall.index]
     return _take(wall, together & (panes == panes[0])), False
 
@@ -188,14 +189,14 @@ def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
     point, normal = hits.point[0], hits.normal[0]
     air = None if state.trees.still else state.trees.air
     look = forest.predict_response(row, point[None], dt, air)
-    closing = normal @ (look.before[0] - velocity[:3])
-    then = normal @ (look.velocity[0] - velocity[:3])
-    yielding = 1.0 / missile.mass + normal @ look.response[0] @ normal
+    closing = product(normal, look.before[0] - velocity[:3])
+    then = product(normal, look.velocity[0] - velocity[:3])
+    yielding = 1.0 / missile.mass + product(product(normal, look.response[0]), normal)
     impulse = -max(then + RESTITUTION * closing, 0.0) / yielding * normal  # on the tree
     for share in _SHARES:
         after = forest.predict_response(row, point[None], dt, air, impulse[None])
         mean = after.velocity[0] + after.old_share[0] * (after.before[0] - after.velocity[0])
-        if impulse @ (mean - velocity[:3] + 0.5 * impulse / missile.mass) <= 0.0:
+        if product(impulse, mean - velocity[:3] + 0.5 * impulse / missile.mass) <= 0.0:
             break
         impulse *= share
     forest.apply_impulse(int(row[0]), point, impulse)
@@ -208,10 +209,10 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
     """Strike standing parts together; say whether they give way."""
     parts, flush = hits.index, _depth(hits, way) < _FLUSH
     point, normal = hits.point[flush].mean(axis=0), hits.normal[flush].mean(axis=0)
-    normal /= np.linalg.norm(normal)
-    before, closing = velocity[:3].copy(), float(-normal @ velocity[:3])
+    normal /= norm(normal)
+    before, closing = velocity[:3].copy(), float(product(-normal, velocity[:3]))
     direction = _line(before, normal, closing)
-    momentum = missile.mass * closing / float(-normal @ direction)
+    momentum = missile.mass * closing / float(product(-normal, direction))
     blow = masonry.Strike(direction, (1.0 + RESTITUTION) * momentum
                           / float(contact_time(missile.mass)), missile.mass, momentum)
     pane = None
@@ -225,7 +226,7 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
         _bounce(velocity, normal, closing)
         lost = missile.mass * (before - velocity[:3])
         masonry.apply_impulses(state, parts, np.tile(lost / len(parts), (len(parts), 1)),
-                               speed=float(np.linalg.norm(before)))
+                               speed=float(norm(before)))
         _record(state, missile, point, parts, False, lost, np.zeros(3), 0.0)
         return False
     velocity[:3] -= (momentum / missile.mass - out.speed) * direction
@@ -235,7 +236,7 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
                                Cause.IMPACT)
     else:
         masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
-                                     out.passed_on * direction, float(np.linalg.norm(before)))
+                                     out.passed_on * direction, float(norm(before)))
         masonry.release(model, state, out, blow)
     _record(state, missile, point, out.parts, True, lost, out.mass * out.speed * direction,
             out.withstood.energy)
@@ -245,7 +246,7 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
 def _bounce(velocity: np.ndarray, normal: np.ndarray, closing: float) -> None:
     """Throw back what meets a wall that holds; friction slows what slides along it."""
     along = velocity[:3] + closing * normal
-    speed = float(np.linalg.norm(along))
+    speed = float(norm(along))
     grip = min(_FRICTION * (1.0 + RESTITUTION) * closing, _ROLLING * speed)
     velocity[:3] = RESTITUTION * closing * normal
     if speed > 0.0:
@@ -261,16 +262,16 @@ def _record(state: State, missile: Missile, point: np.ndarray, parts: np.ndarray
 def _line(velocity: np.ndarray, normal: np.ndarray, closing: float) -> np.ndarray:
     """Give the direction of a blow: that of the motion, within the cone of friction."""
     along = velocity + closing * normal
-    slide = float(np.linalg.norm(along))
+    slide = float(norm(along))
     if slide > _FRICTION * closing:
         along *= _FRICTION * closing / slide
     direction = along - closing * normal
-    return direction / np.linalg.norm(direction)
+    return direction / norm(direction)
 
 
 def _depth(hits: Hits, way: np.ndarray) -> np.ndarray:
     """Give how far behind the first touch the others are [m], (K,)."""
-    return (hits.fraction - hits.fraction[0]) * np.linalg.norm(way)
+    return (hits.fraction - hits.fraction[0]) * norm(way)
 
 
 def _take(hits: Hits, rows: np.ndarray) -> Hits:

@@ -69,8 +69,8 @@ def _kept(first, second, impulse, loose, mass, share):
         for c in range(count):
             kept[c] = min(share[first[c]], share[second[c]])
         for c in range(count):
-            push = (1.0 - kept[c]) * (impulse[c, 0] ** 2 + impulse[c, 1] ** 2
-                                      + impulse[c, 2] ** 2) ** 0.5
+            push = (1.0 - kept[c]) * np.sqrt(impulse[c, 0] ** 2 + impulse[c, 1] ** 2
+                                             + impulse[c, 2] ** 2)
             for body in (first[c], second[c]):
                 if loose[body] and kept[c] < share[body] and push > _CHAIN * mass[body]:
                     share[body] = kept[c]
@@ -127,7 +127,7 @@ def _slowed(ids, total, keeps, jump, lift, mass, inertia, poses, before, after):
         energy = kinetic_energy(mass[i], inertia[i], poses[i, 3:], out[k])
         most = max(kinetic_energy(mass[i], inertia[i], poses[i, 3:], before[i]),
                    kinetic_energy(mass[i], inertia[i], poses[i, 3:], after[i]), 1e-12)
-        out[k] *= min(most / max(energy, 1e-12), 1.0) ** 0.5
+        out[k] *= np.sqrt(min(most / max(energy, 1e-12), 1.0))
     return out
 
 

@@ -16,6 +16,7 @@
 
 import numpy as np
 
+from procphys_ros.linear import norm
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation.model import Model
@@ -39,7 +40,7 @@ def step(model: Model, state: State, dt: float) -> None:
     if not len(resting):
         return
     air = state.wind.velocity(bodies.poses[resting, :3], state.time)
-    state.world.thaw(resting[np.linalg.norm(air, axis=1) > least])
+    state.world.thaw(resting[norm(air, axis=1) > least])
 
 
 def holding_wind(weight: np.ndarray, friction: np.ndarray, bounds: np.ndarray,

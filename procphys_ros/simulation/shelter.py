@@ -20,6 +20,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.linear import norm
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import Shelter
 from procphys_ros.scene import SceneObject
@@ -46,7 +47,7 @@ def find_shelter(blueprint: Blueprint, objects: Sequence[SceneObject],
         if area.sum() > 0.0:
             leafy = area > 0.0
             middle = np.average(blueprint.poses[parts, :2], axis=0, weights=area)
-            away = np.linalg.norm(blueprint.poses[parts, :2][leafy] - middle, axis=1)
+            away = norm(blueprint.poses[parts, :2][leafy] - middle, axis=1)
             trees.append([*middle, high[parts, 2][leafy].max(), away.max(), area.sum()])
         elif built.any():
             buildings.append([*low[parts, :2][built].min(axis=0),

@@ -21,7 +21,9 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Hexahedra, Ornaments, Shape
+from procphys_ros.elementary import power
 from procphys_ros.hexahedron import solids, volumes
+from procphys_ros.linear import norm, product
 from procphys_ros.physics.world import solid_inertia
 from procphys_ros.scene.strikes import Projectile
 
@@ -30,7 +32,7 @@ _CORE = 0.55  # of a ball's diameter, edge of what is drawn inside of its round 
 _INNER = 0.35    # of a pane's edges: cracks start no further from its middle
 _WIDENING = 1.3  # exponent by which rings of cracks lie closer near the middle
 _MIRRORED = np.array([4, 5, 6, 7, 0, 1, 2, 3])  # corners with the low and high z swapped
-_GOLDEN = 0.5 * (1.0 + 5.0 ** 0.5)
+_GOLDEN = 0.5 * (1.0 + np.sqrt(5.0))
 
 
 def projectile_part(projectile: Projectile) -> Blueprint:
@@ -44,7 +46,7 @@ def projectile_part(projectile: Projectile) -> Blueprint:
     ball = projectile.shape == 'sphere'
     size = projectile.edges
     shape = Shape.CAPSULE if ball else Shape.BOX
-    volume = np.pi / 6.0 * size[0] ** 3 if ball else size.prod()
+    volume = np.pi / 6.0 * size[0] * size[0] * size[0] if ball else size.prod()
     skin = Ornaments()
     if ball:
         triangles = 0.5 * size[0] * _round_skin()
@@ -111,7 +113,7 @@ def _star(rings: int, rng: np.random.Generator, point: np.ndarray | None) -> np.
     on = middle[[0, 1, 0, 1]] + rng.uniform(-0.1, 0.1, 4)
     ends = np.array([[-0.5, -0.5], [on[0], -0.5], [0.5, -0.5], [0.5, on[1]], [0.5, 0.5],
                      [on[2], 0.5], [-0.5, 0.5], [-0.5, on[3]]])
-    share = np.linspace(0.0, 1.0, rings + 2)[1:] ** _WIDENING
+    share = power(np.linspace(0.0, 1.0, rings + 2)[1:], _WIDENING)
     share[:-1] *= rng.uniform(0.8, 1.2, rings)
     inner = middle + share[0] * (ends - middle)
     found = [[middle, inner[i - 1], inner[i], inner[(i + 1) % 8]] for i in range(0, 8, 2)]
@@ -134,14 +136,14 @@ def _round_skin() -> np.ndarray:
     corners = np.array([[s, t * _GOLDEN, 0.0] for s in (-1, 1) for t in (-1, 1)])
     corners = np.concatenate([np.roll(corners, k, axis=1) for k in range(3)])
     faces = [(a, b, c) for a in range(12) for b in range(a + 1, 12) for c in range(b + 1, 12)
-             if max(np.linalg.norm(corners[i] - corners[j])
+             if max(norm(corners[i] - corners[j])
                     for i, j in ((a, b), (b, c), (a, c))) < 2.01]
     out = []
     for face in faces:
         p = corners[list(face)]
-        if np.dot(np.cross(p[1] - p[0], p[2] - p[0]), p[0]) < 0.0:
+        if product(np.cross(p[1] - p[0], p[2] - p[0]), p[0]) < 0.0:
             p = p[::-1]
         m = 0.5 * (p + np.roll(p, -1, axis=0))
         out += [(p[0], m[0], m[2]), (m[0], p[1], m[1]), (m[2], m[1], p[2]), tuple(m)]
     points = np.array(out)
-    return (points / np.linalg.norm(points, axis=2, keepdims=True)).reshape(-1, 9)
+    return (points / norm(points, axis=2, keepdims=True)).reshape(-1, 9)

@@ -15,10 +15,11 @@
 
 """Loads on standing walls besides their weight: one layer for each thing that presses."""
 
-import math
 
 import numpy as np
 
+from procphys_ros.elementary import exp
+from procphys_ros.linear import norm
 from procphys_ros.physics.masonry import StressSolver
 
 _TOGETHER = 0.1  # [s] loads that change within this act together: about two periods of a
@@ -124,7 +125,7 @@ class StandingLoads:
     def largest_blow(self) -> float:
         """Give the largest force of a blow that acts on a part at present [N]."""
         blows = self._blows
-        return 0.0 if blows is None else float(np.linalg.norm(blows[:, :3], axis=1).max())
+        return 0.0 if blows is None else float(norm(blows[:, :3], axis=1).max())
 
     def blows_on(self, parts: np.ndarray) -> np.ndarray:
         """Give the force of all blows that act on parts [N], (3,)."""
@@ -181,7 +182,7 @@ class StandingLoads:
         :param time_step: [s].
         """
         if self._waiting is not None:
-            self._waiting = self._waiting * math.exp(-time_step / _FADING)
+            self._waiting = self._waiting * exp(-time_step / _FADING)
         if self._struck:
             self._waiting = _strongest(self._waiting, self._total(self._struck))
             self._struck.clear()
@@ -212,5 +213,5 @@ def _strongest(blows: np.ndarray | None, others: np.ndarray) -> np.ndarray:
     """Give the one with the larger force on each part, (N, 6)."""
     if blows is None:
         return others
-    harder = (others[:, :3] ** 2).sum(axis=1) > (blows[:, :3] ** 2).sum(axis=1)
+    harder = norm(others[:, :3], axis=1) > norm(blows[:, :3], axis=1)
     return np.where(harder[:, None], others, blows)

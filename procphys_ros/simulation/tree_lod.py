@@ -197,7 +197,7 @@ class LodScheduler:
             return
         points = self._centre[trees, None] + self._radius[trees, None, None] * _EDGES
         air = wind.velocity(points.reshape(-1, 3), time)
-        felt = (air ** 2).sum(axis=1).reshape(len(trees), -1).max(axis=1) > BREEZE ** 2
+        felt = (air * air).sum(axis=1).reshape(len(trees), -1).max(axis=1) > BREEZE * BREEZE
         self.asleep[trees[felt]] = False
         self.quiet[trees[felt]] = 0.0
 
@@ -206,7 +206,7 @@ class LodScheduler:
         square = np.einsum('ri,ri->r', air[rows], air[rows])
         count = plan.start[trees + 1] - plan.start[trees]
         first = np.cumsum(count) - count
-        return np.maximum.reduceat(square, first) <= BREEZE ** 2
+        return np.maximum.reduceat(square, first) <= BREEZE * BREEZE
 
     def enclose(self, forest: Forest) -> None:
         """Put a sphere around each tree as it stands now."""

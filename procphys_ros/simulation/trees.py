@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary import cos
 from procphys_ros.physics.trees.subset import write_between
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation.model import Model
@@ -120,7 +121,7 @@ def _choose(model: Model, state: State) -> None:
     if (since < _BLEND).any():
         count = np.diff(forest.plan.start)[fresh]
         share = np.repeat(np.minimum(since / _BLEND, 1.0), count)
-        share = (0.5 - 0.5 * np.cos(np.pi * share))[:, None]
+        share = (0.5 - 0.5 * cos(np.pi * share))[:, None]
         air = trees.faded_air[rows] + share * (air - trees.faded_air[rows])
     trees.air[rows] = air
 

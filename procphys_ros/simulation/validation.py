@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.errors import CommandError
+from procphys_ros.linear import norm
 from procphys_ros.schema import short
 
 _LARGEST = 1e7  # [N·s], [N] and [m]; a loaded lorry at 900 km/h, beyond it numbers run away
@@ -58,7 +59,7 @@ def checked_rotation(what: str, value: Sequence[float] | np.ndarray) -> np.ndarr
     if turn.shape != (4,) or not np.isfinite(turn).all():
         raise CommandError(f'{what} is {value!r}, it must be a quaternion [x, y, z, w]')
     with np.errstate(over='ignore'):
-        length = float(np.linalg.norm(turn))
+        length = float(norm(turn))
     if not 1e-6 <= length < np.inf:
         raise CommandError(f'{what}: {turn.tolist()} is no rotation')
     return turn / length

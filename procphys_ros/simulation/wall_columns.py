@@ -16,8 +16,8 @@
 """Columns: parts behind the struck face of a wall that are pushed along."""
 
 import numpy as np
-import scipy  # its parts are imported by their first use
 
+from procphys_ros.linear import norm
 from procphys_ros.simulation.state import State
 
 _PRESSED = 0.7  # cosine between a push and a joint, from which the joint hands it on
@@ -48,16 +48,17 @@ def spread(state: State, impulses: np.ndarray, peaks: np.ndarray) -> np.ndarray:
         return given
     front, back, area = front[pressed], back[pressed], area[pressed]
     held = np.bincount(back, area, count)
-    behind = scipy.sparse.csr_array((area / held[back], (front, back)), shape=(count, count))
+    share = area / held[back]
     mass = state.parts.mass[:count]
     column = mass
     for _ in range(_DEEPEST):
-        column = mass + behind @ column
-    onward = scipy.sparse.csr_array(
-        (area / held[back] * column[back] / column[front], (back, front)), shape=(count, count))
+        column = mass + np.bincount(front, share * column[back], count)
+    share = share * column[back] / column[front]
     total, passed = given, given
     for _ in range(_DEEPEST):
-        passed = onward @ passed
+        onward = np.zeros_like(given)
+        np.add.at(onward, back, share[:, None] * passed[front])
+        passed = onward
         total = total + passed
     return (mass / column)[:, None] * total
 
@@ -65,7 +66,7 @@ def spread(state: State, impulses: np.ndarray, peaks: np.ndarray) -> np.ndarray:
 def _pressed(front: np.ndarray, back: np.ndarray, normal: np.ndarray, area: np.ndarray,
              impulses: np.ndarray) -> np.ndarray:
     """Choose the joints, by the parts before and behind them, that hand an impulse on."""
-    size = np.linalg.norm(impulses, axis=1, keepdims=True)
+    size = norm(impulses, axis=1, keepdims=True)
     way = impulses / np.where(size > 0.0, size, 1.0)
     chosen = np.zeros(len(front), bool)
     for _ in range(_DEEPEST):
@@ -76,6 +77,6 @@ def _pressed(front: np.ndarray, back: np.ndarray, normal: np.ndarray, area: np.n
             break
         total = np.zeros_like(way)
         np.add.at(total, back[fresh], area[fresh, None] * way[front[fresh]])
-        size = np.linalg.norm(total, axis=1, keepdims=True)
+        size = norm(total, axis=1, keepdims=True)
         way += total / np.where(size > 0.0, size, 1.0)
     return np.flatnonzero(chosen & ((way[front] * way[back]).sum(axis=1) > _PRESSED))

@@ -58,7 +58,7 @@ def step(model: Model, state: State, dt: float) -> None:
     if now.max(initial=0.0) < _BREEZE:
         _leave(state)
         return
-    turned = AIR_DENSITY * np.sqrt(((air - own.applied) ** 2).sum(axis=1) * 2.0 * now
+    turned = AIR_DENSITY * np.sqrt(np.square(air - own.applied).sum(axis=1) * 2.0 * now
                                    / AIR_DENSITY)
     if lost or np.any(turned > _CHANGE * np.maximum(before, _BREEZE)):
         own.applied = air

@@ -19,6 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.elementary import acos, asin, cos, hypot, sin
+from procphys_ros.linear import product, solve
+
 SHAPES = {'round': 0, 'segmental': 1, 'pointed': 0, 'flat': 0}  # and how many numbers they take
 _SKEW = np.sqrt(0.75)  # height over span of the triangle whose tip the joints of flat arches meet
 _SHALLOWEST = 0.02  # of the span: least rise of a segmental arch
@@ -91,7 +94,7 @@ class Curve:
             return self._pointed(radius + offset, radius + outside, pitch)
         count = _odd(2.0 * half * (radius + outside) / pitch)
         turn = np.linspace(-half, half, count + 1)
-        way = np.column_stack([np.sin(turn), np.cos(turn)])
+        way = np.column_stack([sin(turn), cos(turn)])
         return [Line(centre + (radius + offset) * w, centre + (radius + outside) * w)
                 for w in way]
 
@@ -125,26 +128,27 @@ class Curve:
         if self.shape == 'flat':
             return 0.0
         radius = self._arc()[1] + offset
-        half = 0.5 * max(float(np.hypot(*(b.inner - a.inner))) for a, b in zip(lines, lines[1:]))
-        return float(radius - np.sqrt(radius ** 2 - half ** 2))
+        half = 0.5 * max(float(hypot(*(b.inner - a.inner))) for a, b in zip(lines, lines[1:]))
+        return float(radius - np.sqrt(radius * radius - half * half))
 
     def _arc(self) -> tuple[np.ndarray, float, float]:
         """Give centre, radius and half of the angle of a circular arch."""
-        radius = (0.25 * self.span ** 2 + self.rise ** 2) / (2.0 * self.rise)
+        radius = (0.25 * (self.span * self.span) + self.rise * self.rise) / (2.0 * self.rise)
         if self.shape == 'pointed':
             radius = self.span
-        half = np.arcsin(min(0.5 * self.span / radius, 1.0))
+        half = asin(min(0.5 * self.span / radius, 1.0))
         return np.array([0.0, self.rise - radius]), radius, float(half)
 
     def _pointed(self, inner: float, outer: float, pitch: float) -> list[Line]:
         """Divide two arcs about the springings opposite; they meet in an upright joint."""
-        reach = np.arccos(0.5 * self.span / inner)
-        count = max(int(np.ceil(outer * np.arccos(0.5 * self.span / outer) / pitch)), 2)
+        reach = acos(0.5 * self.span / inner)
+        count = max(int(np.ceil(outer * acos(0.5 * self.span / outer) / pitch)), 2)
         turn = np.linspace(0.0, reach, count + 1)[:-1]
-        way = np.column_stack([-np.cos(turn), np.sin(turn)])
+        way = np.column_stack([-cos(turn), sin(turn)])
         centre = np.array([0.5 * self.span, 0.0])
         left = [Line(centre + inner * w, centre + outer * w) for w in way]
-        top = [np.array([0.0, np.sqrt(r ** 2 - 0.25 * self.span ** 2)]) for r in (inner, outer)]
+        half = 0.5 * self.span
+        top = [np.array([0.0, np.sqrt(r * r - half * half)]) for r in (inner, outer)]
         mirror = np.array([-1.0, 1.0])
         return [*left, Line(*top),
                 *(Line(line.inner * mirror, line.outer * mirror) for line in reversed(left))]
@@ -175,7 +179,7 @@ def voussoirs(lines: list[Line], joint: float) -> np.ndarray:
         sides = [(line.inner, line.outer - line.inner) for line in (left, right)]
         moved = []
         for (start, way), sign in zip(sides, (1.0, -1.0)):
-            across = sign * np.array([way[1], -way[0]]) / np.hypot(*way)
+            across = sign * np.array([way[1], -way[0]]) / hypot(*way)
             moved.append((start + 0.5 * joint * across, way))
         faces = [(left.inner, right.inner - left.inner), (left.outer, right.outer - left.outer)]
         out.append([_cross(*moved[0], *faces[0]), _cross(*moved[1], *faces[0]),
@@ -186,7 +190,7 @@ def voussoirs(lines: list[Line], joint: float) -> np.ndarray:
 def _cross(point: np.ndarray, way: np.ndarray, other: np.ndarray,
            its_way: np.ndarray) -> np.ndarray:
     """Give the point where two lines cross."""
-    share = np.linalg.solve(np.column_stack([way, -its_way]), other - point)[0]
+    share = solve(np.column_stack([way, -its_way]), other - point)[0]
     return point + share * way
 
 
@@ -234,7 +238,7 @@ def _joined(points: np.ndarray, joint: float) -> tuple[np.ndarray, list[float]]:
 def _bulge(points: np.ndarray) -> float:
     """Give how far points stand out of the chord from the first to the last [m]."""
     way = points[-1] - points[0]
-    off = (points - points[0]) @ np.array([-way[1], way[0]]) / np.hypot(*way)
+    off = product(points - points[0], np.array([-way[1], way[0]])) / hypot(*way)
     return float(np.abs(off).max())
 
 
@@ -243,8 +247,8 @@ def _half_planes(points: list[np.ndarray], rooms: list[float]) -> np.ndarray:
     rows = []
     for a, b, room in zip(points, [*points[1:], points[0]], rooms):
         way = b - a
-        if np.hypot(*way) < 1e-9:
+        if hypot(*way) < 1e-9:
             continue
-        out = np.array([-way[1], way[0]]) / np.hypot(*way)
-        rows.append([*out, float(out @ a) + room])
+        out = np.array([-way[1], way[0]]) / hypot(*way)
+        rows.append([*out, float(product(out, a)) + room])
     return np.array(rows)

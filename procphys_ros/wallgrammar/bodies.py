@@ -19,7 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.elementary import cos, hypot, sin
 from procphys_ros.language import Expression
+from procphys_ros.linear import norm, product
 from procphys_ros.wallgrammar import footprint, walls
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import MICRO, micro, micros
@@ -95,7 +97,7 @@ def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: d
     edges = (np.roll(points, -1, axis=0) - points if len(points) > 2
              else np.diff(points, axis=0))
     starts = building.facades
-    pieces = [deriver.facade(starts[min(i, len(starts) - 1)], micro(float(np.hypot(*edge))),
+    pieces = [deriver.facade(starts[min(i, len(starts) - 1)], micro(float(hypot(*edge))),
                              micro(storeys * storey_height)) for i, edge in enumerate(edges)]
     layout = _wall_layout(building, spec, layouts, pieces)
     plan = footprint.read(points, layout.thickness, layout.joint, building.corners, known)
@@ -165,11 +167,11 @@ class Neighbour(NamedTuple):
 def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
     """List the other bodies as the roof of one sees them."""
     yaw = body.plan.yaws[0]
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
     found = []
     for other in bodies:
         if other is not body:
-            corners = micros(other.plan.points @ turn)
+            corners = micros(product(other.plan.points, turn))
             found.append(Neighbour(other.building.name, corners.min(axis=0), corners.max(axis=0),
                                    other.height))
     return found
@@ -208,7 +210,7 @@ def _standing_out(body: Body) -> Iterator[tuple[Piece, np.ndarray]]:
     """Give the panels that stand out of facades, and the rectangles that they cover [m]."""
     points = body.plan.points
     for pieces, start, end in zip(body.pieces, points, np.roll(points, -1, axis=0)):
-        along = (end - start) / np.linalg.norm(end - start)
+        along = (end - start) / norm(end - start)
         out = np.array([along[1], -along[0]])
         for piece in pieces:
             left, right, depth = (value / MICRO for value in (
@@ -223,7 +225,7 @@ def _ground_of(body: Body) -> np.ndarray:
     points = body.plan.points
     if len(points) > 2:
         return points
-    way = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
+    way = (points[1] - points[0]) / norm(points[1] - points[0])
     return np.concatenate([points, points[::-1] + body.layout.thickness * 1e-6
                            * np.array([-way[1], way[0]])])
 
@@ -232,7 +234,7 @@ def _crossed(points: np.ndarray, others: np.ndarray) -> bool:
     """Return whether edges of two polygons cross, well off the ends of both."""
     def aside(lines: np.ndarray, places: np.ndarray) -> np.ndarray:
         ways = np.roll(lines, -1, axis=0) - lines
-        normals = np.column_stack([-ways[:, 1], ways[:, 0]]) / np.hypot(*ways.T)[:, None]
+        normals = np.column_stack([-ways[:, 1], ways[:, 0]]) / hypot(*ways.T)[:, None]
         return ((places[None] - lines[:, None]) * normals[:, None]).sum(axis=2)
 
     first, second = aside(points, others), aside(others, points)
@@ -261,6 +263,6 @@ def _inside(samples: np.ndarray, polygon: np.ndarray) -> np.ndarray:
         with np.errstate(divide='ignore', invalid='ignore'):
             x = a[0] + (samples[:, 1] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
         inside ^= crosses & (samples[:, 0] < x)
-        share = np.clip((samples - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
-        near |= np.hypot(*(samples - a - share[:, None] * (b - a)).T) < _CLOSE
+        share = np.clip(product(samples - a, b - a) / (product(b - a, b - a)), 0.0, 1.0)
+        near |= hypot(*(samples - a - share[:, None] * (b - a)).T) < _CLOSE
     return inside & ~near

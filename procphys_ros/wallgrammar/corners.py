@@ -19,6 +19,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import hypot
+from procphys_ros.linear import norm, product
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.boxes import Boxes, MICRO
 from procphys_ros.wallgrammar.construction import Site
@@ -96,7 +98,7 @@ def _wedges(site: Site, boxes: Boxes, pairs: np.ndarray, ending: Facade,
     """Bond the ends of one wall to the starts of the next, over the wedges of mortar."""
     out, ahead, out_width, out_half = _faces(site, boxes, pairs[:, 0], ending, 1)
     into, back, in_width, in_half = _faces(site, boxes, pairs[:, 1], starting, -1)
-    normal = (ahead - back) / np.linalg.norm(ahead - back)
+    normal = (ahead - back) / norm(ahead - back)
     low = boxes.low[pairs, 2].max(axis=1) / MICRO
     high = boxes.high[pairs, 2].min(axis=1) / MICRO
     centre = 0.5 * (out + into)
@@ -106,7 +108,7 @@ def _wedges(site: Site, boxes: Boxes, pairs: np.ndarray, ending: Facade,
     extent = np.column_stack([np.minimum(out_width, in_width), high - low])
     site.patches.append(Patches(
         pairs, np.column_stack([centre, attitude]), extent, extent.prod(axis=1),
-        np.abs((into - out) @ normal), np.column_stack([out_half, in_half])))
+        np.abs(product(into - out, normal)), np.column_stack([out_half, in_half])))
 
 
 def _faces(site: Site, boxes: Boxes, rows: np.ndarray, facade: Facade,
@@ -137,8 +139,8 @@ def _beds(site: Site, boxes: Boxes, pairs: list[tuple[int, int]]) -> None:
         area, centre, _ = moments(outline)
         if area < _LEAST_AREA:
             continue
-        along = (below[1] - below[0]) / np.hypot(*(below[1] - below[0]))
-        sides = outline @ np.array([[along[0], -along[1]], [along[1], along[0]]])
+        along = (below[1] - below[0]) / hypot(*(below[1] - below[0]))
+        sides = product(outline, np.array([[along[0], -along[1]], [along[1], along[0]]]))
         extent = sides.max(axis=0) - sides.min(axis=0)
         extent = extent * np.sqrt(area / extent.prod())  # same area, same proportions
         bed = (boxes.high[lower, 2] / MICRO, boxes.low[upper, 2] / MICRO)

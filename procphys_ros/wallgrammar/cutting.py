@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.elementary import hypot
+from procphys_ros.linear import product
 from procphys_ros.wallgrammar.polygons import moments
 
 _ROUND = 0.0015  # [m] by which a corner may be cut off, so that a piece has four
@@ -76,7 +78,7 @@ def zones(outline: np.ndarray) -> list[Zone]:
     Rays go out from its corners: upright ones where it is shallow, level ones where it is steep.
     """
     ways = np.roll(outline, -1, axis=0) - outline
-    normals = np.column_stack([ways[:, 1], -ways[:, 0]]) / np.hypot(*ways.T)[:, None]
+    normals = np.column_stack([ways[:, 1], -ways[:, 0]]) / hypot(*ways.T)[:, None]
     rays = []
     for before, after in zip(np.roll(normals, 1, axis=0), normals):
         out = before + after
@@ -87,10 +89,10 @@ def zones(outline: np.ndarray) -> list[Zone]:
     for i, normal in enumerate(normals):
         j = (i + 1) % len(outline)
         # Counter-clockwise, the zone lies to the left of its first ray and right of its second.
-        planes = [[*-normal, -float(normal @ outline[i])]]
+        planes = [[*-normal, -float(product(normal, outline[i]))]]
         for corner, ray, sign in ((outline[i], rays[i], 1.0), (outline[j], rays[j], -1.0)):
             across = sign * np.array([ray[1], -ray[0]])
-            planes.append([*across, float(across @ corner)])
+            planes.append([*across, float(product(across, corner))])
         found.append(Zone(np.array(planes), normal))
     return found
 
@@ -98,14 +100,14 @@ def zones(outline: np.ndarray) -> list[Zone]:
 def half_planes(outline: np.ndarray) -> np.ndarray:
     """Give the half planes of a convex outline, counter-clockwise, (n, 3)."""
     ways = np.roll(outline, -1, axis=0) - outline
-    normals = np.column_stack([ways[:, 1], -ways[:, 0]]) / np.hypot(*ways.T)[:, None]
+    normals = np.column_stack([ways[:, 1], -ways[:, 0]]) / hypot(*ways.T)[:, None]
     return np.column_stack([normals, (normals * outline).sum(axis=1)])
 
 
 def within(outline: np.ndarray, planes: np.ndarray) -> np.ndarray:
     """Clip a convex outline by half planes, rows a b c of a·x + z·b <= c, (n, 2)."""
     for a, b, c in planes:
-        side = outline @ np.array([a, b]) - c
+        side = product(outline, np.array([a, b])) - c
         if not (side > 0.0).any():
             continue
         if not (side < 0.0).any():
@@ -166,7 +168,7 @@ def _merged(outline: np.ndarray, pair: tuple[Zone, Zone], pieces: tuple[np.ndarr
             least: float, joint: float) -> tuple[np.ndarray, Zone] | None:
     """Go on with the side of one of two zones, if nothing is lost, or the other is a sliver."""
     along = np.abs(pair[0].planes[2, :2])
-    thin = min(float(np.ptp(piece @ along)) for piece in pieces)
+    thin = min(float(np.ptp(product(piece, along))) for piece in pieces)
     most = _NOTHING + (0.125 * joint * thin if thin < least else 0.0)
     whole = sum(map(area, pieces))
     for zone in pair:
@@ -194,7 +196,7 @@ def quads(outline: np.ndarray) -> list[np.ndarray]:
     before, after = np.roll(outline, 1, axis=0), np.roll(outline, -1, axis=0)
     way = after - before
     off = np.abs(way[:, 0] * (outline - before)[:, 1] - way[:, 1] * (outline - before)[:, 0])
-    off /= np.hypot(*way.T)
+    off /= hypot(*way.T)
     if off.min() < _ROUND:
         return quads(np.delete(outline, int(np.argmin(off)), axis=0))
     parted = [[_half(outline, axis, sign, line) for sign in (1.0, -1.0)]
@@ -224,9 +226,9 @@ def without(outline: np.ndarray, distance: float) -> np.ndarray:
     while changed and len(kept) > 2:
         before, after = np.roll(kept, 1, axis=0), np.roll(kept, -1, axis=0)
         way = after - before
-        length = np.maximum(np.hypot(*way.T), 1e-12)
+        length = np.maximum(hypot(*way.T), 1e-12)
         off = np.abs(way[:, 0] * (kept - before)[:, 1] - way[:, 1] * (kept - before)[:, 0])
-        flat = (off / length < distance) | (np.hypot(*(after - kept).T) < distance)
+        flat = (off / length < distance) | (hypot(*(after - kept).T) < distance)
         changed = bool(flat.any())
         kept = np.delete(kept, np.flatnonzero(flat)[:1], axis=0)
     return kept
@@ -235,5 +237,5 @@ def without(outline: np.ndarray, distance: float) -> np.ndarray:
 def _thinnest(outline: np.ndarray) -> float:
     """Give the least width across any of the sides."""
     way = np.roll(outline, -1, axis=0) - outline
-    normal = np.column_stack([-way[:, 1], way[:, 0]]) / np.hypot(*way.T)[:, None]
-    return float(np.ptp(outline @ normal.T, axis=0).min())
+    normal = np.column_stack([-way[:, 1], way[:, 0]]) / hypot(*way.T)[:, None]
+    return float(np.ptp(product(outline, normal.T), axis=0).min())

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.linear import product
 from procphys_ros.wallgrammar import cutting, ledges
 from procphys_ros.wallgrammar.courses import Courses, Ledge
 from procphys_ros.wallgrammar.cutting import Gap, Zone
@@ -148,7 +149,7 @@ class Fit:
         planes = cutting.half_planes(gap.outline)
         boxes = cutting.rectangles(np.column_stack([left, courses.low[:, 1]]),
                                    np.column_stack([right, courses.high[:, 1]]))
-        clear = boxes @ planes[:, :2].T - planes[:, 2]
+        clear = product(boxes, planes[:, :2].T) - planes[:, 2]
         touched = ~(clear.min(axis=1) > -1e-9).any(axis=1)
         for ledge in above + aside + inside:
             level = round(1e6 * ledge.level)

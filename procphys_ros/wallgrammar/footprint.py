@@ -20,7 +20,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import atan2, cos, hypot, sin, tan
 from procphys_ros.language import Place
+from procphys_ros.linear import product
 from procphys_ros.wallgrammar.boxes import Boxes, MICRO, micro, micros
 
 _ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-angled
@@ -133,9 +135,9 @@ def read(points: np.ndarray, thickness: int, joint: int, places: Sequence[Place]
     """
     closed = len(points) > 2
     edges = np.roll(points, -1, axis=0) - points if closed else points[1:] - points[:1]
-    angles = np.arctan2(edges[:, 1], edges[:, 0])
+    angles = atan2(edges[:, 1], edges[:, 0])
     yaws, frame, quarter = _frames(angles, known)
-    lengths = np.hypot(*edges.T)
+    lengths = hypot(*edges.T)
     facades = [Facade(micro(length), int(f), int(q), origin) for length, f, q, origin
                in zip(lengths, frame, quarter, _origins(points, yaws, frame))]
     if not closed:
@@ -177,7 +179,7 @@ def check(points: np.ndarray, places: Sequence[Place]) -> None:
                               f'({corner[0]:g}, {corner[1]:g})')
     closed = len(points) > 2
     ends = np.roll(points, -1, axis=0)
-    lengths = np.hypot(*(ends - points).T)
+    lengths = hypot(*(ends - points).T)
     for place, length in zip(places if closed else places[:1], lengths):
         if not _SHORTEST <= length <= _LONGEST:
             side = f'shorter than {_SHORTEST:g}' if length < _SHORTEST else (
@@ -191,7 +193,7 @@ def check(points: np.ndarray, places: Sequence[Place]) -> None:
         raise places[j].error(f'the footprint crosses itself: the edge from here meets '
                               f'edge {i + 1}; give the corners in order around it')
     area = 0.5 * np.sum(points[:, 0] * ends[:, 1] - ends[:, 0] * points[:, 1])
-    if abs(area) < 1e-6 * lengths.max() ** 2:
+    if abs(area) < 1e-6 * np.square(lengths.max()):
         raise places[0].error('the corners of the footprint lie on one line; two corners make a '
                               'free wall')
     if area < 0.0:
@@ -238,10 +240,10 @@ def _origins(points: np.ndarray, yaws: np.ndarray, frame: np.ndarray) -> list[tu
     """Express edge starts in their frames, coordinates equal where only rounding differs."""
     out = np.zeros((len(frame), 2), np.int64)
     for f, yaw in enumerate(yaws):
-        c, s = np.cos(yaw), np.sin(yaw)
-        local = micros(points @ np.array([[c, -s], [s, c]]))
+        c, s = cos(yaw), sin(yaw)
+        local = micros(product(points, np.array([[c, -s], [s, c]])))
         for a in range(2):
-            order = np.argsort(local[:, a])
+            order = np.argsort(local[:, a], kind='stable')
             steps = np.diff(local[order, a]) > _MERGED
             group = np.concatenate([[0], np.cumsum(steps)])
             first = np.concatenate([[True], steps])
@@ -276,7 +278,7 @@ def _corner(turn: float, thickness: int, joint: int) -> tuple[Corner, Corner]:
     clear = 0.0
     owned = 0.0
     if turn > 0:
-        clear = np.sin(turn) if turn <= 0.5 * np.pi else np.tan(0.5 * turn)
-        owned = 0.0 if turn <= 0.5 * np.pi else 1.0 / np.tan(turn)
+        clear = sin(turn) if turn <= 0.5 * np.pi else tan(0.5 * turn)
+        owned = 0.0 if turn <= 0.5 * np.pi else 1.0 / tan(turn)
     corner = Corner(round(owned * thickness), -round(clear * thickness), joint, False, turn)
     return corner, corner

@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import cos, tan
 from procphys_ros.wallgrammar.boxes import MICRO, micro, micros
 from procphys_ros.wallgrammar.footprint import Corner
 from procphys_ros.wallgrammar.roofs import RIDGE, Roof
@@ -97,12 +98,12 @@ class GableRoof(Roof):
         """Carry the courses of a wall, or a stretch of it, on under the roof."""
         length = (wall.facade.length if end is None else end) - start
         first = self.height // self.gauge
-        peak = micro(self.eaves + 0.5 * length / MICRO * np.tan(self.pitch)) // self.gauge
+        peak = micro(self.eaves + 0.5 * length / MICRO * tan(self.pitch)) // self.gauge
         course = np.arange(first, peak + 1)
         bottom = np.maximum(course * self.gauge, self.height)
         upper = (course + 1) * self.gauge
-        plane = self.eaves + (self.depth - _GABLE_CLEAR) / np.cos(self.pitch)
-        inset = np.maximum(micros((upper / MICRO - plane) / np.tan(self.pitch)), 0)
+        plane = self.eaves + (self.depth - _GABLE_CLEAR) / cos(self.pitch)
+        inset = np.maximum(micros((upper / MICRO - plane) / tan(self.pitch)), 0)
         left = np.concatenate([inset, np.full(len(course), length // 2 + half)])
         right = np.concatenate([np.full(len(course), length - length // 2 - half), length - inset])
         whole = upper <= seat

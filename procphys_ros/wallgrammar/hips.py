@@ -17,6 +17,8 @@
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import atan2, cos, tan
+from procphys_ros.linear import norm
 from procphys_ros.wallgrammar.boxes import (
     Boxes,
     from_cells,
@@ -66,7 +68,7 @@ class HipRoof(Roof):
         for slope in slopes:
             frame = self._frame(slope)
             rafters = slope.rafters(self.site, frame, 0.5, 0.5 * RIDGE, 0.5 * _HIP)
-            full = rafters.reach * np.cos(self.pitch) > span - 0.5 * RIDGE - 0.01
+            full = rafters.reach * cos(self.pitch) > span - 0.5 * RIDGE - 0.01
             self._seat(slope, rafters, plates)
             ends_at = self._square_end(slope, rafters)
             rows = Ends(*(column[full] for column in rafters))
@@ -108,9 +110,9 @@ class HipRoof(Roof):
     def _apex_level(self) -> int:
         """Give the underside of the blocks that close apexes [µm]."""
         # Over the hip boards, or in flat roofs over the tiles beside the ridge and the hip caps.
-        lowest = self.span * np.tan(self.pitch) + 0.005 + max(
-            self.depth / np.cos(self.pitch), (self.depth + COVER) * np.cos(self.pitch),
-            (self.depth + COVER) / np.cos(self.pitch) + self._lift + _CAP[2] - _SHORT * np.tan(
+        lowest = self.span * tan(self.pitch) + 0.005 + max(
+            self.depth / cos(self.pitch), (self.depth + COVER) * cos(self.pitch),
+            (self.depth + COVER) / cos(self.pitch) + self._lift + _CAP[2] - _SHORT * tan(
                 self.pitch))
         return micro(self.eaves + lowest)
 
@@ -163,12 +165,12 @@ class HipRoof(Roof):
 
     def _hips(self, axis: int, span: float, ridge: np.ndarray, plates: np.ndarray) -> np.ndarray:
         """Set the four hip boards on the corners of the plates, up to the ends of the ridge."""
-        rise = span * np.tan(self.pitch)
+        rise = span * tan(self.pitch)
         plan = span * np.sqrt(2.0)
-        slope = np.arctan2(rise, plan)
-        depth = (self.depth / np.cos(self.pitch) - 0.5 * _HIP / np.sqrt(2.0) * np.tan(self.pitch)
-                 - 0.003) * np.cos(slope)
-        end = (plan - 0.5 * _HIP - 0.005) / np.cos(slope)
+        slope = atan2(rise, plan)
+        depth = (self.depth / cos(self.pitch) - 0.5 * _HIP / np.sqrt(2.0) * tan(self.pitch)
+                 - 0.003) * cos(slope)
+        end = (plan - 0.5 * _HIP - 0.005) / cos(slope)
         low, high = self.low / MICRO, self.high / MICRO
         first, parts = self.site.frames[0], []
         for x, y, turn in ((low[0], low[1], 0.25), (high[0], low[1], 0.75),
@@ -180,7 +182,7 @@ class HipRoof(Roof):
             pose = np.concatenate([corner, attitude])
             self.site.frames.append(pose)
             box = from_cells(
-                micros([-OVERHANG / np.cos(slope), -0.5 * _HIP, 0.0]),
+                micros([-OVERHANG / cos(slope), -0.5 * _HIP, 0.0]),
                 micros([end, 0.5 * _HIP, depth]), frame=len(self.site.frames) - 1,
                 joint=Joint.FIXING, kind=self.site.kind('hip'),
                 material=self.site.material('timber'))
@@ -191,13 +193,13 @@ class HipRoof(Roof):
     @property
     def _lift(self) -> float:
         """Height of hip caps over the tiles [m]; in flat roofs a tile comes under them."""
-        return float(max(0.01, 0.024 - 0.03 * np.tan(self.pitch)))
+        return float(max(0.01, 0.024 - 0.03 * tan(self.pitch)))
 
     def _cap(self, frame: int, end: float, depth: float, slope: float) -> None:
         """Cover a hip with caps on a strip that lifts them over the tiles."""
-        start = -OVERHANG / np.cos(slope)
-        stop = end - (np.sqrt(2.0) * _SHORT - 0.03) / np.cos(slope)
-        top = depth + COVER / np.cos(self.pitch) * np.cos(slope) + self._lift
+        start = -OVERHANG / cos(slope)
+        stop = end - (np.sqrt(2.0) * _SHORT - 0.03) / cos(slope)
+        top = depth + COVER / cos(self.pitch) * cos(slope) + self._lift
         strip = from_cells(
             micros([start, -0.5 * _STRIP, depth]), micros([stop, 0.5 * _STRIP, top]), frame=frame,
             joint=Joint.NAIL, kind=self.site.kind('batten'),
@@ -219,13 +221,13 @@ class HipRoof(Roof):
         parts = np.arange(rows.start, rows.stop)
         seat = 0.5 * np.sqrt(2.0) * self.plate / MICRO
         points = pose[:3] + rotation.rotate(pose[3:], np.array([
-            [seat / np.cos(slope), 0.0, 0.0], [end, 0.0, 0.5 * depth]]))
-        points[0, 2] = self.eaves + 0.5 * seat * np.tan(slope)
+            [seat / cos(slope), 0.0, 0.0], [end, 0.0, 0.5 * depth]]))
+        points[0, 2] = self.eaves + 0.5 * seat * tan(slope)
         reach = np.array([[0.5 * self.gauge / MICRO, 0.5 * depth]])
         self._bond(self._nearest(plates, points[:1]), parts[:1], points[:1],
                    np.array([[0.0, 0.0, 1.0]]), (_HIP, 2 * seat), reach)
         normal = rotation.rotate(pose[3:], np.array([1.0, 0.0, 0.0])) * [1.0, 1.0, 0.0]
         self._bond(parts[-1:], self._nearest(ridge, points[1:]), points[1:],
-                   (normal / np.linalg.norm(normal))[None], (_HIP, depth),
+                   (normal / norm(normal))[None], (_HIP, depth),
                    np.array([[0.5, 0.5 * RIDGE]]))
         return parts

@@ -146,7 +146,7 @@ class Interior:
         widest = 2 * (micro(least) + layout.thickness)
         bricks = 0.5 * levels[-1] / layout.gauge / layout.pitch  # per length of wall
         area = sum(float(r.size[0]) * r.size[1] for r in rooms)
-        self.site.expect((area / widest ** 2 - 1.0) * micro(least) * bricks)
+        self.site.expect((area / (widest * widest) - 1.0) * micro(least) * bricks)
         rooms, between = halve(rooms, micro(least), layout.thickness)
         self.site.expect(sum(r.size[axis] for r, axis in between) * bricks)
         return rooms, elevations(between, layout, levels, self.building.place)

@@ -127,7 +127,7 @@ def _start(chain: np.ndarray, level: float, short: np.ndarray, tall: np.ndarray,
         np.interp(level, chain[:, 1], chain[:, 0]))
     reach = min(tip, float(short[:, 1].max())) if len(short) else tip
     covered = start
-    for a, b in tall[np.argsort(tall[:, 0])]:
+    for a, b in tall[np.argsort(tall[:, 0], kind='stable')]:
         if a <= covered + 2.0 * joint + _EVEN:
             covered = max(covered, float(b))
     return start if covered + joint + _EVEN >= reach else None

@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from procphys_ros.elementary import tan
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.derivation import Piece
 from procphys_ros.wallgrammar.footprint import Corner, Facade
@@ -65,7 +66,7 @@ def _clearance(corner: Corner, outside: int, depth: int) -> int:
     """
     if corner.turn == 0.0:
         return 0
-    half = np.tan(0.5 * (np.pi - abs(corner.turn)))
+    half = tan(0.5 * (np.pi - abs(corner.turn)))
     reach = depth if corner.turn > 0.0 else outside
     return max(round(reach / half), -corner.yielded, 0)
 

@@ -21,6 +21,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
 from procphys_ros.hexahedron import faces
+from procphys_ros.linear import eigen, norm, product
 from procphys_ros.wallgrammar.assembly import Patches
 
 _FACING = -0.94    # largest cosine between normals of faces that look at each other: 20 degrees
@@ -58,7 +59,7 @@ def meet(corners: np.ndarray, chosen: np.ndarray, reach: float,
     rows = np.flatnonzero(chosen & (corners[:, :, 2].min(axis=1) < reach))
     down = np.array([0.0, 0.0, -1.0])
     for row in rows.tolist():
-        for f in np.flatnonzero((normals[row] @ down > -_FACING)
+        for f in np.flatnonzero((product(normals[row], down) > -_FACING)
                                 & (middles[row, :, 2] < reach)).tolist():
             flat = points[row, f] * [1.0, 1.0, 0.0]
             found.append(_patch((GROUND, row), flat[::-1], points[row, f], -down,
@@ -107,7 +108,7 @@ def _facing(pairs: np.ndarray, normals: np.ndarray, middles: np.ndarray, reach: 
     pair, f, g = np.nonzero(cosine < _FACING)
     a, b = first[pair], second[pair]
     normal = normals[a, f] - normals[b, g]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal /= norm(normal, axis=1, keepdims=True)
     gap = ((middles[b, g] - middles[a, f]) * normal).sum(axis=1)
     keep = np.flatnonzero((gap > -_INSIDE) & (gap < reach))
     return [((int(a[k]), int(b[k])), int(f[k]), int(g[k]), normal[k], float(gap[k]))
@@ -118,28 +119,28 @@ def _patch(pair: tuple[int, int], face: np.ndarray, other: np.ndarray, normal: n
            gap: float) -> tuple | None:
     """Give pair, frame, extents, area, gap and place of where faces overlap along a normal."""
     along = face[1] - face[0] if np.ptp(face[:2], axis=0).max() > 1e-9 else face[2] - face[1]
-    along = along - (along @ normal) * normal
-    along /= np.linalg.norm(along)
+    along = along - product(along, normal) * normal
+    along /= norm(along)
     axes = np.empty((3, 3))
     axes[:, 0], axes[:, 1], axes[:, 2] = along, _cross(normal, along), normal
     centre = 0.5 * (face.mean(axis=0) + other.mean(axis=0))
-    flat = [(points - centre) @ axes[:, :2] for points in (face, other[::-1])]
+    flat = [product(points - centre, axes[:, :2]) for points in (face, other[::-1])]
     outline = clip(*flat)
     if len(outline) < 3:
         return None
     area, middle, second = moments(outline)
     if area < _LEAST:
         return None
-    spread, turn = np.linalg.eigh(second)
+    spread, turn = eigen(second)
     if abs(second[0, 1]) < 1e-6 * np.trace(second):  # also where both sides are alike
         spread, turn = np.diag(second), np.eye(2)
-    elif np.linalg.det(turn) < 0.0:
+    elif turn[0, 0] * turn[1, 1] < turn[0, 1] * turn[1, 0]:
         turn[:, 0] *= -1.0
     extent = np.sqrt(12.0 * spread / area)
     if extent.min() < _THINNEST:
         return None
-    frame = np.column_stack([axes[:, :2] @ turn, normal])
-    return pair, frame, extent, area, gap, centre + axes[:, :2] @ middle
+    frame = np.column_stack([product(axes[:, :2], turn), normal])
+    return pair, frame, extent, area, gap, centre + product(axes[:, :2], middle)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> list[float]:

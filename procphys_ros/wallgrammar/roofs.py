@@ -19,6 +19,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import atan2, cos, tan
+from procphys_ros.linear import norm
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro
@@ -68,7 +70,7 @@ class Roof:
                                    f'opposite walls, found {room:g} m; use flat or none')
         self.span = 0.5 * float(self.size[1 - axis])
         self.depth = rafter_depth(self.span, self.pitch)
-        site.expect(float(self.size.prod()) / np.cos(self.pitch) / TILE_AREA)
+        site.expect(float(self.size.prod()) / cos(self.pitch) / TILE_AREA)
         self._check_eaves()
 
     @property
@@ -78,7 +80,7 @@ class Roof:
 
     def _check_eaves(self) -> None:
         """Refuse walls that stand where the eaves of this roof reach out."""
-        drop = micro(OVERHANG * np.tan(self.pitch) + _EAVES_ROOM)
+        drop = micro(OVERHANG * tan(self.pitch) + _EAVES_ROOM)
         reach = micro(OVERHANG + _EAVES_ROOM)
         for other in self.neighbours:
             if other.top <= self.height - drop:
@@ -125,9 +127,9 @@ class Roof:
 
     def _ridge_levels(self, span: float) -> tuple[int, int]:
         """Give bottom (on a course) and top of the ridge board [µm]."""
-        underside = self.eaves + (span - 0.5 * RIDGE) * np.tan(self.pitch)
+        underside = self.eaves + (span - 0.5 * RIDGE) * tan(self.pitch)
         bottom = micro(underside - _RIDGE_SEAT) // self.gauge * self.gauge
-        top = micro(underside + self.depth * np.cos(self.pitch) - 0.005)
+        top = micro(underside + self.depth * cos(self.pitch) - 0.005)
         if bottom < self.height + self.gauge:
             raise self.site.place.error('the roof is too low to stand: give it more pitch, or the '
                                         'building more depth')
@@ -157,7 +159,7 @@ class Roof:
     def _opposite(self, axis: int, span: float, length: float, hipped: bool) -> list[Slope]:
         """Give the two slopes whose eaves run along an axis."""
         ahead = rotation.rotate(self.site.frames[0][3:], np.array([1.0, 0.0, 0.0]))
-        yaw = float(np.arctan2(ahead[1], ahead[0]))
+        yaw = float(atan2(ahead[1], ahead[0]))
         low, high = self.low / MICRO, self.high / MICRO
         if axis == 0:
             starts = [(low[0], low[1], 0.5 * np.pi), (high[0], high[1], -0.5 * np.pi)]
@@ -169,8 +171,8 @@ class Roof:
     def _seat(self, slope: Slope, rafters: Ends, plates: np.ndarray) -> None:
         """Cut each rafter over its plate and nail it."""
         width = self.plate / MICRO
-        points = slope.world(0.5 * width / np.cos(self.pitch), -rafters.place, 0.0)
-        points[:, 2] = self.eaves + 0.25 * width * np.tan(self.pitch)
+        points = slope.world(0.5 * width / cos(self.pitch), -rafters.place, 0.0)
+        points[:, 2] = self.eaves + 0.25 * width * tan(self.pitch)
         upright = np.tile([0.0, 0.0, 1.0], (len(points), 1))
         reach = np.tile([0.5 * self.gauge / MICRO, 0.5 * self.depth], (len(points), 1))
         # A long rafter is cut in pieces: the one over the plate carries.
@@ -188,7 +190,7 @@ class Roof:
             return
         along = slope.world(np.ones(1), np.zeros(1), 0.0)[0] - slope.pose[:3]
         along[2] = 0.0
-        normal = np.tile(along / np.linalg.norm(along), (len(points), 1))
+        normal = np.tile(along / norm(along), (len(points), 1))
         reach = np.column_stack([0.5 * (rafters.reach), np.full(len(points), 0.5 * RIDGE)])
         self._bond(rafters.head, self._nearest(holders, points), points, normal,
                    (RAFTER, self.depth), np.minimum(reach, 0.5))
@@ -200,15 +202,15 @@ class Roof:
         local = rotation.rotate(rotation.conjugate(frames[None, :, 3:]),
                                 points[:, None] - frames[None, :, :3])
         outside = np.maximum(np.maximum(boxes.low / MICRO - local, local - boxes.high / MICRO), 0)
-        return rows[np.argmin((outside ** 2).sum(axis=-1), axis=1)]
+        return rows[np.argmin((outside * outside).sum(axis=-1), axis=1)]
 
     def _bond(self, first: np.ndarray, second: np.ndarray, points: np.ndarray,
               normals: np.ndarray, extent: tuple[float, float], reach: np.ndarray) -> None:
         """Join parts of different frames; the patch's x lies level."""
         level = np.cross([0.0, 0.0, 1.0], normals)
-        steep = np.linalg.norm(level, axis=1) < 1e-6
+        steep = norm(level, axis=1) < 1e-6
         level[steep] = [1.0, 0.0, 0.0]
-        level /= np.linalg.norm(level, axis=1, keepdims=True)
+        level /= norm(level, axis=1, keepdims=True)
         axes = np.stack([level, np.cross(normals, level), normals], axis=-1)
         n = len(points)
         self.site.patches.append(Patches(

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from procphys_ros import rotation
+from procphys_ros.elementary import cos, sin
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros, stack
 from procphys_ros.wallgrammar.construction import Site
 
@@ -68,7 +69,7 @@ def rafter_depth(span: float, pitch: float) -> float:
     :param span: horizontal distance from the eaves to the ridge [m].
     :param pitch: [rad].
     """
-    return max(_SHALLOWEST, span / np.cos(pitch) / _SLENDER)
+    return max(_SHALLOWEST, span / cos(pitch) / _SLENDER)
 
 
 @dataclass(frozen=True)
@@ -131,8 +132,8 @@ class Slope:
             near = np.minimum(place, self.length - place) - 0.5 * RAFTER
             plan = np.minimum(plan, near - np.sqrt(2.0) * hip_half - _CLEAR)
         keep = plan > 0.2
-        place, reach = place[keep], plan[keep] / np.cos(self.pitch)
-        low = np.column_stack([np.full(len(place), -OVERHANG / np.cos(self.pitch)),
+        place, reach = place[keep], plan[keep] / cos(self.pitch)
+        low = np.column_stack([np.full(len(place), -OVERHANG / cos(self.pitch)),
                                -place - 0.5 * RAFTER, np.zeros(len(place))])
         high = np.column_stack([reach, -place + 0.5 * RAFTER, np.full(len(place), self.depth)])
         boxes = from_cells(micros(low), micros(high), frame=frame, axis=0, joint=Joint.NAIL,
@@ -149,7 +150,7 @@ class Slope:
         :param rafters: what there is to nail to.
         """
         top = rafters.reach.max()
-        bottom = -OVERHANG / np.cos(self.pitch)
+        bottom = -OVERHANG / cos(self.pitch)
         rows = np.linspace(bottom, top - BATTEN[0],
                            int(np.ceil((top - BATTEN[0] - bottom) / GAUGE)) + 1)
         battens, lines = [], []
@@ -185,17 +186,17 @@ class Slope:
             against the gable, measured from the eaves [m].
         """
         low, high = self.depth - _VERGE[1], self.depth + COVER
-        bottom = -OVERHANG / np.cos(self.pitch)
-        top = (self.span + low * np.sin(self.pitch)) / np.cos(self.pitch) - APART
+        bottom = -OVERHANG / cos(self.pitch)
+        top = (self.span + low * sin(self.pitch)) / cos(self.pitch) - APART
         boards = []
         for y, stretches in zip((-self.length - _VERGE[0], 0.0), taken):
             start = bottom
             for near, far in sorted(stretches):
-                end = (near + low * np.sin(self.pitch)) / np.cos(self.pitch) - APART
+                end = (near + low * sin(self.pitch)) / cos(self.pitch) - APART
                 if end - start > _VERGE[1]:
                     boards.append(_box([start, y, low], [min(end, top), y + _VERGE[0], high],
                                        frame, 0))
-                start = max(start, (far + high * np.sin(self.pitch)) / np.cos(self.pitch) + APART)
+                start = max(start, (far + high * sin(self.pitch)) / cos(self.pitch) + APART)
             if top - start > _VERGE[1]:
                 boards.append(_box([start, y, low], [top, y + _VERGE[0], high], frame, 0))
         if boards:
@@ -207,12 +208,12 @@ class Slope:
     def crest(self) -> float:
         """Height of the ridge tiles over the eaves [m]."""
         lower, upper = self._ridge_levels()
-        return upper * np.sin(self.pitch) + (lower + TILE[1]) * np.cos(self.pitch)
+        return upper * sin(self.pitch) + (lower + TILE[1]) * cos(self.pitch)
 
     def _ridge_levels(self) -> tuple[float, float]:
         """Give z of the underside of ridge tiles, and x where they meet the other side."""
         bottom = self.depth + COVER
-        return bottom, (self.span + bottom * np.sin(self.pitch)) / np.cos(self.pitch) - APART
+        return bottom, (self.span + bottom * sin(self.pitch)) / cos(self.pitch) - APART
 
     def _ridge_tiles(self, edge: float, frame: int) -> list[Boxes]:
         """Lay tiles over the upper edge of the slope up to the ridge, or near the apex of hips."""
@@ -221,7 +222,7 @@ class Slope:
         end = self.length - start
         if end - start < RIDGE_TILE:  # the slope ends in an apex
             start, end = (0.5 * self.length + side * 0.5 * _TIP[0] for side in (-1, 1))
-            top -= (0.5 * _TIP[0] + _TIP[1]) / np.cos(self.pitch)
+            top -= (0.5 * _TIP[0] + _TIP[1]) / cos(self.pitch)
         count = max(round((end - start) / RIDGE_TILE), 1)
         lines = np.linspace(start, end, count + 1)
         return [_box([edge - LAP, -b + APART, bottom], [top, -a - APART, bottom + TILE[1]],
@@ -231,7 +232,7 @@ class Slope:
         """Give where a row across the slope starts and ends along the eaves [m]."""
         if not self.hipped:
             return 0.0, self.length
-        inset = max(x * np.cos(self.pitch) - z * np.sin(self.pitch), -OVERHANG) + _HIP_ROOM
+        inset = max(x * cos(self.pitch) - z * sin(self.pitch), -OVERHANG) + _HIP_ROOM
         return inset, self.length - inset
 
     def _tiles(self, low: float, high: float, frame: int) -> list[Boxes]:

@@ -18,7 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.elementary import acos, atan2, cos, hypot, sin, tan
 from procphys_ros.language import Place
+from procphys_ros.linear import product, solve
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, MICRO, micros
 from procphys_ros.wallgrammar.construction import Site
@@ -64,10 +66,10 @@ class Pyramid:
         """Return whether a course that ends at a height leaves no hollow, or no room for sides."""
         share = 1.0 - level / self.height
         sides = np.roll(self.outline(0.0), -1, axis=0) - self.outline(0.0)
-        turn = np.arccos((self.normals * np.roll(self.normals, 1, axis=0)).sum(axis=1))
-        turns = np.minimum(np.sin(turn), np.roll(np.sin(turn), -1))
+        turn = acos((self.normals * np.roll(self.normals, 1, axis=0)).sum(axis=1))
+        turns = np.minimum(sin(turn), np.roll(sin(turn), -1))
         room = np.minimum(self.reach * share - self.shell,
-                          np.hypot(*sides.T) * share - self.shell / turns)
+                          hypot(*sides.T) * share - self.shell / turns)
         return bool(room.min() < _SHAFT * self.shell)
 
 
@@ -86,27 +88,27 @@ def build(site: Site, plan: Footprint, layout: Layout, base: int, pitch: float,
     """
     pyramid = _pyramid(plan, layout, np.radians(pitch), place)
     gauge, joint = layout.gauge / MICRO, layout.joint / MICRO
-    if gauge / np.tan(np.radians(pitch)) > _LEAST_LAP * pyramid.shell:
+    if gauge / tan(np.radians(pitch)) > _LEAST_LAP * pyramid.shell:
         raise place.error(f'courses of {gauge:g} m in a spire of {pitch:g} degrees rest on less '
                           f'than half the wall, {pyramid.shell:g} m; make it steeper, the courses '
                           f'lower or the wall thicker')
     levels = np.arange(0.0, pyramid.height - 0.5 * gauge, gauge)
     tops = np.append(levels[1:], pyramid.height)
-    faces = float(np.hypot(*(np.roll(pyramid.outline(0.0), -1, 0) - pyramid.outline(0.0)).T).sum())
+    faces = float(hypot(*(np.roll(pyramid.outline(0.0), -1, 0) - pyramid.outline(0.0)).T).sum())
     site.expect(0.5 * len(levels) * faces * MICRO / layout.pitch)
     stones = [stone for k, (low, high) in enumerate(zip(levels.tolist(), tops.tolist()))
               for stone in _course(pyramid, layout, k, low + joint, high)]
     corners = np.array(stones) + np.array([*pyramid.middle, base / MICRO])
     yaw = plan.yaws[0]
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    corners[..., :2] = corners[..., :2] @ turn  # from the building into the first frame
+    turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
+    corners[..., :2] = product(corners[..., :2], turn)  # from the building into the first frame
     site.add(_boxes(site, layout, corners))
 
 
 def _pyramid(plan: Footprint, layout: Layout, pitch: float, place: Place) -> Pyramid:
     points = plan.points
     edges = np.roll(points, -1, axis=0) - points
-    turns = np.roll(np.arctan2(*edges.T[::-1]), -1) - np.arctan2(*edges.T[::-1])
+    turns = np.roll(atan2(*edges.T[::-1]), -1) - atan2(*edges.T[::-1])
     turns = (turns + np.pi) % (2.0 * np.pi) - np.pi
     if len(points) < 3 or turns.min() < 0.02 or np.degrees(np.pi - turns.max()) < _SHARPEST:
         raise place.error(f'a spire needs a convex plan with angles from {_SHARPEST:g} to 178 '
@@ -114,13 +116,13 @@ def _pyramid(plan: Footprint, layout: Layout, pitch: float, place: Place) -> Pyr
     following = np.roll(points, -1, axis=0)
     cross = points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]
     middle = ((points + following) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
-    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.hypot(*edges.T)[:, None]
+    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / hypot(*edges.T)[:, None]
     reach = ((points - middle) * normals).sum(axis=1)
     shell = layout.thickness / MICRO
     if reach.min() < 1.5 * shell:
         raise place.error(f'a spire over walls of {shell:g} m needs at least {3 * shell:g} m from '
                           f'side to side, found {2 * reach.min():g} m')
-    return Pyramid(middle, normals, reach, float(reach.min() * np.tan(pitch)), shell)
+    return Pyramid(middle, normals, reach, float(reach.min() * tan(pitch)), shell)
 
 
 def _course(pyramid: Pyramid, layout: Layout, number: int, low: float,
@@ -160,7 +162,7 @@ def _side(pyramid: Pyramid, layout: Layout, number: int, edge: int, low: float,
                         for end in ends])
     normal = pyramid.normals[edge]
     along = np.array([-normal[1], normal[0]])
-    reach = corners @ along
+    reach = product(corners, along)
     first, last = reach[0].max() + _NEAR_END * pitch, reach[1].min() - _NEAR_END * pitch
     shift = 0.5 * (number // 2 % 2)  # in pairs of courses, for the corners move every other
     shift += 0.25 * (number % 2)
@@ -180,7 +182,7 @@ def _side(pyramid: Pyramid, layout: Layout, number: int, edge: int, low: float,
 
 
 def _cross(line: tuple[np.ndarray, float], other: tuple[np.ndarray, float]) -> np.ndarray:
-    return np.linalg.solve(np.array([line[0], other[0]]), np.array([line[1], other[1]]))
+    return solve(np.array([line[0], other[0]]), np.array([line[1], other[1]]))
 
 
 def _prism(bottom: np.ndarray, top: np.ndarray, low: float, high: float) -> np.ndarray:

@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.elementary import cos, hypot, sin, tan
 from procphys_ros.hexahedron import box_corners
 from procphys_ros.wallgrammar.boxes import (
     Boxes,
@@ -130,7 +131,7 @@ def least_step(span: float, pitch: float) -> float:
     :param pitch: [rad].
     """
     level = rafter_depth(span, pitch) + COVER
-    return 2.0 * (_TOP + (BATTEN[0] + LAP) * float(np.cos(pitch)) + level * float(np.sin(pitch)))
+    return 2.0 * (_TOP + (BATTEN[0] + LAP) * float(cos(pitch)) + level * float(sin(pitch)))
 
 
 def stem_field(length: float, mouth: float, mouth_first: bool) -> tuple[Field, ...]:
@@ -164,11 +165,11 @@ class ValleySlope(Slope):
 
     def _plan(self, x: float, z: float) -> float:
         """Give the distance from the eaves in plan of a point of the slope's frame [m]."""
-        return x * float(np.cos(self.pitch)) - z * float(np.sin(self.pitch))
+        return x * float(cos(self.pitch)) - z * float(sin(self.pitch))
 
     def _along(self, u: float, z: float) -> float:
         """Give the x of a point at a distance from the eaves in plan [m]."""
-        return (u + z * float(np.sin(self.pitch))) / float(np.cos(self.pitch))
+        return (u + z * float(sin(self.pitch))) / float(cos(self.pitch))
 
     def set_rafters(self, site: Site, frame: int, place: np.ndarray, head: float) -> Ends:
         """
@@ -181,7 +182,7 @@ class ValleySlope(Slope):
         """
         near = np.array([any(a - OVERHANG - RAFTER < p < b + OVERHANG + RAFTER
                              for a, b in self.mouths) for p in place])
-        start = np.where(near, 0.0, -OVERHANG / np.cos(self.pitch))
+        start = np.where(near, 0.0, -OVERHANG / cos(self.pitch))
         over = self.beyond(place) > 0.5 * RAFTER
         sides = np.array([-0.5 * RAFTER, 0.5 * RAFTER])
         feet = np.stack([self.foot(place[:, None] + sides, z) for z in (0.0, self.depth)], axis=2)
@@ -209,9 +210,9 @@ class ValleySlope(Slope):
 
     def foot(self, place: np.ndarray, z: np.ndarray | float) -> np.ndarray:
         """Give the x at which a stem's rafter meets the top of the bar's sleepers [m]."""
-        bed = (self.depth + BATTEN[1]) / np.cos(self.pitch)
+        bed = (self.depth + BATTEN[1]) / cos(self.pitch)
         away = np.where(np.isinf(self.beyond(place)), 0.0, self.beyond(place))
-        return (away * np.tan(self.pitch) + bed - z * np.cos(self.pitch)) / np.sin(self.pitch)
+        return (away * tan(self.pitch) + bed - z * cos(self.pitch)) / sin(self.pitch)
 
     def cover(self, site: Site, frame: int, rafters: Ends) -> None:
         """Nail battens across the rafters, and hang tiles on them that end at the valleys."""
@@ -234,7 +235,7 @@ class ValleySlope(Slope):
 
     def _lines(self, top: float) -> list[float]:
         """Place battens: evenly between the eaves, the feet and tops of valleys, and the ridge."""
-        ends = [-OVERHANG / float(np.cos(self.pitch)) + 0.5 * BATTEN[0], top - 0.5 * BATTEN[0]]
+        ends = [-OVERHANG / float(cos(self.pitch)) + 0.5 * BATTEN[0], top - 0.5 * BATTEN[0]]
         marks = sorted({x for f in self.fields
                         if ends[0] + 0.1 < (x := self._along(f.low, self.depth + COVER))
                         < ends[1] - 0.1})
@@ -320,14 +321,14 @@ class ValleySlope(Slope):
         for a, b in self.mouths:
             half = 0.5 * (b - a)
             bed = self.depth + BATTEN[1]
-            first = BATTEN[1] / np.sin(self.pitch) + 0.005
-            last = first + np.clip(bed / np.sin(self.pitch), *_SLEEPER)
+            first = BATTEN[1] / sin(self.pitch) + 0.005
+            last = first + np.clip(bed / sin(self.pitch), *_SLEEPER)
             foot = self._along(0.0, bed)
             top = [self._along(half - d, bed) for d in (first, last)]
             if top[1] - foot < _SHORTEST:
                 continue
             centre = half - 0.5 * _CLEAR
-            count = int(np.ceil(np.hypot(top[0] - foot, half) / (PIECE / MICRO)))
+            count = int(np.ceil(hypot(top[0] - foot, half) / (PIECE / MICRO)))
             share = np.linspace(0.0, 1.0, count + 1)
             inner = np.column_stack([foot + share * (top[0] - foot),
                                      first + share * (centre - first)])

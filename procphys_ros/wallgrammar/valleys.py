@@ -18,6 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from procphys_ros.elementary import cos, sin, tan
 from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import MICRO, micro, split_along
 from procphys_ros.wallgrammar.construction import Site
@@ -80,7 +81,7 @@ class _PartRoof(GableRoof):
                   plates: np.ndarray, taken: list[list[tuple[float, float]]]) -> int:
         """Build one slope; give the index of its frame."""
         frame = self._frame(slope)
-        head = (slope.span - _HEAD) / float(np.cos(self.pitch))
+        head = (slope.span - _HEAD) / float(cos(self.pitch))
         rafters = slope.set_rafters(self.site, frame, place, head)
         full = slope.beyond(rafters.place) <= 0.5 * RAFTER
         self._seat(slope, type(rafters)(*(column[full] for column in rafters)), plates)
@@ -206,7 +207,7 @@ class StemRoof(_PartRoof):
         """Space rafters evenly from the gable to the mouth, and on over the bar."""
         wall = self.layout.thickness / MICRO + EDGE
         room = length - foot if first else foot
-        last = room - self.depth * float(np.sin(self.pitch)) - RAFTER
+        last = room - self.depth * float(sin(self.pitch)) - RAFTER
         count = max(int(np.ceil((last - wall) / RAFTER_SPACING)), 1)
         near = np.linspace(wall, last, count + 1)
         over = np.arange(room + 0.5 * RAFTER + 0.01, length, RAFTER_SPACING)
@@ -216,11 +217,11 @@ class StemRoof(_PartRoof):
     def _ridge(self, bottom: int, top: int) -> np.ndarray:
         """Set the ridge board from the gable to the slope of the bar, where it is bevelled."""
         axis, stem = self.axis, self.stem
-        bed = (self.depth + BATTEN[1]) / float(np.cos(self.pitch))
+        bed = (self.depth + BATTEN[1]) / float(cos(self.pitch))
         way = -1 if stem.upwards else 1
 
         def end(z: np.ndarray) -> np.ndarray:
-            return np.asarray(stem.mouth / MICRO + way * (z - self.eaves - bed) / np.tan(
+            return np.asarray(stem.mouth / MICRO + way * (z - self.eaves - bed) / tan(
                 self.pitch))
 
         reach = end(np.array([bottom, top]) / MICRO)

@@ -22,13 +22,14 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary import cbrt, exp, expm1, hypot, log, standard_normal
 from procphys_ros.physics.air import AIR_DENSITY, AIR_VISCOSITY
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
 from procphys_ros.physics.terrain import FLAT, Terrain
 
 GRAIN_DENSITY = 2000.0  # [kg/m³] mortar and brick
-_MEDIAN, _SPREAD = 20e-6, math.log(2.0)  # [m], [-] of a lognormal of grain diameters by mass
+_MEDIAN, _SPREAD = 20e-6, log(2.0)  # [m], [-] of a lognormal of grain diameters by mass
 # Above 60 µm Stokes' law fails (Reynolds number near 1): such grains drop at once, like sand.
 _FINEST, _COARSEST = 1e-6, 60e-6  # [m]
 # Extinction of grains much larger than light waves: twice their shadow.
@@ -123,7 +124,7 @@ class DustCloud:
         """Give the puffs that there are."""
         rows = np.flatnonzero(self.state)
         depth = _depth(self.mass[rows], self.grain[rows], self.deviation[rows])
-        return Puffs(self.position[rows], 4.0 * self.deviation[rows], -np.expm1(-depth),
+        return Puffs(self.position[rows], 4.0 * self.deviation[rows], -expm1(-depth),
                      self._time - self._birth[rows])
 
     def raise_dust(self, points: np.ndarray, spread: np.ndarray, energy: np.ndarray) -> int:
@@ -148,7 +149,7 @@ class DustCloud:
         counts = np.diff(reached, prepend=0)
         self.owed = max(float(growing[-1] - reached[-1] * each), 0.0)
         source = np.repeat(np.arange(len(points)), counts)
-        wide = np.hypot(spread, _young_deviation(risen))
+        wide = hypot(spread, _young_deviation(risen))
         self._bear(points[source], wide[source], each)
         return len(source)
 
@@ -182,10 +183,10 @@ class DustCloud:
         count = len(points)
         rows = (self._next + np.arange(count)) % len(self.state)
         self._next = int(self._next + count) % len(self.state)
-        place = points + spread[:, None] * self._rng.standard_normal((count, 3))
+        place = points + spread[:, None] * standard_normal(self._rng, (count, 3))
         ground = self._terrain.height(place)
         place[:, 2] = ground + np.abs(place[:, 2] - ground)
-        grain = _MEDIAN * np.exp(_SPREAD * self._rng.standard_normal(count))
+        grain = _MEDIAN * exp(_SPREAD * standard_normal(self._rng, count))
         self.position[rows] = place
         self.deviation[rows] = _young_deviation(mass)
         self._birth[rows] = self._time
@@ -208,7 +209,7 @@ def stokes_speed(diameter: np.ndarray, gravity: float = 9.81) -> np.ndarray:
 
 def _young_deviation(mass: np.ndarray | float) -> np.ndarray:
     """Give the deviation of dust that has just risen [m], by its mass [kg], (K,)."""
-    return np.cbrt(np.asarray(mass) / _YOUNG) / math.sqrt(2.0 * math.pi)
+    return cbrt(np.asarray(mass) / _YOUNG) / math.sqrt(2.0 * math.pi)
 
 
 @kernel

@@ -21,6 +21,8 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.compilation import kernel
 from procphys_ros.compilation import threads as pool
+from procphys_ros.elementary import atan2, cos, exp, sin, standard_normal
+from procphys_ros.linear import norm
 from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
 from procphys_ros.skeleton import LEAF_AREAL_DENSITY
@@ -75,9 +77,9 @@ class FallingLeaves:
         :param size: lengths [m], (K,).
         """
         count = len(leaf)
-        axis = self._rng.standard_normal((count, 3))
-        axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-        drag = DRAG * np.exp(_SPREAD * self._rng.standard_normal(count))
+        axis = standard_normal(self._rng, (count, 3))
+        axis /= norm(axis, axis=1, keepdims=True)
+        drag = DRAG * exp(_SPREAD * standard_normal(self._rng, count))
         self.leaf = np.concatenate([self.leaf, leaf])
         self.poses = np.concatenate([self.poses, poses])
         self.velocities = np.concatenate([self.velocities, velocities])
@@ -120,10 +122,10 @@ class FallingLeaves:
 def _laid_flat(attitude: np.ndarray) -> np.ndarray:
     """Give attitudes (K, 4) with the leaf's axis level and in the heading that it had."""
     axis = rotation.rotate(attitude, np.array([0.0, 0.0, 1.0]))
-    yaw = np.arctan2(axis[:, 1], axis[:, 0])
+    yaw = atan2(axis[:, 1], axis[:, 0])
     level = np.array([0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)])  # z onto x
     turn = np.zeros((len(yaw), 4))
-    turn[:, 2], turn[:, 3] = np.sin(0.5 * yaw), np.cos(0.5 * yaw)
+    turn[:, 2], turn[:, 3] = sin(0.5 * yaw), cos(0.5 * yaw)
     return rotation.multiply(turn, level)
 
 

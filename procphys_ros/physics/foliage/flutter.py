@@ -29,6 +29,7 @@ import numpy as np
 from procphys_ros.blueprint import Leaves
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.compilation import threads as pool
+from procphys_ros.elementary import exp, functions, standard_normal
 
 # Frequency of a blade of one size. With petioles in proportion to blades of one thickness,
 # stiffness goes with size³ and inertia with size⁴, so the frequency with size^-1/2; leaves of a
@@ -62,8 +63,8 @@ class Flutter:
         size = np.maximum(leaves.size, 1e-3)
         self._rest = np.ascontiguousarray(leaves.pose, float)
         self.frequency = (_FREQUENCY * np.sqrt(_SIZE / size)
-                          * np.exp(_SPREAD * rng.standard_normal(count)))
-        nod = _NOD_RATIO * np.exp(_NOD_SPREAD * rng.standard_normal((count, 2)))
+                          * exp(_SPREAD * standard_normal(rng, count)))
+        nod = _NOD_RATIO * exp(_NOD_SPREAD * standard_normal(rng, (count, 2)))
         ratio = np.column_stack([nod, np.ones(count)])
         self._rate = 2.0 * np.pi * self.frequency[:, None] * ratio
         self._phase = rng.uniform(0.0, 2.0 * np.pi, (count, _MODES))
@@ -138,11 +139,11 @@ def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):
         flow = _into(frames[c, 3], frames[c, 4], frames[c, 5], frames[c, 6],
                      air[c, 0] / speed, air[c, 1] / speed, air[c, 2] / speed)
         q = _times(_downwind(q, flow, speed), q)
-        share = 1.0 - math.exp(-(speed / onset[i]) ** 2)
+        share = 1.0 - functions.exp(-(speed / onset[i]) ** 2)
         half = 0.5 * share * _NOD
-        x = half * math.sin(rate[i, 0] * time + phase[i, 0])
-        y = half * math.sin(rate[i, 1] * time + phase[i, 1])
-        z = 0.5 * share * _TWIST * math.sin(rate[i, 2] * time + phase[i, 2])
+        x = half * functions.sin(rate[i, 0] * time + phase[i, 0])
+        y = half * functions.sin(rate[i, 1] * time + phase[i, 1])
+        z = 0.5 * share * _TWIST * functions.sin(rate[i, 2] * time + phase[i, 2])
         w = 1.0 / math.sqrt(1.0 + x * x + y * y + z * z)
         q = _times(q, (w * x, w * y, w * z, w))
         for j in range(4):

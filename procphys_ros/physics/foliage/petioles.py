@@ -22,6 +22,7 @@ Drag and strength both go with leaf area (petioles grow in proportion to their b
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary import power, weibull
 from procphys_ros.physics.air import AIR_DENSITY, LEAF_DRAG, SHEDDING_SPEED
 
 _CALM, _STORM = 10.0, 20.0  # [m/s] between these leaves roll up more and more
@@ -39,8 +40,8 @@ def drag_pressure(speed: np.ndarray | float) -> np.ndarray:
     :param speed: of the air past the leaf [m/s], (...).
     """
     speed = np.asarray(speed, float)
-    rolled = (np.clip(speed, _CALM, _STORM) / _CALM) ** _STREAMLINING
-    return 0.5 * AIR_DENSITY * LEAF_DRAG * rolled * speed ** 2
+    rolled = power(np.clip(speed, _CALM, _STORM) / _CALM, _STREAMLINING)
+    return 0.5 * AIR_DENSITY * LEAF_DRAG * rolled * (speed * speed)
 
 
 def speed_of(pressure: np.ndarray) -> np.ndarray:
@@ -50,8 +51,9 @@ def speed_of(pressure: np.ndarray) -> np.ndarray:
     :param pressure: drag per leaf area [N/m²], (...).
     """
     root = np.sqrt(np.asarray(pressure, float) / (0.5 * AIR_DENSITY * LEAF_DRAG))
-    rolling = (root * _CALM ** (0.5 * _STREAMLINING)) ** (1.0 / (1.0 + 0.5 * _STREAMLINING))
-    beyond = root * (_CALM / _STORM) ** (0.5 * _STREAMLINING)
+    half = 0.5 * _STREAMLINING
+    rolling = power(root * power(_CALM, half), 1.0 / (1.0 + half))
+    beyond = root * power(_CALM / _STORM, half)
     return np.where(root <= _CALM, root, np.where(rolling <= _STORM, rolling, beyond))
 
 
@@ -68,7 +70,7 @@ def strengths(area: np.ndarray, shedding_speed: np.ndarray | float,
     """
     least = drag_pressure(shedding_speed)
     scale = drag_pressure(_STRIPPED * shedding_speed) - least
-    return np.asarray(area) * (least + scale * rng.weibull(_WEIBULL_SHAPE, len(area)))
+    return np.asarray(area) * (least + scale * weibull(rng, _WEIBULL_SHAPE, len(area)))
 
 
 @kernel

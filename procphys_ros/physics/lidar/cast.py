@@ -26,6 +26,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.linear import norm
 from procphys_ros.physics.lidar.pattern import Pattern, window
 from procphys_ros.physics.terrain import FLAT, ray_range, Terrain
 from procphys_ros.rotation_kernels import matrix_rows
@@ -54,10 +55,10 @@ def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
         `NOTHING`, (V, H) int32.
     """
     pose = np.ascontiguousarray(pose, float)
-    away = np.linalg.norm(poses[:, :3] - pose[:3], axis=1)
-    radius = 0.5 * np.linalg.norm(sizes, axis=1)
+    away = norm(poses[:, :3] - pose[:3], axis=1)
+    radius = 0.5 * norm(sizes, axis=1)
     near = np.flatnonzero(away - radius < reach)
-    order = near[np.argsort((away - radius)[near])]
+    order = near[np.argsort((away - radius)[near], kind='stable')]
     ranges = np.full(pattern.directions.shape[:2], np.inf)
     hit = np.full(ranges.shape, NOTHING, np.int32)
     if terrain.is_flat:

@@ -20,6 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary import cos, functions, sin, tan
+from procphys_ros.linear import norm
 
 
 class Pattern(NamedTuple):
@@ -50,8 +52,8 @@ def spherical(rows: int, columns: int, height: float, width: float) -> Pattern:
     elevation = height * (0.5 - (np.arange(rows) + 0.5) / rows)[:, None]
     azimuth = width * (0.5 - (np.arange(columns) + 0.5) / columns)[None, :]
     directions = np.stack(np.broadcast_arrays(
-        np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth),
-        np.sin(elevation)), axis=-1)
+        cos(elevation) * cos(azimuth), cos(elevation) * sin(azimuth),
+        sin(elevation)), axis=-1)
     return Pattern(False, width, height, np.ascontiguousarray(directions))
 
 
@@ -62,11 +64,11 @@ def pinhole(rows: int, columns: int, height: float, width: float) -> Pattern:
     :param height: vertical field of view [rad], below π.
     :param width: horizontal field of view [rad], below π.
     """
-    tall, wide = 2.0 * np.tan(0.5 * height), 2.0 * np.tan(0.5 * width)
+    tall, wide = 2.0 * tan(0.5 * height), 2.0 * tan(0.5 * width)
     z = tall * (0.5 - (np.arange(rows) + 0.5) / rows)[:, None]
     y = wide * (0.5 - (np.arange(columns) + 0.5) / columns)[None, :]
     directions = np.stack(np.broadcast_arrays(1.0, y, z), axis=-1)
-    directions = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    directions = directions / norm(directions, axis=-1, keepdims=True)
     return Pattern(True, float(wide), float(tall), np.ascontiguousarray(directions))
 
 
@@ -109,8 +111,8 @@ def window(is_pinhole, centre, x, y, z):
         return 0.0, right, left, low, high
     farthest = np.sqrt(farthest)
     near = max(least, 0.0)
-    up = np.arctan2(top, near if top > 0.0 else farthest)
-    down = np.arctan2(bottom, near if bottom < 0.0 else farthest)
+    up = functions.atan2(top, near if top > 0.0 else farthest)
+    down = functions.atan2(bottom, near if bottom < 0.0 else farthest)
     if least <= 0.0:
         return 0.0, -np.inf, np.inf, down, up
-    return np.arctan2(ay, ax), np.arctan(right), np.arctan(left), down, up
+    return functions.atan2(ay, ax), functions.atan(right), functions.atan(left), down, up

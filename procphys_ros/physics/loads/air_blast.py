@@ -23,6 +23,7 @@ them logarithms are taken in proportion.
 
 import numpy as np
 
+from procphys_ros.elementary import atan, cbrt, cos, power, sin
 from procphys_ros.physics.loads import kingery_bulmash as fits
 
 AMBIENT = 101_325.0      # [Pa]
@@ -35,8 +36,8 @@ _FAR_IMPULSE = -1.062    # the last part of it
 def _curve(air: fits.Fit, ground_fit: fits.Fit, z: np.ndarray, ground: float,
            unit: float) -> np.ndarray:
     z = np.asarray(z, float)
-    return unit * (fits.evaluate(air, z) ** (1.0 - ground)
-                   * fits.evaluate(ground_fit, z) ** ground)
+    return unit * (power(fits.evaluate(air, z), 1.0 - ground)
+                   * power(fits.evaluate(ground_fit, z), ground))
 
 
 def _beyond(z: np.ndarray) -> np.ndarray:
@@ -51,25 +52,25 @@ def overpressure(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
     :param z: scaled distance [m/kg^(1/3)].
     :param ground: share of a burst on the ground.
     """
-    return _beyond(z) ** _FAR_PRESSURE * _curve(
+    return power(_beyond(z), _FAR_PRESSURE) * _curve(
         fits.PRESSURE_AIR, fits.PRESSURE_GROUND, z, ground, fits.PRESSURE_UNIT)
 
 
 def reflected(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
     """Compute the peak overpressure on a wall square to the wave [Pa]."""
-    return _beyond(z) ** _FAR_PRESSURE * _curve(
+    return power(_beyond(z), _FAR_PRESSURE) * _curve(
         fits.REFLECTED_AIR, fits.REFLECTED_GROUND, z, ground, fits.PRESSURE_UNIT)
 
 
 def impulse(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
     """Compute the side-on impulse of the positive phase [Pa·s/kg^(1/3)]."""
-    return _beyond(z) ** _FAR_IMPULSE * _curve(
+    return power(_beyond(z), _FAR_IMPULSE) * _curve(
         fits.IMPULSE_AIR, fits.IMPULSE_GROUND, z, ground, fits.IMPULSE_UNIT)
 
 
 def reflected_impulse(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
     """Compute the impulse of the positive phase on a wall square to the wave [Pa·s/kg^(1/3)]."""
-    return _beyond(z) ** _FAR_IMPULSE * _curve(
+    return power(_beyond(z), _FAR_IMPULSE) * _curve(
         fits.REFLECTED_IMPULSE_AIR, fits.REFLECTED_IMPULSE_GROUND, z, ground, fits.IMPULSE_UNIT)
 
 
@@ -124,7 +125,7 @@ def arrival(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
 
 def dynamic_pressure(pressure: np.ndarray) -> np.ndarray:
     """Compute the dynamic pressure [Pa] of the air behind a shock of that overpressure."""
-    return 2.5 * pressure ** 2 / (7.0 * AMBIENT + pressure)
+    return 2.5 * (pressure * pressure) / (7.0 * AMBIENT + pressure)
 
 
 def dynamic_load_factor(phase: np.ndarray) -> np.ndarray:
@@ -138,8 +139,8 @@ def dynamic_load_factor(phase: np.ndarray) -> np.ndarray:
     """
     phase = np.maximum(phase, 1e-3)
     after = np.sqrt(np.maximum(
-        1.0 + 2.0 * (1.0 - np.cos(phase)) / phase ** 2 - 2.0 * np.sin(phase) / phase, 0.0))
-    turn = np.arctan(phase)  # half of the phase at which the deflection is largest
+        1.0 + 2.0 * (1.0 - cos(phase)) / (phase * phase) - 2.0 * sin(phase) / phase, 0.0))
+    turn = atan(phase)  # half of the phase at which the deflection is largest
     return np.where(2.0 * turn < phase, 2.0 * (1.0 - turn / phase), after)
 
 
@@ -157,4 +158,4 @@ def ground_share(charge: float, height: float) -> float:
     :param charge: mass of TNT [kg].
     :param height: of the charge above ground [m].
     """
-    return max(0.0, 1.0 - max(height, 0.0) / (_FREE_AIR * charge ** (1.0 / 3.0)))
+    return max(0.0, 1.0 - max(height, 0.0) / (_FREE_AIR * cbrt(charge)))

@@ -21,7 +21,9 @@ import math
 
 import numpy as np
 
+from procphys_ros.elementary import cbrt
 from procphys_ros.errors import CommandError
+from procphys_ros.linear import norm
 from procphys_ros.physics.air import CYLINDER_DRAG
 from procphys_ros.physics.loads import air_blast, faces
 from procphys_ros.physics.loads.sight import Sight
@@ -49,12 +51,12 @@ class Impulses:
     @property
     def duration(self) -> np.ndarray:
         """Give how long a triangular pulse of that peak and impulse lasts [s], (N,)."""
-        size = np.linalg.norm(self.linear, axis=1)
+        size = norm(self.linear, axis=1)
         return 2.0 * size / np.maximum(self.peak, 1e-9)
 
     def points(self, centres: np.ndarray) -> np.ndarray:
         """Return where the linear impulses would have to act, (N, 3), world."""
-        square = (self.linear ** 2).sum(axis=1, keepdims=True)
+        square = (self.linear * self.linear).sum(axis=1, keepdims=True)
         arm = np.cross(self.linear, self.angular) / np.where(square > 0.0, square, 1.0)
         return centres + arm
 
@@ -95,7 +97,7 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     if sight is None:
         sight = Sight(poses, sizes, blocking=blocking)
     towards = place - patches.centre
-    distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
+    distance = np.maximum(norm(towards, axis=1), 1e-9)
     cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
     seen = cosine > 0.0
     seen[seen] = sight.clear((patches.centre + _OFF_FACE * patches.normal)[seen], place,
@@ -113,7 +115,7 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     force, _ = faces.gather(patches, -(pressure * patches.area)[:, None] * patches.normal,
                             middles)
     return Impulses(linear, angular, _arrival(place, scale, burst, poses),
-                    np.linalg.norm(force, axis=1))
+                    norm(force, axis=1))
 
 
 def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,
@@ -135,12 +137,12 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
     place, scale, burst = _check(point, charge, ground)
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     away = poses[:, :3] - place
-    distance = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+    distance = np.maximum(norm(away, axis=1), 1e-9)
     away /= distance[:, None]
     diameter, length = sizes[:, 0], sizes[:, 2]
     along = np.einsum('ni,ni->n', away, _axes(poses))
-    shadow = (diameter * (length - diameter) * np.sqrt(np.maximum(1.0 - along ** 2, 0.0))
-              + 0.25 * np.pi * diameter ** 2)
+    shadow = (diameter * (length - diameter) * np.sqrt(np.maximum(1.0 - along * along, 0.0))
+              + 0.25 * np.pi * (diameter * diameter))
     z = distance / scale
     peak = air_blast.overpressure(z, burst)
     passing = 0.5 * air_blast.reflected(z, burst) * diameter / air_blast.shock_speed(peak)
@@ -167,13 +169,13 @@ def incidence(squarely: np.ndarray, side_on: np.ndarray, cosine: np.ndarray,
         presses on their far sides as well.
     """
     graze = 1.0 - cosine
-    return squarely * cosine ** 2 + side_on * graze * np.where(
+    return squarely * (cosine * cosine) + side_on * graze * np.where(
         one_sided, graze, np.minimum(graze, cosine))
 
 
 def _arrival(point: np.ndarray, scale: float, ground: float, poses: np.ndarray) -> np.ndarray:
     """Give when the front arrives at bodies [s], (N,)."""
-    z = np.linalg.norm(poses[:, :3] - point, axis=1) / scale
+    z = norm(poses[:, :3] - point, axis=1) / scale
     return scale * air_blast.arrival(z, ground)
 
 
@@ -192,4 +194,4 @@ def _check(point: Sequence[float], charge: float,
         raise CommandError(f'explosion.charge is {charge:g} kg TNT, it must lie above 0 and not '
                            f'exceed {_LARGEST:g}')
     burst = air_blast.ground_share(charge, float(place[2]) - ground)
-    return place, charge ** (1.0 / 3.0), burst
+    return place, cbrt(charge), burst

@@ -23,6 +23,7 @@ it, one row per target. Bodies that overlap from the start touch at 0.
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.linear_kernels import transformed
 
 _EXACT = 1e-9    # [m] closeness at which a body counts as touching
 _ROUNDS = 50     # of Newton's method, which needs less than ten
@@ -151,7 +152,7 @@ def box_on_boxes(start, along, own_axes, own_half, centres, axes, halves):
             _into(axes[i], start + t * along - centres[i], local)
             for k in range(3):
                 local[k] = min(max(local[k], -halves[i, k]), halves[i, k])
-            point[i] = centres[i] + axes[i] @ local
+            point[i] = centres[i] + transformed(axes[i], local)
     return fraction, point, normal
 
 
@@ -216,7 +217,7 @@ def box_on_capsules(start, along, own_axes, own_half, centres, arms, radii):
             if distance <= _EXACT:
                 fraction[i] = t
                 out = np.empty(3)
-                _point_out(-(own_axes @ gap), -along, out)
+                _point_out(-transformed(own_axes, gap), -along, out)
                 normal[i] = out
                 point[i] = centres[i] + foot * arms[i] + radii[i] * out
                 break

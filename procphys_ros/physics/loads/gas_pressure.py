@@ -17,6 +17,7 @@
 
 import numpy as np
 
+from procphys_ros.elementary import expm1, log, power
 from procphys_ros.physics.loads.air_blast import AMBIENT, SOUND
 
 # The two empirical laws are given as they are usually quoted; the originals could not be read, and
@@ -41,7 +42,7 @@ def peak_pressure(charge: float, volume: float) -> float:
     :param volume: of the room [m³].
     """
     density = min(charge / volume, _DENSEST)
-    return min(_PEAK * density ** _EXPONENT, (_ADIABATIC - 1.0) * _HEAT * density)
+    return min(_PEAK * power(density, _EXPONENT), (_ADIABATIC - 1.0) * _HEAT * density)
 
 
 def gas_impulse(peak: float, volume: float, vents: float, walls: float,
@@ -59,17 +60,17 @@ def gas_impulse(peak: float, volume: float, vents: float, walls: float,
     :param mass: of that [kg].
     :returns: impulse [Pa·s] and duration [s] with the same peak.
     """
-    push = peak * walls ** 2 / max(mass, 1.0)  # [m³/s²] with which the room grows
+    push = peak * (walls * walls) / max(mass, 1.0)  # [m³/s²] with which the room grows
     outflow = _OUTFLOW * SOUND * vents  # [m³/s]
     step = min(0.02 * np.sqrt(volume / push), 0.02 * volume / max(outflow, 1e-9),
                _LONGEST / _STEPS)
-    logarithm, space, rate, impulse = np.log(1.0 + peak / AMBIENT), volume, 0.0, 0.0
+    logarithm, space, rate, impulse = log(1.0 + peak / AMBIENT), volume, 0.0, 0.0
     for _ in range(int(_LONGEST / step)):
-        over = AMBIENT * np.expm1(logarithm)
+        over = AMBIENT * expm1(logarithm)
         if over <= 0.0:
             break
         impulse += over * step
-        rate += over * walls ** 2 / max(mass, 1.0) * step
+        rate += over * (walls * walls) / max(mass, 1.0) * step
         logarithm -= step * (outflow + _ADIABATIC * rate) / space
         space += rate * step
     return impulse, 2.0 * impulse / peak

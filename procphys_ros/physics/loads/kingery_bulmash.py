@@ -26,9 +26,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-_FOOT = 0.3048 / 0.45359237 ** (1.0 / 3.0)  # [m/kg^(1/3)] in a ft/lb^(1/3)
+from procphys_ros.elementary import cbrt, exp, log
+
+_FOOT = 0.3048 / cbrt(0.45359237)  # [m/kg^(1/3)] in a ft/lb^(1/3)
 _PSI = 6894.757293                          # [Pa]
-_MS = 1e-3 / 0.45359237 ** (1.0 / 3.0)      # [s/kg^(1/3)] in a ms/lb^(1/3)
+_MS = 1e-3 / cbrt(0.45359237)      # [s/kg^(1/3)] in a ms/lb^(1/3)
 LEAST, MOST = 0.06, 39.6                    # [m/kg^(1/3)] range of the fits
 
 # From which log Z on [ft/lb^(1/3)] each piece holds; a and b of U; the polynomial.
@@ -104,6 +106,7 @@ DURATION_GROUND: Fit = (
         0.00148029868929)))
 
 PRESSURE_UNIT, TIME_UNIT, IMPULSE_UNIT = _PSI, _MS, _PSI * _MS
+_LN_10 = log(10.0)
 
 
 def evaluate(fit: Fit, z: np.ndarray) -> np.ndarray:
@@ -113,9 +116,9 @@ def evaluate(fit: Fit, z: np.ndarray) -> np.ndarray:
     :param z: scaled distance [m/kg^(1/3)].
     :returns: in the units of the fits.
     """
-    log = np.log10(np.clip(z, LEAST, MOST) / _FOOT)
-    value = np.zeros_like(log)
+    decades = log(np.clip(z, LEAST, MOST) / _FOOT) / _LN_10
+    value = np.zeros_like(decades)
     for start, a, b, coefficients in fit:
-        here = np.polynomial.polynomial.polyval(a + b * log, coefficients)
-        value = np.where(log > start, here, value)
-    return 10.0 ** value
+        here = np.polynomial.polynomial.polyval(a + b * decades, coefficients)
+        value = np.where(decades > start, here, value)
+    return exp(_LN_10 * value)

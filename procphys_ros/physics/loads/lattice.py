@@ -21,6 +21,7 @@ from typing import Self
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import atan2
 
 _ENCLOSED = 4  # of the six ways along the axes that end at something, at least
 
@@ -98,4 +99,4 @@ class Lattice:
 def heading(attitude: np.ndarray) -> np.ndarray:
     """Give the turn about the vertical, xyzw, of a lattice along a box; attitude (4,)."""
     axis = rotation.rotate(attitude, np.array([1.0, 0.0, 0.0]))
-    return rotation.from_yaw(float(np.arctan2(axis[1], axis[0])))
+    return rotation.from_yaw(float(atan2(axis[1], axis[0])))

@@ -24,6 +24,8 @@ import numpy as np
 import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
+from procphys_ros.elementary import cbrt
+from procphys_ros.linear import norm
 from procphys_ros.physics.loads.lattice import heading, Lattice
 from procphys_ros.physics.loads.sight import Sight
 
@@ -57,7 +59,7 @@ class Room:
 
     def is_confined(self) -> bool:
         """Return whether gas stays long enough to press."""
-        return self.vents < _OPEN * self.volume ** (2.0 / 3.0)
+        return self.vents < _OPEN * np.square(cbrt(self.volume))
 
     def faces(self, centres: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """
@@ -91,13 +93,13 @@ def find_room(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray, sight: Si
     """
     if not len(poses):
         return None
-    nearest = int(np.argmin(((poses[:, :3] - point) ** 2).sum(axis=1)))
+    nearest = int(np.argmin(np.square(poses[:, :3] - point).sum(axis=1)))
     turn = heading(poses[nearest, 3:])
     ways = point + _REACH * rotation.rotate(turn, _SIX)
     ends = ~sight.clear(np.tile(point, (6, 1)), ways, np.full(6, -1)) | (ways[:, 2] < ground)
     if ends.sum() < _LEAST:
         return None
-    reach = _REACH + 0.5 * np.linalg.norm(sizes, axis=1)
+    reach = _REACH + 0.5 * norm(sizes, axis=1)
     near = (np.abs(poses[:, :3] - point) < reach[:, None]).all(axis=1)
     low = np.array([-_REACH, -_REACH, max(ground - point[2], -_REACH)])
     shape = np.ceil((_REACH - low) / _CELL).astype(np.intp)
@@ -131,8 +133,8 @@ def _measure(inside: np.ndarray, lattice: Lattice) -> Room:
                         for other in range(3) if other != axis for way in (1, -1))
             vents += float(leads_out.sum()) + 0.5 * edges
             walls += int((inside & beside).sum())
-    area = _CELL ** 2
-    volume = inside.sum() * _CELL ** 3 + 0.5 * _CELL * walls * area
+    area = _CELL * _CELL
+    volume = inside.sum() * (_CELL * _CELL * _CELL) + 0.5 * _CELL * walls * area
     return Room(float(volume), vents * area, walls * area, lattice, inside)
 
 

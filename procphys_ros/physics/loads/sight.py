@@ -24,6 +24,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary import cbrt
 
 _MOST_CELLS = 2_000_000  # more would cost more time to clear than they save
 _LEAST_CELL = 0.25       # [m] about a brick
@@ -54,7 +55,7 @@ class Sight:
         rows = np.flatnonzero(self._blocking)
         origin = low[rows].min(axis=0) if len(rows) else np.zeros(3)
         span = high[rows].max(axis=0) - origin if len(rows) else np.zeros(3)
-        cell = max(_LEAST_CELL, float(np.cbrt(np.prod(np.maximum(span, 1.0)) / _MOST_CELLS)))
+        cell = max(_LEAST_CELL, float(cbrt(np.prod(np.maximum(span, 1.0)) / _MOST_CELLS)))
         shape = np.floor(span / cell).astype(np.int64) + 1
         self._grid = (origin, cell, shape, *_list_boxes(low, high, rows, origin, cell, shape))
 
@@ -99,7 +100,7 @@ def _list_boxes(low, high, rows, origin, cell, shape):
     return starts, lists
 
 
-@kernel(error_model='numpy', fastmath=True)
+@kernel(error_model='numpy')
 def _hit(start, along, boxes, row):
     """Return whether the segment from start to start + along enters a box and ends outside it."""
     x, y, z = start[0] - boxes[row, 0], start[1] - boxes[row, 1], start[2] - boxes[row, 2]

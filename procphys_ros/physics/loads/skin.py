@@ -18,6 +18,8 @@
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import cbrt
+from procphys_ros.linear import norm
 from procphys_ros.physics.loads.lattice import heading, Lattice
 
 _CELL = 0.25          # [m] of the lattice, ...
@@ -63,10 +65,10 @@ def _around(poses: np.ndarray, sizes: np.ndarray, axes: np.ndarray) -> Lattice:
     """Draw a building, along its largest box."""
     turn = heading(poses[int(np.argmax(sizes.prod(axis=1))), 3:])
     reach = 0.5 * np.einsum('nij,nj->ni', np.abs(axes), sizes)
-    reach[:, :2] = np.linalg.norm(reach[:, :2], axis=1, keepdims=True)
+    reach[:, :2] = norm(reach[:, :2], axis=1, keepdims=True)
     local = rotation.rotate(rotation.conjugate(turn), poses[:, :3])
     low, high = (local - reach).min(axis=0), (local + reach).max(axis=0)
-    cell = max(_CELL, float(np.cbrt(np.prod(high - low) / _MOST)))
+    cell = max(_CELL, float(cbrt(np.prod(high - low) / _MOST)))
     low = low - [_MARGIN * cell, _MARGIN * cell, 0.0]
     shape = np.ceil((high - low) / cell).astype(np.intp) + _MARGIN
     return Lattice.draw(poses, sizes, rotation.rotate(turn, low), turn, cell, shape)

@@ -25,6 +25,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.compilation import kernel
+from procphys_ros.linear import norm
 from procphys_ros.physics.loads import first_touch
 
 
@@ -104,7 +105,7 @@ def sweep_box_boxes(start: np.ndarray, end: np.ndarray, attitude: np.ndarray, ex
     """
     start, along = _way(start, end)
     half = 0.5 * np.asarray(extent, float)
-    rows = _near(start, along, float(np.linalg.norm(half)), poses, sizes,
+    rows = _near(start, along, float(norm(half)), poses, sizes,
                  _flags(active, len(poses)))
     if not len(rows):
         return _NONE
@@ -124,7 +125,7 @@ def sweep_box_capsules(start: np.ndarray, end: np.ndarray, attitude: np.ndarray,
     """
     start, along = _way(start, end)
     half = 0.5 * np.asarray(extent, float)
-    rows = _near(start, along, float(np.linalg.norm(half)), poses, sizes,
+    rows = _near(start, along, float(norm(half)), poses, sizes,
                  _flags(active, len(poses)))
     if not len(rows):
         return _NONE
@@ -158,7 +159,7 @@ def _sorted(rows: np.ndarray, fraction: np.ndarray, point: np.ndarray,
     return Hits(rows[order], fraction[order], point[order], normal[order])
 
 
-@kernel(fastmath=True, error_model='numpy')
+@kernel(error_model='numpy')
 def _near(start, along, radius, poses, sizes, active):
     """Return the rows whose bounding spheres the swept sphere meets; half the sum bounds."""
     x0, y0, z0 = start[0], start[1], start[2]

@@ -19,6 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.elementary import atan2, cos, sin
+from procphys_ros.linear import product
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import faces, wind_pressure
 from procphys_ros.physics.loads.sight import Sight
@@ -134,7 +136,7 @@ class WallPressure:
 
     def _outer(self, air: np.ndarray, feels: np.ndarray) -> np.ndarray:
         """Give the outer coefficients of all faces, (K,), which feel the air of these rows."""
-        turn = np.arctan2(air[:, 1], air[:, 0]) * (_WAYS / (2.0 * np.pi)) % _WAYS
+        turn = atan2(air[:, 1], air[:, 0]) * (_WAYS / (2.0 * np.pi)) % _WAYS
         first = turn.astype(np.intp)
         share = turn - first
         total = np.zeros(len(feels))
@@ -148,18 +150,19 @@ class WallPressure:
         """Give the outer coefficients of all faces in one of the directions, (K,)."""
         if number not in self._patterns:
             turn = 2.0 * np.pi * number / _WAYS
-            way = np.array([np.cos(turn), np.sin(turn)])
-            along = self._patches.normal[:, :2] @ way
-            outer = _ELSEWHERE + (_WINDWARD - _ELSEWHERE) * np.minimum(along, 0.0) ** 2
+            way = np.array([cos(turn), sin(turn)])
+            along = product(self._patches.normal[:, :2], way)
+            outer = _ELSEWHERE + (_WINDWARD - _ELSEWHERE) * np.square(np.minimum(along, 0.0))
             patches = self._patches.take(self._on_skin)
             ways = np.tile(way, (len(patches.owner), 1))
             outer[self._on_skin] = wind_pressure.external(
                 patches.normal, ways,
                 wind_pressure.outline(patches.centre, ways, self._building))
-            self._patterns[number] = outer * (1.0 - _APART * along ** 2)
+            self._patterns[number] = outer * (1.0 - _APART * (along * along))
         return self._patterns[number]
 
 
 def _dynamic_pressure(air: np.ndarray) -> np.ndarray:
     """Give the pressure of air that comes to rest [Pa]; steep air counts by its level share."""
-    return AIR_DENSITY * np.minimum(0.5 * (air ** 2).sum(axis=1), (air[:, :2] ** 2).sum(axis=1))
+    square = air * air
+    return AIR_DENSITY * np.minimum(0.5 * square.sum(axis=1), square[:, :2].sum(axis=1))

@@ -25,6 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.elementary import acos, cos
+from procphys_ros.linear import norm
+
 # Windward and lee walls over height/depth.
 _SLENDER = np.array([0.25, 1.0, 5.0])
 _FRONT, _REAR = np.array([0.7, 0.8, 0.8]), np.array([-0.3, -0.5, -0.7])
@@ -40,7 +43,7 @@ _GABLE_CORNER = np.array([-1.8, -1.6, -1.3, -1.1, -1.1, -1.1, -1.1])  # F, wind 
 _GABLE_EAVES = np.array([-1.2, -1.3, -1.3, -1.4, -1.4, -1.2, -1.2])   # G
 _GABLE = np.array([-0.7, -0.7, -0.6, -0.8, -0.9, -0.8, -0.8])         # H
 _GABLE_END = np.array([-0.2, -0.6, -0.5, -0.5, -0.5, -0.5, -0.5])     # I
-_ROOF = np.cos(np.radians(78.0))  # upward share of a normal, from which a face is one of a roof
+_ROOF = cos(np.radians(78.0))  # upward share of a normal, from which a face is one of a roof
 _LEAK = 1e-3  # openings of a closed skin over its area: cracks of windows, doors and tiles
 
 
@@ -94,9 +97,9 @@ def external(normals: np.ndarray, way: np.ndarray, place: Outline) -> np.ndarray
     facing = (normals[:, :2] * way).sum(axis=1)
     edge = np.minimum(place.width, 2.0 * place.height)
     wall = _wall(facing, place, edge)
-    level = np.linalg.norm(normals[:, :2], axis=1)
+    level = norm(normals[:, :2], axis=1)
     share = np.where(level > 1e-6, facing / np.maximum(level, 1e-6), -1.0)
-    pitch = np.degrees(np.arccos(np.clip(normals[:, 2], -1.0, 1.0)))
+    pitch = np.degrees(acos(np.clip(normals[:, 2], -1.0, 1.0)))
     corner = place.end < 0.25 * edge
     first = place.along < 0.1 * edge
     slope = _zones(pitch, _SLOPE, (first, _EAVES), (first & corner, _CORNER))
@@ -107,7 +110,7 @@ def external(normals: np.ndarray, way: np.ndarray, place: Outline) -> np.ndarray
     gable = _zones(pitch, _GABLE_END, (place.along < 0.5 * edge, _GABLE), (first, _GABLE_EAVES),
                    (first & corner, _GABLE_CORNER))
     ridge = np.where(share < 0.0, slope, lee)
-    roof = np.where(pitch < 5.0, flat, share ** 2 * ridge + (1.0 - share ** 2) * gable)
+    roof = np.where(pitch < 5.0, flat, share * share * ridge + (1.0 - share * share) * gable)
     return np.where(normals[:, 2] > _ROOF, roof, wall)
 
 
@@ -138,8 +141,9 @@ def _wall(facing: np.ndarray, place: Outline, edge: np.ndarray) -> np.ndarray:
     side = np.where(place.along < 0.2 * edge, _SIDE_EDGE,
                     np.where(place.along < edge, _SIDE, _SIDE_END))
     ahead = np.where(facing < 0.0, front, rear)
-    return facing ** 2 * ahead + (1.0 - facing ** 2) * _SIDE_END + (
-        1.0 - np.abs(facing)) ** 2 * (side - _SIDE_END)
+    square = facing * facing
+    return (square * ahead + (1.0 - square) * _SIDE_END
+            + np.square(1.0 - np.abs(facing)) * (side - _SIDE_END))
 
 
 def _zones(pitch: np.ndarray, base: np.ndarray,

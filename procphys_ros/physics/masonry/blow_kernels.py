@@ -19,6 +19,7 @@ import math
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary import functions
 from procphys_ros.physics.masonry import cells, components, links, rigid_cells
 from procphys_ros.physics.masonry.strength import stays_closed
 from procphys_ros.physics.masonry.ties import tie_stress
@@ -237,8 +238,8 @@ def _demand(wrench, area, extent, tension, cohesion, friction, compression, rein
     """
     pull = wrench[2] / area
     bending = 6.0 / area * (abs(wrench[3]) / extent[1] + abs(wrench[4]) / extent[0])
-    across = (extent[0] ** 2 + extent[1] ** 2) ** 0.5
-    shear = ((wrench[0] ** 2 + wrench[1] ** 2) ** 0.5 + 6.0 * abs(wrench[5]) / across) / area
+    across = np.sqrt(extent[0] ** 2 + extent[1] ** 2)
+    shear = (np.sqrt(wrench[0] ** 2 + wrench[1] ** 2) + 6.0 * abs(wrench[5]) / across) / area
     opening = (bending + pull) / max(tension, _LEAST)
     if reinforcement > 0.0:
         opening = min(opening, tie_stress(pull, bending) / reinforcement)
@@ -256,7 +257,7 @@ def _wood_demand(wrench, area, wood, row):
     """
     _, force, torque, stress = wood
     diameter = math.sqrt(4.0 * area / math.pi)
-    bending = math.hypot(wrench[3], wrench[4]) / (area * diameter / 8.0)
+    bending = functions.hypot(wrench[3], wrench[4]) / (area * diameter / 8.0)
     pull = math.sqrt(wrench[0] ** 2 + wrench[1] ** 2 + wrench[2] ** 2)
     return max(pull / force[row], abs(wrench[5]) / torque[row], bending / stress[row])
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.linear import product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
@@ -160,7 +161,7 @@ def plugs(graph: BondGraph, parts: np.ndarray, direction: np.ndarray) -> Iterato
     :param direction: unit vector of the blow, world, (3,).
     """
     inside = np.zeros(graph.count + 1, bool)
-    furthest = float((graph.centre[parts] @ direction).min()) + _DEEPEST
+    furthest = float(product(graph.centre[parts], direction).min()) + _DEEPEST
     fresh = parts = np.asarray(parts)
     while len(fresh):
         inside[fresh] = True
@@ -168,10 +169,10 @@ def plugs(graph: BondGraph, parts: np.ndarray, direction: np.ndarray) -> Iterato
         bonds = graph.neighbours(fresh)
         driven = inside[graph.first[bonds]]
         crossing = graph.alive[bonds] & (driven != inside[graph.second[bonds]])
-        ahead = np.where(driven, 1.0, -1.0) * (graph.axes[bonds, :, 2] @ direction)
+        ahead = np.where(driven, 1.0, -1.0) * product(graph.axes[bonds, :, 2], direction)
         behind = np.where(driven, graph.second[bonds], graph.first[bonds])
         behind = np.unique(behind[crossing & (ahead > _AHEAD) & (behind < graph.count)])
-        fresh = behind[graph.centre[behind] @ direction < furthest]
+        fresh = behind[product(graph.centre[behind], direction) < furthest]
         parts = np.concatenate([parts, fresh])
 
 

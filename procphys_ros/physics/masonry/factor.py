@@ -103,7 +103,7 @@ def _ordering(pattern: 'scipy.sparse.csc_matrix') -> np.ndarray:
     pattern.setdiag(2.0 * count)
     lu = scipy.sparse.linalg.splu(pattern, permc_spec='MMD_AT_PLUS_A', diag_pivot_thresh=0.0,
                                   options={'SymmetricMode': True})
-    return np.argsort(lu.perm_c)
+    return np.argsort(lu.perm_c, kind='stable')
 
 
 @subroutine
@@ -163,7 +163,7 @@ def _symbolic(start, column, order, rank):
     return below, rows, across, place, owner
 
 
-@kernel(fastmath=True, nogil=True)
+@kernel(nogil=True)
 def _factor(start, column, blocks, rank, fill, panels):
     """Work out the columns one after the other."""
     below, rows, across, place, owner = fill
@@ -200,7 +200,7 @@ def _factor(start, column, blocks, rank, fill, panels):
                     panel[c, 6 * (p - begin) + r] = -left[r, c]
 
 
-@kernel(fastmath=True)
+@kernel
 def _subtract(total, left, right):
     """Subtract a product of 6 x 6 matrices."""
     for r in range(6):
@@ -276,7 +276,7 @@ def clear(panels, columns, b):
         b[order[j]] = 0.0
 
 
-@kernel(fastmath=True)
+@kernel
 def solve(panels, columns, b, work):
     """
     Solve L·D·Lᵀ x = b in place.

@@ -21,6 +21,7 @@ import math
 
 import numpy as np
 
+from procphys_ros.linear import product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import mechanisms, strength, ties
@@ -172,8 +173,8 @@ class Fracture:
         """
         if energy > 0.0:
             fresh = ~failures.had_cracked
-            work = (self.solver.graph.area[failures.bond[fresh]]
-                    @ fracture_energy.BY_CAUSE[failures.cause[fresh]])
+            work = product(self.solver.graph.area[failures.bond[fresh]],
+                           fracture_energy.BY_CAUSE[failures.cause[fresh]])
             self.solver.forget_sudden(1.0 - math.sqrt(max(1.0 - work / energy, 0.0)))
 
     def withstand(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],

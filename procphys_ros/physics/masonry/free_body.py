@@ -31,6 +31,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law
+from procphys_ros.linear import norm
 from procphys_ros.physics.masonry import blow_kernels, cells, components, links
 from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.physics.masonry.graph import BondGraph
@@ -91,7 +92,7 @@ class FreeBodies:
         self.weakest = _least(graph, force)
         side = graph.extent.min(axis=1, initial=np.inf)
         centre = np.concatenate([graph.centre, np.full((1, 3), np.inf)])  # or the ground
-        length = np.linalg.norm(centre[graph.first] - centre[graph.second], axis=1)
+        length = norm(centre[graph.first] - centre[graph.second], axis=1)
         slender = np.isfinite(length) & (length > _SLENDER * side)
         moment = mortar.tension * graph.area * side / 6.0
         moment = np.where(slender, moment, np.inf)

@@ -128,7 +128,7 @@ class BondGraph:
         """Spread the springs of the mortar over the patches of some bonds."""
         normal = self.mortar.normal_stiffness[bonds] * self.area[bonds]
         shear = self.mortar.shear_stiffness[bonds] * self.area[bonds]
-        x_square, y_square = (self.extent[bonds] ** 2 / 12.0).T
+        x_square, y_square = (np.square(self.extent[bonds]) / 12.0).T
         self.spring[bonds] = self.held[bonds, None] * np.column_stack([
             shear, shear, normal, normal * y_square, normal * x_square,
             shear * (x_square + y_square)])

@@ -106,12 +106,12 @@ def _friction(m, d, shear, extent, place, bound, slip, out):
     :param out: forces (3,), then how much of the elastic stiffness the friction is, 1 sticks.
     """
     x, y = place[m, 0], place[m, 1]
-    radius = _TWIST * (extent[m, 0] ** 2 + extent[m, 1] ** 2) ** 0.5
+    radius = _TWIST * np.sqrt(extent[m, 0] ** 2 + extent[m, 1] ** 2)
     turn = d[5] - slip[m, 2]
     out[0] = shear * (d[0] - d[5] * y - (slip[m, 0] - slip[m, 2] * y))
     out[1] = shear * (d[1] + d[5] * x - (slip[m, 1] + slip[m, 2] * x))
     out[2] = shear * (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0 * turn
-    size = (out[0] ** 2 + out[1] ** 2 + (out[2] / radius) ** 2) ** 0.5
+    size = np.sqrt(out[0] ** 2 + out[1] ** 2 + (out[2] / radius) ** 2)
     out[3] = 1.0
     if size > bound[m]:
         out[3] = bound[m] / size
@@ -186,7 +186,7 @@ def _mix(moments, share, extent):
 def _sliding(shear, share, friction, out):
     """Write the tangent along the patch, 2 x 2; give its part that sticks [N/m]."""
     slides = shear * max(friction[3], share)
-    size = (friction[0] ** 2 + friction[1] ** 2) ** 0.5
+    size = np.sqrt(friction[0] ** 2 + friction[1] ** 2)
     for r in range(2):
         for c in range(2):
             out[r, c] = slides if r == c else 0.0
@@ -319,7 +319,7 @@ def power(rows, label, first, second, centroid, centre, axes, extent, normal, sh
 def _span(along_x, along_y, extent):
     """Give the length of a patch in a direction along it [m]."""
     x, y = abs(along_x), abs(along_y)
-    return (x * extent[0] + y * extent[1]) / max((x ** 2 + y ** 2) ** 0.5, 1e-30)
+    return (x * extent[0] + y * extent[1]) / max(np.sqrt(x ** 2 + y ** 2), 1e-30)
 
 
 @kernel
@@ -335,7 +335,7 @@ def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid, s
         m = rows[k]
         _deltas(m, first, second, centroid, centre, axes, q, d)
         gap[k] = d[2] + 0.5 * (abs(d[3]) * extent[m, 1] + abs(d[4]) * extent[m, 0])
-        slid[k] = (d[0] ** 2 + d[1] ** 2) ** 0.5 + abs(d[5]) * 0.5 * extent[m].max()
+        slid[k] = np.sqrt(d[0] ** 2 + d[1] ** 2) + abs(d[5]) * 0.5 * extent[m].max()
         span[k] = (_span(d[4], d[3], extent[m]) if gap[k] > slid[k]
                    else _span(d[0], d[1], extent[m]))
 

@@ -25,6 +25,7 @@ at the patch moves by u + φ × arm, so every link couples two rows of 6 unknown
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.linear_kernels import inverse
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
@@ -81,7 +82,7 @@ def incidence(count: int, first: np.ndarray, second: np.ndarray) -> tuple[np.nda
     return start.astype(np.int64), bond[order]
 
 
-@kernel(fastmath=True)
+@kernel
 def _pull(link, m, q, i, j):
     """Give the force and moment with which j pulls i at the patch, world axes."""
     d, e, f = q[i, 3], q[i, 4], q[i, 5]
@@ -100,7 +101,7 @@ def _pull(link, m, q, i, j):
             link[m, 14] * a + link[m, 16] * b + link[m, 17] * c)
 
 
-@kernel(fastmath=True)
+@kernel
 def add_pulls(bonds, links, first, second, q, out, sign):
     """
     Add sign times the forces of the listed links under the displacements q to the bodies.
@@ -188,6 +189,6 @@ def diagonal_inverses(parts, start, incident, alive, links, first, out):
                 a = 0 if first[m] == i else 3
                 add_stiffness(block, links[m], (links[m, a], links[m, a + 1], links[m, a + 2]))
         if held:
-            out[i] = np.linalg.inv(block)
+            out[i] = inverse(block)
         else:
             out[i] = 0.0

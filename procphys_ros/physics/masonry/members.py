@@ -19,6 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.linear import norm
+
 _STRAIGHT = 0.99  # least cosine between the normals of two joints, and the way between them
 
 
@@ -57,7 +59,7 @@ def pieces(rows: np.ndarray, pair: tuple[np.ndarray, np.ndarray], count: int,
     for step in range(1, int(np.bincount(part).max(initial=1))):
         one = np.flatnonzero(part[step:] == part[:-step])
         way = centroid[bond[one + step]] - centroid[bond[one]]
-        way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+        way /= np.maximum(norm(way, axis=1, keepdims=True), 1e-12)
         straight = [np.abs((axes[bond[at], :, 2] * way).sum(axis=1)) > _STRAIGHT
                     for at in (one, one + step)]
         one = one[straight[0] & straight[1]]
@@ -101,7 +103,7 @@ def with_largest_moments(within: Pieces, alive: np.ndarray, centroid: np.ndarray
     with np.errstate(divide='ignore', invalid='ignore'):
         place = -0.5 * rise / bow
     inside = (place > 0.0) & (place <= 0.5)
-    peak = np.where(inside, first - 0.25 * rise ** 2 / np.where(inside, bow, 1.0), 0.0)
+    peak = np.where(inside, first - 0.25 * (rise * rise) / np.where(inside, bow, 1.0), 0.0)
     out = wrench.copy()
     for axis in range(2):
         grown = np.abs(out[:, 3 + axis])

@@ -21,7 +21,7 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry import factor, links
 
 
-@kernel(fastmath=True)
+@kernel
 def residual_size(parts, residual, reach):
     """Give the largest nodal residual [N]: its force, or its moment over the part's reach."""
     worst = 0.0
@@ -30,7 +30,7 @@ def residual_size(parts, residual, reach):
         force = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
         moment = (r[3] * r[3] + r[4] * r[4] + r[5] * r[5]) / (reach[i] * reach[i])
         worst = max(worst, force, moment)
-    return worst ** 0.5
+    return np.sqrt(worst)
 
 
 @kernel(nogil=True)
@@ -39,12 +39,12 @@ def residual_sizes(residual, reach):
     sizes = np.empty(len(reach))
     for i in range(len(reach)):
         r = residual[i]
-        force = (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) ** 0.5
-        sizes[i] = max(force, (r[3] * r[3] + r[4] * r[4] + r[5] * r[5]) ** 0.5 / reach[i])
+        force = np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
+        sizes[i] = max(force, np.sqrt(r[3] * r[3] + r[4] * r[4] + r[5] * r[5]) / reach[i])
     return sizes
 
 
-@kernel(fastmath=True)
+@kernel
 def _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, work, z):
     """Write z = block-Jacobi + coarse correction of the residual; return residual·z."""
     factor.clear(panels, columns, rigid)
@@ -75,7 +75,7 @@ def _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, w
     return product
 
 
-@kernel(fastmath=True)
+@kernel
 def _turn(parts, z, beta, p, q):
     """Choose the next search direction p and clear q for K·p."""
     for i in parts:
@@ -84,7 +84,7 @@ def _turn(parts, z, beta, p, q):
             q[i, c] = 0.0
 
 
-@kernel(fastmath=True)
+@kernel
 def _dot(parts, p, q):
     product = 0.0
     for i in parts:
@@ -93,7 +93,7 @@ def _dot(parts, p, q):
     return product
 
 
-@kernel(fastmath=True)
+@kernel
 def _go(parts, step, x, residual, p, q, reach):
     """Move along p; return what `residual_size` gives then."""
     worst = 0.0
@@ -105,7 +105,7 @@ def _go(parts, step, x, residual, p, q, reach):
         force = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
         moment = (r[3] * r[3] + r[4] * r[4] + r[5] * r[5]) / (reach[i] * reach[i])
         worst = max(worst, force, moment)
-    return worst ** 0.5
+    return np.sqrt(worst)
 
 
 @kernel(nogil=True)

@@ -23,6 +23,7 @@ spring of a pair of cells is at the centre of its first.
 import numpy as np
 
 from procphys_ros.compilation import subroutine
+from procphys_ros.linear_kernels import inverse, solve
 from procphys_ros.physics.masonry import links
 
 
@@ -51,7 +52,7 @@ def gather(masses, parts, node, count, wrenches):
         middle = masses[1][own]
         arm = (middle[0] - centre[i, 0], middle[1] - centre[i, 1], middle[2] - centre[i, 2])
         square = arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2
-        reach[i] = max(reach[i], masses[2][own] + square ** 0.5)
+        reach[i] = max(reach[i], masses[2][own] + np.sqrt(square))
         turn = links.cross(arm, wrenches[p])
         for c in range(3):
             load[i, c] += wrenches[p, c]
@@ -115,7 +116,7 @@ def _accelerations(label, cell):
     for k in range(count):
         if total[k] > 0.0:
             push[k, :3] /= total[k]
-            push[k, 3:] = np.linalg.solve(tensor[k], push[k, 3:])
+            push[k, 3:] = solve(tensor[k], push[k, 3:])
     return hub, push
 
 
@@ -205,7 +206,7 @@ def _size(wrench, reach):
         w = wrench[i]
         worst = max(worst, w[0] * w[0] + w[1] * w[1] + w[2] * w[2],
                     (w[3] * w[3] + w[4] * w[4] + w[5] * w[5]) / (reach[i] * reach[i]))
-    return worst ** 0.5
+    return np.sqrt(worst)
 
 
 @subroutine
@@ -228,7 +229,7 @@ def _inverses(cells, spring, centre):
                 blocks[j, 3 + c, d] += half[3 + c, d] + turn[c]
     for i in range(len(blocks)):
         if blocks[i, 0, 0] > 0.0:
-            blocks[i] = np.linalg.inv(blocks[i])
+            blocks[i] = inverse(blocks[i])
     return blocks
 
 

@@ -87,8 +87,8 @@ def _utilise(alive, cracked, held, wrench, area, extent, tension, cohesion, fric
         press = max(-pull, 0.0)
         bending = 6.0 / area[m] * (abs(wrench[m, 3]) / extent[m, 1]
                                    + abs(wrench[m, 4]) / extent[m, 0])
-        across = (extent[m, 0] ** 2 + extent[m, 1] ** 2) ** 0.5
-        shear = ((wrench[m, 0] ** 2 + wrench[m, 1] ** 2) ** 0.5
+        across = np.sqrt(extent[m, 0] ** 2 + extent[m, 1] ** 2)
+        shear = (np.sqrt(wrench[m, 0] ** 2 + wrench[m, 1] ** 2)
                  + 6.0 * abs(wrench[m, 5]) / across) / area[m]
         opening = (bending + max(pull, 0.0)) / max(tension[m] + press, _LEAST)
         if held[m] < 1.0:

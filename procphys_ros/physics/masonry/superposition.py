@@ -117,7 +117,7 @@ def _with_room(known: np.ndarray) -> np.ndarray:
     return room
 
 
-@kernel(fastmath=True)
+@kernel
 def _project(owner, answers, loads, answer, load, sign):
     """
     Take known answers out of a load, building by building, and add them with a sign to another.

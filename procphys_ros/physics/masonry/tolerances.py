@@ -17,6 +17,7 @@
 
 import numpy as np
 
+from procphys_ros.linear import norm
 from procphys_ros.physics.masonry import pcg
 
 _COHERENT = 0.3  # tolerances times the root of the number of parts: largest sum of what is left
@@ -41,9 +42,9 @@ def sharpened(tolerance: float, residual: np.ndarray, labels: np.ndarray,
     total = np.column_stack([np.bincount(labels, residual[:-1, c], len(labels)) for c in range(3)])
     parts = np.bincount(labels, minlength=len(labels))
     most = np.minimum(_COHERENT * np.sqrt(parts), _WEIGHT * parts) * tolerance
-    pushed = np.linalg.norm(total, axis=1) > most
+    pushed = norm(total, axis=1) > most
     if not pushed.any():
         return tolerance
     largest = float(pcg.residual_sizes(residual, reach)[pushed[labels]].max())
     return min(tolerance, _SHARPER * largest,
-               _ALONE * float(np.linalg.norm(total[pushed], axis=1).max()))
+               _ALONE * float(norm(total[pushed], axis=1).max()))

@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.linear_kernels import dot, transformed, transformed_back
 from procphys_ros.rotation_kernels import matrix
 
 Overlap = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -57,9 +58,9 @@ def _overlap_ball(centre, radius, poses, sizes):
     point = np.zeros((len(poses), 3))
     for i in range(len(poses)):
         turn = matrix(poses[i, 3:])
-        d, n = _ball(turn.T @ (centre - poses[i, :3]), 0.5 * sizes[i], radius)
+        d, n = _ball(transformed_back(turn, centre - poses[i, :3]), 0.5 * sizes[i], radius)
         if d > 0.0:
-            depth[i], normal[i] = d, turn @ n
+            depth[i], normal[i] = d, transformed(turn, n)
             point[i] = centre - radius * normal[i]
     return depth, normal, point
 
@@ -75,7 +76,8 @@ def _overlap_box(pose, size, poses, sizes):
         d, n = _boxes(arm, mine, 0.5 * size, turn, half)
         if d > 0.0:
             depth[i], normal[i] = d, n
-            point[i] = poses[i, :3] + turn @ np.minimum(np.maximum(turn.T @ arm, -half), half)
+            inside = np.minimum(np.maximum(transformed_back(turn, arm), -half), half)
+            point[i] = poses[i, :3] + transformed(turn, inside)
     return depth, normal, point
 
 
@@ -110,7 +112,8 @@ def _boxes(arm, mine, size, turn, half):
             if length < 1e-6:
                 continue
             axis /= length
-        reach = (np.abs(mine.T @ axis) * size).sum() + (np.abs(turn.T @ axis) * half).sum()
+        reach = (dot(np.abs(transformed_back(mine, axis)), size)
+                 + dot(np.abs(transformed_back(turn, axis)), half))
         along = (arm * axis).sum()
         room = reach - abs(along)
         if room < least - (1e-6 if a >= 6 else 0.0):

@@ -22,6 +22,8 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.elementary import functions
+from procphys_ros.linear_kernels import transformed, transformed_back
 from procphys_ros.physics.terrain import FLAT, height_at, normal_at, Terrain
 from procphys_ros.rotation_kernels import matrix, matrix_rows
 
@@ -167,7 +169,7 @@ def _meet_ground(rows, both, poses, sizes, velocities, dt, terrain):
         spin = abs(velocities[i, 3]) + abs(velocities[i, 4])
         reach = sizes[i, 2] + _AHEAD * dt * (abs(velocities[i, 2]) + sizes[i, 2] * spin)
         if steep > 0.0:
-            slip = math.hypot(velocities[i, 0], velocities[i, 1])
+            slip = functions.hypot(velocities[i, 0], velocities[i, 1])
             reach += steep * (sizes[i, 2] + _AHEAD * dt * slip)
         if over > reach + _NEAR:
             continue
@@ -220,10 +222,10 @@ def _nearest(centre, attitude, size, at, shape, pose, extent):
     long = 2.0 * half if at < 0.0 else 0.0
     if shape == _BOX:
         arm = begin - pose[:3]
-        p, d = turn.T @ arm, turn.T @ (long * axis)
+        p, d = transformed_back(turn, arm), transformed_back(turn, long * axis)
         t, x, y, z, depth, q = _box(p, d, 0.5 * extent)
-        n = turn @ np.array([x, y, z])
-        q = pose[:3] + turn @ q
+        n = transformed(turn, (x, y, z))
+        q = pose[:3] + transformed(turn, q)
         gap = depth - radius
     else:
         other = 0.5 * max(extent[2] - extent[0], 0.0)
@@ -256,7 +258,7 @@ def _span(pose, size, shape, other, extent, t):
     if half < 1e-6:
         return t, t
     if shape == _BOX:
-        p, d = turn.T @ (begin - other[:3]), turn.T @ way
+        p, d = transformed_back(turn, begin - other[:3]), transformed_back(turn, way)
         x = p + t * d
         far = math.sqrt(((x - np.minimum(np.maximum(x, -0.5 * extent), 0.5 * extent)) ** 2).sum())
         if far < 1e-7:

@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.linear_kernels import dot, product, transformed
 
 _ITERATIONS = 40
 _CONVERGED = 1e-6  # largest change of velocity at a contact in one turn [m/s] that ends the turns
@@ -254,22 +255,24 @@ def _prepare(c, n, partners, first, place, count, response, floor, yielding, sli
     if b >= 0 and partners.inverse_mass[b] > 0.0:
         r = partners.arm[c]
         cross = np.array([[0.0, -r[2], r[1]], [r[2], 0.0, -r[0]], [-r[1], r[0], 0.0]])
-        full += partners.inverse_mass[b] * np.eye(3) - cross @ partners.inverse_inertia[b] @ cross
+        full += partners.inverse_mass[b] * np.eye(3)
+        full -= product(product(cross, partners.inverse_inertia[b]), cross)
     k = np.argmin(np.abs(n))
     t = -n[k] * n
     t[k] += 1.0
     t /= np.sqrt((t ** 2).sum())
     s = np.array([n[1] * t[2] - n[2] * t[1], n[2] * t[0] - n[0] * t[2],
                   n[0] * t[1] - n[1] * t[0]])
-    yielding[c] = (n * (full @ n)).sum()
-    tt, ss, ts = (t * (full @ t)).sum(), (s * (full @ s)).sum(), (t * (full @ s)).sum()
+    of_n, of_t, of_s = transformed(full, n), transformed(full, t), transformed(full, s)
+    yielding[c] = dot(n, of_n)
+    tt, ss, ts = dot(t, of_t), dot(s, of_s), dot(t, of_s)
     sliding[c] = 0.5 * (tt + ss) + np.sqrt(0.25 * (tt - ss) ** 2 + ts ** 2)
     least = max(_IMMOVABLE, _RIGID * max(yielding[c], sliding[c]))
     if not yielding[c] > least:
         yielding[c] = np.inf
     if not sliding[c] > least:
         sliding[c] = np.inf
-    jam = np.sqrt((t * (full @ n)).sum() ** 2 + (s * (full @ n)).sum() ** 2)
+    jam = np.sqrt(dot(t, of_n) ** 2 + dot(s, of_n) ** 2)
     friction[c] = min(friction[c], 0.5 * yielding[c] / max(jam, 1e-300))
     soft[c] = max(floor - yielding[c], 0.0)
     yielding[c] = max(yielding[c], floor)

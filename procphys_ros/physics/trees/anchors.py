@@ -26,6 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import subroutine
+from procphys_ros.linear import norm
 from procphys_ros.physics.trees.spatial import INLINE
 
 # Columns of `State.anchor`: spring [N/m], damper [N·s/m], the point that it draws the centre of
@@ -99,9 +100,9 @@ def make(climbers: Anchors, parts: np.ndarray, parents: np.ndarray, mass: np.nda
     stiffness = climbers.strength / _GIVE
     shared = np.bincount(hosts[wooden], minlength=len(mass))[hosts[wooden]]
     stiffness[wooden] = np.minimum(
-        stiffness[wooden], _SHARE * mass[hosts[wooden]] / (shared * _STEP ** 2))
-    fall = float(np.linalg.norm(gravity))
-    held = np.linalg.norm(load, axis=1) / fall if fall > 0.0 else mass[rows]
+        stiffness[wooden], _SHARE * mass[hosts[wooden]] / (shared * (_STEP * _STEP)))
+    fall = float(norm(gravity))
+    held = norm(load, axis=1) / fall if fall > 0.0 else mass[rows]
     out[rows, STIFFNESS] = stiffness
     out[rows, DAMPING] = 2.0 * _RATIO * np.sqrt(stiffness * held)
     return out
@@ -120,7 +121,7 @@ def forces(table: np.ndarray, places: np.ndarray) -> np.ndarray:
 def energy(table: np.ndarray, places: np.ndarray) -> np.ndarray:
     """Give the energy of anchors beyond that at their targets [J], (K,); else as `forces`."""
     off = places - table[:, TARGET:FORCE]
-    return (0.5 * table[:, STIFFNESS] * (off ** 2).sum(axis=1)
+    return (0.5 * table[:, STIFFNESS] * (off * off).sum(axis=1)
             - (table[:, FORCE:] * off).sum(axis=1))
 
 

@@ -84,4 +84,4 @@ def carried_rows(row, end, active, parents):
 
 def section_modulus(width: np.ndarray) -> np.ndarray:
     """Give Z = π·d³/32 of round sections of diameter d [m³]."""
-    return np.pi / 32.0 * width ** 3
+    return np.pi / 32.0 * (width * width * width)

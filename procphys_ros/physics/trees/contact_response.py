@@ -112,7 +112,7 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses
     """
     trees, order, begin, tree, place = _by_tree(plan.start, entry)
     size = np.diff(begin)
-    base = np.concatenate([[0], np.cumsum(size ** 2)])
+    base = np.concatenate([[0], np.cumsum(size * size)])
     velocity, before = np.empty((len(entry), 3)), np.empty((len(entry), 3))
     old_share, energy = np.zeros(len(entry)), np.empty(len(entry))
     held = np.zeros(len(entry), bool)

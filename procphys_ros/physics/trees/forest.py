@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.linear import product
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees import (
     anchors,
@@ -116,7 +117,7 @@ class Forest:
         self._anchors = anchored
         self._anchors[:, anchors.TARGET:anchors.FORCE] = self.poses[:, :3]
         anchors.place(self._state, self._anchors, self._rooted)
-        self._rest_height = self.poses[:, :3] @ self._gravity
+        self._rest_height = product(self.poses[:, :3], self._gravity)
 
     def __len__(self) -> int:
         return len(self.parts)
@@ -310,7 +311,7 @@ class Forest:
         turn = np.asarray(angular, float)
         if point is not None:
             turn = turn + np.cross(np.asarray(point, float) - self.poses[row, :3], linear)
-        spin = axis @ turn
+        spin = product(axis, turn)
         self.velocities[row, :3] += np.asarray(linear, float) / body[MASS]
         self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]
         self._disturb(row)
@@ -399,17 +400,17 @@ class Forest:
                                                           self._model.extra[moving])
         body, v = self._model.body[moving], self.velocities[moving]
         spin = np.einsum('ij,ij->i', v[:, 3:], self._state.frame[moving, state.AXIS:])
-        kinetic = (body[:, MASS] * (v[:, :3] ** 2).sum(axis=1)
-                   + body[:, ACROSS] * (v[:, 3:] ** 2).sum(axis=1)
-                   + (body[:, ALONG] - body[:, ACROSS]) * spin ** 2)
-        height = self.poses[moving, :3] @ self._gravity - self._rest_height[moving]
+        kinetic = (body[:, MASS] * (v[:, :3] * v[:, :3]).sum(axis=1)
+                   + body[:, ACROSS] * (v[:, 3:] * v[:, 3:]).sum(axis=1)
+                   + (body[:, ALONG] - body[:, ACROSS]) * (spin * spin))
+        height = product(self.poses[moving, :3], self._gravity) - self._rest_height[moving]
         anchored = anchors.energy(self._state.anchor[moving], self.poses[moving, :3])
-        elastic = swing[:, STIFFNESS] * (bend[:, :2] ** 2).sum(axis=1)
+        elastic = swing[:, STIFFNESS] * (bend[:, :2] * bend[:, :2]).sum(axis=1)
         preload = (swing[:, [PRELOAD_X, PRELOAD_Y]] * bend[:, :2]).sum(axis=1)
         for j, c in ((2, 0), (3, EXTRA_STRIDE)):
             sprung = np.isfinite(extra[:, c + EXTRA_STIFFNESS])
             q = np.where(sprung, bend[:, j], 0.0)
-            elastic += np.where(sprung, extra[:, c + EXTRA_STIFFNESS], 0.0) * q ** 2
+            elastic += np.where(sprung, extra[:, c + EXTRA_STIFFNESS], 0.0) * (q * q)
             preload += extra[:, c + EXTRA_PRELOAD] * q
         held = self._model.joint[moving] != state.Joint.FREE
         return float((0.5 * kinetic - body[:, MASS] * height + anchored).sum()

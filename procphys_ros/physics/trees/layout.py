@@ -127,7 +127,7 @@ def _springs(hinges: Hinges, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 def _vogel_exponents(blueprint: Blueprint) -> np.ndarray:
     """Give the mean Vogel exponent of the leaves on every part, by their areas, (N,)."""
-    leaves, area = blueprint.leaves, blueprint.leaves.size ** 2
+    leaves, area = blueprint.leaves, blueprint.leaves.size * blueprint.leaves.size
     total = np.bincount(leaves.part, area, len(blueprint))
     weighted = np.bincount(leaves.part, area * leaves.vogel, len(blueprint))
     return np.where(total > 0.0, weighted / np.maximum(total, 1e-300), VOGEL_EXPONENT)

@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.linear_kernels import dot
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
@@ -120,17 +121,17 @@ def _deflect(first, last, parent, body, swing, extra, frame, load, motion):
         turning, pushing = reaction[k, :3], reaction[k, 3:]
         for start in (3, 6):
             axis = frame[i, start:start + 3]
-            _add_along(anchor[k, :3], axis, np.dot(axis, turning) / swing[i, STIFFNESS])
+            _add_along(anchor[k, :3], axis, dot(axis, turning) / swing[i, STIFFNESS])
         axis = frame[i, 9:12]
-        _add_along(anchor[k, :3], axis, np.dot(axis, turning) / extra[i, EXTRA_STIFFNESS])
+        _add_along(anchor[k, :3], axis, dot(axis, turning) / extra[i, EXTRA_STIFFNESS])
         _add_along(anchor[k, 3:], axis,
-                   np.dot(axis, pushing) / extra[i, EXTRA_STRIDE + EXTRA_STIFFNESS])
+                   dot(axis, pushing) / extra[i, EXTRA_STRIDE + EXTRA_STIFFNESS])
         reach = body[i, REACH]
         _carry(anchor[k], motion[i], reach * axis[0], reach * axis[1], reach * axis[2])
-        spin = np.dot(motion[i, :3], axis)
-        work += np.dot(load[i], motion[i])
-        energy += (body[i, MASS] * np.dot(motion[i, 3:], motion[i, 3:])
-                   + body[i, ACROSS] * np.dot(motion[i, :3], motion[i, :3])
+        spin = dot(motion[i, :3], axis)
+        work += dot(load[i], motion[i])
+        energy += (body[i, MASS] * dot(motion[i, 3:], motion[i, 3:])
+                   + body[i, ACROSS] * dot(motion[i, :3], motion[i, :3])
                    + (body[i, ALONG] - body[i, ACROSS]) * spin ** 2)
     return work / energy
 

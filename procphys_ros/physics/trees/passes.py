@@ -27,6 +27,7 @@ import math
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.elementary import functions
 from procphys_ros.physics.air import CALM, STORM
 from procphys_ros.physics.trees import anchors, joints
 from procphys_ros.physics.trees.layout import (
@@ -200,7 +201,7 @@ def drag(i, x, y, z, wx, wy, wz, body, v, wind):
         speed = math.sqrt(square)
         foliage *= speed
         if speed > CALM:
-            foliage *= (min(speed, STORM) / CALM) ** body[i, VOGEL]
+            foliage *= functions.power(min(speed, STORM) / CALM, body[i, VOGEL])
     spin = wx * x + wy * y + wz * z
     turn = math.sqrt(max(0.0, wx * wx + wy * wy + wz * wz - spin * spin))
     length = body[i, LENGTH]

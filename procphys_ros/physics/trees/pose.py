@@ -18,6 +18,7 @@
 import math
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.elementary import functions
 from procphys_ros.physics.trees.layout import LIMIT, PRELOAD_X, PRELOAD_Y, REACH, STIFFNESS
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import Joint
@@ -56,7 +57,7 @@ def sine_cosine(x):
         sine = x + x * s * (_S3 + s * (_S5 + s * (_S7 + s * _S9)))
         cosine = 1.0 - s * (0.5 - s * (_C4 + s * (_C6 + s * (_C8 + s * _C10))))
     else:
-        sine, cosine = math.sin(x), math.cos(x)
+        sine, cosine = functions.sin(x), functions.cos(x)
     return sine, cosine
 
 
@@ -85,7 +86,8 @@ def place(k, rows, above, model, state):
     q = multiply(rest, (sx * cy, cx * sy, sx * sy, cx * cy))
     set_frame(i, x, y, z, q, 1.0 - 2.0 * sy * sy, 2.0 * sy * cy, frame, state.middle)
     if model.joint[i] == _SPRUNG:
-        q = multiply(q, (0.0, 0.0, math.sin(0.5 * bend[i, 2]), math.cos(0.5 * bend[i, 2])))
+        c, s = functions.cos_sin(0.5 * bend[i, 2])
+        q = multiply(q, (0.0, 0.0, s, c))
     reach = model.body[i, REACH] + bend[i, 3]
     poses[i, 0] = x + reach * frame[i, 9]
     poses[i, 1] = y + reach * frame[i, 10]
@@ -192,8 +194,8 @@ def advance_free(i, dt, v, model, state):
     wx, wy, wz = v[3], v[4], v[5]
     speed = math.sqrt(wx * wx + wy * wy + wz * wz)
     angle = 0.5 * dt * speed
-    share = math.sin(angle) / speed if speed > 1e-12 else 0.5 * dt
-    q = multiply((wx * share, wy * share, wz * share, math.cos(angle)),
+    share = functions.sin(angle) / speed if speed > 1e-12 else 0.5 * dt
+    q = multiply((wx * share, wy * share, wz * share, functions.cos(angle)),
                  (poses[i, 3], poses[i, 4], poses[i, 5], poses[i, 6]))
     size = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     q = (q[0] * size, q[1] * size, q[2] * size, q[3] * size)

@@ -34,6 +34,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # its parts are imported by their first use
 
+from procphys_ros.elementary import cos, exp, hypot, power, sin, standard_normal
+from procphys_ros.linear import product
 from procphys_ros.physics.wind.spectra import Spectrum
 
 _SHORT = 16.5 / 512.0  # [cycles/m] waves shorter than 31 m go to the small box
@@ -122,10 +124,11 @@ def _emphasise(variances: np.ndarray, rates: np.ndarray, wave_numbers: np.ndarra
     Averaged over a cell, a wave along the wind keeps sinc^4 of its power, and across the wind two
     nodes of a pair count 1/3 each alone and 1/3 together.
     """
-    kept = np.sinc(wave_numbers * spacing[0]) ** 4
+    angle = np.pi * np.maximum(wave_numbers * spacing[0], 1e-9)
+    kept = power(sin(angle) / angle, 4.0)
     y, z = spacing[1:]
-    kept = kept * (4.0 + 2.0 * np.exp(-rates * y) + 2.0 * np.exp(-rates * z)
-                   + np.exp(-rates * np.hypot(y, z))) / 9.0
+    kept = kept * (4.0 + 2.0 * exp(-rates * y) + 2.0 * exp(-rates * z)
+                   + exp(-rates * hypot(y, z))) / 9.0
     raised = variances / kept
     return raised * (variances.sum() / raised.sum())
 
@@ -135,8 +138,8 @@ def _cross_wind_shares(rates: np.ndarray, counts: tuple[int, ...],
     """Split each wave along the wind among waves across it, (rates, ny, nz), sums 1."""
     y, z = (step * np.minimum(np.arange(n), n - np.arange(n))
             for n, step in zip(counts, spacing))
-    distance = np.hypot(y[:, None], z[None, :]).astype(np.float32)
-    coherence = np.exp(-rates.astype(np.float32)[:, None, None] * distance)
+    distance = hypot(y[:, None], z[None, :])
+    coherence = exp(-rates[:, None, None] * distance).astype(np.float32)
     shares = np.maximum(scipy.fft.fft2(coherence).real, 0.0)
     return shares / shares.sum(axis=(1, 2), keepdims=True)
 
@@ -144,10 +147,11 @@ def _cross_wind_shares(rates: np.ndarray, counts: tuple[int, ...],
 def _transform(variances: np.ndarray, shares: np.ndarray, used: np.ndarray,
                shape: tuple[int, int, int], rng: np.random.Generator) -> np.ndarray:
     """Turn noise of the given variances into a real field (nx, ny, nz)."""
-    noise = rng.standard_normal(shares.shape + (2,), np.float32)
+    noise = standard_normal(rng, shares.shape + (2,)).astype(np.float32)
     amplitude = np.sqrt(0.25 * variances.astype(np.float32)[:, None, None] * shares)
     waves = np.zeros((shape[0] // 2 + 1,) + shape[1:], np.complex64)
-    waves[used] = noise.view(np.complex64)[..., 0] * amplitude
+    noise *= amplitude[..., None]  # products of complex numbers differ between processors
+    waves[used] = noise.view(np.complex64)[..., 0]
     if used[-1] == shape[0] // 2:
         # A real field keeps the real part of its Nyquist wave, and that only once.
         waves[-1] *= 2.0
@@ -159,14 +163,14 @@ def _lag_table(variances: np.ndarray, shares: np.ndarray, used: np.ndarray,
                count: int) -> np.ndarray:
     """Compute covariance over variance of nodes 0 or 1 step apart along each axis, (2, 2, 2)."""
     weights = variances[:, None, None] * shares / variances.sum()
-    along = np.cos(2.0 * np.pi * used / count)
+    along = cos(2.0 * np.pi * used / count)
     table = np.empty((2, 2, 2))
     ny, nz = shares.shape[1:]
     for j in range(2):
         for k in range(2):
-            across = (np.cos(2.0 * np.pi * j * np.arange(ny) / ny)[:, None]
-                      * np.cos(2.0 * np.pi * k * np.arange(nz) / nz))
+            across = (cos(2.0 * np.pi * j * np.arange(ny) / ny)[:, None]
+                      * cos(2.0 * np.pi * k * np.arange(nz) / nz))
             waves = (weights * across).sum(axis=(1, 2))
             table[0, j, k] = waves.sum()
-            table[1, j, k] = waves @ along
+            table[1, j, k] = product(waves, along)
     return table

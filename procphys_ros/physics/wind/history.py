@@ -20,6 +20,8 @@ from itertools import pairwise
 import math
 from typing import NamedTuple
 
+from procphys_ros.elementary import atan2, cos, hypot, sin
+
 Vector = tuple[float, ...]
 _PAST = 16  # stretches that are kept: a robot may set the wind a hundred times a second, for days
 
@@ -85,7 +87,7 @@ class History:
     def travelled(self, time: float) -> float:
         """Give how far the eddies have come [m]."""
         stretch = self._at(time)
-        first, last = math.hypot(*stretch.velocity), math.hypot(*stretch.target)
+        first, last = hypot(*stretch.velocity), hypot(*stretch.target)
         since = time - stretch.start
         changing = min(since, stretch.duration)
         mean = first
@@ -117,12 +119,12 @@ def _start(stretch: _Stretch) -> float:
 
 def _between(first: Vector, last: Vector, share: float) -> Vector:
     """Go a share of the way between two winds; air that stands still takes the other's way."""
-    slow, fast = math.hypot(*first), math.hypot(*last)
+    slow, fast = hypot(*first), hypot(*last)
     speed = slow + share * (fast - slow)
     here, there = first if slow > 0.0 else last, last if fast > 0.0 else first
-    azimuth, turn = math.atan2(here[1], here[0]), math.atan2(there[1], there[0])
+    azimuth, turn = atan2(here[1], here[0]), atan2(there[1], there[0])
     azimuth += share * math.remainder(turn - azimuth, 2.0 * math.pi)
-    climb = math.atan2(here[2], math.hypot(*here[:2]))
-    climb += share * (math.atan2(there[2], math.hypot(*there[:2])) - climb)
-    level = speed * math.cos(climb)
-    return level * math.cos(azimuth), level * math.sin(azimuth), speed * math.sin(climb)
+    climb = atan2(here[2], hypot(*here[:2]))
+    climb += share * (atan2(there[2], hypot(*there[:2])) - climb)
+    level = speed * cos(climb)
+    return level * cos(azimuth), level * sin(azimuth), speed * sin(climb)

@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.elementary import functions, log
 
 LOG, POWER, UNIFORM = 0, 1, 2  # profile codes
 GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, duration, rise, kind
@@ -42,22 +43,22 @@ def profile_terms(name: str, reference: float, roughness: float, exponent: float
     :returns: code, length by which heights are divided [m], scale or exponent.
     """
     if name == 'log':
-        return LOG, roughness, 1.0 / np.log(reference / roughness)
+        return LOG, roughness, 1.0 / log(reference / roughness)
     return (POWER, reference, exponent) if name == 'power' else (UNIFORM, 1.0, 1.0)
 
 
-@subroutine(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy')
 def profile_factor(height: float, code: int, length: float, number: float) -> float:
     """Return the mean speed at a height over that at the reference height."""
     relative = height / length
     if code == LOG:
-        return number * np.log(relative) if relative > 1.0 else 0.0
+        return number * functions.log(relative) if relative > 1.0 else 0.0
     if code == POWER:
-        return relative ** number if relative > 0.0 else 0.0
+        return functions.power(relative, number) if relative > 0.0 else 0.0
     return 1.0
 
 
-@subroutine(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy')
 def _slowed(height: float, profile: tuple) -> float:
     """Return the share of gusts and eddies that the ground leaves at a height."""
     if height >= _SLOWED:
@@ -68,7 +69,7 @@ def _slowed(height: float, profile: tuple) -> float:
     return profile_factor(height, profile[0], profile[1], profile[2]) / full
 
 
-@subroutine(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy')
 def _turn(points, first, axes, turned):
     """Write where the points of a block are along, across and up from the wind [m], (3, B)."""
     ax, ay, az = axes[0]
@@ -82,7 +83,7 @@ def _turn(points, first, axes, turned):
         turned[2, i] = cx * x + cy * y + cz * z
 
 
-@subroutine(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy')
 def _locate(turned, travelled, density, cells, fractions):
     """Write the cell, and the place within it, of each point of a block."""
     for k in range(3):
@@ -93,7 +94,7 @@ def _locate(turned, travelled, density, cells, fractions):
             cells[k, i], fractions[k, i] = np.int32(cell), np.float32(place - cell)
 
 
-@subroutine(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy')
 def _find_scales(fractions, lags, sigma, scales):
     """
     Write by how much to multiply the interpolated velocities of a block, (3, B).
@@ -113,7 +114,7 @@ def _find_scales(fractions, lags, sigma, scales):
             scales[c, i] = sigma / np.sqrt(near + x * (far - near))
 
 
-@subroutine(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy')
 def _interpolate(flat, bits, cells, fractions, scales, sums):
     """Add the scaled tri-linear mean of the nodes around each point of a block, (3, B)."""
     mx, my, mz = (1 << bits[0]) - 1, (1 << bits[1]) - 1, (1 << bits[2]) - 1
@@ -136,7 +137,7 @@ def _interpolate(flat, bits, cells, fractions, scales, sums):
             sums[c, i] += scales[c, i] * (low + z * (high - low))
 
 
-@subroutine(error_model='numpy', fastmath=True)
+@subroutine(error_model='numpy')
 def gust_strength(gust: np.ndarray, x: float, y: float, z: float, time: float) -> float:
     """
     Return the present share of a gust's velocity at a point.
@@ -152,12 +153,12 @@ def gust_strength(gust: np.ndarray, x: float, y: float, z: float, time: float) -
         return 0.0
     if gust[11] == 0.0:
         # Extreme operating gust, IEC 61400-1 ed. 3, equation 14.
-        return (-0.37 * np.sin(3.0 * np.pi * t / duration)
-                * (1.0 - np.cos(2.0 * np.pi * t / duration)))
-    return 0.5 - 0.5 * np.cos(np.pi * min(t / rise, (duration - t) / rise, 1.0))
+        return (-0.37 * functions.sin(3.0 * np.pi * t / duration)
+                * (1.0 - functions.cos(2.0 * np.pi * t / duration)))
+    return 0.5 - 0.5 * functions.cos(np.pi * min(t / rise, (duration - t) / rise, 1.0))
 
 
-@kernel(error_model='numpy', fastmath=True, nogil=True)
+@kernel(error_model='numpy', nogil=True)
 def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
               profile: tuple) -> None:
     """
@@ -174,7 +175,7 @@ def fill_mean(points: np.ndarray, out: np.ndarray, along: tuple, speed: float,
         out[i, 0], out[i, 1], out[i, 2] = u * along[0], u * along[1], u * along[2]
 
 
-@kernel(error_model='numpy', fastmath=True, nogil=True)
+@kernel(error_model='numpy', nogil=True)
 def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tuple,
                sigma: float, boxes: tuple, profile: tuple) -> None:
     """
@@ -208,7 +209,7 @@ def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tupl
                 out[first + i, k] += u * axes[0][k] + v * axes[1][k] + w * axes[2][k]
 
 
-@kernel(error_model='numpy', fastmath=True, nogil=True)
+@kernel(error_model='numpy', nogil=True)
 def add_gusts(points: np.ndarray, out: np.ndarray, gusts: np.ndarray, time: float,
               profile: tuple) -> None:
     """

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
+from procphys_ros.elementary import cos, hypot, sin
 from procphys_ros.errors import SceneError
 from procphys_ros.schema import check, declared
 
@@ -138,7 +139,7 @@ class Gust:
                              f'half of gust.duration ({half:g})')
         _store(self, 'rise', rise)
         if self.direction is not None:
-            length = math.hypot(*self.direction)
+            length = hypot(*self.direction)
             if not length > 0.0:
                 raise SceneError(f'gust.direction is {list(self.direction)}, it must have a '
                                  'length')
@@ -153,11 +154,11 @@ def velocity_of(speed: float, direction: float) -> tuple[float, float, float]:
     :param direction: from where it blows, clockwise from north [degrees].
     """
     bearing = math.radians(direction)
-    return -speed * math.sin(bearing), -speed * math.cos(bearing), 0.0
+    return -speed * sin(bearing), -speed * cos(bearing), 0.0
 
 
 def _check_speed(velocity: Sequence[float]) -> None:
-    if math.hypot(*velocity) > FASTEST:
+    if hypot(*velocity) > FASTEST:
         raise SceneError(f'wind.velocity is {list(velocity)} m/s, its length must not exceed '
                          f'{FASTEST:g}')
 

@@ -36,6 +36,7 @@ import math
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.elementary import functions, hypot
 from procphys_ros.physics.wind.kernel import profile_factor
 
 LEAF_SIZE = 0.1    # [m] s, of most broad leaves and of tufts of needles
@@ -70,7 +71,7 @@ class Shelter:
         :param profile: from `kernel.profile_terms`.
         :param roughness: roughness length of the ground [m].
         """
-        level = math.hypot(direction[0], direction[1])
+        level = hypot(direction[0], direction[1])
         if level > 1e-9 and (len(self.trees) or len(self.buildings)):
             _shelter(points, out, direction[0] / level, direction[1] / level, self.trees,
                      self.buildings, profile, roughness)
@@ -107,8 +108,8 @@ def _in_canopy(point, ex, ey, trees, profile, here):
     top = heights / index
     if point[2] >= top:
         return 1.0
-    decay = 0.28 * index ** (2.0 / 3.0) * (top / LEAF_SIZE) ** (1.0 / 3.0)
-    inside = profile_factor(top, profile[0], profile[1], profile[2]) * math.exp(
+    decay = 0.28 * functions.power(index, 2.0 / 3.0) * functions.cbrt(top / LEAF_SIZE)
+    inside = profile_factor(top, profile[0], profile[1], profile[2]) * functions.exp(
         -decay * (1.0 - point[2] / top))
     return min(1.0, inside / here)
 
@@ -128,7 +129,7 @@ def _in_wakes(point, ex, ey, buildings, profile, roughness, here):
             continue
         blur = math.sqrt(2.0) * _SPREAD * beyond
         aside = point[1] * ex - point[0] * ey
-        share = 0.5 * (math.erf((high - aside) / blur) - math.erf((low - aside) / blur))
+        share = 0.5 * (functions.erf((high - aside) / blur) - functions.erf((low - aside) / blur))
         deficit = share * wake_deficit(max(beyond / top, _NEAREST), point[2] / top,
                                        top / roughness)
         at_top = profile_factor(top, profile[0], profile[1], profile[2])
@@ -145,5 +146,5 @@ def wake_deficit(distance: float, height: float, size: float) -> float:
     :param height: above the ground, likewise.
     :param size: height of the obstacle over the roughness length.
     """
-    eta = height * (0.32 / math.log(size) * distance) ** -0.47
-    return 9.75 / distance * eta * math.exp(-0.67 * eta ** 1.5)
+    eta = height * functions.power(0.32 / functions.log(size) * distance, -0.47)
+    return 9.75 / distance * eta * functions.exp(-0.67 * eta * math.sqrt(eta))

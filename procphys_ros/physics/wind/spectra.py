@@ -25,6 +25,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.elementary import exp, hypot, log, power
+
 _SCALE_PER_HEIGHT = 0.7  # Lambda_1 over height below 60 m, IEC 61400-1 ed. 3, equation 5
 _LARGEST_SCALE = 42.0    # [m] Lambda_1 above 60 m, same equation
 _DECAY = 12.0            # of the coherence with d/wavelength, IEC 61400-1 ed. 3, equation B.16
@@ -52,7 +54,7 @@ class Spectrum:
 
     def variance_below(self, component: int, wave_number: np.ndarray) -> np.ndarray:
         """Return the part of the variance at wave numbers below the given ones [cycles/m]."""
-        x = np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 6000)])
+        x = np.concatenate([[0.0], exp(np.linspace(-6.0, 6.0, 6000) * log(10.0))])
         density = self.shapes[component](x)
         total = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(x))])
         wanted = self.lengths[component] * np.asarray(wave_number, float)
@@ -65,7 +67,7 @@ class Spectrum:
         IEC 61400-1 ed. 3 gives it for component 0 only; the others take the same form with their
         own length, for air that moves sideways is coherent too.
         """
-        return _DECAY * np.hypot(wave_number, _FLOOR / self.lengths[component])
+        return _DECAY * hypot(wave_number, _FLOOR / self.lengths[component])
 
 
 def make(name: str, height: float) -> Spectrum:
@@ -85,14 +87,14 @@ def make(name: str, height: float) -> Spectrum:
 
 def _kaimal(x: np.ndarray) -> np.ndarray:
     """Evaluate the Kaimal shape, equation B.14."""
-    return 4.0 / (1.0 + 6.0 * x) ** (5.0 / 3.0)
+    return 4.0 * power(1.0 + 6.0 * x, -5.0 / 3.0)
 
 
 def _von_karman_along(x: np.ndarray) -> np.ndarray:
     """Evaluate the von Kármán shape along the wind, as TurbSim has it."""
-    return 4.0 / (1.0 + 71.0 * x ** 2) ** (5.0 / 6.0)
+    return 4.0 * power(1.0 + 71.0 * (x * x), -5.0 / 6.0)
 
 
 def _von_karman_across(x: np.ndarray) -> np.ndarray:
     """Evaluate the von Kármán shape across the wind and up, as TurbSim has it."""
-    return 2.0 * (1.0 + 189.0 * x ** 2) / (1.0 + 71.0 * x ** 2) ** (11.0 / 6.0)
+    return 2.0 * (1.0 + 189.0 * (x * x)) * power(1.0 + 71.0 * (x * x), -11.0 / 6.0)

@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.compilation import threads as pool
 from procphys_ros.errors import CommandError
+from procphys_ros.linear import norm, product
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import kernel, spectra
 from procphys_ros.physics.wind.eddies import DRIFT, Eddies, make_boxes
@@ -152,7 +153,7 @@ class Wind:
         :raises CommandError: when it has no direction of its own and there is no mean wind.
         """
         mean = np.asarray(self._history.velocity(time))
-        speed = float(np.linalg.norm(mean))
+        speed = float(norm(mean))
         if gust.direction is None and speed == 0.0:
             raise CommandError('a gust in still air needs gust.direction, for there is no mean '
                                'wind to take it from')
@@ -233,7 +234,7 @@ class Wind:
     def _fill(self, points: np.ndarray, time: float, out: np.ndarray, intensity: float,
               gusts: np.ndarray, threads: int = 1) -> np.ndarray:
         mean = np.asarray(self._history.velocity(time))
-        speed = float(np.linalg.norm(mean))
+        speed = float(norm(mean))
         way = self._history.travelled(time)
         profile = self._profile()
         axes = _wind_axes(mean, speed)
@@ -269,15 +270,15 @@ def _front_speed(gust: Gust, mean: np.ndarray, direction: np.ndarray) -> float:
     The mean wind does not hold up a gust that blows against it, lest it never come.
     """
     if gust.kind == 'cosine' and gust.amplitude > 0.0:
-        return max(max(float(mean @ direction), 0.0) + gust.amplitude, _SLOWEST)
-    return float(np.linalg.norm(mean)) or max(abs(gust.amplitude), _SLOWEST)
+        return max(max(float(product(mean, direction)), 0.0) + gust.amplitude, _SLOWEST)
+    return float(norm(mean)) or max(abs(gust.amplitude), _SLOWEST)
 
 
 def _wind_axes(mean: np.ndarray, speed: float) -> tuple:
     """Return unit vectors along the wind, across it (level) and up from it."""
     along = mean / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
     across = np.array([-along[1], along[0], 0.0])
-    level = np.linalg.norm(across)
+    level = norm(across)
     across = across / level if level > 1e-9 else np.array([0.0, 1.0, 0.0])
     return tuple(tuple(axis.tolist()) for axis in (along, across, np.cross(along, across)))
 

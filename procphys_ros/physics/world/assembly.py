@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.linear_kernels import diagonalise, transformed, transformed_back
 from procphys_ros.rotation_kernels import carried, matrix
 
 
@@ -65,7 +66,7 @@ def rigid_sum(mass: np.ndarray, inertia: np.ndarray, poses: np.ndarray,
 def _rigid_sum(mass, inertia, poses, velocities):
     """Give the values of `RigidSum`."""
     total, centre, drift, tensor, spin = _collect(mass, inertia, poses, velocities)
-    moments, principal = np.linalg.eigh(tensor)
+    moments, principal = diagonalise(tensor)
     first, second = principal[:, 1], principal[:, 2]
     principal[0, 0] = first[1] * second[2] - first[2] * second[1]  # right-handed
     principal[1, 0] = first[2] * second[0] - first[0] * second[2]
@@ -73,7 +74,7 @@ def _rigid_sum(mass, inertia, poses, velocities):
     pose, velocity = np.empty(7), np.empty(6)
     pose[:3], pose[3:] = centre, quaternion(principal)
     velocity[:3] = drift
-    velocity[3:] = principal @ ((principal.T @ spin) / moments)
+    velocity[3:] = transformed(principal, transformed_back(principal, spin) / moments)
     return total, moments, pose, velocity, relative_rows(pose, poses)
 
 
@@ -126,7 +127,7 @@ def quaternion(m):
         q[i] = 1.0 - trace + 2.0 * m[i, i]
         q[j], q[k] = m[j, i] + m[i, j], m[k, i] + m[i, k]
         q[3] = m[k, j] - m[j, k]
-    return q / (q * q).sum() ** 0.5
+    return q / np.sqrt((q * q).sum())
 
 
 @kernel

@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Hexahedra, Shape
+from procphys_ros.linear import norm
 from procphys_ros.physics.world.loose_bodies import LooseBody, radii
 from procphys_ros.physics.world.pieces import Pieces
 
@@ -210,7 +211,7 @@ class BodyTable:
         cut = ids[hexahedra.part]
         first = self._append('hexahedron', np.zeros(len(cut), np.int32), hexahedra.corners)
         self.first_hexahedron[cut], self.hexahedron_count[cut] = first + np.arange(len(cut)), 1
-        self.radius[ids] = 0.5 * np.linalg.norm(sizes, axis=1)
+        self.radius[ids] = 0.5 * norm(sizes, axis=1)
         self.least[ids] = sizes.min(axis=1)
         self.mass[ids] = mass
         self.inertia[ids] = box_inertia(self.mass[ids], sizes) if inertia is None else inertia

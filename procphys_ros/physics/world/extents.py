@@ -72,14 +72,14 @@ def _are_near(pairs, distance, poses, radius, first, count, shapes, sizes, local
             half = _half(shapes[p], sizes[p], distance[n])
             arm = (place[0] - poses[other, 0], place[1] - poses[other, 1],
                    place[2] - poses[other, 2])
-            if _dot(arm, arm) > (_dot(half, half) ** 0.5 + radius[other]) ** 2:
+            if _dot(arm, arm) > (np.sqrt(_dot(half, half)) + radius[other]) ** 2:
                 continue
             for q in range(first[other], first[other] + count[other]):
                 centre = carried(poses[other], local[q])
                 arm = place[0] - centre[0], place[1] - centre[1], place[2] - centre[2]
                 other_half = _half(shapes[q], sizes[q], 0.0)
-                if _dot(arm, arm) > (_dot(half, half) ** 0.5
-                                     + _dot(other_half, other_half) ** 0.5) ** 2:
+                if _dot(arm, arm) > (np.sqrt(_dot(half, half))
+                                     + np.sqrt(_dot(other_half, other_half))) ** 2:
                     continue
                 if _boxes_meet(arm, turn, half, _placed(poses[other], local[q])[1], other_half):
                     near[n] = True

@@ -41,7 +41,7 @@ def correct_flight(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravi
     """
     flies = ids[_flies(ids, before, gravity * time_step, bodies.velocities, bodies.pushed)]
     poses = bodies.poses[flies]
-    poses[:, :3] -= 0.5 * gravity * time_step ** 2 / integrations
+    poses[:, :3] -= 0.5 * gravity * (time_step * time_step) / integrations
     return flies, poses
 
 

@@ -20,6 +20,7 @@ from collections.abc import Callable
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.linear import product
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.masonry.components import label
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
@@ -105,7 +106,7 @@ def _fast(ids, velocities, now, radius, time_step):
 
 @kernel
 def _size(vector):
-    return (vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2) ** 0.5
+    return np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
 
 
 def _energies(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
@@ -113,7 +114,7 @@ def _energies(bodies: BodyTable, ids: np.ndarray, poses: np.ndarray, velocities:
     """Give the energies that bodies may have without contacts, and that they have [J], (K,)."""
     mass, inertia, now = bodies.mass[ids], bodies.inertia[ids], bodies.poses[ids]
     most = (motion_energy(mass, inertia, poses[:, 3:], velocities)
-            + np.maximum(mass * ((now[:, :3] - poses[:, :3]) @ gravity), 0.0))
+            + np.maximum(mass * product(now[:, :3] - poses[:, :3], gravity), 0.0))
     return most, motion_energy(mass, inertia, now[:, 3:], bodies.velocities[ids])
 
 

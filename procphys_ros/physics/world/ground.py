@@ -96,7 +96,7 @@ def _sinking(terrain, awake, before, poses, velocities, radius, time_step):
         x, y, z = poses[b, 0], poses[b, 1], poses[b, 2]
         v = velocities[b]
         height = z - height_at(terrain, x, y)
-        spin = (v[3] ** 2 + v[4] ** 2 + v[5] ** 2) ** 0.5
+        spin = np.sqrt(v[3] ** 2 + v[4] ** 2 + v[5] ** 2)
         down = (before[k, 2] - height_at(terrain, before[k, 0], before[k, 1]) - height
                 + spin * radius[b] * time_step)
         found[k] = height < 0.0 or (
@@ -111,11 +111,11 @@ def _reach(terrain: Terrain, places: np.ndarray, radius: np.ndarray) -> np.ndarr
 
 def _pay(table: BodyTable, ids: np.ndarray, velocities: np.ndarray, owed: np.ndarray) -> None:
     """Subtract energy [J/kg, doubled] from the fall of bodies, then from their spin, in place."""
-    fall = np.minimum(velocities[:, 2], 0.0) ** 2
+    fall = np.square(np.minimum(velocities[:, 2], 0.0))
     velocities[:, 2] = np.where(velocities[:, 2] > 0.0, velocities[:, 2],
                                 -np.sqrt(np.maximum(fall - owed, 0.0)))
     turn = rotation.rotate(rotation.conjugate(table.poses[ids, 3:]), velocities[:, 3:])
-    spin = (table.inertia[ids] * turn ** 2).sum(axis=1) / table.mass[ids]
+    spin = (table.inertia[ids] * (turn * turn)).sum(axis=1) / table.mass[ids]
     left = np.maximum(spin - np.maximum(owed - fall, 0.0), 0.0)
     velocities[:, 3:] *= np.sqrt(left / np.maximum(spin, 1e-12))[:, None]
 

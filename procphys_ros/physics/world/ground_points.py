@@ -22,6 +22,7 @@ for good. The ground has no such teeth, so against it the true corners count.
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.linear_kernels import product, transformed
 from procphys_ros.physics.terrain import height_at, normal_at
 from procphys_ros.rotation_kernels import matrix, matrix_rows
 
@@ -83,7 +84,7 @@ def _corners_outside(poses, sizes, merged_poses, merged_sizes, found):
 @kernel
 def _diagonal(size):
     """Give half of the diagonal of a box [m]."""
-    return 0.5 * (size[0] ** 2 + size[1] ** 2 + size[2] ** 2) ** 0.5
+    return 0.5 * np.sqrt(size[0] ** 2 + size[1] ** 2 + size[2] ** 2)
 
 
 @kernel
@@ -150,7 +151,7 @@ def resolve_ground_contacts(first, number, points, poses, velocities, mass, iner
                 count += 1
         if count > begin:
             turn = matrix(poses[b, 3:])
-            compliance = (turn / inertia[b]) @ turn.T
+            compliance = product(turn / inertia[b], turn.T)
             rows, where = table[begin:count], poses[b, :3].copy()
             effects = _effects(rows, mass[b], compliance)
             _solve_velocities(rows, effects, velocities[b], mass[b], friction[b])
@@ -174,7 +175,7 @@ def _effects(rows, mass, compliance):
         for axis in range(3):
             push = ways[axis]
             moment = np.cross(arm, push)
-            turn = compliance @ moment
+            turn = transformed(compliance, moment)
             out[i, axis, :3], out[i, axis, 3:6], out[i, axis, 6:9] = push, turn, moment
             out[i, axis, 9] = 1.0 / mass + (turn * moment).sum()
     return out
@@ -220,7 +221,7 @@ def _solve_velocities(rows, effects, velocity, mass, friction):
 def _ways(normal):
     """Give two directions along the ground and its normal, (3, 3); of level ground x, y and z."""
     ways = np.zeros((3, 3))
-    scale = 1.0 / (normal[0] ** 2 + normal[2] ** 2) ** 0.5
+    scale = 1.0 / np.sqrt(normal[0] ** 2 + normal[2] ** 2)
     ways[0, 0], ways[0, 2] = normal[2] * scale, -normal[0] * scale
     ways[1] = np.cross(normal, ways[0])
     ways[2] = normal

@@ -17,6 +17,8 @@
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.elementary import atan2
+from procphys_ros.linear import norm
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import Engine
 
@@ -66,6 +68,6 @@ def velocity_between(start: np.ndarray, end: np.ndarray, time_step: float) -> np
     """
     turn = rotation.multiply(end[3:], rotation.conjugate(start[3:]))
     turn = turn if turn[3] >= 0.0 else -turn
-    sine = float(np.linalg.norm(turn[:3]))
-    scale = 2.0 * np.arctan2(sine, turn[3]) / sine if sine > 1e-12 else 2.0
+    sine = float(norm(turn[:3]))
+    scale = 2.0 * atan2(sine, turn[3]) / sine if sine > 1e-12 else 2.0
     return np.concatenate([end[:3] - start[:3], scale * turn[:3]]) / time_step

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra, Shape
+from procphys_ros.linear import norm
 from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
 
@@ -92,12 +93,12 @@ def radii(bodies: Sequence[Pieces]) -> np.ndarray:
     """Give the radii of the spheres about bodies' frames that hold all of them [m], (K,)."""
     shapes, sizes, poses = (np.concatenate([getattr(body, name) for body in bodies])
                             for name in ('shapes', 'sizes', 'local_poses'))
-    own = np.where(shapes == Shape.BOX, 0.5 * np.linalg.norm(sizes, axis=1),
+    own = np.where(shapes == Shape.BOX, 0.5 * norm(sizes, axis=1),
                    0.5 * np.maximum(sizes[:, 0], sizes[:, 2]))
     count = np.array([len(body.shapes) for body in bodies])
-    out = np.maximum.reduceat(np.linalg.norm(poses[:, :3], axis=1) + own,
+    out = np.maximum.reduceat(norm(poses[:, :3], axis=1) + own,
                               np.cumsum(count) - count)
     for k, body in enumerate(bodies):
         if len(body.ground_points):
-            out[k] = max(out[k], np.linalg.norm(body.ground_points, axis=1).max())
+            out[k] = max(out[k], norm(body.ground_points, axis=1).max())
     return out

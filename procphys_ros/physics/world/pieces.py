@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procphys_ros.blueprint import box_inertia, cylinder_inertia, Hexahedra, Shape
+from procphys_ros.linear import norm
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.clearance import clearance
 from procphys_ros.physics.world.ground_points import corners_outside
@@ -46,10 +47,10 @@ class Pieces:
 
     def radius(self) -> float:
         """Give the radius of the sphere about the body's frame that holds all of it [m]."""
-        own = np.where(self.shapes == Shape.BOX, 0.5 * np.linalg.norm(self.sizes, axis=1),
+        own = np.where(self.shapes == Shape.BOX, 0.5 * norm(self.sizes, axis=1),
                        0.5 * self.sizes[:, [0, 2]].max(axis=1))
-        bulk = float((np.linalg.norm(self.local_poses[:, :3], axis=1) + own).max())
-        return max(bulk, np.linalg.norm(self.ground_points, axis=1).max(initial=0.0))
+        bulk = float((norm(self.local_poses[:, :3], axis=1) + own).max())
+        return max(bulk, norm(self.ground_points, axis=1).max(initial=0.0))
 
     def lowest(self, pose: np.ndarray, terrain: Terrain = FLAT) -> float:
         """
@@ -104,5 +105,5 @@ def solid_inertia(shape: int, size: np.ndarray, mass: float) -> np.ndarray:
     if shape == Shape.BOX:
         return box_inertia(np.array([mass]), np.asarray(size)[None])[0]
     if size[2] <= size[0]:
-        return np.full(3, 0.1 * mass * size[0] ** 2)
+        return np.full(3, 0.1 * mass * (size[0] * size[0]))
     return cylinder_inertia(np.array([mass]), np.array([size[0]]), np.array([size[2]]))[0]

@@ -30,6 +30,7 @@ import rapier3d
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.hexahedron import inset
+from procphys_ros.linear import norm
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world import rigid_states
 from procphys_ros.physics.world.assembly import placed
@@ -240,7 +241,7 @@ class RapierEngine:
         table = rigid_states.by_bytes(moved) if _bytes_are_known() else None
         if table is None:
             table = rigid_states.by_attributes(moved)
-        table[:, 3:7] /= np.linalg.norm(table[:, 3:7], axis=1, keepdims=True)
+        table[:, 3:7] /= norm(table[:, 3:7], axis=1, keepdims=True)
         self._poses[ids] = table[:, :7]
         self._velocity[ids] = table[:, 7:10]
         self._after = self._velocity.copy()

@@ -55,7 +55,7 @@ def _slowed(ids, before, gravity, time_step, velocities, poses, mass, inertia, f
     for k in range(len(ids)):
         body, piece = ids[k], first_piece[ids[k]]
         now = velocities[body]
-        spin = (now[3] ** 2 + now[4] ** 2 + now[5] ** 2) ** 0.5
+        spin = np.sqrt(now[3] ** 2 + now[4] ** 2 + now[5] ** 2)
         if shapes[piece] == _BOX or spin == 0.0:
             continue
         x, y, z = matrix_rows(poses[body, 3:])
@@ -65,7 +65,7 @@ def _slowed(ids, before, gravity, time_step, velocities, poses, mass, inertia, f
             axis = (x[c] * now[3] + y[c] * now[4] + z[c] * now[5]) / spin
             about += inertia[body, c] * axis ** 2
         lever = min(ROLLING, _MOST * 0.5 * sizes[piece, 0])
-        lost = lever * mass[body] * pressed ** 0.5 / about
+        lost = lever * mass[body] * np.sqrt(pressed) / about
         out[k, 3:] *= max(1.0 - lost / spin, 0.0)
         felt[k] = lost > 1e-3 * spin
     return out, felt

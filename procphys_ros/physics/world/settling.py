@@ -18,6 +18,8 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary import functions
+from procphys_ros.linear import norm
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts
 
@@ -87,7 +89,7 @@ class Supports:
         frame = bodies.poses[support]
         upward = np.maximum(contacts.impulse[:, 2], 0.0)
         borne = np.bincount(contacts.body_a, upward, count)[resting]
-        size = np.linalg.norm(contacts.impulse[keep], axis=1) + 1e-12
+        size = norm(contacts.impulse[keep], axis=1) + 1e-12
         self._append(
             support=support, resting=resting, point=point, normal=contacts.normal[keep],
             local=rotation.rotate(rotation.conjugate(frame[:, 3:]), point - frame[:, :3]),
@@ -126,7 +128,7 @@ class Supports:
             return row
         frame = bodies.poses[self.support[row]]
         now = frame[:, :3] + rotation.rotate(frame[:, 3:], self.local[row])
-        moved = row[((now - self.point[row]) ** 2).sum(axis=1) > SUPPORT_SHIFT ** 2]
+        moved = row[np.square(now - self.point[row]).sum(axis=1) > SUPPORT_SHIFT * SUPPORT_SHIFT]
         if not len(moved):
             return moved
         self.gone[moved] = True
@@ -198,7 +200,7 @@ def _way(start, now):
         way += (now[c] - start[c]) ** 2
     for c in range(3, 7):
         same += now[c] * start[c]
-    return way ** 0.5, 2.0 * np.arccos(min(abs(same), 1.0))
+    return np.sqrt(way), 2.0 * functions.acos(min(abs(same), 1.0))
 
 
 def _is_starting(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
@@ -206,9 +208,9 @@ def _is_starting(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
     pose, mark, velocity = bodies.poses[ids], bodies.mark[ids], bodies.velocities[ids]
     _, turn = _moved(mark, pose)
     way = np.concatenate([pose[:, :3] - mark[:, :3], (turn * bodies.radius[ids])[:, None]], axis=1)
-    rate = np.concatenate([velocity[:, :3], (np.linalg.norm(velocity[:, 3:], axis=1)
+    rate = np.concatenate([velocity[:, :3], (norm(velocity[:, 3:], axis=1)
                                              * bodies.radius[ids])[:, None]], axis=1)
-    size = np.maximum(np.linalg.norm(way, axis=1), 1e-12)
+    size = np.maximum(norm(way, axis=1), 1e-12)
     now = (rate * way).sum(axis=1) / size
     return (size > START_WAY) & (now > STARTING * size / bodies.quiet[ids])
 
@@ -246,8 +248,8 @@ def at_rest(bodies: BodyTable, quiet: np.ndarray,
     stands = _stands(start, contacts.point[row], contacts.normal[row],
                      bodies.poses[quiet, :2])
     velocity = bodies.velocities[quiet]
-    rim = (np.linalg.norm(velocity[:, :3], axis=1)
-           + np.linalg.norm(velocity[:, 3:], axis=1) * bodies.radius[quiet])
+    rim = (norm(velocity[:, :3], axis=1)
+           + norm(velocity[:, 3:], axis=1) * bodies.radius[quiet])
     known = (rim < STILL_SPEED) | (bodies.stirred[quiet] > 0)  # these could rest before
     held = np.where(known, STAY_TIME, STUCK_TIME)
     held = (bodies.stay[quiet] > held) | _is_creeping(bodies, quiet, rim)
@@ -278,8 +280,8 @@ def _is_creeping(bodies: BodyTable, ids: np.ndarray, rim: np.ndarray) -> np.ndar
     mark, pose = bodies.mark[ids], bodies.poses[ids]
     way, turn = _moved(mark, pose)
     axis = rotation.multiply(rotation.conjugate(mark[:, 3:]), pose[:, 3:])[:, :3]
-    axis /= np.maximum(np.linalg.norm(axis, axis=1), 1e-12)[:, None]
-    reach = np.sqrt((3.0 * bodies.inertia[ids] * axis ** 2).sum(axis=1) / bodies.mass[ids])
+    axis /= np.maximum(norm(axis, axis=1), 1e-12)[:, None]
+    reach = np.sqrt((3.0 * bodies.inertia[ids] * (axis * axis)).sum(axis=1) / bodies.mass[ids])
     turned = turn * np.minimum(reach, bodies.radius[ids])
     creeps = ((bodies.quiet[ids] > CREEP_TIME) & (rim < REST_RIM)
               & (way + turned < CREEP_SPEED * bodies.quiet[ids]))
@@ -310,7 +312,7 @@ def _stands(start, points, normals, centre):
             for corner in range(4):
                 dx = points[j, 0] - centre[k, 0] + _STANCE * (2 * (corner & 1) - 1)
                 dy = points[j, 1] - centre[k, 1] + _STANCE * (2 * (corner >> 1) - 1)
-                angles[4 * i + corner] = np.arctan2(dy, dx)
+                angles[4 * i + corner] = functions.atan2(dy, dx)
         if carried:
             angles.sort()
             widest = angles[0] + 2.0 * np.pi - angles[-1]

@@ -49,11 +49,11 @@ def _shares(ids, before, velocities, inertia, poses, now, time_step):
     share = np.ones(len(ids))
     for k in range(len(ids)):
         body = ids[k]
-        turn = time_step * (now[body, 3] ** 2 + now[body, 4] ** 2 + now[body, 5] ** 2) ** 0.5
+        turn = time_step * np.sqrt(now[body, 3] ** 2 + now[body, 4] ** 2 + now[body, 5] ** 2)
         if turn > FAST:
             energy = kinetic_energy(0.0, inertia[body], poses[body, 3:], now[body])
             most = max(kinetic_energy(0.0, inertia[body], before[k, 3:], velocities[k]),
                        energy * (FAST / turn) ** 2)  # at a radian per step
             if energy > most:
-                share[k] = (most / energy) ** 0.5
+                share[k] = np.sqrt(most / energy)
     return share

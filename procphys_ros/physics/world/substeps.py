@@ -19,6 +19,7 @@ from functools import cache, partial
 
 import numpy as np
 
+from procphys_ros.linear import norm
 from procphys_ros.physics.world import kinematic
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import Engine
@@ -40,7 +41,7 @@ def are_dense(bodies: BodyTable, awake: np.ndarray) -> bool:
     """
     if len(awake) > _MOST or np.count_nonzero(bodies.state == BodyState.RESTING) > _HEAP:
         return False
-    speed = np.linalg.norm(bodies.velocities[awake, :3], axis=1)
+    speed = norm(bodies.velocities[awake, :3], axis=1)
     return bool(np.count_nonzero(speed < _SLOW) > 1)
 
 

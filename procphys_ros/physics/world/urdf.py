@@ -18,6 +18,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.elementary import atan2, hypot
 from procphys_ros.hexahedron import FACES
 from procphys_ros.physics.world.pieces import Pieces
 
@@ -76,9 +77,9 @@ def write_hulls(corners: np.ndarray) -> str:
 def roll_pitch_yaw(quaternions: np.ndarray) -> np.ndarray:
     """Give the turns about fixed x, then y, then z [rad], (P, 3), as URDF has them."""
     m = rotation.to_matrix(quaternions)
-    flat = np.hypot(m[:, 0, 0], m[:, 1, 0])
+    flat = hypot(m[:, 0, 0], m[:, 1, 0])
     upright = flat < 1e-7  # pitch ±90°: only roll ∓ yaw is determined, so yaw is set to zero
-    roll = np.where(upright, np.arctan2(-m[:, 1, 2], m[:, 1, 1]),
-                    np.arctan2(m[:, 2, 1], m[:, 2, 2]))
-    yaw = np.where(upright, 0.0, np.arctan2(m[:, 1, 0], m[:, 0, 0]))
-    return np.column_stack([roll, np.arctan2(-m[:, 2, 0], flat), yaw])
+    roll = np.where(upright, atan2(-m[:, 1, 2], m[:, 1, 1]),
+                    atan2(m[:, 2, 1], m[:, 2, 2]))
+    yaw = np.where(upright, 0.0, atan2(m[:, 1, 0], m[:, 0, 0]))
+    return np.column_stack([roll, atan2(-m[:, 2, 0], flat), yaw])

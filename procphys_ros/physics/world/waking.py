@@ -17,6 +17,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.linear import norm
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import Engine
 from procphys_ros.physics.world.extents import are_near, bounds
@@ -61,7 +62,7 @@ def sweep_fast(engine: Engine, bodies: BodyTable, awake: np.ndarray, time_step: 
     :param awake: ids, (K,).
     :param time_step: [s].
     """
-    way = np.sqrt((bodies.velocities[awake, :3] ** 2).sum(axis=1)) * time_step
+    way = np.sqrt(np.square(bodies.velocities[awake, :3]).sum(axis=1)) * time_step
     least = bodies.least[awake]
     fast = (least > 0.0) & (way > _FAST * least)
     changed = awake[fast != (bodies.swept_radius[awake] > 0.0)]
@@ -104,8 +105,8 @@ def _rim_speed(ids, velocities, radius):
     out = np.empty(len(ids))
     for k in range(len(ids)):
         v = velocities[ids[k]]
-        out[k] = ((v[0] ** 2 + v[1] ** 2 + v[2] ** 2) ** 0.5
-                  + (v[3] ** 2 + v[4] ** 2 + v[5] ** 2) ** 0.5 * radius[ids[k]])
+        out[k] = (np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+                  + np.sqrt(v[3] ** 2 + v[4] ** 2 + v[5] ** 2) * radius[ids[k]])
     return out
 
 
@@ -115,8 +116,8 @@ def _local_speed(bodies: BodyTable, pairs: np.ndarray) -> np.ndarray:
     velocity = bodies.velocities[moving]
     arm = bodies.poses[resting, :3] - bodies.poses[moving, :3]
     there = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
-    near = (np.linalg.norm(there, axis=1)
-            + np.linalg.norm(velocity[:, 3:], axis=1) * (bodies.radius[resting] + _NEAR))
+    near = (norm(there, axis=1)
+            + norm(velocity[:, 3:], axis=1) * (bodies.radius[resting] + _NEAR))
     return np.minimum(near, rim_speed(bodies, moving))
 
 

@@ -160,7 +160,8 @@ class World:
         :param pose: (7,).
         :param friction: against a body of the same kind.
         """
-        inertia = np.full(3, 0.4 * kinematic.MASS * pieces.radius() ** 2)  # nothing can turn it
+        # Nothing can turn it.
+        inertia = np.full(3, 0.4 * kinematic.MASS * np.square(pieces.radius()))
         is_plain = len(pieces.shapes) == 1 and np.array_equal(
             pieces.local_poses[0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
         least = float(pieces.sizes[0].min()) if is_plain else 0.0
