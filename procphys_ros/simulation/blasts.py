@@ -19,9 +19,11 @@ import numpy as np
 import scipy  # its parts are imported by their first use
 
 from procphys_ros.errors import CommandError
+from procphys_ros.linear import norm, product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import air_blast
+from procphys_ros.physics.masonry import cells
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation import blast_loads, glass, masonry
@@ -68,7 +70,7 @@ def explode(model: Model, state: State, explosion: Explosion) -> None:
         return
     hit, linear, angular, arrival, pulse = (np.concatenate(column) for column in zip(*(
         (rows, gift.linear, gift.angular, gift.arrival, gift.duration) for rows, gift in found)))
-    speed = np.linalg.norm(linear, axis=1) / parts.mass[hit]
+    speed = norm(linear, axis=1) / parts.mass[hit]
     felt = np.flatnonzero(speed > _LEAST)
     felt = felt[np.argsort(arrival[felt], kind='stable')]
     state.blasts.waves.append(Wave(hit[felt], linear[felt], angular[felt],
@@ -142,7 +144,7 @@ def _burst_panes(model: Model, state: State, panes: np.ndarray) -> None:
         return
     own = state.blasts
     area = np.sort(model.blueprint.size[panes], axis=1)[:, 1:].prod(axis=1)
-    peak = 2.0 * np.linalg.norm(own.momentum[panes], axis=1) / own.pulse[panes]
+    peak = 2.0 * norm(own.momentum[panes], axis=1) / own.pulse[panes]
     pressure = peak / area * air_blast.dynamic_load_factor(
         glass.frequency(model, panes) * own.pulse[panes])
     load = pressure / glass.pressure(model, panes)
@@ -162,7 +164,7 @@ def _bond_work(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
 
 def _energy(state: State, parts: np.ndarray) -> np.ndarray:
     """Give the kinetic energy that parts would get if nothing held them [J], (K,)."""
-    return 0.5 * (state.blasts.momentum[parts] ** 2).sum(axis=1) / state.parts.mass[parts]
+    return 0.5 * np.square(state.blasts.momentum[parts]).sum(axis=1) / state.parts.mass[parts]
 
 
 def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
@@ -179,7 +181,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
     places = model.blueprint.poses[shaken, :3]
     tree, left = scipy.spatial.cKDTree(places), np.ones(len(shaken), bool)
     momentum = state.blasts.momentum[shaken]
-    size = np.linalg.norm(momentum, axis=1)
+    size = norm(momentum, axis=1)
     speed, way = size / state.parts.mass[shaken], momentum / size[:, None]
     judge = Patches(model, state, shaken)
     torn = failed = 0
@@ -187,10 +189,10 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
         seed = int(np.argmax(speed))
         near = np.array(tree.query_ball_point(places[seed], _PATCHES[0]))
         away = places[near] - places[seed]
-        distance = np.linalg.norm(away, axis=1)
+        distance = norm(away, axis=1)
         speed[near[distance < _APART]] = 0.0  # they may go along with others
-        alike = left[near] & (way[near] @ way[seed] > _ALIKE)
-        alike &= np.abs(away @ way[seed]) < _DEEPEST
+        alike = left[near] & (product(way[near], way[seed]) > _ALIKE)
+        alike &= np.abs(product(away, way[seed])) < _DEEPEST
         failed += 1
         tried = 0
         for radius in _PATCHES:
@@ -229,7 +231,7 @@ def _loosen(model: Model, state: State, parts: np.ndarray, alive: np.ndarray) ->
         size = max(_CLUMP, -(-len(clumped) // _MOST_CLUMPS))
         seeds = rng.choice(clumped, -(-len(clumped) // size), replace=False)
         places = model.blueprint.poses[parts, :3]
-        cell[parts[clumped]] = scipy.spatial.cKDTree(places[seeds]).query(places[clumped])[1]
+        cell[parts[clumped]] = cells.nearest(places[clumped], places[seeds])
     cell[parts[single]] = len(parts) + np.arange(len(single))
     cut = touching[cell[graph.first[touching]] != cell[graph.second[touching]]]
     kept = np.maximum(1.0 - 1.0 / np.maximum(surplus, 1.0), 0.0)

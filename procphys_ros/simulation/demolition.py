@@ -19,6 +19,8 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
+from procphys_ros.linear import norm
+from procphys_ros.physics.masonry import cells
 from procphys_ros.scene.placement import FOOTING
 from procphys_ros.scene.strikes import Demolition
 from procphys_ros.simulation import charges
@@ -26,7 +28,7 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
 _BAND = (0.3, 2.0)  # [m] above the foot of a building, where charges are drilled
-_SPACING = 1.1     # [m] between charges of the default plan
+_SPACING = 1.1     # [m] between charges of the default plan, at least
 _MARGIN = 1.1      # reach of a charge over the way to its last brick, ...
 _BEYOND = 0.02     # [m] ... and more
 _SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at the corners
@@ -78,15 +80,14 @@ def implosion(model: Model, state: State) -> Demolition:
         raise CommandError('no wall stands between 0.3 and 2 m above the ground; give '
                            'demolition.positions')
     points = source.poses[chosen, :3]
-    cell = np.floor(points / _SPACING).astype(np.int64)
-    _, place, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
-    middles = np.column_stack([np.bincount(place.ravel(), column) / count
-                               for column in points.T])
-    away = np.linalg.norm(middles[:, :2] - middles[:, :2].mean(axis=0), axis=1)
+    place = cells.nearest(points, points[cells.spread(points, _SPACING)])
+    count = np.bincount(place)
+    middles = np.column_stack([np.bincount(place, column) / count for column in points.T])
+    away = norm(middles[:, :2] - middles[:, :2].mean(axis=0), axis=1)
     delays = _SPREAD * away / max(float(np.max(away)), 1e-9)
     reach = np.zeros(len(middles))  # so far that no pier is left between two charges
-    np.maximum.at(reach, place.ravel(),
-                  np.linalg.norm(points - middles[place.ravel()], axis=1))
+    np.maximum.at(reach, place,
+                  norm(points - middles[place], axis=1))
     return Demolition(delays.tolist(), middles.ravel().tolist(),
                       (_MARGIN * reach + _BEYOND).tolist())
 

@@ -19,6 +19,49 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.graph import HUB
 
+_SAME = 1e-6  # [m] distances in a bond of bricks that differ by less are the same
+
+
+@kernel
+def spread(points, spacing):
+    """
+    Choose points of which none is nearer to another than the spacing, in their order.
+
+    The choice does not depend on where and how the points as a whole are placed.
+
+    :param points: [m], (P, 3).
+    :returns: their rows, (S,).
+    """
+    chosen, count = np.empty(len(points), np.int64), 0
+    for i in range(len(points)):
+        free = True
+        for k in range(count):
+            away = points[i] - points[chosen[k]]
+            free &= np.sqrt((away * away).sum()) > spacing - _SAME
+        if free:
+            chosen[count] = i
+            count += 1
+    return chosen[:count]
+
+
+@kernel
+def nearest(points, seeds):
+    """
+    Find the nearest seed of each point, the first of those at the same distance, (P,).
+
+    :param points: [m], (P, 3).
+    :param seeds: [m], (S, 3).
+    """
+    out = np.zeros(len(points), np.int64)
+    for i in range(len(points)):
+        least = np.inf
+        for k in range(len(seeds)):
+            away = points[i] - seeds[k]
+            distance = np.sqrt((away * away).sum())
+            if distance < least - _SAME:
+                least, out[i] = distance, k
+    return out
+
 
 @kernel
 def inside(parts, start, incident, alive, first, second, place):
