@@ -16,7 +16,7 @@
 Hash poses and break events of the shipped scenes, second by second, with all their cues.
 
 Guards a change that must not alter what is simulated: record before it, compare after it. Hashes
-hold for one machine and one set of library versions, so records are not kept in the repository.
+hold for one set of library versions, so records are not kept in the repository.
 Every scene runs in a process of its own.
 
     python bench/pose_hashes.py --record before.json
@@ -26,6 +26,7 @@ Every scene runs in a process of its own.
 
 import argparse
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 import hashlib
 import json
 from multiprocessing import get_context
@@ -37,7 +38,8 @@ import numpy as np
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
-_SCENES = Path(__file__).parents[1] / 'config'
+_FOLDER = Path(__file__).parents[1] / 'config'
+SCENES = sorted(path.stem for path in _FOLDER.glob('*.yaml'))
 _SHOWN = 12  # hexadecimal digits of a hash that are printed
 _COLUMNS = ('time', 'bond', 'part_a', 'part_b', 'cause', 'load')
 
@@ -56,18 +58,21 @@ def summarise(simulation: Simulation) -> dict:
     poses = np.where(gone[:, None], 0.0, simulation.poses)
     events = simulation.events
     return {'parts': len(poses), 'gone': int(gone.sum()), 'broken': len(events),
+            'loose': len(simulation.state.bodies.members),
             'poses': digest(poses), 'events': digest(*(events[name] for name in _COLUMNS))}
 
 
-def run(name: str, seconds: int) -> list[dict]:
+def run(name: str, seconds: int, threads: int) -> list[dict]:
     """Simulate a scene in a new process, and summarise it at the start and after each second."""
     with ProcessPoolExecutor(1, mp_context=get_context('spawn')) as pool:
-        return pool.submit(simulate, name, seconds).result()
+        return pool.submit(simulate, name, seconds, threads).result()
 
 
-def simulate(name: str, seconds: int) -> list[dict]:
+def simulate(name: str, seconds: int, threads: int = 0) -> list[dict]:
     """Give the rows of `run`."""
-    simulation = Simulation(Scene.from_yaml(_SCENES / f'{name}.yaml'))
+    scene = Scene.from_yaml(_FOLDER / f'{name}.yaml')
+    scene.settings = replace(scene.settings, threads=threads)
+    simulation = Simulation(scene)
     rate = round(1.0 / simulation.time_step)
     found = [summarise(simulation)]
     for _ in range(seconds):
@@ -98,21 +103,21 @@ def report(name: str, found: list[dict], seconds: bool) -> None:
 
 def main() -> int:
     """Run what the command line asks for; exit status 1 when a comparison fails."""
-    known = sorted(path.stem for path in _SCENES.glob('*.yaml'))
     parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
-    parser.add_argument('scenes', nargs='*', metavar='scene', help=f'of {", ".join(known)}')
+    parser.add_argument('scenes', nargs='*', metavar='scene', help=f'of {", ".join(SCENES)}')
     parser.add_argument('--seconds', type=int, default=10, help='simulated per scene')
+    parser.add_argument('--threads', type=int, default=0, help='0 = one per core')
     parser.add_argument('--each', action='store_true', help='print every second')
     parser.add_argument('--record', type=Path, help='file to write all hashes to')
     parser.add_argument('--compare', type=Path, help='file of an earlier run')
     asked = parser.parse_args()
     for name in asked.scenes:
-        if name not in known:
-            parser.error(f'there is no scene "{name}" (known: {", ".join(known)})')
+        if name not in SCENES:
+            parser.error(f'there is no scene "{name}" (known: {", ".join(SCENES)})')
     expected = json.loads(asked.compare.read_text()) if asked.compare else None
     found, failed = {}, 0
-    for name in asked.scenes or known:
-        found[name] = run(name, asked.seconds)
+    for name in asked.scenes or SCENES:
+        found[name] = run(name, asked.seconds, asked.threads)
         report(name, found[name], asked.each)
         if expected is not None:
             told = difference(expected[name], found[name]) if name in expected else 'not recorded'
