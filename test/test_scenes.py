@@ -120,8 +120,8 @@ def test_a_tree_breaks_the_roof_that_it_falls_on():
     scene = smaller('tree_on_house', ['0.1 gust'], gust={'upwind': 4.0, 'rise': 0.5},
                     cottage={'defines': SMALL['cottage']}, pine={'origin': [2.5, -4.0, 0.0]})
     found = envelope(scene, 2.0, 6, left=height_left('pine'), roof=roof)
-    found.bound('left', high=0.65)  # 0.43 to 0.49
-    found.bound('roof', 2, share=0.8)  # bonds: 4 to 738
+    found.bound('left', high=0.55)  # 0.26 to 0.37 in twenty runs
+    found.bound('roof', 5, share=0.8)  # bonds: 19 to 390
 
 
 def test_the_village_stands_the_storm():

@@ -193,6 +193,8 @@ def test_slow_turbulence_is_there(wind):
     Compare the spectrum from 1/1000 Hz to 0.05 Hz with the target, band by band.
 
     Places 48 m apart hardly share their long waves, so that many records stand for a long one.
+    With 14 seeds the ratios have a standard deviation of at most 0.21 in the lowest band and 0.1
+    in the others; four and three of them are allowed.
     """
     rate = 2.0
     grid = np.meshgrid(np.arange(4) * -60e3, np.arange(5) * 48.0, [8.0, 40.0])
@@ -206,7 +208,8 @@ def test_slow_turbulence_is_there(wind):
         for low, high in itertools.pairwise([0.0008, 0.0025, 0.005, 0.01, 0.02, 0.05]):
             band = (frequency >= low) & (frequency < high)
             ratio = found[band, :, component].mean() / wanted[band].mean()
-            assert ratio == pytest.approx(1.0, abs=0.35), (component, low, high)
+            most = 0.84 if low < 0.0025 else 0.35
+            assert ratio == pytest.approx(1.0, abs=most), (component, low, high)
 
 
 def test_no_wind_comes_back_within_a_day(wind):

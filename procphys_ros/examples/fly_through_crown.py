@@ -34,7 +34,7 @@ from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
 SPEED = 3.0                # [m/s]
-ASIDE, HEIGHT = -0.5, 8.0  # [m], through a branch in the upper crown
+ASIDE, HEIGHT = -1.5, 6.0  # [m], through limbs of the lower crown
 START, END = -4.0, 4.0     # [m] along x
 _MASS = 1.5                # [kg] of a quadrotor of this size
 _RATE = 50.0               # [Hz] of the poses, as of the state estimate of a real drone
