@@ -25,9 +25,10 @@ from types import FrameType
 
 _AGAIN = 0.001  # [s] until a signal that came at a bad moment is tried again
 
-# What is called from C that does not expect exceptions (numba 0.68, numpy 2.4, Python 3.11). All
-# of it is done within milliseconds.
-_UNSAFE = ('enum', 'numba.core.serialize', 'numpy._core._internal', 'weakref')
+# What is called from C that does not expect exceptions (numba 0.68, numpy 2.4, Python 3.11), and
+# writers of pictures, which count what they have written. All is done within milliseconds.
+_UNSAFE = ('enum', 'numba.core.serialize', 'numpy._core._internal', 'weakref',
+           'procphys_ros.render.writers')
 
 
 def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | None], None]:

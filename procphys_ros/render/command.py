@@ -114,21 +114,16 @@ def _film(scene: Scene, camera: CameraSettings, options: argparse.Namespace) -> 
     check_camera(scene, camera)
     shot = Shot(options.start, count, options.fps, options.size, camera)
     writer = open_writer(options.out, options.size, options.fps)
-    done, interrupted = 0, False
-
-    def tell(number: int) -> None:
-        nonlocal done
-        done = number
-        bar.show(number, count)
-
+    interrupted = False
     try:
         with ProgressBar(f'render {options.out.name}', sys.stderr) as bar, _terminable():
-            shoot(scene, shot, writer, tell)
+            shoot(scene, shot, writer, lambda number: bar.show(number, count))
     except KeyboardInterrupt:
         interrupted = True
     except BaseException:
         writer.discard()
         raise
+    done = writer.count
     if not done:
         writer.discard()
         print('render: interrupted before the first picture', file=sys.stderr)

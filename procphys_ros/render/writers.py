@@ -41,6 +41,10 @@ _NUMBERED = re.compile(r'(?:[^%]|%%)*%0?[1-9]?d(?:[^%]|%%)*\Z')  # a longer numb
 class Writer(Protocol):
     """Takes pictures one after the other."""
 
+    @property
+    def count(self) -> int:
+        """Return how many pictures it has taken."""
+
     def add(self, pixels: np.ndarray) -> None:
         """Take a picture, (H, W, 3) uint8."""
 
@@ -99,11 +103,11 @@ class _Pictures:
     """One file for each picture."""
 
     def __init__(self, path: Path):
-        self._path, self._count = path, 0
+        self._path, self.count = path, 0
 
     def add(self, pixels: np.ndarray) -> None:
-        path = _numbered(self._path, self._count) if is_series(self._path) else self._path
-        self._count += 1
+        path = _numbered(self._path, self.count) if is_series(self._path) else self._path
+        self.count += 1
         write_beside(path, lambda part: _image(pixels).save(part, quality=_JPEG_QUALITY,
                                                             optimize=True))
 
@@ -122,6 +126,11 @@ class _Gif:
             raise SceneError(f'--fps: a gif shows at most {_GIF_RATE:g} pictures per second')
         self._path, self._duration = path, 10 * round(100.0 / rate)
         self._frames: list[np.ndarray] = []
+
+    @property
+    def count(self) -> int:
+        """Return how many pictures it has taken."""
+        return len(self._frames)
 
     def add(self, pixels: np.ndarray) -> None:
         self._frames.append(pixels.copy())
@@ -154,10 +163,12 @@ class _Mp4:
             'libx264', rate=Fraction(rate).limit_denominator(1001), options=_QUALITY)
         self._stream.width, self._stream.height = size
         self._stream.pix_fmt = 'yuv420p'
+        self.count = 0
 
     def add(self, pixels: np.ndarray) -> None:
         frame = self._frame(np.ascontiguousarray(pixels), format='rgb24')
         self._container.mux(self._stream.encode(frame))
+        self.count += 1
 
     def finish(self) -> None:
         try:
