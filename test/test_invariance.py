@@ -86,6 +86,7 @@ def test_all_is_the_same_until_loose_bodies_touch(grammar, wind, act, broken):
     count = len(simulations[0].poses)
     for simulation, one in zip(simulations, placed):
         act(simulation, one)
+    compared = 0
     for _ in range(120):
         for simulation in simulations:
             simulation.step()
@@ -96,7 +97,8 @@ def test_all_is_the_same_until_loose_bodies_touch(grammar, wind, act, broken):
             np.testing.assert_allclose(one.back(simulation, count), first, atol=_ROUNDING)
             np.testing.assert_array_equal(simulation.events['bond'],
                                           simulations[0].events['bond'])
-    assert simulations[0].bonds_broken >= broken
+        compared += 1
+    assert compared and simulations[0].bonds_broken >= broken
 
 
 def test_what_follows_is_alike_in_extent():
