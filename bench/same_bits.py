@@ -20,8 +20,11 @@ numpy and of libm, instructions that numba compiles for; or it runs on another n
 What differs from the plain run is printed, with the second from which on. An engine of bodies that
 is not ours may use libm: without its instructions, scenes with loose bodies may differ.
 
+The poorest processor lacks all of it at once, and runs on five threads; its run alone tells
+whether anything differs, and `--each` what does.
+
     python bench/same_bits.py
-    python bench/same_bits.py demo garden --seconds 3
+    python bench/same_bits.py demo garden --seconds 3 --each
 """
 
 import argparse
@@ -39,19 +42,32 @@ from pose_hashes import difference, SCENES
 _ROOT = Path(__file__).parents[1]
 _THREADS = (1, 2, 5)
 LIBM = 'libm without AVX2 and FMA'
+_PLAIN_LIBM = {'GLIBC_TUNABLES': 'glibc.cpu.hwcaps=-AVX2,-FMA,-AVX2_Usable,-FMA_Usable'}
+_ANY_NUMBA = {'NUMBA_CPU_NAME': 'generic', 'NUMBA_CPU_FEATURES': ''}
 
 
-def settings() -> Iterator[tuple[str, dict[str, str], int]]:
-    """List names of settings, the environments that make them, and threads (0 = as it comes)."""
-    yield 'plain', {}, 0
+def _without(*instructions: str) -> dict[str, str]:
+    found = [name for name in __cpu_dispatch__ if any(part in name for part in instructions)]
+    return {'NPY_DISABLE_CPU_FEATURES': ' '.join(found)}
+
+
+def poorest() -> Iterator[tuple[str, dict[str, str], int]]:
+    """List processors that lack everything at once, with and without libm's instructions."""
+    lacks = {'OPENBLAS_CORETYPE': 'Nehalem', **_ANY_NUMBA,
+             **_without('AVX512', 'X86_V4', 'AVX2', 'FMA3', 'X86_V3')}
+    yield 'all at once, but libm', lacks, 5
+    yield LIBM, {**lacks, **_PLAIN_LIBM}, 5
+
+
+def each() -> Iterator[tuple[str, dict[str, str], int]]:
+    """List settings: name, environment that makes it, threads (0 = as they come)."""
     for kernel in ('Nehalem', 'Haswell', 'SkylakeX', 'Zen'):
         yield f'OpenBLAS of {kernel}', {'OPENBLAS_CORETYPE': kernel}, 0
-    wide = [name for name in __cpu_dispatch__ if 'AVX512' in name or name == 'X86_V4']
-    wider = [name for name in __cpu_dispatch__ if name in ('AVX2', 'FMA3', 'X86_V3')] + wide
-    yield 'numpy without AVX-512', {'NPY_DISABLE_CPU_FEATURES': ' '.join(wide)}, 0
-    yield 'numpy without AVX2 and FMA', {'NPY_DISABLE_CPU_FEATURES': ' '.join(wider)}, 0
-    yield LIBM, {'GLIBC_TUNABLES': 'glibc.cpu.hwcaps=-AVX2,-FMA,-AVX2_Usable,-FMA_Usable'}, 0
-    yield 'numba for any x86-64', {'NUMBA_CPU_NAME': 'generic', 'NUMBA_CPU_FEATURES': ''}, 0
+    yield 'numpy without AVX-512', _without('AVX512', 'X86_V4'), 0
+    yield ('numpy without AVX2 and FMA',
+           _without('AVX512', 'X86_V4', 'AVX2', 'FMA3', 'X86_V3'), 0)
+    yield LIBM, _PLAIN_LIBM, 0
+    yield 'numba for any x86-64', _ANY_NUMBA, 0
     for count in _THREADS:
         yield f'{count} threads', {}, count
 
@@ -72,13 +88,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or '').strip().splitlines()[0])
     parser.add_argument('scenes', nargs='*', metavar='scene', help=f'of {", ".join(SCENES)}')
     parser.add_argument('--seconds', type=int, default=10, help='simulated per scene')
+    parser.add_argument('--each', action='store_true', help='take away one thing at a time')
     asked = parser.parse_args()
     failed = 0
     for scene in asked.scenes or SCENES:
-        plain: list[dict] = []
-        for name, environment, threads in settings():
+        plain = run(scene, asked.seconds, {}, 0)
+        for name, environment, threads in each() if asked.each else poorest():
             found = run(scene, asked.seconds, environment, threads)
-            plain = plain or found
             told = difference(plain, found)
             others = told and name == LIBM and found[-1]['loose'] > 0
             failed += bool(told) and not others
