@@ -15,7 +15,8 @@
 """Skeleton: turn an explicit branch structure into bones and joints (paper, section 3.1)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from heapq import heappop, heappush
 
 import numpy as np
 
@@ -39,6 +40,9 @@ from procphys_ros.linear import norm
 LEAF_AREAL_DENSITY = 0.2
 
 _MOST_TAKEN = 0.25  # of a segment's mass, for those that go on from it; half may go down itself
+
+Values = float | np.ndarray
+"""One number for all nodes, or one for each."""
 
 _BARE = Leaves()
 _PLAIN = Ornaments()
@@ -202,47 +206,96 @@ def _bend_of_half(branches: Branches, first: np.ndarray, last: np.ndarray) -> np
 
 
 def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
-               density: float = 900.0, modulus: float = 8e9, strength: float = 60e6,
-               damping_ratio: float = 0.05, swing_limit: float = np.pi / 3.0,
-               break_force: float = np.inf, break_torque: float = np.inf,
-               bone_ratio: float = 0.9, material: str = 'wood') -> Blueprint:
+               density: Values = 900.0, modulus: Values = 8e9, strength: Values = 60e6,
+               damping_ratio: Values = 0.05, swing_limit: Values = np.pi / 3.0,
+               break_force: Values = np.inf, break_torque: Values = np.inf,
+               bone_ratio: Values = 0.9, root_stiffness: Values = np.nan,
+               root_moment: Values = np.inf, leaves: Leaves = _BARE, material: str = 'wood',
+               textures: Sequence[str] = ('bark', 'leaf')) -> Blueprint:
     """
     Build a skeleton from points and their parents: one segment per node that has a parent.
 
     At a fork the thickest child carries the axis on and starts as wide as the fork's node; every
     other child is a side branch and keeps its own width over its first segment. The physical
-    values are those of green hardwood unless given.
+    values, see `Branches`, are those of green hardwood unless given, each as one number or one
+    per node, (K,): of the segment that ends there. `segments_of` says which part that is.
 
-    :param nodes: points [m], (K, 3).
-    :param parents: index of each node's parent, -1 for a node on the ground, (K,).
+    :param nodes: points [m], (K, 3), in any order.
+    :param parents: index of each node's parent, -1 for a node on the ground, (K,) int.
     :param radii: wood radius at the nodes [m], (K,).
+    :param leaves: `part` is the node at the end of the segment that carries the leaf.
+    :param textures: names that texture indices of leaves refer to; 0 is that of the wood.
     :raises SceneError: when a node is impossible; names the first one.
     """
     nodes, radii, parents = np.asarray(nodes, float), np.asarray(radii, float), np.asarray(parents)
     _check_nodes(nodes, parents, radii)
-    tip = np.flatnonzero(parents >= 0)
+    segment = segments_of(parents)
+    tip = np.argsort(segment, kind='stable')[np.count_nonzero(segment < 0):]
+    wood = {name: _per_segment(name, value, tip, len(nodes)) for name, value in {
+        'density': density, 'modulus': modulus, 'strength': strength, 'bone_ratio': bone_ratio,
+        'damping_ratio': damping_ratio, 'swing_limit': swing_limit, 'break_force': break_force,
+        'break_torque': break_torque, 'root_stiffness': root_stiffness,
+        'root_moment': root_moment}.items()}
+    _demand((leaves.part >= 0) & (leaves.part < len(nodes)), 'leaf', 'node', leaves.part,
+            f'from 0 to {len(nodes) - 1}')
+    _demand(segment[leaves.part] >= 0, 'leaf', 'node', leaves.part, 'one that has a parent')
+    return build(_grown(nodes, parents, radii, segment, tip, wood),
+                 replace(leaves, part=segment[leaves.part].astype(np.int32)),
+                 textures=textures, material=material)
+
+
+def segments_of(parents: np.ndarray) -> np.ndarray:
+    """
+    Find the segment, and so the part, that `from_nodes` lets end at each node.
+
+    Segments are in the order of these nodes, but behind the segment that they grow from.
+
+    :param parents: index of each node's parent, -1 for a node on the ground, (K,) int.
+    :returns: segments, -1 for nodes without a parent, (K,).
+    :raises SceneError: when nodes are their own ancestors; names the first one.
+    """
+    children: list[list[int]] = [[] for _ in parents]
+    ready: list[int] = []
+    for node, parent in enumerate(np.asarray(parents).tolist()):
+        (ready if parent == GROUND else children[parent]).append(node)
+    segment, count = np.full(len(children), GROUND), 0
+    reached = np.zeros(len(children), bool)
+    while ready:
+        node = heappop(ready)
+        reached[node] = True
+        if parents[node] != GROUND:
+            segment[node], count = count, count + 1
+        for child in children[node]:
+            heappush(ready, child)
+    _demand(reached, 'node', 'parent', parents, 'a node that the ground is reached from')
+    return segment
+
+
+def _per_segment(name: str, value: Values, tip: np.ndarray, count: int) -> np.ndarray:
+    """Give a value of each segment, from one of all or one for each node."""
+    column = np.asarray(value, float)
+    if column.shape not in ((), (count,)):
+        raise SceneError(f'{name} has the shape {column.shape}; it must be one number, or one for '
+                         f'each of the {count} nodes')
+    return column[tip] if column.ndim else np.full(len(tip), column)
+
+
+def _grown(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, segment: np.ndarray,
+           tip: np.ndarray, wood: dict[str, np.ndarray]) -> Branches:
+    """Let segments end at nodes: `tip` of each, (S,), and `segment` of each node, (K,)."""
     start = parents[tip]
-    segment = np.full(len(nodes), GROUND)
-    segment[tip] = np.arange(len(tip))
     thickest_first = np.lexsort((tip, -radii[tip], start))
     lateral = np.ones(len(tip), bool)
     lateral[thickest_first[np.unique(start[thickest_first], return_index=True)[1]]] = False
     along = nodes[tip] - nodes[start]
-    same = np.ones(len(tip))
-    return build(Branches(
+    unknown, none = np.full(len(tip), np.nan), np.zeros(len(tip))
+    return Branches(
         parent=segment[start], lateral=lateral, base=nodes[start],
         attitude=_shortest_turn(along), length=norm(along, axis=1),
         width=2.0 * radii[np.where(lateral, tip, start)], tip_width=2.0 * radii[tip],
-        density=density * same, modulus=modulus * same, strength=strength * same,
-        bone_ratio=bone_ratio * same, swing_limit=swing_limit * same,
-        swing_stiffness=np.nan * same, swing_damping=np.nan * same,
-        damping_ratio=damping_ratio * same, twist_stiffness=np.nan * same,
-        twist_damping=np.nan * same, stretch_stiffness=np.nan * same,
-        stretch_damping=np.nan * same, break_force=break_force * same,
-        break_torque=break_torque * same, root_stiffness=np.nan * same,
-        root_moment=np.inf * same, preload=same, texture=np.zeros(len(tip), np.int16),
-        cling=0.0 * same),
-        material=material)
+        swing_stiffness=unknown, swing_damping=unknown, twist_stiffness=unknown,
+        twist_damping=unknown, stretch_stiffness=unknown, stretch_damping=unknown,
+        preload=np.ones(len(tip)), texture=none.astype(np.int16), cling=none, **wood)
 
 
 def _hinges(branches: Branches) -> Hinges:
@@ -317,8 +370,10 @@ def _check_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray) -> N
                          'do not fit; they must be (K, 3), (K,) and (K,)')
     _demand(np.isfinite(nodes).all(axis=1), 'node', 'position', nodes, 'finite')
     _demand(np.isfinite(radii) & (radii > 0.0), 'node', 'radius', radii, 'finite and above zero')
-    _demand((parents >= GROUND) & (parents < np.arange(len(nodes))), 'node', 'parent', parents,
-            'an earlier node, or -1 for the ground')
+    if parents.dtype.kind not in 'iu':
+        raise SceneError(f'parents are {parents.dtype} numbers, they must be whole ones')
+    _demand((parents >= GROUND) & (parents < len(nodes)), 'node', 'parent', parents,
+            f'a node, 0 to {len(nodes) - 1}, or -1 for the ground')
     apart = np.where(parents >= 0, norm(nodes - nodes[parents], axis=1), 1.0)
     _demand(apart > 0.0, 'node', 'distance from its parent', apart, 'above zero')
 

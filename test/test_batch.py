@@ -29,13 +29,16 @@ import subprocess
 import sys
 
 from node_process import SAPLING
+import numpy as np
 import pytest
 
-from procphys_ros.batch import command, Run, run, Sweep, workers
+from procphys_ros.batch import command, record, Run, run, Sweep, workers
 from procphys_ros.batch.command import main
 from procphys_ros.batch.table import Table
 from procphys_ros.batch.workers import attempt
-from procphys_ros.errors import SceneError
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
 
 ROOT = Path(__file__).resolve().parents[1]
 STRUCK = {
@@ -85,68 +88,46 @@ def test_a_branch_that_comes_off_has_fallen():
     assert told['mass_fallen_kg'] == pytest.approx(told['mass_kg'] * told['parts_fallen'] / 3)
 
 
+def test_a_series_is_recorded_of_each_run(scene, tmp_path, capsys):
+    """Record a part and an object: files hold what a simulation records, and names."""
+    path = tmp_path / 'table.csv'
+    words = [str(scene), '--vary', 'wind.velocity=[[0, 0, 0], [9, 0, 0]]', '--duration', '0.5',
+             '--out', str(path), '--jobs', '1', '--series', 'post/3', '--series', 'post',
+             '--every', '7']
+    assert main(words) == 0
+    calm, windy = (dict(np.load(tmp_path / 'table.csv.series' / f'{number}.npz'))
+                   for number in range(2))
+    assert windy['names'].tolist() == [f'post/segment_{i}' for i in (3, 0, 1, 2, 3)]
+    assert np.ptp(windy['poses'][:, 0, 0]) > 1e-4 > np.ptp(calm['poses'][:, 0, 0])
+    simulation = Simulation(Scene.from_parameters(
+        CALM | {'wind': {'velocity': [9.0, 0.0, 0.0]}}, ROOT))
+    known = simulation.series(30, ['post/3', 'post'], 7)
+    for name, column in vars(known).items():
+        np.testing.assert_array_equal(windy[name], column)
+    assert main(words[:-1] + ['6']) == 1 and 'another sweep' in capsys.readouterr().err
+
+
+def test_a_series_without_a_row_is_refused(scene):
+    """Ask for a row each 31 steps of a run that has 30."""
+    assert len(Sweep.read(scene, [], 1, 0.5, ['post'], 30)) == 1
+    with pytest.raises(SceneError, match='--every 31: no row is recorded, a run has 30 time'):
+        Sweep.read(scene, [], 1, 0.5, ['post'], 31)
+
+
+def test_a_series_does_not_change_the_row():
+    """Throw the ball while parts are recorded, in large strides: the same breaks are counted."""
+    told = run(Run(0, STRUCK, ROOT, 1.0))
+    measured, series = record(Run(0, STRUCK, ROOT, 1.0, ('wall',), 25))
+    assert measured | {'wall_time_s': 0} == told | {'wall_time_s': 0} and len(series.times) == 2
+    with pytest.raises(CommandError, match='no part "wal"; did you mean wall'):
+        run(Run(0, STRUCK, ROOT, 1.0, ('wal',)))
+
+
 def test_nothing_that_happens_is_a_row_of_zeros():
     """Leave a tree in peace: no bond breaks, and there are no times of breaks."""
     told = run(Run(0, CALM, ROOT, 0.1))
     assert told['parts'] == 4 and told['bonds_broken'] == told['parts_fallen'] == 0
     assert math.isnan(told['first_break_s']) and math.isnan(told['last_break_s'])
-
-
-def test_variations_are_combined(scene):
-    """Combine lists, YAML and evenly spaced numbers with seeds, the last one fastest."""
-    sweep = Sweep.read(scene, ['wind.velocity=[[1, 0, 0], [2, 0, 0]]', 'gust.duration=1..2/3',
-                               'post.count=1,4'], 2, 5.0)
-    runs = list(sweep.runs())
-    assert len(runs) == len(sweep) == 2 * 3 * 2 * 2
-    assert sweep.columns == ('wind.velocity', 'gust.duration', 'post.count', 'seed')
-    assert runs[0][0] == ([1.0, 0.0, 0.0], 1.0, 1, 0) and runs[1][0][3] == 1
-    values, last = runs[-1]
-    assert values == ([2.0, 0.0, 0.0], 2.0, 4, 1) and last.number == 23
-    assert last.parameters['wind'] == {'velocity': [2.0, 0.0, 0.0]}
-    assert last.parameters['post']['count'] == 4 and last.parameters['seed'] == 1
-    assert 'count' not in CALM['post']
-
-
-@pytest.mark.parametrize('text, reason', [
-    ('wind.velocty=[1,0,0]', 'did you mean wind.velocity'), ('wind.velocity', 'name=values'),
-    ('wind.velocity=1,2', 'list of 3'), ('post.count=-1', 'post.count'), ('seed=1,2', '--seeds'),
-    ('gust.duration=[', 'YAML'),
-    ('gust.duration=1..2', 'first..last/number'), ('elm.count=2', 'elm.count'),
-    ('gust.duration=1..x/3', 'first..last'),
-    ('gust.duration=1..2/1000000000', 'at most 1000000'), ('gust.duration=2026-02-30', 'YAML'),
-    ('publish_rate=10,20', 'no run depends on it'), ('camera.part=a,b', 'no run depends'),
-    ('lidar.rate=1,2', 'no run depends'), ('spawn.name=a,b', 'no run depends'),
-    ('gust.duration=' + 3000 * '[', 'YAML'), ('gust.duration=', 'no values')],
-    ids=lambda value: value[:30])
-def test_variations_that_make_no_sense_are_refused(scene, text, reason):
-    """Say what is wrong in one line."""
-    with pytest.raises(SceneError, match=reason):
-        Sweep.read(scene, [text], 1, 1.0)
-
-
-@pytest.mark.parametrize(('variations', 'reason'), [
-    (['scene.cues=[["0 gust"], ["1 gst"]]'], 'scene.cues.*did you mean gust'),
-    (['gust.duration=8,2', 'gust.rise=1,4'], 'gust.rise is 4'),
-    (['time_step=0.001,0.1'], r'one time step \(0.1 s\)'),
-    (['post.grammar=a.lsys'], 'post')])
-def test_values_that_do_not_go_together_are_refused(scene, variations, reason):
-    """Look at each combination before any of them runs; what fits with others is no mistake."""
-    with pytest.raises(SceneError, match=reason):
-        Sweep.read(scene, variations, 1, 0.05)
-    assert len(Sweep.read(scene, ['gust.duration=8,10', 'gust.rise=1,4'], 2, 0.05)) == 8
-
-
-@pytest.mark.parametrize('duration', [1e300, float('inf'), float('nan'), 1e-300, 0.0, -1.0])
-def test_runs_without_an_end_or_a_step_are_refused(scene, duration):
-    """Say from what to what a run may last, before any begins."""
-    with pytest.raises(SceneError, match=r'from one time step \(0.0\d+ s\) to 1e\+06 s'):
-        Sweep.read(scene, [], 1, duration)
-
-
-def test_seeds_of_objects_are_varied(scene):
-    """Take the seed of an object, as any of its parameters; only that of the scene has --seeds."""
-    sweep = Sweep.read(scene, ['post.seed=4,5'], 1, 1.0)
-    assert [run.parameters['post']['seed'] for _, run in sweep.runs()] == [4, 5]
 
 
 def test_another_grammar_makes_another_sweep(scene, tmp_path):

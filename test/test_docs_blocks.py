@@ -22,7 +22,6 @@ import shlex
 
 from node_process import ROOT
 import pytest
-import yaml
 
 from procphys_ros.command_line import words as command_words
 from procphys_ros.lsystem import LSystem
@@ -41,6 +40,10 @@ SCRIPTS = {**dict(re.findall(r"'(\w+) = ([\w.]+):main'", (ROOT / 'setup.py').rea
 TESTS = {path.stem for path in ROOT.glob('test/test_*.py')}.union(*(
     re.findall(r'^def (test_\w+)', path.read_text('utf-8'), re.MULTILINE)
     for path in ROOT.glob('test/test_*.py')))
+_SCENE_OF_A_PLAN = """
+/**:
+  ros__parameters: {scene: {objects: [street]}, street: {grammar: some.plan}}
+"""
 HOMES = ('docs/tutorials/own_house.md',)  # what later tutorials take up
 
 
@@ -90,23 +93,22 @@ def test_grammars_grow(page):
         assert len(language.parse(text, name).build()) > 5
 
 
-@pytest.mark.parametrize('page', [page for page in PAGES if blocks(page, 'yaml')])
-def test_scenes_load(page, desk):
-    """Load whole scene files, and parts of them as parts of a scene."""
+@pytest.mark.parametrize('page, number', [(page, number) for page in PAGES
+                                          for number in range(len(blocks(page, 'yaml')))])
+def test_yaml_loads_as_it_stands(page, number, desk, caplog):
+    """Load every block as a file: a plan, or parameters of which none is unknown or unused."""
     for name, text in grammars(page).items():
         (desk / name).write_text(text, 'utf-8')
-    for name, text in scenes(page).items():
-        (desk / name).write_text(text, 'utf-8')
-        assert len(Scene.from_yaml(desk / name).blueprint) > 0
-    for body in blocks(page, 'yaml'):
-        part = yaml.safe_load(body)
-        if 'streets' in part:
-            (desk / 'some.plan').write_text(body, 'utf-8')
-            part = {'some': {'grammar': str(desk / 'some.plan')}}
-        part = part.get('/**', {'ros__parameters': part})['ros__parameters']
-        objects = [name for name, values in part.items()
-                   if isinstance(values, dict) and {'grammar', 'grammar_text'} & set(values)]
-        Scene.from_parameters({'scene': {'objects': objects}, **part})
+    (desk / 'hills.asc').write_text('ncols 2\nnrows 2\ncellsize 90\n0 9\n4 2\n', 'utf-8')
+    body = blocks(page, 'yaml')[number]
+    if body.startswith('streets:'):
+        (desk / 'some.plan').write_text(body, 'utf-8')
+        body = _SCENE_OF_A_PLAN
+    (desk / 'some.yaml').write_text(body, 'utf-8')
+    scene = Scene.from_yaml(desk / 'some.yaml')
+    empty = ['scene.objects is empty: nothing stands in the scene']
+    assert caplog.messages == ([] if len(scene.blueprint) else empty)
+    assert len(scene.blueprint) > 0 or 'grammar' not in body
 
 
 @pytest.mark.parametrize('page', EXECUTED)

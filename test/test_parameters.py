@@ -23,10 +23,8 @@ import re
 
 import numpy as np
 import pytest
-import yaml
 
 from procphys_ros.errors import ProcPhysError, SceneError
-from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.wind import Gust, GUST_KINDS, PROFILES, SPECTRA, WindSettings
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.culling import CullingSettings
@@ -197,12 +195,6 @@ def test_every_number_of_every_setting_is_checked(kind, group):
             value = [bad] * max(len(items), 1) if isinstance(row.default, list) else bad
             with pytest.raises(ProcPhysError, match=re.escape(row.name)):
                 kind(**{name: value})
-
-
-def test_the_grammar_of_the_docs_grows():
-    """Read the block of YAML that shows how a grammar of several lines is written."""
-    given = yaml.safe_load(re.search(r'```yaml\n(oak:.*?)```', DOCS, re.DOTALL)[1])
-    assert len(LSystem.parse(given['oak']['grammar_text']).build()) > 5
 
 
 def test_docs_show_the_table():

@@ -170,6 +170,62 @@ def test_several_roots_stand_side_by_side():
     assert blueprint.bonds.tolist() == [[-1, 0], [-1, 1]]
 
 
+def _grown(rng: np.random.Generator, count: int) -> dict:
+    """Grow a random tree of so many nodes, with wood of its own in every segment and leaves."""
+    parents = np.array([-1, *(rng.integers(0, node) for node in range(1, count))])
+    nodes = np.zeros((count, 3))
+    for node in range(1, count):
+        nodes[node] = nodes[parents[node]] + rng.uniform(0.1, 1.0, 3)
+    part = rng.integers(1, count, 5)
+    return {'nodes': nodes, 'parents': parents, 'radii': rng.uniform(0.01, 0.1, count),
+            'density': rng.uniform(500, 1000, count), 'modulus': rng.uniform(5e9, 9e9, count),
+            'strength': rng.uniform(3e7, 6e7, count), 'root_stiffness': np.full(count, 5e4),
+            'root_moment': 900.0, 'leaves': Leaves(
+                part=part, pose=np.tile([0, 0, 0.1, 0, 0, 0, 1.0], (5, 1)),
+                size=rng.uniform(0.1, 0.3, 5), texture=np.ones(5, np.int16))}
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_nodes_may_have_any_order(seed: int):
+    """Shuffle the nodes of a random tree: every part, its wood, joint and leaves are the same."""
+    rng = np.random.default_rng(seed)
+    given = _grown(rng, 12)
+    place = rng.permutation(12)  # of each node in the shuffled order
+    back = np.argsort(place)
+    parents = np.where(given['parents'][back] < 0, -1, place[given['parents'][back]])
+    shuffled = {name: value[back] if isinstance(value, np.ndarray) else value
+                for name, value in given.items()} | {'parents': parents, 'leaves': replace(
+                    given['leaves'], part=place[given['leaves'].part])}
+    one, other = skeleton.from_nodes(**given), skeleton.from_nodes(**shuffled)
+    mine = skeleton.segments_of(given['parents'])
+    theirs = skeleton.segments_of(parents)[place]
+    assert mine.tolist() == [-1, *range(11)] and sorted(theirs) == sorted(mine)
+    mine, theirs = mine[1:], theirs[1:]
+    assert (other.bonds[:, 0] < other.bonds[:, 1]).all()
+    for name in ('poses', 'size', 'visual_size', 'density', 'mass', 'inertia', 'leaf_area',
+                 'bond_frame', 'bond_area'):
+        np.testing.assert_allclose(getattr(other, name)[theirs], getattr(one, name)[mine],
+                                   rtol=1e-12, err_msg=name)
+    for name, column in vars(one.hinges).items():
+        np.testing.assert_allclose(getattr(other.hinges, name)[theirs], column[mine], rtol=1e-12,
+                                   err_msg=name)
+    assert np.array_equal(theirs[one.leaves.part], other.leaves.part)
+
+
+def test_wood_may_differ_from_node_to_node():
+    """Give every node its wood: a segment has that of its end, the first also the root plate."""
+    given = {**_fork(), 'density': np.array([1.0, 700, 800, 900]), 'root_stiffness': 3e4,
+             'modulus': np.array([1.0, 6e9, 7e9, 8e9]), 'strength': [9.0, 3e7, 4e7, 5e7],
+             'root_moment': 400.0}
+    grown = skeleton.from_nodes(**given)
+    assert grown.density.tolist() == [700, 800, 900]
+    assert grown.hinges.strength.tolist() == [3e7, 4e7, 5e7]
+    assert grown.hinges.root_moment.tolist() == [400.0, np.inf, np.inf]
+    rigid = skeleton.from_nodes(**{**given, 'root_stiffness': np.nan})
+    assert grown.hinges.swing_stiffness[0] == pytest.approx(
+        1 / (1 / 3e4 + 1 / rigid.hinges.swing_stiffness[0]))
+
+
 @pytest.mark.parametrize('column, value, words', [
     ('width', -0.1, 'segment 1: width is -0.1'), ('length', 0.0, 'segment 1: length is 0.0'),
     ('density', np.nan, 'segment 1: density is nan'), ('modulus', np.inf, 'modulus is inf'),
@@ -194,7 +250,14 @@ def test_impossible_segments_are_refused(column: str, value: float, words: str):
     ({'radii': [0.1, 0.0, 0.1, 0.1]}, 'node 1: radius'),
     ({'parents': [-1, 2, 1, 1]}, 'node 1: parent is 2'),
     ({'nodes': [[0, 0, 0], [0, 0, 0], [0, 0, 2], [1, 0, 1]]}, 'node 1: distance'),
-    ({'radii': [0.1]}, 'do not fit'),
+    ({'radii': [0.1]}, 'do not fit'), ({'parents': [-1, 0, 4, 1]}, 'node 2: parent is 4'),
+    ({'parents': [-1.0, 0, 1, 1]}, 'float64'), ({'parents': [-1, 0, 2, 1]}, 'node 2: distance'),
+    ({'density': [900.0] * 3}, r'density has the shape \(3,\)'),
+    ({'density': [1.0, 900, -5, 900]}, 'segment 1: density is -5'),
+    ({'leaves': Leaves(np.zeros(1, int), np.zeros((1, 7)), np.ones(1), np.ones(1, int))},
+     'leaf 0: node is 0'),
+    ({'leaves': Leaves(np.full(1, 7), np.zeros((1, 7)), np.ones(1), np.ones(1, int))},
+     'leaf 0: node is 7'),
 ])
 def test_impossible_nodes_are_refused(changes: dict, words: str):
     """Expect the first bad node in the message."""

@@ -15,7 +15,7 @@
 
 """Batches: many runs of one scene with varied parameters, as rows of a table."""
 
-from procphys_ros.batch.run import Run, run
+from procphys_ros.batch.run import record, Run, run
 from procphys_ros.batch.sweep import Sweep, Variation
 
-__all__ = ['Run', 'run', 'Sweep', 'Variation']
+__all__ = ['record', 'Run', 'run', 'Sweep', 'Variation']

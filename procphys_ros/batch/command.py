@@ -38,10 +38,12 @@ from procphys_ros.warning_lines import print_warning, told_to
 
 _MOST_TOLD = 20  # failed runs that are named for each reason
 _EXAMPLES = """\
-values: name=[v, …] in YAML, name=v,v,…, or name=first..last/number
+values: name=[v, …] in YAML, name=v,v,…, or name=first..last/number; of a vector such as
+wind.velocity a range of numbers varies the length, and keeps the direction of the scene
 examples:
   batch config/palms_in_a_gust.yaml --vary gust.amplitude=10..40/4 --seeds 20 --out palms.csv
-  batch config/demo.yaml --vary 'wind.velocity=[[8, 0, 0], [16, 0, 0]]' --out wind.parquet
+  batch config/demo.yaml --vary wind.velocity=10..40/4 --series oak_0/0 --out wind.parquet
+  batch config/demo.yaml --vary 'wind.velocity=[[8, 0, 0], [0, 16, 0]]' --out wind.csv
 A run that was killed goes on when it is said again: finished rows stay.
 """
 
@@ -61,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         check_format(options.out)
         with told_to(warn):
             sweep = Sweep.read(scene_file(options.scene), options.vary, options.seeds,
-                               options.duration)
+                               options.duration, options.series, options.every)
         table = Table(options.out, sweep.columns, sweep.digest)
     except ProcPhysError as error:
         print(f'batch: {error}', file=sys.stderr)
@@ -100,14 +102,14 @@ def _work(sweep: Sweep, table: Table, work: Workers, bar: ProgressBar,
     missing = {run.number: (values, run) for values, run in sweep.runs()
                if run.number not in table.done}
     bar.show(len(table.done), len(sweep))
-    for number, measures, reason, warned in work([run for _, run in missing.values()]):
+    for number, done, reason, warned in work([run for _, run in missing.values()]):
         for line in warned:
             warn(line)
-        if measures is None:
+        if done is None:
             failed.setdefault(reason, []).append(
                 f'run {number}: {_shown(sweep.columns, missing[number][0])}')
         else:
-            table.add(number, missing[number][0], measures)
+            table.add(number, missing[number][0], *done)
         bar.show(len(table.done), len(sweep))
 
 
@@ -138,6 +140,11 @@ def _parser() -> OneLineParser:
                         help='runs of each combination, with seeds that follow that of the scene')
     parser.add_argument('--duration', type=positive, default=10.0, metavar='S',
                         help='simulated time of each run [s] (default %(default)g)')
+    parser.add_argument('--series', action='append', default=[], metavar='PART',
+                        help='record poses, velocities and loads of a part, or of all parts of an '
+                             'object, into OUT.series/RUN.npz; may be repeated')
+    parser.add_argument('--every', type=count, default=1, metavar='N',
+                        help='time steps from row to row of the series (default %(default)s)')
     parser.add_argument('--out', required=True, type=Path, help='table: .csv or .parquet')
     parser.add_argument('--jobs', type=count, default=len(os.sched_getaffinity(0)), metavar='N',
                         help='processes (default: one for each core, %(default)s)')

@@ -16,6 +16,7 @@
 """Run: one simulation of a batch, and the results that are kept of it."""
 
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -24,8 +25,10 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause, EVENT, Simulation
+from procphys_ros.simulation import Cause, Simulation
 from procphys_ros.simulation.parts import Owner, owners
+from procphys_ros.simulation.series import record as record_series
+from procphys_ros.simulation.series import Series
 
 _TAKEN_EVERY = 60  # steps, long before the log of breaks would be full
 MEASURES = ('parts', 'mass_kg', 'bonds', 'bonds_broken',
@@ -43,48 +46,72 @@ class Run:
     :ivar parameters: of the scene, nested, with what is varied.
     :ivar folder: of the scene file, where grammars are looked for first.
     :ivar duration: simulated time [s].
+    :ivar series: parts that are recorded, as `Simulation.series` takes them; () = none.
+    :ivar every: time steps from row to row of the series.
     """
 
     number: int
     parameters: Mapping[str, Any]
     folder: Path
     duration: float
+    series: tuple[str, ...] = ()
+    every: int = 1
 
 
 def run(what: Run) -> dict[str, float]:
     """
-    Simulate, and sum up what happened.
+    Simulate, and sum up what happened; see `record`.
+
+    :returns: values of `MEASURES`; NaN for times of breaks when nothing broke.
+    :raises ProcPhysError: when the scene cannot be built.
+    """
+    return record(what)[0]
+
+
+def record(what: Run) -> tuple[dict[str, float], Series | None]:
+    """
+    Simulate, sum up what happened, and record parts.
 
     Bonds that break under their own weight while the scene is set up count too. A part has fallen
     when it was part of a building or a tree and is loose, on a branch that came off, or gone.
 
-    :returns: values of `MEASURES`; NaN for times of breaks when nothing broke.
-    :raises ProcPhysError: when the scene cannot be built.
+    :returns: values of `MEASURES`, NaN for times of breaks when nothing broke; and the series of
+        the parts that are recorded.
+    :raises ProcPhysError: when the scene cannot be built, or there is no such part.
     """
     start = perf_counter()
     simulation = Simulation(Scene.from_parameters(what.parameters, what.folder))
     built = owners(simulation.model) != Owner.BODY
     events = [simulation.log.take()]
     steps = int(round(what.duration / simulation.time_step))
-    while steps > 0:
-        simulation.step(min(_TAKEN_EVERY, steps))
-        steps -= _TAKEN_EVERY
-        events.append(simulation.log.take())
-    breaks = np.concatenate(events) if events else np.zeros(0, EVENT)
+
+    def step(count: int) -> None:
+        for first in range(0, count, _TAKEN_EVERY):
+            simulation.step(min(_TAKEN_EVERY, count - first))
+            events.append(simulation.log.take())
+    series = None
+    with closing(simulation):
+        if what.series:
+            series = record_series(simulation, step, steps, what.series, what.every)
+        else:
+            step(steps)
+        result = _sum_up(simulation, built, np.concatenate(events))
+    return result | {'wall_time_s': round(perf_counter() - start, 3)}, series
+
+
+def _sum_up(simulation: Simulation, built: np.ndarray, breaks: np.ndarray) -> dict[str, float]:
+    """Give values of `MEASURES`, but for the time that it took."""
     fallen = built & _loose(simulation)[:len(built)]
     mass = simulation.model.blueprint.mass
-    result: dict[str, float] = {
+    return {
         'parts': len(built), 'mass_kg': float(mass.sum()),
         'bonds': len(simulation.model.blueprint.bonds), 'bonds_broken': len(breaks),
+        **{f'broken_by_{cause.name.lower()}': int(np.count_nonzero(breaks['cause'] == cause))
+           for cause in Cause},
         'parts_fallen': int(np.count_nonzero(fallen)),
         'mass_fallen_kg': float(mass[fallen].sum()),
         'first_break_s': float(breaks['time'].min()) if len(breaks) else np.nan,
         'last_break_s': float(breaks['time'].max()) if len(breaks) else np.nan}
-    for cause in Cause:
-        result[f'broken_by_{cause.name.lower()}'] = int(np.count_nonzero(breaks['cause'] == cause))
-    simulation.close()
-    result['wall_time_s'] = round(perf_counter() - start, 3)
-    return {name: result[name] for name in MEASURES}
 
 
 def _loose(simulation: Simulation) -> np.ndarray:

@@ -23,6 +23,7 @@ from itertools import product
 import json
 from pathlib import Path
 import re
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,7 @@ import yaml
 from procphys_ros import __version__
 from procphys_ros.batch.run import Run
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.linear import norm
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene.data_file import find_data_file
 from procphys_ros.scene.objects import read_objects
@@ -39,6 +41,7 @@ from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.sources import locate
 from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.yaml_file import read_yaml
+from procphys_ros.schema import Parameter
 
 _GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall)\b')  # name of a file
 _DATA_FILES = ('terrain.file', 'wind.file')
@@ -63,13 +66,16 @@ class Variation:
     values: tuple[Any, ...]
 
     @classmethod
-    def read(cls, text: str, objects: Sequence[str]) -> 'Variation':
+    def read(cls, text: str, objects: Sequence[str],
+             scene: Mapping[str, Any] = MappingProxyType({})) -> 'Variation':
         """
         Read a variation as the command line has it.
 
         :param text: `name=[value, …]` in YAML, `name=value,value,…`, or `name=first..last/number`
-            for evenly spaced numbers.
+            for evenly spaced numbers, or vectors; of a vector numbers are its length, and its
+            direction is that of the scene.
         :param objects: names of the objects of the scene.
+        :param scene: its parameters, nested.
         :raises SceneError: when there is no such parameter, or a value is not allowed.
         """
         name, sign, given = text.partition('=')
@@ -83,7 +89,8 @@ class Variation:
         if name.strip() in _IDLE or name.strip().partition('.')[0] in _IDLE_GROUPS:
             raise SceneError(f'--vary {name.strip()}: no run depends on it; it is for a node that '
                              'somebody listens or talks to, or for pictures')
-        values = tuple(parameter.read(value, name.strip()) for value in _values(given, text))
+        values = tuple(parameter.read(value, name.strip())
+                       for value in _values(parameter, given, text, scene))
         if not values:
             raise SceneError(f'--vary {text}: there are no values')
         return cls(name.strip(), values)
@@ -99,6 +106,8 @@ class Sweep:
     :ivar variations: what is varied, the last one fastest.
     :ivar seeds: runs of each combination; the first has the seed of the scene.
     :ivar duration: simulated time of each run [s].
+    :ivar series: parts that are recorded, as `Simulation.series` takes them; () = none.
+    :ivar every: time steps from row to row of the series.
     """
 
     scene: Path
@@ -106,9 +115,12 @@ class Sweep:
     variations: tuple[Variation, ...]
     seeds: int
     duration: float
+    series: tuple[str, ...] = ()
+    every: int = 1
 
     @classmethod
-    def read(cls, scene: Path, variations: Sequence[str], seeds: int, duration: float) -> 'Sweep':
+    def read(cls, scene: Path, variations: Sequence[str], seeds: int, duration: float,
+             series: Sequence[str] = (), every: int = 1) -> 'Sweep':
         """
         Read a sweep as the command line has it.
 
@@ -118,20 +130,20 @@ class Sweep:
         try:
             objects = [spec.name for spec in read_objects(parameters)]
             check_given(parameters, objects)
-            _check_duration(duration, read_settings(parameters).time_step)
+            _check_duration(duration, read_settings(parameters).time_step, every)
         except SceneError as error:
             raise SceneError(f'{scene}: {error}') from error
-        read = tuple(Variation.read(text, objects) for text in variations)
+        read = tuple(Variation.read(text, objects, parameters) for text in variations)
         names = [variation.name for variation in read]
         for name in names:
             if names.count(name) > 1:
                 raise SceneError(f'--vary {name} stands there twice')
-        sweep = cls(scene, parameters, read, seeds, duration)
+        sweep = cls(scene, parameters, read, seeds, duration, tuple(series), every)
         if len(sweep) > _MOST:
             raise SceneError(f'these are {len(sweep)} runs, at most {_MOST} are possible')
         for _, run in replace(sweep, seeds=1).runs():  # values that do not go together, too
             read_objects(run.parameters)
-            _check_duration(duration, read_settings(run.parameters).time_step)
+            _check_duration(duration, read_settings(run.parameters).time_step, every)
         return sweep
 
     def __len__(self) -> int:
@@ -148,7 +160,8 @@ class Sweep:
         about = json.dumps([__version__, self.parameters, sorted(self._grammars()),
                             [*self._data()],
                             [(v.name, v.values) for v in self.variations],
-                            self.seeds, self.duration], sort_keys=True, default=str)
+                            self.seeds, self.duration, self.series, self.every],
+                           sort_keys=True, default=str)
         return hashlib.sha256(about.encode()).hexdigest()[:12]
 
     def _grammars(self) -> Iterator[str]:
@@ -195,7 +208,8 @@ class Sweep:
                 for group in groups:
                     target = target.setdefault(group, {})
                 target[last] = value
-            yield values, Run(number, parameters, self.scene.absolute().parent, self.duration)
+            yield values, Run(number, parameters, self.scene.absolute().parent, self.duration,
+                              self.series, self.every)
 
 
 def _names_in(text: bytes, folder: Path) -> Iterator[str]:
@@ -205,27 +219,66 @@ def _names_in(text: bytes, folder: Path) -> Iterator[str]:
             yield word
 
 
-def _check_duration(duration: float, time_step: float) -> None:
-    """Raise SceneError for runs [s] without a step, or without an end."""
+def _check_duration(duration: float, time_step: float, every: int) -> None:
+    """Raise SceneError for runs [s] without a step, without a row of series, or without an end."""
     if not time_step <= duration <= _LONGEST:
         raise SceneError(f'a run lasts {duration:g} s, it must be from one time step '
                          f'({time_step:g} s) to {_LONGEST:g} s')
+    if (steps := round(duration / time_step)) < every:
+        raise SceneError(f'--every {every}: no row is recorded, a run has {steps} time steps')
 
 
-def _values(given: str, text: str) -> list[Any]:
-    """Read what stands behind the equals sign."""
-    first, dots, rest = given.partition('..')
-    if dots and not given.startswith('['):
-        last, _, number = rest.partition('/')
-        try:
-            count = int(number)
-            if count > _MOST:
-                raise SceneError(f'--vary {text}: at most {_MOST} values are possible')
-            return [float(v) for v in np.linspace(float(first), float(last), count)]
-        except ValueError:
-            raise SceneError(f'--vary {text}: say first..last/number, as in 0..20/5') from None
+def _values(parameter: Parameter, given: str, text: str, scene: Mapping[str, Any]) -> list[Any]:
+    """Read what stands behind the equals sign; `..` is a range unless the parameter is a text."""
+    if '..' in given and _is_numeric(parameter):
+        return _range(parameter, given, text, scene)
     try:
         values = yaml.safe_load(given if given.startswith('[') else f'[{given}]')
     except (yaml.YAMLError, ValueError, RecursionError):
         raise SceneError(f'--vary {text[:99]}: cannot be read as YAML') from None
     return values if isinstance(values, list) else [values]
+
+
+def _is_numeric(parameter: Parameter) -> bool:
+    """Tell numbers and vectors from switches, texts, and lists of texts."""
+    default = parameter.default
+    return (isinstance(default, (int, float)) and not isinstance(default, bool)
+            or isinstance(default, list) and not parameter.takes_any_length)
+
+
+def _range(parameter: Parameter, given: str, text: str, scene: Mapping[str, Any]) -> list[Any]:
+    """Give evenly spaced numbers or vectors."""
+    vector = isinstance(parameter.default, list)
+    example = '0..20/5, or [0, 0, 0]..[20, 0, 0]/5' if vector else '0..20/5'
+    first, _, rest = given.partition('..')
+    last, _, number = rest.partition('/')
+    try:
+        count = int(number)
+        ends = np.array([[float(v) for v in end.strip().removeprefix('[').removesuffix(']')
+                          .split(',')] for end in (first, last)])
+    except ValueError:
+        count, ends = -1, np.zeros((2, 0))
+    if count < 0 or ends.shape[1] not in ({1, len(parameter.default)} if vector else {1}):
+        raise SceneError(f'--vary {text}: say first..last/number, as in {example}') from None
+    if count > _MOST:
+        raise SceneError(f'--vary {text}: at most {_MOST} values are possible')
+    steps = np.linspace(ends[0], ends[1], count)
+    if vector:
+        along = _direction(text, parameter, scene) if ends.shape[1] == 1 else 1.0
+        return (steps * along).tolist()
+    whole = isinstance(parameter.default, int)
+    return [int(v) if whole and v.is_integer() else v for v in steps[:, 0].tolist()]
+
+
+def _direction(text: str, parameter: Parameter, scene: Mapping[str, Any]) -> np.ndarray:
+    """Give the direction of a vector of the scene, (D,)."""
+    name, inner = text.partition('=')[0].strip(), scene
+    *groups, key = name.split('.')
+    for group in groups:
+        inner = inner.get(group, {})
+    vector = np.array(parameter.read(inner.get(key, parameter.default), name))
+    length = float(norm(vector))
+    if not length:
+        raise SceneError(f'--vary {text}: {name} has no direction in the scene; say it there, or '
+                         'vary vectors, as in [10, 0, 0]..[40, 0, 0]/4')
+    return vector / length

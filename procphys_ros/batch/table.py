@@ -26,6 +26,7 @@ from typing import Any, BinaryIO
 from procphys_ros.batch.run import MEASURES
 from procphys_ros.errors import SceneError
 from procphys_ros.output_files import lock, write_beside
+from procphys_ros.simulation.series import Series
 
 SUFFIXES = ('.csv', '.parquet')
 
@@ -89,17 +90,23 @@ class Table:
         return SceneError(f'--out {self._path}: holds another sweep, or one of another scene; '
                           'choose another file, or delete it')
 
-    def add(self, number: int, values: Sequence[Any], measures: Mapping[str, float]) -> None:
+    def add(self, number: int, values: Sequence[Any], measures: Mapping[str, float],
+            series: Series | None = None) -> None:
         """
-        Write the row of a run, so that no kill can take it away.
+        Write the row of a run, so that no kill can take it away, and before it the series.
 
         :param number: of the run.
         :param values: of what is varied.
         :param measures: values of `MEASURES`.
+        :param series: of its parts, for a file of its own in the folder `<path>.series`.
         :raises SceneError: when the disk is full.
         """
         texts = [json.dumps(v) if isinstance(v, (list, tuple)) else v for v in values]
         try:
+            if series is not None:
+                folder = self._path.with_name(f'{self._path.name}.series')
+                folder.mkdir(exist_ok=True)
+                write_beside(folder / f'{number}.npz', series.save)
             self._append([number, *texts, *(measures[name] for name in MEASURES), self._digest])
         except OSError as error:
             raise SceneError(f'--out {self._path}: {error.strerror or error}') from error

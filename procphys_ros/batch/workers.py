@@ -27,12 +27,13 @@ import signal
 from threading import Thread
 from typing import Any
 
-from procphys_ros.batch.run import Run, run
+from procphys_ros.batch.run import record, Run
 from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.simulation.series import Series
 from procphys_ros.warning_lines import told_to
 
-Outcome = tuple[int, dict[str, float] | None, str, list[str]]
-"""Number of a run, its measures or None, what went wrong, and what it was warned of."""
+Outcome = tuple[int, tuple[dict[str, float], Series | None] | None, str, list[str]]
+"""Number of a run, what `record` gives of it or None, what went wrong, and warnings."""
 Workers = Callable[[Iterable[Run]], Iterator[Outcome]]
 
 _KILLED = 'the process of the run was killed, twice, perhaps for want of memory'
@@ -44,7 +45,7 @@ def attempt(what: Run) -> Outcome:
     warned: list[str] = []
     try:
         with told_to(warned.append):
-            return what.number, run(what), '', warned
+            return what.number, record(what), '', warned
     except ProcPhysError as error:
         return what.number, None, str(error), warned
     except Exception as error:

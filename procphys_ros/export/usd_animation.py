@@ -152,7 +152,7 @@ def write_animation(scene: Scene, path: Path, start: float, end: float, fps: flo
                                      code if groups else None))
                 known = len(simulation.blueprint)
             for group in groups:
-                group.sample(simulation.poses, code)
+                group.sample(simulation.state.shown_poses(), code)
             due += 1.0 / fps
     simulation.close()
     materials.write()

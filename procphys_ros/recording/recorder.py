@@ -129,7 +129,7 @@ class Recorder:
 
     def _put_poses(self, at: messages.Stamp, is_full: bool) -> None:
         """Write all poses; while nothing moves, once a second."""
-        poses = self._simulation.poses
+        poses = self._simulation.state.shown_poses()
         if is_full or not np.array_equal(poses, self._last_poses, equal_nan=True):
             self._last_poses = poses.copy()
             self._put('poses', 'geometry_msgs/msg/PoseArray',
@@ -145,7 +145,7 @@ class Recorder:
             markers.grow(simulation.blueprint, simulation.objects)
         leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
         write = markers.whole if is_full else markers.changes
-        data = write(simulation.poses, at, leaves, simulation.dust)
+        data = write(simulation.state.shown_poses(), at, leaves, simulation.dust)
         if data is not None:
             self._put('markers', 'visualization_msgs/msg/MarkerArray', data, at)
 

@@ -56,7 +56,7 @@ class Shot:
 def moment_of(simulation: Simulation) -> Moment:
     """Take what there is to draw from a simulation."""
     bonds = np.unique(simulation.log.rows['bond'])
-    return Moment(simulation.blueprint, simulation.poses, simulation.leaf_poses(),
+    return Moment(simulation.blueprint, simulation.state.shown_poses(), simulation.leaf_poses(),
                   simulation.exists, bonds[bonds >= 0], simulation.dust)
 
 

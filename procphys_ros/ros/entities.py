@@ -46,9 +46,10 @@ class Entities:
 
         :raises CommandError: when there is no such object or part, or nothing is left of it.
         """
+        poses = self._simulation.poses
         for part in self._parts(name):
-            if np.isfinite(self._simulation.poses[part, 0]):
-                return self._simulation.poses[part], self._simulation.velocities[part]
+            if np.isfinite(poses[part, 0]):
+                return poses[part], self._simulation.velocities[part]
         raise CommandError(f'nothing is left of {name}')
 
     def is_left(self, name: str) -> bool:
@@ -61,8 +62,8 @@ class Entities:
 
         :raises CommandError: when there is no such object or part, or its parts go several ways.
         """
-        state = self._simulation.state.parts
-        parts = [part for part in self._parts(name) if self._simulation.exists[part]]
+        state, exists = self._simulation.state.parts, self._simulation.exists
+        parts = [part for part in self._parts(name) if exists[part]]
         if not parts:
             raise CommandError(f'nothing is left of {name}')
         bodies = np.unique(state.body[parts])

@@ -152,12 +152,13 @@ class Publishers:
         """
         at = messages.stamp(simulation.time)
         # While time stands still, commands may put something in or elsewhere.
-        has_moved = has_moved or not np.array_equal(simulation.poses, self._last, equal_nan=True)
+        poses = simulation.state.shown_poses()
+        has_moved = has_moved or not np.array_equal(poses, self._last, equal_nan=True)
         if has_moved:
-            self._last = simulation.poses.copy()
+            self._last = poses.copy()
         is_news = self._new_to_poses.are_waiting() or has_moved
         if is_news and self._poses.get_subscription_count():
-            self._poses.publish(messages.pose_array(simulation.poses, at, self._frame))
+            self._poses.publish(messages.pose_array(poses, at, self._frame))
         if self._transforms is not None:
             self._transforms.publish(simulation, has_moved)
         self._follow_content(simulation)
@@ -217,11 +218,12 @@ class Publishers:
         elif len(markers) < len(simulation.blueprint):
             markers.grow(simulation.blueprint, simulation.objects)
         leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
+        # The next steps write the poses.
+        poses, dust = simulation.state.shown_poses().copy(), simulation.dust
         if self._wants_whole:
             self._wants_whole = False
-            self._markers.publish(markers.whole(simulation.poses, at, leaves, simulation.dust))
+            self._markers.publish(markers.whole(poses, at, leaves, dust))
             return
-        poses, dust = simulation.poses.copy(), simulation.dust  # the next steps write the former
 
         def send() -> None:
             data = markers.changes(poses, at, leaves, dust)

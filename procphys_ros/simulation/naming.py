@@ -16,8 +16,10 @@
 """Names of parts: 'oak_0/17', 'oak_0/segment_17', or a plain index."""
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import numbers
+
+import numpy as np
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, nearest_names
@@ -74,6 +76,24 @@ class PartNames:
                                'parts are called object/index, such as '
                                f'"{next(iter(self._objects), "oak_0")}/0"')
         return self._local(found, local, part)
+
+    def indices(self, parts: Sequence[int | str] | None) -> np.ndarray:
+        """
+        Find parts, (K,).
+
+        :param parts: each as `index` takes it, or the name of an object for all of its parts;
+            None = all parts of all objects.
+        :raises CommandError: when there is no such part or object.
+        """
+        if parts is None:
+            return np.arange(self._total)
+        if isinstance(parts, str) or not isinstance(parts, Iterable):
+            parts = [parts]
+        found = [self._objects.get(part) if isinstance(part, str) else None for part in parts]
+        return np.concatenate([np.zeros(0, np.intp), *(
+            [self.index(part)] if whole is None
+            else np.arange(whole.first, whole.first + whole.count)
+            for part, whole in zip(parts, found))])
 
     def name(self, index: int) -> str:
         """Name the part of an index, `<object>/<kind>_<local index>`."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Law
-from procphys_ros.linear import norm, product
+from procphys_ros.linear import norm
 from procphys_ros.physics.masonry import strength
 from procphys_ros.physics.trees.breaks import section_modulus
 from procphys_ros.simulation.parts import Owner
@@ -44,15 +44,29 @@ class PartLoad:
 
 def load_of(state: State, part: int) -> PartLoad:
     """
-    Give the load of a part; nothing for what is loose.
+    Give the load of a part, as `loads_of`.
 
-    :param state: after a step, or at rest.
     :param part: its index.
     """
-    owner = state.parts.owner[part]
-    if owner == Owner.TREE:
-        return _branch(state, part)
-    return _brick(state, part) if owner == Owner.STANDING else PartLoad()
+    return PartLoad(*loads_of(state, np.array([part]))[0].tolist())
+
+
+def loads_of(state: State, parts: np.ndarray) -> np.ndarray:
+    """
+    Compute the loads of parts.
+
+    :param state: between two steps.
+    :param parts: indices, (K,).
+    :returns: columns as in `PartLoad`, (K, 3); 0 for what is loose or gone, NaN for trees before
+        the first step, which computes what their joints carry.
+    """
+    out = np.zeros((len(parts), 3))
+    owner = state.parts.owner[parts]
+    for kind, compute in ((Owner.TREE, _branches), (Owner.STANDING, _bricks)):
+        own = np.flatnonzero(owner == kind)
+        if len(own):
+            out[own] = compute(state, parts[own])
+    return out
 
 
 def describe(state: State, part: int) -> str:
@@ -63,33 +77,37 @@ def describe(state: State, part: int) -> str:
     if owner == Owner.BODY:
         return f'{name} is loose, {norm(state.parts.velocities[part, :3]):.2g} m/s'
     load = load_of(state, part)
+    if np.isnan(load.force):
+        return f'{name} has a load from the first step on'
     return (f'{name} carries {load.force:.3g} N and {load.moment:.3g} N·m, '
             f'{100.0 * load.share:.2g} % of its strength')
 
 
-def _branch(state: State, part: int) -> PartLoad:
-    row = int(state.parts.row[part])
-    wrench, bond = state.forest.joint_wrenches[row], int(state.forest.bonds[row])
-    force, moment = float(norm(wrench[:3])), float(norm(wrench[3:]))
-    source = state.blueprint
-    hinge = int(np.count_nonzero(source.bond_law[:bond] == Law.HINGE))
-    axis = rotation.rotate(state.parts.poses[part, 3:], np.array([0.0, 0.0, 1.0]))
-    twist = abs(float(product(wrench[3:], axis)))
-    bending = float(np.sqrt(max(moment * moment - twist * twist, 0.0)))
-    stress = bending / float(section_modulus(source.bond_extent[bond, 0]))
-    own = source.hinges
-    share = max(force / own.break_force[hinge], twist / own.break_torque[hinge],
-                stress / own.strength[hinge], bending / own.root_moment[hinge])
-    return PartLoad(force, moment, float(share))
+def _branches(state: State, parts: np.ndarray) -> np.ndarray:
+    if not state.steps:
+        return np.full((len(parts), 3), np.nan)
+    rows, source = state.parts.row[parts], state.blueprint
+    wrench, bonds = state.forest.joint_wrenches[rows], state.forest.bonds[rows]
+    hinges = source.hinges.take((np.cumsum(source.bond_law == Law.HINGE) - 1)[bonds])
+    force, moment = norm(wrench[:, :3], axis=1), norm(wrench[:, 3:], axis=1)
+    axis = rotation.rotate(state.parts.poses[parts, 3:], np.array([0.0, 0.0, 1.0]))
+    twist = np.abs((wrench[:, 3:] * axis).sum(axis=1))
+    bending = np.sqrt(np.maximum(moment * moment - twist * twist, 0.0))
+    stress = bending / section_modulus(source.bond_extent[bonds, 0])
+    share = np.max([force / hinges.break_force, twist / hinges.break_torque,
+                    stress / hinges.strength, bending / hinges.root_moment], axis=0)
+    return np.column_stack([force, moment, share])
 
 
-def _brick(state: State, part: int) -> PartLoad:
-    graph = state.solver.graph
-    bonds = graph.incident[graph.start[part]:graph.start[part + 1]]
-    bonds = bonds[graph.alive[bonds]]
-    if not len(bonds):
-        return PartLoad()
+def _bricks(state: State, parts: np.ndarray) -> np.ndarray:
+    graph, out = state.solver.graph, np.zeros((len(parts), 3))
+    first, count = graph.start[parts], graph.start[parts + 1] - graph.start[parts]
+    owner = np.repeat(np.arange(len(parts)), count)
+    within = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    bond = graph.incident[first[owner] + within]
+    owner, bond = owner[graph.alive[bond]], bond[graph.alive[bond]]
     wrench = state.solver.wrenches()
     share, _ = strength.utilisation(graph, wrench)
-    size = norm(wrench[bonds].reshape(-1, 2, 3), axis=2).max(axis=0)
-    return PartLoad(float(size[0]), float(size[1]), float(share[bonds].max()))
+    np.maximum.at(out, owner, np.column_stack([
+        norm(wrench[bond, :3], axis=1), norm(wrench[bond, 3:], axis=1), share[bond]]))
+    return out

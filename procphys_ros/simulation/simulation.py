@@ -16,36 +16,27 @@
 """Simulation: a scene in time."""
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
 from time import perf_counter
 from typing import Any, Self
 
-import numpy as np
-
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import SceneError
-from procphys_ros.physics.dust import Puffs
-from procphys_ros.physics.foliage import Flutter
-from procphys_ros.physics.wind import Gust, Wind
+from procphys_ros.physics.wind import Gust
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.intruders import INTRUDER
-from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.schema import short
-from procphys_ros.simulation import additions, commands, foliage, intruder, load_checks, snapshot
+from procphys_ros.simulation import additions, commands, load_checks, series, snapshot
 from procphys_ros.simulation.at_rest import at_rest
-from procphys_ros.simulation.events import EventLog
-from procphys_ros.simulation.ledger import Impact, MomentumLedger
-from procphys_ros.simulation.lidar import Scan, scan
-from procphys_ros.simulation.model import compile_model, Model
-from procphys_ros.simulation.naming import PartNames
-from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.model import compile_model
+from procphys_ros.simulation.readings import Readings
+from procphys_ros.simulation.series import Series
 from procphys_ros.simulation.stages import STAGES
 from procphys_ros.simulation.validation import checked_count
 
 
-class Simulation:
+class Simulation(Readings):
     """
     Trees and buildings of a scene, from their rest state on.
 
@@ -80,145 +71,14 @@ class Simulation:
         self.scene = scene
         self.timings: dict[str, float] = {}
         self.stages = STAGES
-        self.model: Model = compile_model(
+        self.model = compile_model(
             settings, scene.shard, scene.blueprint, scene.objects, settings.time_step,
             settings.seed)
-        self._flutter: Flutter | None = None
         self._scene_model = self.model  # without what is added while it runs
         self.state, cracked = at_rest(self.model)
         self.warnings = load_checks.log([*load_checks.check_places(
             scene.blueprint, scene.objects, scene.settings.terrain), *load_checks.check_climbers(
                 scene.blueprint, scene.objects, self.model.trees.climbers.anchors), *cracked])
-
-    @property
-    def time_step(self) -> float:
-        """Length of a step [s]."""
-        return self.model.time_step
-
-    @property
-    def time(self) -> float:
-        """Give the simulated time [s]."""
-        return self.state.time
-
-    @property
-    def blueprint(self) -> Blueprint:
-        """All parts and bonds, in the order of every array; what joins is appended."""
-        return self.state.blueprint
-
-    @property
-    def objects(self) -> list[SceneObject]:
-        """Owners of the parts, in part order."""
-        return self.state.objects
-
-    @property
-    def names(self) -> PartNames:
-        """Names of the parts."""
-        return self.state.names
-
-    @property
-    def poses(self) -> np.ndarray:
-        """Centres of mass and attitudes, world, (N, 7); NaN = the part is gone."""
-        return self.state.shown_poses()
-
-    @property
-    def velocities(self) -> np.ndarray:
-        """Linear and angular velocities, world, (N, 6)."""
-        return self.state.parts.velocities
-
-    @property
-    def exists(self) -> np.ndarray:
-        """Parts that were neither pulverised nor broken into new ones, (N,) bool."""
-        return self.state.parts.owner != Owner.GONE
-
-    @property
-    def added(self) -> tuple[str, ...]:
-        """Names of the objects that were added and are there still."""
-        return tuple(self.state.added)
-
-    @property
-    def removed(self) -> tuple[str, ...]:
-        """Names of the objects that were removed; their parts exist no more."""
-        return tuple(self.state.removed)
-
-    @property
-    def wind(self) -> Wind:
-        """Give the air."""
-        return self.state.wind
-
-    @property
-    def log(self) -> EventLog:
-        """Break events not taken yet."""
-        return self.state.log
-
-    @property
-    def events(self) -> np.ndarray:
-        """Bonds that broke and were not taken from `log` yet, of dtype `EVENT`."""
-        return self.state.log.rows
-
-    @property
-    def bonds_broken(self) -> int:
-        """Count the bonds broken since the start or the last reset."""
-        return self.state.log.total
-
-    @property
-    def awake_bodies(self) -> int:
-        """Count the loose bodies that move at present."""
-        return len(self.state.world.awake)
-
-    @property
-    def impacts(self) -> list[Impact]:
-        """List the last blows of projectiles on what stood, oldest first."""
-        return list(self.state.ledger.recent)
-
-    @property
-    def ledger(self) -> MomentumLedger:
-        """Give the books of all blows since the start or the last reset."""
-        return self.state.ledger
-
-    @property
-    def dust(self) -> Puffs:
-        """Give the dust in the air and on the ground."""
-        cloud = self.state.dust.cloud
-        return Puffs.none() if cloud is None else cloud.puffs
-
-    @property
-    def intruder_pose(self) -> np.ndarray | None:
-        """Where the intruder is, (7,), world; None before it was placed."""
-        return self.pose_of_intruder(INTRUDER)
-
-    @property
-    def intruder_wrench(self) -> np.ndarray:
-        """Force and moment on the intruder in the last step [N], [N·m], world, (6,)."""
-        return self.state.intruders[INTRUDER].wrench
-
-    @property
-    def intruders(self) -> tuple[str, ...]:
-        """Names of all bodies that can be moved from outside."""
-        return tuple(self.state.intruders)
-
-    def pose_of_intruder(self, name: str) -> np.ndarray | None:
-        """Give where an intruder is, (7,), world; None before it was placed."""
-        path = intruder.named(self.state, name).path
-        return path.pose if path.placed else None
-
-    def wrench_on_intruder(self, name: str) -> np.ndarray:
-        """Give force and moment on an intruder [N], [N·m], world, smoothed, (6,)."""
-        return intruder.named(self.state, name).smooth_wrench
-
-    def scan(self, lidar: LidarSettings) -> Scan | None:
-        """
-        Measure ranges as a lidar or a depth camera does.
-
-        :param lidar: its rays, and where it is.
-        :returns: None when it is attached to an intruder that is not there yet.
-        """
-        return scan(self.model, self.state, lidar)
-
-    def leaf_poses(self) -> np.ndarray:
-        """Compute the poses of all petioles, fluttering, flying or fallen, world, (L, 7)."""
-        if self._flutter is None and self.model.settings.leaves.flutter:
-            self._flutter = foliage.make_flutter(self.model)
-        return foliage.poses(self.model, self.state, self._flutter)
 
     def reset(self) -> None:
         """
@@ -273,11 +133,24 @@ class Simulation:
 
     def fork(self) -> Self:
         """Make a second simulation that goes on from here; equal commands give equal results."""
-        other = copy(self)
-        other.timings = {}
-        other.state = snapshot.clone(self.model, self.state)
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__, timings={},
+                              state=snapshot.clone(self.model, self.state))
         self.state.world.rebuild()
         return other
+
+    def __copy__(self) -> Self:
+        return self.fork()
+
+    def __deepcopy__(self, memo: dict) -> Self:
+        return self.fork()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, 'model': None, 'state': self.save(), '_flutter': None}
+
+    def __setstate__(self, saved: dict[str, Any]) -> None:
+        self.__dict__.update(saved)
+        self.model, self.state = snapshot.load(self._scene_model, saved['state'])
 
     def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
             yaw: float = 0.0, name: str = '') -> SceneObject:
@@ -334,6 +207,20 @@ class Simulation:
                 self.timings[stage.name] += perf_counter() - start
             state.steps += 1
             state.time = state.steps * dt
+
+    def series(self, steps: int, parts: Sequence[int | str] | None = None,
+               every: int = 1) -> Series:
+        """
+        Advance time, and record where parts are, how they move and what they carry.
+
+        :param steps: number of time steps.
+        :param parts: names or indices, (K,), the name of an object for all of its parts; None =
+            all parts that there are by now.
+        :param every: time steps from row to row.
+        :returns: a row after each `every` steps.
+        :raises CommandError: when a part is unknown, a number none, or memory too small for it.
+        """
+        return series.record(self, self.step, steps, parts, every)
 
     def apply(self, command: Any) -> Any:
         """

@@ -431,7 +431,7 @@ class State:
         return self.blueprints[0]
 
     def shown_poses(self) -> np.ndarray:
-        """Give the poses of all parts as others see them, (N, 7); NaN = the part is gone."""
+        """Give the poses of all parts, until the next step, (N, 7); NaN = the part is gone."""
         gone = self.parts.owner == Owner.GONE
         if not gone.any():
             return self.parts.poses

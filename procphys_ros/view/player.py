@@ -215,7 +215,7 @@ class Player:
     def _take_frame(self) -> Frame:
         simulation = self.simulation
         self._follow()
-        return Frame(self._content, simulation.poses.copy(), simulation.leaf_poses().copy(),
+        return Frame(self._content, simulation.state.shown_poses().copy(), simulation.leaf_poses(),
                      simulation.dust, self._broken_bonds())
 
     def _broken_bonds(self) -> np.ndarray:

@@ -82,6 +82,10 @@ class World:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
+    def __getstate__(self) -> dict:
+        raise TypeError('an engine of rigid bodies cannot be copied or pickled; fork, save, copy '
+                        'or pickle the Simulation that it belongs to')
+
     def close(self) -> None:
         """Free the memory of the engine; nothing else may be called afterwards."""
         self._engine.close()
