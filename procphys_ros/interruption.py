@@ -22,6 +22,7 @@ signal raises within one of them is lost, comes out as another error, or crashes
 from collections.abc import Callable
 import signal
 from types import FrameType
+from typing import Any
 
 _AGAIN = 0.001  # [s] until a signal that came at a bad moment is tried again
 
@@ -30,21 +31,28 @@ _AGAIN = 0.001  # [s] until a signal that came at a bad moment is tried again
 _UNSAFE = ('enum', 'numba.core.serialize', 'numpy._core._internal', 'weakref',
            'procphys_ros.render.writers')
 
+_borrowed: list[tuple[Any, tuple[float, float]]] = []  # what others do at SIGALRM, and when
+
 
 def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | None], None]:
     """
     Make a signal handler that raises an exception, as soon as that is safe.
 
-    It takes SIGALRM over when it has to wait.
+    It borrows SIGALRM and its timer where it has to wait.
 
     :param error: makes the exception, such as `KeyboardInterrupt`.
     """
     def handle(_: int, frame: FrameType | None) -> None:
         if _is_unsafe(frame):
-            signal.signal(signal.SIGALRM, handle)
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            theirs = (signal.signal(signal.SIGALRM, handle),
+                      signal.setitimer(signal.ITIMER_REAL, _AGAIN))
+            if not _borrowed:
+                _borrowed.append(theirs)
             return
-        signal.setitimer(signal.ITIMER_REAL, 0.0)  # another that waits is not to disturb the end
+        if _borrowed:  # another that waits is not to disturb the end
+            before, timer = _borrowed.pop()
+            signal.signal(signal.SIGALRM, signal.SIG_DFL if before is None else before)
+            signal.setitimer(signal.ITIMER_REAL, *timer)
         raise error()
 
     return handle

@@ -163,3 +163,12 @@ def test_same_fall_twice_and_after_reset():
     simulation.step(90)
     np.testing.assert_array_equal(simulation.poses, first)
     np.testing.assert_array_equal(dropped(lying(window()), 3.0, 1.5).poses, first)
+
+
+def test_shards_stay_shards_when_something_joins():
+    """Shatter a pane, and add a window: its pane is one, and no shard is."""
+    simulation = dropped(lying(window()), 3.0, 1.5)
+    assert not is_whole(simulation)
+    whole = len(simulation.blueprint)
+    simulation.add(window(), (20.0, 0.0, 0.0), name='later')
+    assert simulation.model.glass.parts.tolist() == [PANE, whole + PANE]

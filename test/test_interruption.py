@@ -132,3 +132,21 @@ def test_the_node_loses_no_signal(number, error, monkeypatch):
         lambda *_: _signalled_in_a_callback(number), None))
     with pytest.raises(error):
         sim.main([])
+
+
+@pytest.mark.parametrize('unsafe', [1, 3])
+def test_an_alarm_of_others_goes_on(monkeypatch, unsafe):
+    """Borrow the alarm while a signal waits, once or again and again, and give it back."""
+    answers = iter([True] * unsafe)
+    monkeypatch.setattr(interruption, '_is_unsafe', lambda frame: next(answers, False))
+    rang = []
+    signal.signal(signal.SIGALRM, lambda *_: rang.append('theirs'))
+    signal.setitimer(signal.ITIMER_REAL, 0.2, 0.2)
+    signal.signal(signal.SIGTERM, raising(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGTERM)
+        time.sleep(60.0)
+    end = time.monotonic() + 60.0
+    while len(rang) < 2 and time.monotonic() < end:
+        time.sleep(0.01)
+    assert rang[:2] == ['theirs', 'theirs']

@@ -143,7 +143,8 @@ def test_a_load_given_in_a_step_acts_in_that_step():
 
 
 def test_every_stage_says_what_it_does():
-    """Describe each stage where it stands, and time each by its name."""
+    """Describe each stage where it stands, and time each by its name, which is its own."""
+    assert len({stage.name for stage in STAGES}) == len(STAGES)
     for stage in STAGES:
         assert stage.step.__doc__, stage.name
     simulation = simulate(wall(3, 3))

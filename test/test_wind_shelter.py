@@ -16,6 +16,7 @@
 
 import math
 
+from masonry_walls import wall
 import numpy as np
 import pytest
 
@@ -127,3 +128,20 @@ def test_a_scene_knows_what_shelters_it():
                              - simulation.blueprint.poses[o.first + 1, :3]).max()
                       for o in simulation.objects[:2])
     assert 0.0 < behind < 0.6 * before
+
+
+def test_what_was_taken_out_shelters_nothing():
+    """Take a house away, and put another one elsewhere: only that one shelters, saved as well."""
+    scene = Scene.from_parameters({
+        'scene': {'objects': ['house']}, 'house': {'grammar': 'cottage.wall'},
+        'wind': {'velocity': [14.0, 0.0, 0.0], 'shelter': True}})
+    simulation = Simulation(scene)
+    assert len(simulation.state.wind.shelter.buildings) == 1
+    simulation.remove('house')
+    assert not len(simulation.state.wind.shelter.buildings)
+    simulation.add(wall(6, 8), (40.0, 0.0, 0.0), name='later')
+    data, other = simulation.save(), Simulation(scene)
+    other.restore(data)
+    for run in (simulation, other):
+        left, = run.state.wind.shelter.buildings
+        assert left[0] > 30.0

@@ -458,3 +458,15 @@ def test_the_spin_of_what_is_thrown_makes_no_energy(engine):
             energy.append(0.5 * (inertia * inner ** 2).sum())
             world.step(DT)
     assert max(energy) <= 1.001 * energy[0]
+
+
+def test_what_nothing_does_leaves_no_contacts(engine):
+    """Stop all that moves, step, and set it free: no contact of before comes back."""
+    with World(engine=engine) as world:
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.5 * BRICK[2]))
+        run(world, 3)
+        assert len(world.contacts())
+        world.freeze(np.array([brick]))
+        world.step(DT)
+        world.thaw(np.array([brick]))
+        assert not len(world.contacts())

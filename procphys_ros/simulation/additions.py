@@ -25,6 +25,7 @@ from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.physics.masonry.brittle import as_mortar
+from procphys_ros.physics.wind.shelter import Shelter
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.capacity import available_memory, check_addition
 from procphys_ros.scene.placement import stand_on, unbonded
@@ -33,6 +34,7 @@ from procphys_ros.simulation import fragments, leaning, load_checks, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.parts import columns_of, Owner, owners
+from procphys_ros.simulation.shelter import find_shelter
 from procphys_ros.simulation.state import ClimberState, State
 
 
@@ -96,6 +98,7 @@ def remove(model: Model, state: State, name: str) -> None:
     fragments.vanish(state, parts)
     state.added.pop(name, None)
     state.removed.append(name)
+    state.wind.shelter = _shelter(model, state)
 
 
 def with_added(scene: Model, added: Mapping[str, Blueprint]) -> Model:
@@ -135,7 +138,7 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
     state.parts.append(**{name: column[fresh] for name, column in columns.items()},
                        owner=owners(model)[fresh], row=model.trees.row[fresh])
     state.blueprints[:] = [source]
-    state.wind.shelter = model.wind.shelter
+    state.wind.shelter = _shelter(model, state)
     _grow_masonry(model, state, settled, first, bonds)
     forest = deepcopy(model.trees.forest)
     forest.adopt(state.forest)
@@ -150,6 +153,12 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
         fragments.make_body(model, state, np.array([part]), source.poses[[part]],
                             np.zeros((1, 6)))
     leaning.lean(model, state, rows)
+
+
+def _shelter(model: Model, state: State) -> Shelter:
+    """Find what shelters the wind: all objects but those that were taken out."""
+    left = [own for own in model.objects if own.name not in state.removed]
+    return find_shelter(model.blueprint, left, model.masonry.members, model.settings.terrain)
 
 
 def _chained(model: Model, whole: Blueprint, placed: Blueprint, graph: BondGraph,

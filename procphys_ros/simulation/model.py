@@ -40,6 +40,7 @@ from procphys_ros.simulation.contact_pairs import survey, survey_crowns
 from procphys_ros.simulation.holds import Climbers
 from procphys_ros.simulation.obstacles import Bricks
 from procphys_ros.simulation.shelter import find_shelter
+from procphys_ros.simulation.spawned_parts import SHARD
 
 _JOINT = 0.01        # [m] mortar between parts that makes their faces one wall
 _COVERED = 0.5       # [m] before an outer face, within which another part takes its load
@@ -276,8 +277,10 @@ def _span(parts: np.ndarray) -> slice | np.ndarray:
 
 def _glass(blueprint: Blueprint, loose_bonds: FreeBodies) -> GlassModel:
     glass = np.array([name == 'glass' for name in blueprint.materials] or [False])
+    broken = np.array([name == SHARD for name in blueprint.kinds] or [False])
     is_pane = (glass[blueprint.material] & (blueprint.shape == Shape.BOX)
-               & (blueprint.size.min(axis=1, initial=np.inf) < _THICKEST))
+               & (blueprint.size.min(axis=1, initial=np.inf) < _THICKEST)
+               & ~broken[blueprint.kind])
     parts = np.flatnonzero(is_pane)
     thickness, edge, _ = np.sort(blueprint.size, axis=1).T
     row = np.full(len(blueprint) + 1, -1)

@@ -106,7 +106,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
     body = np.array([missile.body])
     pose = state.world.bodies.poses[missile.body].copy()
     velocity = state.world.bodies.velocities[missile.body].copy()
-    left, has_struck = dt, False
+    left, thrown_back, has_struck = dt, dt, False  # time left, then and when it last bounced
     passed: set[int] = set()
     for _ in range(_MOST_HITS):
         way = velocity[:3] * left
@@ -123,11 +123,11 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
             goes_on = product(before, velocity[:3]) > 0.0
         else:
             goes_on = _hit_wall(model, state, missile, hits, way, velocity)
-        left = left if goes_on else dt
+        thrown_back = thrown_back if goes_on else left
         has_struck = True
     if has_struck:
-        # The engine makes a whole step: move the start back along the path by the used time.
-        _move(pose, velocity, left - dt, model.gravity)
+        # The engine makes a whole step: move the start back along the path, as far as it is free.
+        _move(pose, velocity, left - thrown_back, model.gravity)
         state.world.set_poses(body, pose[None])
         state.world.set_velocities(body, velocity[None])
 

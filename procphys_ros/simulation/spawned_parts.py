@@ -27,6 +27,7 @@ from procphys_ros.linear import norm, product
 from procphys_ros.physics.world import solid_inertia
 from procphys_ros.scene.strikes import Projectile
 
+SHARD = 'shard'  # kind of what panes break into
 _TEXTURE = 'concrete'
 _CORE = 0.55  # of a ball's diameter, edge of what is drawn inside of its round skin
 _INNER = 0.35    # of a pane's edges: cracks start no further from its middle
@@ -65,7 +66,7 @@ def projectile_part(projectile: Projectile) -> Blueprint:
 
 def shards(size: np.ndarray, density: float, pose: np.ndarray, texture: str, material: str,
            rings: int, rng: np.random.Generator, point: np.ndarray | None = None,
-           kind: str = 'shard') -> Blueprint:
+           kind: str = SHARD) -> Blueprint:
     """
     Cut a pane or a brick into pieces between cracks that run out from one point and around it.
 

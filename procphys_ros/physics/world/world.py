@@ -71,7 +71,7 @@ class World:
         self._contacts: Contacts | None = None
         self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
         self._places, self._excluded = np.zeros((0, 3)), np.zeros((0, 2), np.intp)
-        self._late_contacts: Callable[[], np.ndarray] = lambda: np.zeros((0, 13))
+        self._late_contacts: Callable[[], np.ndarray] = _nothing
         self._time_step, self._since_check = 1.0 / 60.0, 0.0
         self._asked, self._steps_asked = False, 0  # see `_touching`
         self._engine.add(self._bodies, self._bodies.add_ground(friction))
@@ -373,6 +373,7 @@ class World:
         """Advance time while nothing moves, without the engine: it visits even what sleeps."""
         self._places = self._bodies.copied('poses', self._places)
         self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
+        self._late_contacts = _nothing
         self._since_check += time_step
         if self._since_check > settling.CHECK_INTERVAL - 1e-9:
             self._since_check = 0.0
@@ -467,3 +468,8 @@ def _group(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarra
     """Copy the arrays whose names begin so, under the rest of their names."""
     return {name.removeprefix(prefix): column.copy() for name, column in arrays.items()
             if name.startswith(prefix)}
+
+
+def _nothing() -> np.ndarray:
+    """Give the contacts of a step in which nothing moves, (0, 13)."""
+    return np.zeros((0, 13))
