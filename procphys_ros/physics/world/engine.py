@@ -28,7 +28,7 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 
 _LOG = logging.getLogger(__name__)
 
-ENGINES = {'bullet': 'pybullet', 'rapier': 'rapier3d'}  # and the library that each one needs
+ENGINES = {'bullet': 'pybullet', 'rapier': 'rapier3d', 'native': 'numba'}  # and the library that each one needs
 DEFAULT_ENGINE = 'auto'  # the first of them that is installed
 
 TERRAIN_MARGIN = 50.0  # [m] of ground beyond the grid of a terrain that bodies collide with
@@ -59,7 +59,7 @@ class Engine(Protocol):
     """
 
     name: str
-    integrations: int  # steps of semi-implicit Euler that it takes in one `step`
+    integrations: float  # steps of semi-implicit Euler that it takes in one `step`
 
     def clear(self) -> None:
         """Remove everything."""

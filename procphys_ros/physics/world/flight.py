@@ -24,7 +24,7 @@ _ROUNDING = 1e-6  # ... at this share of the speed
 
 
 def correct_flight(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravity: np.ndarray,
-                   time_step: float, integrations: int) -> tuple[np.ndarray, np.ndarray]:
+                   time_step: float, integrations: float) -> tuple[np.ndarray, np.ndarray]:
     """
     Correct the poses of bodies that touched nothing to those of velocity Verlet.
 

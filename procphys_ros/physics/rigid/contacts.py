@@ -1,0 +1,201 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Contacts: the points at which bodies touch, with what they pressed with a step before."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.physics.rigid.manifold import MOST, touch
+from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_of
+from procphys_ros.physics.rigid.vectors import at, dot, less, length
+from procphys_ros.physics.terrain import height_at, normal_at
+
+GROUND_KEY = (1 << 31) - 1  # in the place of a second piece
+_SAME = 0.02  # [m] by which a point may wander over a body within a step and be the same
+_CORNERS = 8  # of a piece that may touch the ground
+
+
+class ContactRows(NamedTuple):
+    """
+    Columns of contact points, a row each, in the order of their keys.
+
+    :ivar key: of the pair of pieces, (C,).
+    :ivar first, second: bodies, (C,).
+    :ivar point: half-way between the surfaces, world [m], (C, 3).
+    :ivar normal: unit, from the second to the first, (C, 3).
+    :ivar gap: negative where they overlap [m], (C,).
+    :ivar anchor: the point in the frame of the first body [m], (C, 3).
+    :ivar force: along the normal, and across it in world axes, on the first [N], (C, 4).
+    """
+
+    key: np.ndarray
+    first: np.ndarray
+    second: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    gap: np.ndarray
+    anchor: np.ndarray
+    force: np.ndarray
+
+    def head(self, count: int) -> 'ContactRows':
+        """Give the first rows."""
+        return ContactRows(*(column[:count] for column in self))
+
+
+@kernel
+def no_contacts(count):
+    """Make room for contacts."""
+    return ContactRows(np.empty(count, np.int64), np.empty(count, np.int64),
+                       np.empty(count, np.int64), np.empty((count, 3)), np.empty((count, 3)),
+                       np.empty(count), np.empty((count, 3)), np.zeros((count, 4)))
+
+
+@kernel
+def find(rows, pairs, pieces, poses, velocities, extra, terrain, time_step, before):
+    """
+    Find where pieces touch each other and the ground, or will within a step.
+
+    :param rows: pieces that move, ascending, (M,).
+    :param pairs: places in `rows` and other pieces, sorted, (2, K).
+    :param poses: of bodies, (B, 7); `velocities` (B, 6) likewise.
+    :param extra: further points that only the ground meets: bodies, (E,), and places in their
+        frames [m], (E, 3).
+    :param before: contacts of the step before.
+    """
+    out = no_contacts(MOST * pairs.shape[1] + _CORNERS * len(rows) + len(extra[0]))
+    points, normals = np.empty((_CORNERS, 4)), np.empty((_CORNERS, 3))
+    work = np.empty((2, 16, 4))
+    count = k = old = 0
+    for m in range(len(rows)):
+        p = rows[m]
+        while k < pairs.shape[1] and pairs[0, k] == m:
+            q = pairs[1, k]
+            margin = SLOP + _approach(p, q, pieces, poses, velocities) * time_step
+            found = touch(p, q, pieces, margin, points, normals[0], work)
+            for n in range(1, found):
+                normals[n] = normals[0]
+            old = _write(out, count, found, p, q, pieces.body[p], pieces.body[q], points,
+                         normals, poses, before, old)
+            count += found
+            k += 1
+        found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
+        old = _write(out, count, found, p, GROUND_KEY, pieces.body[p], 0, points, normals, poses,
+                     before, old)
+        count += found
+    for e in range(len(extra[0])):
+        found = _corner_on_ground(extra[0][e], extra[1][e], poses, velocities, terrain, time_step,
+                                  points, normals)
+        old = _write(out, count, found, len(pieces.body), e, extra[0][e], 0, points, normals,
+                     poses, before, old)
+        count += found
+    return out, count
+
+
+@subroutine
+def _approach(p, q, pieces, poses, velocities):
+    """Give a speed with which two pieces do not approach each other faster [m/s]."""
+    a, b = pieces.body[p], pieces.body[q]
+    one = point_velocity(poses[a], velocities[a], pieces.centre[p])
+    two = point_velocity(poses[b], velocities[b], pieces.centre[q])
+    return (length(less(one, two)) + spin_of(velocities[a]) * pieces.reach[p]
+            + spin_of(velocities[b]) * pieces.reach[q])
+
+
+@subroutine
+def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals):
+    """Find the corners of a piece that touch the ground, and its normals there."""
+    body = pieces.body[p]
+    speed = (length(point_velocity(poses[body], velocities[body], pieces.centre[p]))
+             + spin_of(velocities[body]) * pieces.reach[p])
+    margin = SLOP + speed * time_step
+    last = 2 if pieces.kind[p] == ROUND else 8
+    if pieces.kind[p] == ROUND and pieces.size[p, 2] <= pieces.size[p, 0]:
+        last = 1
+    count = 0
+    for c in range(last):
+        corner = at(pieces.corners[p], c)
+        n = normal_at(terrain, corner[0], corner[1])
+        gap = (corner[2] - height_at(terrain, corner[0], corner[1])) * n[2] - pieces.radius[p]
+        if gap < margin:
+            down = pieces.radius[p] + 0.5 * gap
+            for i in range(3):
+                points[count, i], normals[count, i] = corner[i] - down * n[i], n[i]
+            points[count, 3] = gap
+            count += 1
+    return count
+
+
+@subroutine
+def _corner_on_ground(body, place, poses, velocities, terrain, time_step, points, normals):
+    """Find whether a further point touches the ground."""
+    corner = _carried(poses[body], place)
+    way = length(point_velocity(poses[body], velocities[body], corner)) * time_step
+    n = normal_at(terrain, corner[0], corner[1])
+    gap = (corner[2] - height_at(terrain, corner[0], corner[1])) * n[2]
+    for i in range(3):
+        points[0, i], normals[0, i] = corner[i] - 0.5 * gap * n[i], n[i]
+    points[0, 3] = gap
+    return 1 if gap < SLOP + way else 0
+
+
+@subroutine
+def _carried(pose, place):
+    x, y, z, w = pose[3], pose[4], pose[5], pose[6]
+    u = (y * place[2] - z * place[1], z * place[0] - x * place[2], x * place[1] - y * place[0])
+    return (pose[0] + place[0] + 2.0 * (w * u[0] + y * u[2] - z * u[1]),
+            pose[1] + place[1] + 2.0 * (w * u[1] + z * u[0] - x * u[2]),
+            pose[2] + place[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
+
+
+@subroutine
+def _back(pose, place):
+    """Express a point of the world in the frame of a pose."""
+    x, y, z, w = -pose[3], -pose[4], -pose[5], pose[6]
+    a = (place[0] - pose[0], place[1] - pose[1], place[2] - pose[2])
+    u = (y * a[2] - z * a[1], z * a[0] - x * a[2], x * a[1] - y * a[0])
+    return (a[0] + 2.0 * (w * u[0] + y * u[2] - z * u[1]),
+            a[1] + 2.0 * (w * u[1] + z * u[0] - x * u[2]),
+            a[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
+
+
+@subroutine
+def _write(out, row, count, p, q, first, second, points, normals, poses, before, old):
+    """Write the points of a pair, and what they pressed with; give where its old ones begin."""
+    key = (p << 32) | q
+    while old < len(before.key) and before.key[old] < key:
+        old += 1
+    for k in range(count):
+        r = row + k
+        out.key[r], out.first[r], out.second[r] = key, first, second
+        anchor = _back(poses[first], points[k])
+        for i in range(3):
+            out.point[r, i], out.normal[r, i] = points[k, i], normals[k, i]
+            out.anchor[r, i] = anchor[i]
+        out.gap[r] = points[k, 3]
+        out.force[r, :] = 0.0
+        nearest, same = _SAME * _SAME, -1
+        other = old
+        while other < len(before.key) and before.key[other] == key:
+            away = less(anchor, at(before.anchor, other))
+            if dot(away, away) < nearest:
+                nearest, same = dot(away, away), other
+            other += 1
+        if same >= 0:
+            for i in range(4):
+                out.force[r, i] = before.force[same, i]
+    return old

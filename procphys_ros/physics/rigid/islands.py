@@ -1,0 +1,74 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Islands: groups of bodies that touch each other, which nothing else moves in a step."""
+
+import numpy as np
+
+from procphys_ros.compilation import kernel, subroutine
+
+
+@subroutine
+def _root(parent, i):
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@kernel
+def islands(first, second, count):
+    """
+    Sort bodies and contacts by island, in the order of the first body of each.
+
+    :param first, second: bodies of each contact; numbers from `count` on, and below 0, do not
+        move and join nothing, (C,).
+    :param count: of bodies that move.
+    :returns: bodies by island, where those of each begin, contacts by island, where those begin.
+    """
+    parent = np.arange(count)
+    for c in range(len(first)):
+        a, b = first[c], second[c]
+        if 0 <= a < count and 0 <= b < count:
+            a, b = _root(parent, a), _root(parent, b)
+            parent[max(a, b)] = min(a, b)
+    number, found = np.full(count, -1), 0
+    for i in range(count):
+        root = _root(parent, i)
+        if number[root] < 0:
+            number[root] = found
+            found += 1
+        number[i] = number[root]
+    own = np.empty(len(first), np.int64)
+    for c in range(len(first)):
+        own[c] = number[first[c] if 0 <= first[c] < count else second[c]]
+    bodies, body_start = _sorted(number, found)
+    rows, start = _sorted(own, found)
+    return bodies, body_start, rows, start
+
+
+@subroutine
+def _sorted(number, count):
+    """Sort by number, in order, and give where each begins."""
+    start = np.zeros(count + 1, np.int64)
+    for i in range(len(number)):
+        start[number[i] + 1] += 1
+    for k in range(count):
+        start[k + 1] += start[k]
+    out, fill = np.empty(len(number), np.int64), start[:-1].copy()
+    for i in range(len(number)):
+        out[fill[number[i]]] = i
+        fill[number[i]] += 1
+    return out, start

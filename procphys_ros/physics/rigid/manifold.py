@@ -1,0 +1,264 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Manifolds: the few points at which two convex pieces touch, or will within a step."""
+
+import numpy as np
+
+from procphys_ros.compilation import subroutine
+from procphys_ros.physics.rigid.pieces import FACES, ROUND
+from procphys_ros.physics.rigid.separation import (
+    between_edges,
+    between_lines,
+    EDGE,
+    face_normal,
+    middle_of,
+    of_axis,
+    of_pieces,
+)
+from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plus, scaled
+
+MOST = 4  # points of two pieces
+_ALONG = 0.9995  # cosine between the normal of what is round and that of a face it lies on
+
+
+@subroutine
+def touch(p, q, pieces, margin, points, normal, work):
+    """
+    Find the points at which two pieces touch.
+
+    :param margin: largest gap that counts [m].
+    :param points: written, (MOST, 4): half-way between the surfaces, and gap [m].
+    :param normal: written, unit, from the second to the first, (3,).
+    :param work: two polygons, (2, 16, 4).
+    :returns: number of points.
+    """
+    if pieces.kind[p] == ROUND and pieces.kind[q] == ROUND:
+        return _of_two_round(p, q, pieces, margin, points, normal)
+    if pieces.kind[p] == ROUND:
+        return _of_round(p, q, pieces, margin, points, normal)
+    if pieces.kind[q] == ROUND:
+        count = _of_round(q, p, pieces, margin, points, normal)
+        for i in range(3):
+            normal[i] = -normal[i]
+        return count
+    return _of_solids(p, q, pieces, margin, points, normal, work)
+
+
+@subroutine
+def _write(points, k, place, gap):
+    points[k, 0], points[k, 1], points[k, 2], points[k, 3] = place[0], place[1], place[2], gap
+
+
+@subroutine
+def _turn(normal, n):
+    normal[0], normal[1], normal[2] = n[0], n[1], n[2]
+
+
+@subroutine
+def _of_solids(p, q, pieces, margin, points, normal, work):
+    gap, n, face, other, edge, edge_other = of_pieces(p, q, pieces, margin)
+    if gap > margin:
+        return 0
+    _turn(normal, n)
+    if face == EDGE and other == EDGE:
+        one, two = between_edges(pieces.corners[p], edge, pieces.corners[q], edge_other)
+        _write(points, 0, scaled(0.5, plus(one, 1.0, two)), gap)
+        return 1
+    if other == EDGE:
+        count = _clip(pieces.corners[p], face, pieces.corners[q], margin, work)
+    else:
+        count = _clip(pieces.corners[q], other, pieces.corners[p], margin, work)
+    return _choose(work[0], count, n, points)
+
+
+@subroutine
+def _opposite(corners, n):
+    """Give the face that looks against a direction most."""
+    best, face = np.inf, 0
+    for f in range(6):
+        along = dot(face_normal(corners, f), n)
+        if along < best:
+            best, face = along, f
+    return face
+
+
+@subroutine
+def _clip(corners, face, others, margin, work):
+    """
+    Cut the face of a solid that meets the face of another by what lies beside that.
+
+    :param work: its first polygon becomes the points, as in `touch`.
+    :returns: their number.
+    """
+    n, start = face_normal(corners, face), middle_of(corners, face)
+    met = _opposite(others, n)
+    count, now = 4, 0
+    for k in range(4):
+        for i in range(3):
+            work[0, k, i] = others[FACES[met, k], i]
+    for k in range(4):
+        corner = at(corners, FACES[face, k])
+        along = less(at(corners, FACES[face, (k + 1) % 4]), corner)
+        if dot(along, along) > 1e-18:
+            count = _cut(work[now], count, cross(along, n), corner, work[1 - now])
+            now = 1 - now
+    kept = 0
+    for k in range(count):
+        point = at(work[now], k)
+        gap = dot(n, less(point, start))
+        if gap < margin:
+            _write(work[0], kept, plus(point, -0.5 * gap, n), gap)
+            kept += 1
+    return kept
+
+
+@subroutine
+def _cut(polygon, count, outwards, corner, out):
+    """Keep what of a polygon lies behind a plane, and give the number of its corners."""
+    kept = 0
+    for k in range(count):
+        one, two = at(polygon, k), at(polygon, (k + 1) % count)
+        a, b = dot(outwards, less(one, corner)), dot(outwards, less(two, corner))
+        if a <= 0.0:
+            out[kept, 0], out[kept, 1], out[kept, 2] = one
+            kept += 1
+        if (a < 0.0 < b) or (b < 0.0 < a):
+            out[kept, 0], out[kept, 1], out[kept, 2] = plus(one, a / (a - b), less(two, one))
+            kept += 1
+    return kept
+
+
+@subroutine
+def _choose(found, count, n, points):
+    """Keep at most four points: the deepest, the farthest from it, and the widest apart."""
+    if count <= MOST:
+        for k in range(count):
+            _write(points, k, at(found, k), found[k, 3])
+        return count
+    deepest = 0
+    for k in range(1, count):
+        if found[k, 3] < found[deepest, 3] - 1e-9:
+            deepest = k
+    first, far, widest = at(found, deepest), -1.0, 0
+    for k in range(count):
+        away = less(at(found, k), first)
+        if dot(away, away) > far + 1e-12:
+            far, widest = dot(away, away), k
+    across = cross(n, less(at(found, widest), first))
+    left = right = 0.0
+    one = two = -1
+    for k in range(count):
+        side = dot(across, less(at(found, k), first))
+        if side > left + 1e-12:
+            left, one = side, k
+        if side < right - 1e-12:
+            right, two = side, k
+    kept = 0
+    for k in (deepest, widest, one, two):
+        if k >= 0:
+            _write(points, kept, at(found, k), found[k, 3])
+            kept += 1
+    return kept
+
+
+@subroutine
+def _of_round(p, q, pieces, margin, points, normal):
+    """Find the points of what is round and of a solid."""
+    radius, corners = pieces.radius[p], pieces.corners[q]
+    a, b = at(pieces.corners[p], 0), at(pieces.corners[p], 1)
+    far, n, point, face = of_axis(a, b, corners)
+    if far > radius + margin:
+        return 0
+    _turn(normal, n)
+    axis = less(b, a)
+    if dot(axis, axis) > 1e-12:
+        lies = _opposite(corners, scaled(-1.0, n)) if face == EDGE else face
+        flat = face_normal(corners, lies)
+        level = abs(dot(axis, flat)) < 0.03 * length(axis)
+        if level and dot(flat, n) > _ALONG:
+            count = _of_lying(a, b, radius, corners, lies, flat, margin, points)
+            if count > 0:
+                _turn(normal, flat)
+                return count
+    _write(points, 0, plus(point, 0.5 * (far - radius), n), far - radius)
+    return 1
+
+
+@subroutine
+def _of_lying(a, b, radius, corners, face, n, margin, points):
+    """Find the two points of an axis that lies along a face."""
+    first, last = 0.0, 1.0
+    axis = less(b, a)
+    for k in range(4):
+        corner = at(corners, FACES[face, k])
+        outwards = cross(less(at(corners, FACES[face, (k + 1) % 4]), corner), n)
+        start, way = dot(outwards, less(a, corner)), dot(outwards, axis)
+        if way < 0.0:
+            first = max(first, -start / way)
+        elif way > 0.0:
+            last = min(last, -start / way)
+        elif start > 0.0:
+            return 0
+    if first >= last:
+        return 0
+    kept = 0
+    middle = middle_of(corners, face)
+    for share in (first, last):
+        place = plus(a, share, axis)
+        gap = dot(n, less(place, middle)) - radius
+        if gap < margin:
+            _write(points, kept, plus(place, -radius - 0.5 * gap, n), gap)
+            kept += 1
+    return kept
+
+
+@subroutine
+def _of_two_round(p, q, pieces, margin, points, normal):
+    a, b = at(pieces.corners[p], 0), at(pieces.corners[p], 1)
+    c, d = at(pieces.corners[q], 0), at(pieces.corners[q], 1)
+    one, two = between_lines(a, b, c, d)
+    away = less(one, two)
+    far, both = length(away), pieces.radius[p] + pieces.radius[q]
+    if far > both + margin:
+        return 0
+    n = scaled(1.0 / far, away) if far > 1e-9 else (0.0, 0.0, 1.0)
+    _turn(normal, n)
+    u, v = less(b, a), less(d, c)
+    size = length(u) * length(v)
+    if size > 1e-12 and abs(dot(u, v)) > _ALONG * size:
+        count = _of_parallel(a, u, c, d, n, pieces.radius[p], pieces.radius[q], margin, points)
+        if count == 2:
+            return count
+    _write(points, 0, plus(two, pieces.radius[q] + 0.5 * (far - both), n), far - both)
+    return 1
+
+
+@subroutine
+def _of_parallel(a, u, c, d, n, radius, other, margin, points):
+    """Find the two ends of what two axes side by side share."""
+    uu = dot(u, u)
+    s, t = dot(u, less(c, a)) / uu, dot(u, less(d, a)) / uu
+    first, last = max(min(s, t), 0.0), min(max(s, t), 1.0)
+    kept = 0
+    if first < last:
+        for share in (first, last):
+            place = plus(a, share, u)
+            near = plus(c, (share - s) / (t - s), less(d, c))
+            gap = dot(n, less(place, near)) - radius - other
+            if gap < margin:
+                _write(points, kept, plus(place, -radius - 0.5 * gap, n), gap)
+                kept += 1
+    return kept

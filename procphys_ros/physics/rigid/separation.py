@@ -1,0 +1,288 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Separation: the axis along which two convex pieces are farthest apart, or least deep."""
+
+import numpy as np
+
+from procphys_ros.compilation import subroutine
+from procphys_ros.physics.rigid.pieces import BOX, EDGES, FACES
+from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plus, scaled
+
+EDGE = -1  # in the place of a face: two edges meet
+_CLEARER = 0.001  # [m] by which two edges must be farther apart than faces, lest points jump
+_PARALLEL = 1e-3  # sine of the angle between edges that span no plane
+
+
+@subroutine
+def face_normal(corners, f):
+    """Give the unit normal of a face, outwards; zero where its corners coincide."""
+    n = cross(less(at(corners, FACES[f, 2]), at(corners, FACES[f, 0])),
+              less(at(corners, FACES[f, 3]), at(corners, FACES[f, 1])))
+    size = length(n)
+    return scaled(1.0 / size if size > 1e-12 else 0.0, n)
+
+
+@subroutine
+def middle_of(corners, f):
+    """Give the mean of the corners of a face: a point in it, whether it is flat or not."""
+    a, b, c, d = (at(corners, FACES[f, 0]), at(corners, FACES[f, 1]), at(corners, FACES[f, 2]),
+                  at(corners, FACES[f, 3]))
+    return (0.25 * (a[0] + b[0] + c[0] + d[0]), 0.25 * (a[1] + b[1] + c[1] + d[1]),
+            0.25 * (a[2] + b[2] + c[2] + d[2]))
+
+
+@subroutine
+def _least_along(corners, n):
+    """Give how far the corners reach against a direction: the least of their shadows."""
+    least = np.inf
+    for c in range(8):
+        least = min(least, dot(at(corners, c), n))
+    return least
+
+
+@subroutine
+def _deepest_face(corners, others):
+    """Give the face that keeps the other solid farthest away, and how far."""
+    best, face = -np.inf, 0
+    for f in range(6):
+        n = face_normal(corners, f)
+        if dot(n, n) == 0.0:
+            continue
+        gap = _least_along(others, n) - dot(n, middle_of(corners, f))
+        if gap > best:
+            best, face = gap, f
+    return best, face
+
+
+@subroutine
+def _edge_axis(corners, others, e, k):
+    """
+    Give the gap along the axis across two edges, and the axis, from the second to the first.
+
+    :returns: -inf where the edges are parallel or of no length.
+    """
+    u = less(at(corners, EDGES[e, 1]), at(corners, EDGES[e, 0]))
+    v = less(at(others, EDGES[k, 1]), at(others, EDGES[k, 0]))
+    n = cross(u, v)
+    size = length(n)
+    if size <= _PARALLEL * length(u) * length(v):
+        return -np.inf, (0.0, 0.0, 0.0)
+    n = scaled(1.0 / size, n)
+    back = scaled(-1.0, n)
+    one = _least_along(corners, n) + _least_along(others, back)
+    other = _least_along(others, n) + _least_along(corners, back)
+    if one >= other:
+        return one, n
+    return other, back
+
+
+@subroutine
+def of_hexahedra(corners, others, margin):
+    """
+    Find the axis of least overlap of two convex hexahedra.
+
+    :returns: gap [m], unit normal from the second to the first, face of the first that makes it
+        or `EDGE`, face of the second or `EDGE`, and the two edges, where no face does.
+    """
+    gap, face = _deepest_face(corners, others)
+    other_gap, other_face = _deepest_face(others, corners)
+    if gap > margin or other_gap > margin:
+        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
+    best, first, second, normal = -np.inf, 0, 0, (0.0, 0.0, 1.0)
+    for e in range(12):
+        for k in range(12):
+            found, n = _edge_axis(corners, others, e, k)
+            if found > best:
+                best, first, second, normal = found, e, k, n
+    if best > margin:
+        return np.inf, normal, EDGE, EDGE, 0, 0
+    if best > max(gap, other_gap) + _CLEARER:
+        return best, normal, EDGE, EDGE, first, second
+    if gap >= other_gap - _CLEARER:
+        return gap, scaled(-1.0, face_normal(corners, face)), face, EDGE, 0, 0
+    return other_gap, face_normal(others, other_face), EDGE, other_face, 0, 0
+
+
+@subroutine
+def of_boxes(p, q, pieces, margin):
+    """Find the same for two boxes, from their axes alone."""
+    half, others = scaled(0.5, at(pieces.size, p)), scaled(0.5, at(pieces.size, q))
+    way = less(at(pieces.centre, p), at(pieces.centre, q))
+    turn, other = pieces.axes[p], pieces.axes[q]
+    best, which = -np.inf, 0
+    for a in range(6):
+        n = at(turn, a) if a < 3 else at(other, a - 3)
+        gap = abs(dot(way, n)) - _shadow(n, turn, half) - _shadow(n, other, others)
+        if gap > margin:
+            return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
+        if gap > best + (_CLEARER if a == 3 else 0.0):
+            best, which = gap, a
+    edge, i, j, normal = _widest_edges(way, turn, half, other, others)
+    if edge > margin:
+        return np.inf, normal, EDGE, EDGE, 0, 0
+    if edge > best + _CLEARER:
+        return (edge, normal, EDGE, EDGE, _edge_towards(i, turn, scaled(-1.0, normal)),
+                _edge_towards(j, other, normal))
+    n = at(turn, which) if which < 3 else at(other, which - 3)
+    side = 1 if dot(way, n) > 0.0 else 0  # of the second the first lies on
+    normal = n if side == 1 else scaled(-1.0, n)
+    if which < 3:
+        return best, normal, 2 * which + 1 - side, EDGE, 0, 0
+    return best, normal, EDGE, 2 * (which - 3) + side, 0, 0
+
+
+@subroutine
+def _shadow(n, turn, half):
+    """Give how far a box reaches from its centre along a direction."""
+    return (abs(dot(at(turn, 0), n)) * half[0] + abs(dot(at(turn, 1), n)) * half[1]
+            + abs(dot(at(turn, 2), n)) * half[2])
+
+
+@subroutine
+def _widest_edges(way, turn, half, other, others):
+    """Give the widest gap across an edge of each box, their axes, and the normal."""
+    best, first, second, normal = -np.inf, 0, 0, (0.0, 0.0, 1.0)
+    for i in range(3):
+        for j in range(3):
+            n = cross(at(turn, i), at(other, j))
+            size = length(n)
+            if size < _PARALLEL:
+                continue
+            n = scaled((1.0 if dot(n, way) > 0.0 else -1.0) / size, n)
+            gap = dot(way, n) - _shadow(n, turn, half) - _shadow(n, other, others)
+            if gap > best:
+                best, first, second, normal = gap, i, j, n
+    return best, first, second, normal
+
+
+@subroutine
+def _edge_towards(axis, turn, n):
+    """Give the edge of a box along an axis that lies farthest in a direction."""
+    one, two = (axis + 1) % 3, (axis + 2) % 3
+    corner = ((1 << one) if dot(at(turn, one), n) > 0.0 else 0) | (
+        (1 << two) if dot(at(turn, two), n) > 0.0 else 0)
+    for k in range(4 * axis, 4 * axis + 4):
+        if EDGES[k, 0] == corner:
+            return k
+    return 4 * axis
+
+
+@subroutine
+def of_pieces(p, q, pieces, margin):
+    """Find the axis of least overlap of two pieces with corners, see `of_hexahedra`."""
+    if pieces.kind[p] == BOX and pieces.kind[q] == BOX:
+        return of_boxes(p, q, pieces, margin)
+    return of_hexahedra(pieces.corners[p], pieces.corners[q], margin)
+
+
+@subroutine
+def between_lines(a, b, c, d):
+    """
+    Find the points of two segments that are nearest to each other (Ericson 2005, 5.1.9).
+
+    :returns: the point on a b, and the one on c d.
+    """
+    u, v, w = less(b, a), less(d, c), less(a, c)
+    uu, vv, uv, uw, vw = dot(u, u), dot(v, v), dot(u, v), dot(u, w), dot(v, w)
+    s = t = 0.0
+    if uu <= 1e-18 and vv <= 1e-18:
+        return a, c
+    if uu <= 1e-18:
+        t = min(max(vw / vv, 0.0), 1.0)
+        return a, plus(c, t, v)
+    if vv <= 1e-18:
+        s = min(max(-uw / uu, 0.0), 1.0)
+        return plus(a, s, u), c
+    wide = uu * vv - uv * uv
+    if wide > 1e-12 * uu * vv:
+        s = min(max((uv * vw - vv * uw) / wide, 0.0), 1.0)
+    t = (uv * s + vw) / vv
+    if t < 0.0:
+        t, s = 0.0, min(max(-uw / uu, 0.0), 1.0)
+    elif t > 1.0:
+        t, s = 1.0, min(max((uv - uw) / uu, 0.0), 1.0)
+    return plus(a, s, u), plus(c, t, v)
+
+
+@subroutine
+def between_edges(corners, e, others, k):
+    """Find the nearest points of an edge of one solid and one of another."""
+    return between_lines(at(corners, EDGES[e, 0]), at(corners, EDGES[e, 1]),
+                         at(others, EDGES[k, 0]), at(others, EDGES[k, 1]))
+
+
+@subroutine
+def in_face(corners, f, n, point):
+    """Return whether a point lies over a face, seen along its normal."""
+    for k in range(4):
+        start, end = at(corners, FACES[f, k]), at(corners, FACES[f, (k + 1) % 4])
+        if dot(cross(less(end, start), n), less(point, start)) > 0.0:  # to its right
+            return False
+    return True
+
+
+@subroutine
+def _enters(a, b, corners):
+    """Return whether any of a segment is inside a solid: what all its faces leave of it."""
+    first, last = 0.0, 1.0
+    for f in range(6):
+        n, middle = face_normal(corners, f), middle_of(corners, f)
+        start, way = dot(n, less(a, middle)), dot(n, less(b, a))
+        if way < 0.0:
+            first = max(first, -start / way)
+        elif way > 0.0:
+            last = min(last, -start / way)
+        elif start > 0.0:
+            return False
+    return first <= last
+
+
+@subroutine
+def of_axis(a, b, corners):
+    """
+    Find the least distance of the axis of what is round from a solid.
+
+    :param a, b: ends of the axis.
+    :returns: distance [m], negative inside; unit normal from the solid to the axis; point on
+        the solid; face that is nearest, `EDGE` = an edge or a corner.
+    """
+    gap, face = -np.inf, 0
+    for f in range(6):
+        n = face_normal(corners, f)
+        if dot(n, n) > 0.0:
+            middle = middle_of(corners, f)
+            found = min(dot(n, less(a, middle)), dot(n, less(b, middle)))
+            if found > gap:
+                gap, face = found, f
+    normal = face_normal(corners, face)
+    low = a if dot(normal, a) < dot(normal, b) else b
+    best = (gap, normal, plus(low, -gap, normal), face)
+    if _enters(a, b, corners):
+        return best
+    least = np.inf
+    for f in range(6):
+        n = face_normal(corners, f)
+        for end in (a, b):
+            far = dot(n, less(end, middle_of(corners, f)))
+            if 0.0 < far < least and in_face(corners, f, n, end):
+                least, best = far, (far, n, plus(end, -far, n), f)
+    for e in range(12):
+        near, point = between_lines(a, b, at(corners, EDGES[e, 0]), at(corners, EDGES[e, 1]))
+        far = length(less(near, point))
+        if 1e-9 < far < least - 1e-9:
+            least = far
+            best = (far, scaled(1.0 / far, less(near, point)), point, EDGE)
+    return best

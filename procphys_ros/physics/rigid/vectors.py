@@ -1,0 +1,72 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Vectors of three numbers inside kernels, as tuples that need no memory."""
+
+import math
+
+from procphys_ros.compilation import subroutine
+
+
+@subroutine
+def at(rows, i):
+    """Read a row of an array."""
+    return rows[i, 0], rows[i, 1], rows[i, 2]
+
+
+@subroutine
+def dot(a, b):
+    """Return the inner product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@subroutine
+def cross(a, b):
+    """Return the outer product."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@subroutine
+def less(a, b):
+    """Subtract the second from the first."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@subroutine
+def plus(a, share, b):
+    """Add a multiple of the second to the first."""
+    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
+
+
+@subroutine
+def scaled(share, a):
+    """Multiply by a number."""
+    return share * a[0], share * a[1], share * a[2]
+
+
+@subroutine
+def length(a):
+    """Return the length."""
+    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+@subroutine
+def tangent(n):
+    """Give a unit vector across a unit vector."""
+    if abs(n[0]) < 0.6:
+        t = (0.0, n[2], -n[1])
+    else:
+        t = (-n[2], 0.0, n[0])
+    return scaled(1.0 / length(t), t)

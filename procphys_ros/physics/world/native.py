@@ -1,0 +1,218 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Native engine: our own contact solver, over the columns of the body table."""
+
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.physics.rigid.contacts import ContactRows, find, no_contacts
+from procphys_ros.physics.rigid.islands import islands
+from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, Pieces, ROUND
+from procphys_ros.physics.rigid.solver import MovingBodies, solve
+from procphys_ros.physics.terrain import FLAT, Terrain
+from procphys_ros.physics.touch import overlaps
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+
+
+class NativeEngine:
+    """
+    Moves bodies where their table has them; nothing is copied in or out.
+
+    It keeps where pieces are and what contacts pressed with in the last step.
+
+    :param gravity: acceleration of awake bodies [m/s²], (3,).
+    :param terrain: the surface of the ground.
+    """
+
+    name = 'native'
+    integrations = np.inf  # what flies is on its parabola already
+
+    def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
+        self._gravity, self._terrain = np.array(gravity, float), terrain
+        self.clear()
+
+    def clear(self) -> None:
+        """Remove everything."""
+        self._table = BodyTable()
+        self._pieces, self._used = no_pieces(0), 0
+        self._first, self._count = np.zeros(0, np.int64), np.zeros(0, np.int64)
+        self._excluded: set[tuple[int, int]] = set()
+        self._contacts = no_contacts(0)
+        self._told = np.zeros((0, 13))
+
+    def close(self) -> None:
+        """Free the memory."""
+
+    def add(self, table: BodyTable, ids: np.ndarray) -> None:
+        """Add bodies, (K,) ids; see `Engine.add`."""
+        self._table = table
+        ids = ids[table.piece_count[ids] > 0]
+        count = table.piece_count[ids]
+        source = np.repeat(table.first_piece[ids] - np.cumsum(count) + count, count)
+        source += np.arange(count.sum())
+        rows = self._new_rows(ids, count)
+        pieces, shape = self._pieces, table.piece_shape[source]
+        pieces.body[rows] = np.repeat(ids, count)
+        pieces.size[rows], pieces.local[rows] = table.piece_size[source], table.piece_pose[source]
+        pieces.kind[rows] = np.where(shape == Shape.BOX, BOX, ROUND)
+        cut = ids[table.hexahedron_count[ids] > 0]
+        for body in cut.tolist():
+            first = table.first_hexahedron[body]
+            own = slice(first, first + table.hexahedron_count[body])
+            where = self._first[body] + table.hexahedron_piece[own]
+            pieces.kind[where], pieces.cut[where] = HEXAHEDRON, table.hexahedron_corners[own]
+        self._place(ids)
+
+    def _new_rows(self, ids: np.ndarray, count: np.ndarray) -> np.ndarray:
+        """Give rows to the pieces of bodies, one after the other."""
+        need = self._used + int(count.sum())
+        if need > len(self._pieces.body):
+            room = no_pieces(need)
+            self._pieces = Pieces(*(np.concatenate([column[:self._used], more]) for column, more
+                                    in zip(self._pieces, room)))
+        if len(self._first) < len(self._table.state):
+            more = np.zeros(len(self._table.state) - len(self._first), np.int64)
+            self._first = np.concatenate([self._first, more])
+            self._count = np.concatenate([self._count, more])
+        self._first[ids] = self._used + np.cumsum(count) - count
+        self._count[ids] = count
+        rows = np.arange(self._used, need)
+        self._used = need
+        return rows
+
+    def _rows(self, ids: np.ndarray) -> np.ndarray:
+        """Give the pieces of bodies, ascending."""
+        ids = ids[ids < len(self._count)]
+        count = self._count[ids]
+        rows = np.repeat(self._first[ids] - np.cumsum(count) + count, count)
+        return np.sort(rows + np.arange(count.sum()))
+
+    def _place(self, ids: np.ndarray, time_step: float = 0.0) -> np.ndarray:
+        rows = self._rows(ids)
+        place(rows, self._pieces, self._table.poses, self._table.velocities, time_step)
+        return rows
+
+    def remove(self, ids: np.ndarray) -> None:
+        """Remove bodies, (K,) ids."""
+        rows = self._rows(ids)
+        self._pieces.body[rows] = -1
+        self._pieces.bounds[rows] = [np.inf] * 3 + [-np.inf] * 3
+        self._count[ids] = 0
+
+    def freeze(self, ids: np.ndarray) -> None:
+        """Make bodies immovable, (K,) ids."""
+        self._place(ids)
+
+    def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
+        """Make immovable bodies movable, which the table says already."""
+
+    def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
+        """Take in the poses of the table, (K, 7)."""
+        self._place(ids)
+
+    def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
+        """Take in the velocities of the table, (K, 6): they are read there."""
+
+    def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
+        """Do nothing: contacts are found as far ahead as a step goes."""
+
+    def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
+        """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
+        found = {tuple(pair) for pair in pairs.tolist()}
+        self._excluded = self._excluded | found if excluded else self._excluded - found
+
+    def use_threads(self, count: int) -> None:
+        """Step on one thread, whatever is allowed."""
+
+    def refine(self, moving: int, dense: bool) -> int:
+        """Leave substeps to the solver, which has its own."""
+        return 1
+
+    def step(self, time_step: float) -> None:
+        """Advance time [s]; writes poses and velocities of the table."""
+        table = self._table
+        free = table.awake
+        driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
+        moving = np.concatenate([free, driven])
+        rows = self._place(moving, time_step)
+        contacts = self._find(rows, time_step)
+        bodies = MovingBodies(
+            np.concatenate([table.mass[free], np.full(len(driven), np.inf)]),
+            np.concatenate([table.inertia[free], np.full((len(driven), 3), np.inf)]),
+            table.poses[moving], table.velocities[moving])
+        place_of = np.full(len(table.state), -1)
+        place_of[moving] = np.arange(len(moving))
+        first, second = place_of[contacts.first], place_of[contacts.second]
+        groups = islands(first, second, len(free))
+        total = solve(
+            bodies, first, second, contacts.point, contacts.normal, contacts.gap,
+            self._of_pairs(table.friction, contacts), self._of_pairs(table.restitution, contacts),
+            contacts.force, groups, self._gravity, time_step)
+        count = len(free)
+        table.poses[free], table.velocities[free] = bodies.pose[:count], bodies.velocity[:count]
+        self._contacts = contacts
+        self._told = np.column_stack([
+            contacts.first, contacts.second, contacts.point - 0.5 * contacts.gap[:, None]
+            * contacts.normal, contacts.normal, contacts.gap, total / time_step])
+
+    def _find(self, rows: np.ndarray, time_step: float) -> ContactRows:
+        table, pieces = self._table, self._pieces
+        live = Pieces(*(column[:self._used] for column in pieces))
+        pairs = self._pairs(rows, live)
+        contacts, count = find(rows, pairs, live, table.poses, table.velocities,
+                               self._extra_points(), self._terrain, time_step, self._contacts)
+        return contacts.head(count)
+
+    def _pairs(self, rows: np.ndarray, pieces: Pieces) -> np.ndarray:
+        """List what may meet: places in `rows` and other pieces, sorted, (2, K)."""
+        one, other = overlaps(pieces.bounds[rows], pieces.bounds)
+        a, b = pieces.body[rows[one]], pieces.body[other]
+        state = self._table.state
+        moves = state[b] >= BodyState.AWAKE
+        meet = (a != b) & (~moves | (rows[one] < other))
+        driven = (state[a] == BodyState.KINEMATIC), (state[b] == BodyState.KINEMATIC)
+        meet &= ~(driven[0] & (driven[1] | ~moves))
+        if self._excluded:
+            low, high = np.minimum(a, b), np.maximum(a, b)
+            known = np.array([(x << 32) | y for x, y in self._excluded])
+            meet &= ~np.isin((low << 32) | high, known)
+        return np.stack([one[meet], other[meet]])
+
+    def _extra_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Give points that only the ground meets: bodies, and places in their frames."""
+        table = self._table
+        ids = table.awake
+        count = table.point_count[ids]
+        source = np.repeat(table.first_point[ids] - np.cumsum(count) + count, count)
+        source += np.arange(count.sum())
+        return np.repeat(ids, count), table.ground_point[source]
+
+    def _of_pairs(self, column: np.ndarray, contacts: ContactRows) -> np.ndarray:
+        """Combine what two bodies have as their geometric mean."""
+        return np.sqrt(column[contacts.first] * column[contacts.second])
+
+    def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Read poses (K, 7) and velocities (K, 6), world axes."""
+        return self._table.poses[ids], self._table.velocities[ids]
+
+    def contacts(self) -> np.ndarray:
+        """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""
+        return self._told.copy()
+
+    def touched(self, body: int) -> list[int]:
+        """List the ids that a body has a contact with."""
+        first, second = self._told[:, 0], self._told[:, 1]
+        return np.concatenate([second[first == body], first[second == body]]).astype(int).tolist()
