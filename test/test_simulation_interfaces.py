@@ -169,6 +169,7 @@ def test_entities_are_filtered(unchanged, fields, expected):
 @pytest.mark.parametrize('fields, reason, code', [
     ({'filters__filter': '('}, 'regular expression', RESULT.RESULT_OPERATION_FAILED),
     ({'filters__filter': '[[:digits:]]'}, 'xdigit', RESULT.RESULT_OPERATION_FAILED),
+    ({'filters__filter': '(((a{99}){99}){99}){99}'}, 'too large', RESULT.RESULT_OPERATION_FAILED),
     ({'filters__bounds__points': [point(0, 0, 0)] * 4}, 'two', RESULT.RESULT_OPERATION_FAILED),
     ({'filters__bounds__type': 1, 'filters__bounds__points': [point(0, 0, 0)] * 4}, 'a sphere',
      RESULT.RESULT_FEATURE_UNSUPPORTED),
@@ -178,6 +179,17 @@ def test_filters_that_make_no_sense_are_refused(unchanged, service, fields, reas
     """Say what is wrong, and what is not supported with the code that stands for that."""
     answer = call(unchanged, service, **fields).result
     assert answer.result == code and reason in answer.error_message
+
+
+@pytest.mark.timeout(60)
+def test_no_filter_holds_the_simulation_up(server):
+    """Answer at once to expressions and tags that would keep a naive search busy for years."""
+    assert call(server, 'spawn_entity', name='a' * 60, entity_resource=resource(text=TREE),
+                initial_pose=place(5.0, 5.0)).result.result == 1
+    assert call(server, 'get_entities', filters__filter='^(a|a)*b').entities == []
+    assert call(server, 'get_entities', filters__filter='^(a|a)*$').entities == ['a' * 60]
+    tags = [f'tag_{i}' for i in range(500_000)]
+    assert call(server, 'get_entities', filters__tags__tags=tags).entities == []
 
 
 def test_an_entity_has_a_state_and_a_description(server):
