@@ -238,6 +238,35 @@ def test_nothing_is_offered_without_the_package(monkeypatch):
     assert simulation_interfaces.offer(None, None, None, None) == []
 
 
+class BrokenKind:
+    """A type of services whose library was not installed with it."""
+
+
+@pytest.mark.parametrize('modules, reason', [
+    ({'msg': None}, 'ModuleNotFoundError'), ({'srv': None}, 'ModuleNotFoundError'),
+    ({'msg': SimpleNamespace()}, 'Result'), ({}, 'no library')])
+def test_a_package_that_is_half_there_does_not_end_the_node(monkeypatch, modules, reason):
+    """Warn, and offer nothing of it; services that could be created are taken back."""
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces', SimpleNamespace())
+    whole = {'msg': TYPES, 'srv': SimpleNamespace(GetEntities=object, StepSimulation=object,
+                                                  SpawnEntity=BrokenKind), 'action': None}
+    for name, module in (whole | modules).items():
+        monkeypatch.setitem(sys.modules, f'simulation_interfaces.{name}', module)
+    standing, said = [], []
+
+    def create_service(kind, name, serve, callback_group):
+        if kind is BrokenKind:
+            raise RuntimeError('no library')
+        standing.append(name)
+        return name
+    node = SimpleNamespace(create_service=create_service, destroy_service=standing.remove,
+                           context=SimpleNamespace(ok=lambda: True),
+                           get_logger=lambda: SimpleNamespace(warning=said.append),
+                           get_parameter=lambda name: SimpleNamespace(value='world'))
+    assert simulation_interfaces.offer(node, SimpleNamespace(group=''), None, None) == []
+    assert not standing and len(said) == 1 and reason in said[0] and 'install it anew' in said[0]
+
+
 def test_services_are_offered_where_the_package_has_them(monkeypatch):
     """Offer each service that the package defines under its own name, and no other."""
     kinds = SimpleNamespace(GetEntities=object(), StepSimulation=object(), LoadWorld=object(),

@@ -36,6 +36,7 @@ from procphys_ros.ros.entity_services import BeginSpawn, EntityServer, FORMATS, 
 from procphys_ros.ros.posix_pattern import Pattern
 from procphys_ros.ros.services import Answers
 from procphys_ros.ros.session import Session
+from procphys_ros.schema import short
 
 PACKAGE = 'simulation_interfaces'
 # What works here, and by which service; what an older or newer package does not have is left out.
@@ -72,12 +73,28 @@ def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpaw
     :param answers: waits for what becomes of a command.
     :param session: carries commands out.
     :param begin_spawn: has an object built and joined to the scene.
-    :returns: their names; none when the package cannot be imported.
+    :returns: their names; none when the package cannot be used.
     """
+    made: list[Any] = []
     try:
-        types, kinds = import_module(f'{PACKAGE}.msg'), import_module(f'{PACKAGE}.srv')
-    except ImportError:
+        return _create(node, answers, session, begin_spawn, made)
+    except Exception as error:  # each file that may be missing is missed in another way
+        if isinstance(error, ModuleNotFoundError) and error.name == PACKAGE:
+            return []
+        if not node.context.ok():
+            raise
+        for service in made:
+            node.destroy_service(service)
+        node.get_logger().warning(
+            f'the services of {PACKAGE} are not offered, because the package cannot be used '
+            f'({type(error).__name__}: {short(str(error))}); install it anew')
         return []
+
+
+def _create(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpawn,
+            made: list[Any]) -> list[str]:
+    """Create services and actions; `made` gets the former."""
+    types, kinds = import_module(f'{PACKAGE}.msg'), import_module(f'{PACKAGE}.srv')
     try:
         actions: Any = import_module(f'{PACKAGE}.action')
     except ImportError:
@@ -89,8 +106,8 @@ def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpaw
                                         [*services, *courses])
     for name in services:
         serve = getattr(server, name, None) or getattr(server.entities, name)
-        node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}', serve,
-                            callback_group=answers.group)
+        made.append(node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}',
+                                        serve, callback_group=answers.group))
     for name in courses:
         ActionServer(node, getattr(actions, _ACTIONS[name]), f'~/{PACKAGE}/{name}',
                      getattr(server, name), callback_group=answers.group,
