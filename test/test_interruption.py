@@ -52,6 +52,24 @@ try:
 except KeyboardInterrupt:
     print('interrupted')
 """
+TWICE = """
+import os, signal, sys
+from threading import Timer
+from types import SimpleNamespace
+from procphys_ros.ros import view
+
+def signalled(frame, event, argument):
+    if event == 'call' and frame.f_code.co_name == 'notify_all':
+        sys.setprofile(None)
+        signal.raise_signal(signal.SIGTERM)
+
+nothing = lambda *_, **__: None
+tell = Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+view.Page = lambda *_: SimpleNamespace(address='', start=tell.start, close=nothing)
+view._played = lambda said: SimpleNamespace(start=nothing, close=nothing)
+sys.setprofile(signalled)
+sys.exit(view.main(['demo']))
+"""
 
 
 class _Thing:
@@ -132,3 +150,9 @@ def test_the_node_loses_no_signal(number, error, monkeypatch):
         lambda *_: _signalled_in_a_callback(number), None))
     with pytest.raises(error):
         sim.main([])
+
+
+def test_a_second_signal_does_not_stop_a_page_from_ending():
+    """Take a signal that comes while another is handled, as where make passes Ctrl-C on."""
+    done = subprocess.run([sys.executable, '-c', TWICE], cwd=ROOT, timeout=120, check=False)
+    assert done.returncode == 0

@@ -17,9 +17,9 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from queue import SimpleQueue
 import signal
 import sys
-from threading import Event
 from typing import Any
 import webbrowser
 
@@ -63,10 +63,11 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
-    ended = Event()
+    # Unlike an Event, it takes a second signal that comes while the first is handled.
+    ended: SimpleQueue[int] = SimpleQueue()
     # Not before: what builds the scene is to be interrupted.
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+        signal.signal(number, lambda told, _: ended.put(told))
     # Late, as what follows: scenes take a second that help and mistakes need not wait for.
     from procphys_ros.scene.named import shipped_scenes
 
@@ -76,7 +77,7 @@ def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
         page.start()
         if said.open:
             webbrowser.open(page.address)
-        ended.wait()
+        ended.get()
 
 
 def _played(said: argparse.Namespace) -> Any:
