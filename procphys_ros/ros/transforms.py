@@ -39,19 +39,20 @@ class TransformPublisher:
 
     :param node: the node that publishes.
     :param frame: the frame that they are in.
+    :ivar new: tells of new subscribers.
     """
 
     def __init__(self, node: Node, frame: str):
         self._frame = frame
         self._warn = node.get_logger().warning
         self._has_warned = False
-        self._new = LateJoinerTracker()
+        self.new = LateJoinerTracker()
         self._written: tuple[tuple[str, ...], TransformMessage] | None = None
         self._publisher: Publisher | None = None
         try:
             kind = import_module(f'{_PACKAGE}.msg').TFMessage
             self._publisher = qos.publisher(node, kind, '/tf', qos.changes(),
-                                            event_callbacks=self._new.events)
+                                            event_callbacks=self.new.events)
         except Exception as error:  # each file that may be missing is missed in another way
             if not node.context.ok():
                 raise
@@ -66,7 +67,7 @@ class TransformPublisher:
 
         :param has_moved: whether steps were run since the last call.
         """
-        is_news = self._new.are_waiting() or has_moved
+        is_news = self.new.are_waiting() or has_moved
         if self._publisher is None or not is_news or not self._publisher.get_subscription_count():
             return
         names, parts = frames(simulation)
