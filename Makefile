@@ -21,9 +21,12 @@ export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: run warm test lint types pytest bench gallery docs report clean
 
+# A shell that waits for the node in the foreground hears no signal before the node has ended.
 run: warm
-	trap 'kill $$page 2>/dev/null' EXIT INT TERM; $(BIN)/view --port $(PORT) & page=$$!; \
-	  $(VENV)/lib/procphys_ros/sim --ros-args --params-file $(SCENE)
+	trap 'kill $$page $$node 2>/dev/null; wait; exit 130' HUP INT TERM; \
+	  $(BIN)/view --port $(PORT) & page=$$!; \
+	  $(VENV)/lib/procphys_ros/sim --ros-args --params-file $(SCENE) & node=$$!; \
+	  wait $$node; code=$$?; kill $$page 2>/dev/null; wait; exit $$code
 
 # Compiles nothing when the user's cache folder has everything.
 warm: $(VENV)/.installed-run

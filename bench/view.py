@@ -64,11 +64,11 @@ class Replay:
         """End nothing."""
 
 
-def look(port: int, received) -> None:
+def look(address: str, received) -> None:
     """Be a browser that takes everything as it comes."""
     import viser
     from websockets.sync.client import connect
-    with connect(f'ws://localhost:{port}', max_size=None,
+    with connect(address.replace('http:', 'ws:'), max_size=None,
                  subprotocols=[f'viser-v{viser.__version__}']) as client:
         client.send(camera())
         for data in client:
@@ -133,7 +133,7 @@ def measure(name: str) -> None:
     page = Page(Replay(frames), port=port)
     context = get_context('spawn')
     received = context.Value('q', 0)
-    browser = context.Process(target=look, args=(port, received), daemon=True)
+    browser = context.Process(target=look, args=(page.address, received), daemon=True)
     browser.start()
     while not page.server.get_clients():
         sleep(0.1)

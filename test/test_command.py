@@ -178,6 +178,22 @@ def test_a_message_that_nobody_has_taken_is_told():
     assert len(sent) == 1
 
 
+@pytest.mark.parametrize('words, patience', [
+    (['--timeout', '300', 'list'], 300.0), (['list', '--timeout', '2'], 120.0), (['list'], 120.0)])
+def test_the_timeout_holds_for_answers_as_well(monkeypatch, words, patience):
+    """Wait as long as was asked for a node that is there and compiles, and two minutes else."""
+    asked = []
+
+    def find(name, timeout, patience):
+        asked.append(patience)
+        raise NoNodeError('none')
+    monkeypatch.setattr('procphys_ros.ros.remote.Remote', find)
+    monkeypatch.setattr(signal, 'signal', lambda *_: None)
+    monkeypatch.setattr(rclpy, 'try_shutdown', lambda: None)
+    monkeypatch.setattr('procphys_ros.ros.starting.start_ros', lambda *_, **__: None)
+    assert command.main(words) == 3 and asked == [patience]
+
+
 def test_no_node_ends_with_three(node, run):
     """Say where was looked and what is there."""
     for timeout in (0.5, 5.0, 30.0, PATIENCE):  # a busy machine may find the other node late

@@ -52,6 +52,24 @@ try:
 except KeyboardInterrupt:
     print('interrupted')
 """
+TWICE = """
+import os, signal, sys
+from threading import Timer
+from types import SimpleNamespace
+from procphys_ros.ros import view
+
+def signalled(frame, event, argument):
+    if event == 'call' and frame.f_code.co_name == 'notify_all':
+        sys.setprofile(None)
+        signal.raise_signal(signal.SIGTERM)
+
+nothing = lambda *_, **__: None
+tell = Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+view.Page = lambda *_: SimpleNamespace(address='', start=tell.start, close=nothing)
+view._played = lambda said: SimpleNamespace(start=nothing, close=nothing)
+sys.setprofile(signalled)
+sys.exit(view.main(['demo']))
+"""
 
 
 class _Thing:
@@ -150,3 +168,9 @@ def test_an_alarm_of_others_goes_on(monkeypatch, unsafe):
     while len(rang) < 2 and time.monotonic() < end:
         time.sleep(0.01)
     assert rang[:2] == ['theirs', 'theirs']
+
+
+def test_a_second_signal_does_not_stop_a_page_from_ending():
+    """Take a signal that comes while another is handled, as where make passes Ctrl-C on."""
+    done = subprocess.run([sys.executable, '-c', TWICE], cwd=ROOT, timeout=120, check=False)
+    assert done.returncode == 0

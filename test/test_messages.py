@@ -185,13 +185,41 @@ def test_only_what_moved_is_sent_again():
 def test_leaves_of_what_is_gone_shrink_to_a_point():
     """Leave no twigs in the air, or where the scene begins, when their part has vanished."""
     blueprint = mixed_blueprint()
-    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world')
+    blueprint = replace(blueprint, ornaments=Ornaments(
+        np.array([1, 4], np.int32), np.ones((2, 9)), np.array([3, 3], np.int16)))
+    scene = messages.SceneMarkers(blueprint, objects_of(('oak', 0, 9)), 'world',
+                                  messages.MarkerStyle(most_triangles=10))
     scene.whole(blueprint.poses, AT)
     poses = blueprint.poses.copy()
-    poses[1] = np.nan  # it carries the only twig
+    poses[1] = np.nan
     found = read_markers(scene.changes(poses, AT))
     points = np.array([[p.x, p.y, p.z] for p in found['oak/leaves', 3].points])
-    assert np.ptp(points[:6], axis=0).max() > 0.1 and not points[6:].any()
+    gone = ~points.reshape(-1, 3, 3).any(axis=(1, 2))
+    assert found['oak/leaves', 3].action == Marker.ADD and gone.sum() == 1 < len(gone)
+
+
+@pytest.mark.parametrize('most', [40_000, 6])  # leaves one by one, and few large ones
+@pytest.mark.parametrize('shard', ['', 'shard_1'])
+@pytest.mark.parametrize('write', ['changes', 'whole'])
+def test_leaves_of_an_object_that_is_gone_are_deleted(most, shard, write):
+    """Delete what rides on nothing but vanished parts, once, and show it when they return."""
+    blueprint = mixed_blueprint()
+    owners = objects_of(('ash', 0, 3), ('oak', 3, 6))
+    scene = messages.SceneMarkers(blueprint, owners, 'world',
+                                  messages.MarkerStyle(most, shard=shard))
+    crowns = {key for key in read_markers(scene.whole(blueprint.poses, AT)) if '/' in key[0]}
+    felled = {key for key in crowns if key[0] == 'oak/leaves'}
+    assert felled and felled < crowns
+    poses = blueprint.poses.copy()
+    poses[3:] = np.nan
+    found = read_markers(getattr(scene, write)(poses, AT))
+    assert {key for key in found if key[0] == 'oak/leaves'} == felled
+    assert {found[key].action for key in felled} == {Marker.DELETE}
+    assert scene.changes(poses, AT) is None
+    left = {key for key in read_markers(scene.whole(poses, AT)) if '/' in key[0]}
+    assert left == crowns - felled
+    back = read_markers(scene.changes(blueprint.poses, AT))
+    assert {back[key].action for key in felled} == {Marker.ADD}
 
 
 @pytest.mark.parametrize('chosen', [[0], [2], [0, 2], [1, 2, 3], [0, 1, 2, 3]])

@@ -18,6 +18,7 @@
 import json
 import math
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, Vector3Stamped, WrenchStamped
 from node_process import Client, PARTS, SAPLING, SCENE, serve
 import numpy as np
@@ -292,8 +293,23 @@ def test_time_stands_still_while_paused(client):
     """Publish one and the same time while paused."""
     client.switch('set_pause', True)
     received = client.listen(Clock, '/clock')
-    client.spin_until(lambda: len(received) > 10, 'clock')
+    client.spin_until(lambda: len(received) > 3, 'clock')
     assert len({(m.clock.sec, m.clock.nanosec) for m in received}) == 1
+
+
+def test_little_is_done_while_paused(client):
+    """Publish the time as seldom as the status once all is told, and often when it goes on."""
+    client.switch('set_pause', True)
+    statuses = client.listen(DiagnosticArray, '/diagnostics')
+    clocks = client.listen(Clock, '/clock')
+    client.spin_until(lambda: len(statuses) > 7, 'quiet, also after subscribers of other tests')
+    first, begun = len(clocks), len(statuses)
+    client.spin_until(lambda: len(statuses) >= begun + 3, 'three seconds')
+    assert 1 <= len(clocks) - first <= 6
+    client.switch('set_pause', False)
+    first, begun = len(clocks), len(statuses)
+    client.spin_until(lambda: len(statuses) >= begun + 3, 'three seconds')
+    assert len(clocks) - first > 15
 
 
 def test_step_is_refused_while_running(client):

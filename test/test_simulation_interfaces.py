@@ -44,7 +44,6 @@ import numpy as np
 import pytest
 
 from procphys_ros import rotation
-from procphys_ros.ros import simulation_interfaces
 from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.session import Session
 from procphys_ros.ros.simulation_interfaces import FEATURES, SimulationInterfacesServer
@@ -169,6 +168,7 @@ def test_entities_are_filtered(unchanged, fields, expected):
 @pytest.mark.parametrize('fields, reason, code', [
     ({'filters__filter': '('}, 'regular expression', RESULT.RESULT_OPERATION_FAILED),
     ({'filters__filter': '[[:digits:]]'}, 'xdigit', RESULT.RESULT_OPERATION_FAILED),
+    ({'filters__filter': '(((a{99}){99}){99}){99}'}, 'too large', RESULT.RESULT_OPERATION_FAILED),
     ({'filters__bounds__points': [point(0, 0, 0)] * 4}, 'two', RESULT.RESULT_OPERATION_FAILED),
     ({'filters__bounds__type': 1, 'filters__bounds__points': [point(0, 0, 0)] * 4}, 'a sphere',
      RESULT.RESULT_FEATURE_UNSUPPORTED),
@@ -178,6 +178,17 @@ def test_filters_that_make_no_sense_are_refused(unchanged, service, fields, reas
     """Say what is wrong, and what is not supported with the code that stands for that."""
     answer = call(unchanged, service, **fields).result
     assert answer.result == code and reason in answer.error_message
+
+
+@pytest.mark.timeout(60)
+def test_no_filter_holds_the_simulation_up(server):
+    """Answer at once to expressions and tags that would keep a naive search busy for years."""
+    assert call(server, 'spawn_entity', name='a' * 60, entity_resource=resource(text=TREE),
+                initial_pose=place(5.0, 5.0)).result.result == 1
+    assert call(server, 'get_entities', filters__filter='^(a|a)*b').entities == []
+    assert call(server, 'get_entities', filters__filter='^(a|a)*$').entities == ['a' * 60]
+    tags = [f'tag_{i}' for i in range(500_000)]
+    assert call(server, 'get_entities', filters__tags__tags=tags).entities == []
 
 
 def test_an_entity_has_a_state_and_a_description(server):
@@ -218,39 +229,6 @@ def test_before_the_first_scene_requests_are_answered():
     refused = call(empty, 'get_entities').result
     assert refused.result == RESULT.RESULT_OPERATION_FAILED
     assert 'still being built' in refused.error_message
-
-
-def test_nothing_is_offered_without_the_package(monkeypatch):
-    """Do without services when their package cannot be imported."""
-    monkeypatch.setattr(simulation_interfaces, 'PACKAGE', 'no_such_package')
-    assert simulation_interfaces.offer(None, None, None, None) == []
-
-
-def test_services_are_offered_where_the_package_has_them(monkeypatch):
-    """Offer each service that the package defines under its own name, and no other."""
-    kinds = SimpleNamespace(GetEntities=object(), StepSimulation=object(), LoadWorld=object(),
-                            SpawnEntity=object())
-    actions = SimpleNamespace(SimulateSteps=object())
-    monkeypatch.setitem(sys.modules, 'simulation_interfaces', SimpleNamespace())
-    monkeypatch.setitem(sys.modules, 'simulation_interfaces.msg', TYPES)
-    monkeypatch.setitem(sys.modules, 'simulation_interfaces.srv', kinds)
-    monkeypatch.setitem(sys.modules, 'simulation_interfaces.action', actions)
-    made = {}
-
-    def create_action(node, kind, name, serve, callback_group, cancel_callback):
-        made[name] = kind, serve.__name__, callback_group
-    monkeypatch.setattr(simulation_interfaces, 'ActionServer', create_action)
-
-    def create_service(kind, name, serve, callback_group):
-        made[name] = kind, serve.__name__, callback_group
-    node = SimpleNamespace(create_service=create_service,
-                           get_parameter=lambda name: SimpleNamespace(value='world'))
-    answers = SimpleNamespace(group='group')
-    offered = simulation_interfaces.offer(node, answers, None, None)
-    assert offered == ['step_simulation', 'get_entities', 'spawn_entity', 'simulate_steps']
-    assert made == {f'~/simulation_interfaces/{name}': (kind, name, 'group') for name, kind in (
-        ('get_entities', kinds.GetEntities), ('step_simulation', kinds.StepSimulation),
-        ('spawn_entity', kinds.SpawnEntity), ('simulate_steps', actions.SimulateSteps))}
 
 
 class Goal:

@@ -21,6 +21,7 @@ from types import SimpleNamespace
 
 from geometry_msgs.msg import TransformStamped
 import numpy as np
+import pytest
 from rclpy.serialization import serialize_message
 
 from procphys_ros import messages
@@ -67,15 +68,19 @@ class Node:
 
     def __init__(self):
         self.said = []
+        self.context = SimpleNamespace(ok=lambda: True)
 
     def get_logger(self):
         """Give what takes warnings."""
         return SimpleNamespace(warning=self.said.append)
 
 
-def test_without_tf2_msgs_one_warning_is_all(monkeypatch):
-    """Say what is missing, and how to get it; then do nothing."""
-    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', None)
+@pytest.mark.parametrize('messages', [None, SimpleNamespace(),
+                                      SimpleNamespace(TFMessage=SimpleNamespace)])
+def test_without_tf2_msgs_one_warning_is_all(monkeypatch, messages):
+    """Say what is missing, and how to get it; then do nothing. Half of it is as good as none."""
+    monkeypatch.setitem(sys.modules, 'tf2_msgs', SimpleNamespace())
+    monkeypatch.setitem(sys.modules, 'tf2_msgs.msg', messages)
     node = Node()
     publisher = TransformPublisher(node, 'world')
     for moved in (True, False):

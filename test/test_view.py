@@ -121,7 +121,7 @@ def page(source):
 @pytest.fixture
 def client(page):
     """Look at the page."""
-    made = ViewClient(page.server.get_port())
+    made = ViewClient(page.address)
     yield made
     made.close()
 
@@ -229,7 +229,7 @@ def test_a_source_knows_whether_anybody_looks(page, source):
     """Want frames only while a client is there."""
     page.update(0.0)
     assert not source.watched
-    client = ViewClient(page.server.get_port())
+    client = ViewClient(page.address)
     client.wait_for(lambda m: m['type'] == 'BatchedGlbMessage')
     client.wait_until(lambda: page.update(1.0) or source.watched)
     client.close()

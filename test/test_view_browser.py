@@ -14,8 +14,10 @@
 
 """The page of a running node in a real browser, without a display."""
 
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import shutil
 import signal
+from threading import Thread
 from time import sleep
 
 from node_process import NodeProcess, PATIENCE, SAPLING, wait_until
@@ -27,7 +29,7 @@ from procphys_ros.ros.followed_node import FollowedNode
 from procphys_ros.view.page import Page
 
 sync_playwright = pytest.importorskip('playwright.sync_api').sync_playwright
-pytest.importorskip('viser')
+viser = pytest.importorskip('viser')
 CHROMIUM = shutil.which('chromium') or shutil.which('chromium-browser')
 if CHROMIUM is None:
     pytest.skip('no Chromium: apt-get install chromium', allow_module_level=True)
@@ -136,8 +138,40 @@ def test_a_click_reaches_the_node(browser, followed):
 def test_nothing_is_asked_of_other_machines(browser, page, requests):
     """Load everything from where the page is."""
     assert requests
-    assert all(url.startswith((page.address, f'blob:{page.address}', 'data:'))
+    site = page.address.rpartition('/')[0]
+    assert all(url.startswith((page.address, f'blob:{site}/', 'data:'))
                for url in requests), requests
+
+
+@pytest.fixture
+def other_site():
+    """Serve an empty page on another port, which makes it another site."""
+    class Empty(BaseHTTPRequestHandler):
+
+        def do_GET(self):
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *_):
+            pass
+    with ThreadingHTTPServer(('127.0.0.1', 0), Empty) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f'http://127.0.0.1:{server.server_port}/'
+        server.shutdown()
+
+
+def test_another_site_does_not_reach_the_node(browser, page, other_site):
+    """Refuse connections that another site opens, with the address of the page and without."""
+    tab = browser.context.browser.new_page()
+    tab.goto(other_site)
+    for name in (page.address, page.address.rpartition('/')[0]):
+        outcome = tab.evaluate("""([name, protocol]) => new Promise(done => {
+            const socket = new WebSocket(name, protocol);
+            socket.onopen = () => done('open');
+            socket.onerror = () => done('refused');
+        })""", [name.replace('http:', 'ws:'), f'viser-v{viser.__version__}'])
+        assert outcome == 'refused', name
+    tab.close()
 
 
 def test_a_dead_node_is_shown(browser, node):

@@ -33,13 +33,13 @@ class ViewClient:
     """
     Connects to a page and keeps what it is told.
 
-    :param port: of the page.
+    :param address: of the page.
     :ivar messages: all that came, oldest first.
     """
 
-    def __init__(self, port: int):
+    def __init__(self, address: str):
         self.messages: list[dict[str, Any]] = []
-        self._socket = connect(f'ws://localhost:{port}', max_size=None,
+        self._socket = connect(address.replace('http:', 'ws:'), max_size=None,
                                subprotocols=[f'viser-v{viser.__version__}'])
         self.send('ViewerCameraMessage', wxyz=(1, 0, 0, 0), position=_PLACE, fov=1.0, near=0.1,
                   far=1e4, image_height=10, image_width=10, look_at=(0, 0, 1),

@@ -101,7 +101,8 @@ def _add_reach(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--node', type=node, default=argparse.SUPPRESS, metavar='NAME',
                         help=f'the node to talk to (default {_REACH["node"]})')
     parser.add_argument('--timeout', type=positive, default=argparse.SUPPRESS, metavar='S',
-                        help=f'how long to look for it [s] (default {_REACH["timeout"]})')
+                        help='how long to look for it, and to wait for its answers, for these two '
+                        f'minutes at least [s] (default {_REACH["timeout"]})')
 
 
 def _add_loads(group) -> None:

@@ -158,7 +158,8 @@ class SceneMarkers:
         # What has vanished since the last message is still deleted: nothing is cleared in a view
         # that others draw into.
         self._sent.poses[np.isfinite(poses[:, 0])] = np.nan
-        self._sent_leaves.poses[:] = np.nan
+        leaf_poses = self._shown_leaves(poses, leaf_poses)
+        self._sent_leaves.poses[np.isfinite(leaf_poses[:, 0])] = np.nan
         self._dust.forget()
         self._torn.forget()
         chunks, count = self._changed(poses, at, leaf_poses, puffs)
@@ -190,17 +191,23 @@ class SceneMarkers:
         changed = self._sent.update(poses)
         away = _differ(poses, self._home, _VISIBLE)
         carriers, marks = poses[:self._first_parts], changed[:self._first_parts]
-        if self.shows_leaf_poses:
-            if leaf_poses is None:
-                leaf_poses = compose(poses[self._petioles.part], self._petioles.pose)
-            carriers = np.concatenate([carriers, leaf_poses])
-            marks = np.append(marks, self._sent_leaves.update(leaf_poses))
+        leaf_poses = self._shown_leaves(poses, leaf_poses)
+        carriers = np.concatenate([carriers, leaf_poses])
+        marks = np.append(marks, self._sent_leaves.update(leaf_poses))
         found: list[tuple[Sequence[Chunk], int]] = [
             self._parts.write(poses, at, changed, away), self._leaves.write(carriers, marks, at),
             self._torn.write(poses, at)]
         if puffs is not None:
             found.append(self._dust.write(puffs, at))
         return [chunk for some, _ in found for chunk in some], sum(count for _, count in found)
+
+    def _shown_leaves(self, poses: np.ndarray, leaf_poses: np.ndarray | None) -> np.ndarray:
+        """Return the poses of leaves that are drawn one by one, (L, 7)."""
+        if not self.shows_leaf_poses:
+            return np.zeros((0, 7))
+        if leaf_poses is None:
+            return compose(poses[self._petioles.part], self._petioles.pose)
+        return leaf_poses
 
 
 @kernel(nogil=True)

@@ -65,7 +65,8 @@ class TriangleLists:
         """
         Write the markers of which something moved.
 
-        Corners on what is not there any more shrink to a point.
+        Corners on what is not there any more shrink to a point; a marker without anything else is
+        deleted.
 
         :param poses: that corners ride on, (M, 7).
         :param changed: which of them have moved, (M,) bool.
@@ -76,11 +77,23 @@ class TriangleLists:
         _write(poses, changed, self._first_carrier, self._carrier, self._first, self._row,
                self._corners, self._stamp_at, self._points_at, np.array(at, np.uint32),
                self._block.view(np.uint32), self._block.view(np.float64), moved)
-        edges = np.flatnonzero(np.diff(moved, prepend=False, append=False))
+        gone = moved & ~self._are_there(poses, moved)
+        edges = np.flatnonzero(np.diff(moved & ~gone, prepend=False, append=False))
         block = self._block.data
         runs = [block[self._start[first]:self._start[last]]
                 for first, last in edges.reshape(-1, 2)]
+        runs += [memoryview(self._deletions[marker]) for marker in np.flatnonzero(gone)]
         return runs, int(np.count_nonzero(moved))
+
+    def _are_there(self, poses: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        """Return which of the markers asked for have a carrier that exists, (K,) bool."""
+        there = np.zeros(len(asked), bool)
+        for marker in np.flatnonzero(asked):
+            carriers = self._carrier[self._first_carrier[marker]:self._first_carrier[marker + 1]]
+            # Mostly the first one is there, and crowns move in every frame.
+            there[marker] = np.isfinite(poses[carriers[:1], 0]).any() or bool(
+                np.isfinite(poses[carriers, 0]).any())
+        return there
 
 
 def _starts(lengths: list[int]) -> np.ndarray:

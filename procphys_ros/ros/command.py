@@ -69,12 +69,12 @@ def _talk(said: argparse.Namespace, ros_words: Sequence[str]) -> int:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    from procphys_ros.ros.remote import NoNodeError, Remote
+    from procphys_ros.ros.remote import NoNodeError, PATIENCE, Remote
     from procphys_ros.ros.starting import start_ros
     remote = None
     try:
         start_ros(['command', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
-        remote = Remote(said.node, said.timeout)
+        remote = Remote(said.node, said.timeout, max(said.timeout, PATIENCE))
         _VERBS[said.verb](remote, said)
         return _DONE
     except SceneError as error:

@@ -156,10 +156,14 @@ class CommandQueue:
         self._on_rejection(name, reason, defect)
         return reason
 
-    def drain(self) -> None:
-        """Carry out what waits, but no longer than `_LONGEST`; calls up to `_LONGEST_CALLS`."""
-        begin = self._clock()
-        elapsed = 0.0
+    def drain(self) -> bool:
+        """
+        Carry out what waits, but no longer than `_LONGEST`; calls up to `_LONGEST_CALLS`.
+
+        :returns: whether anything has waited.
+        """
+        begin, elapsed = self._clock(), 0.0
+        has_waited = len(self) > 0
         while elapsed <= _LONGEST_CALLS:
             command = self._next(elapsed > _LONGEST)
             if command is None:
@@ -167,6 +171,7 @@ class CommandQueue:
             self._carry_out(command)
             elapsed = self._clock() - begin
         self._is_behind = bool(self._from_topics)
+        return has_waited
 
     def counts(self) -> tuple[dict[str, int], dict[str, int]]:
         """Give how many commands were taken, and rejected, by name."""

@@ -50,7 +50,16 @@ class LateJoinerTracker:
     def are_waiting(self) -> bool:
         """Return whether it is time to tell everything; in the thread that simulates."""
         due = self._due  # the other thread replaces it as a whole
-        if not due or self._clock() < due[0]:
+        if not _has_begun(due, self._clock()):
             return False
         del due[0]
         return True
+
+    @property
+    def would_be_told(self) -> bool:
+        """Return whether `are_waiting` would say so now."""
+        return _has_begun(self._due, self._clock())
+
+
+def _has_begun(due: list[float], now: float) -> bool:
+    return bool(due) and now >= due[0]

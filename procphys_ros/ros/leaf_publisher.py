@@ -35,14 +35,15 @@ class LeafPublisher:
 
     :param node: the node that publishes.
     :param frame: `frame_id` of everything.
+    :ivar new: tells of new subscribers of the poses.
     """
 
     def __init__(self, node: Node, frame: str):
         self._frame = frame
-        self._new = LateJoinerTracker()
+        self.new = LateJoinerTracker()
         self._leaves = qos.publisher(node, PointCloud2, '~/leaves', qos.latched())
         self._poses = qos.publisher(node, PoseArray, '~/leaf_poses', qos.arrays(),
-                                    event_callbacks=self._new.events)
+                                    event_callbacks=self.new.events)
         self._limiter = RateLimiter(1.0, _EARLY)
         self._described = -1
         self._has_news = True
@@ -68,7 +69,7 @@ class LeafPublisher:
         """
         self._limiter.rate = rate
         # What came when nothing was due is still to be told, also if time stands still since.
-        self._has_news |= self._new.are_waiting() or has_moved
+        self._has_news |= self.new.are_waiting() or has_moved
         if self._has_news and self._poses.get_subscription_count() and self._limiter.is_due():
             self._has_news = False
             self._poses.publish(messages.pose_array(

@@ -23,6 +23,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.ros.building import Builder
 from procphys_ros.ros.commands import Command, CommandQueue, describe
+from procphys_ros.ros.free_memory import return_free_memory
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.spawn import Spawn
@@ -151,4 +152,8 @@ class Loading:
         answer(True, 'cancelled' + (_STAYS if self._session.has_scene else ''))
 
     def _hand_over(self, simulation: Simulation, answer: Callable[[bool, str], None]) -> None:
-        self._queue.call(Command(RELOAD, lambda: self._session.adopt(simulation), answer))
+        def adopt() -> str:
+            message = self._session.adopt(simulation)
+            return_free_memory()
+            return message
+        self._queue.call(Command(RELOAD, adopt, answer))

@@ -17,6 +17,7 @@
 
 from collections.abc import Callable
 import sys
+from time import monotonic
 from traceback import format_exception
 
 from rclpy.clock import Clock, ClockType
@@ -132,7 +133,9 @@ class SimNode(Node):
         self.steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self.loop = Loop(self._turn, self.context)
         self.commands = CommandQueue(self.loop.wake, self._report_rejection)
-        self._limiter = RateLimiter(self.parameters['publish_rate'])
+        self._publish_rate = self.parameters['publish_rate']
+        self._limiter = RateLimiter(self._publish_rate)
+        self._lively_until = 0.0
         self._warnings = RateLimiter(1.0 / _WARNING_PERIOD)
         self.pacer = Pacer(self.parameters['time_step'], self.parameters['real_time_factor'],
                            budget=self._longest_turn())
@@ -204,14 +207,22 @@ class SimNode(Node):
 
     def _turn(self) -> float:
         """Carry out commands, run the steps that are due, publish; say when to come again [s]."""
-        self.commands.drain()
+        has_news = self.commands.drain() or self._output.has_late_joiners
         if not self.session.has_scene:
             return _LONGEST_TURN
         self._guard('a step', self._advance)
+        self._choose_rate(has_news or not self.session.stands)
         self._guard('publishing', self._publish)
         if len(self.commands) or self.pacer.is_behind and not self.session.stands:
             return 0.0
         return min(self._limiter.wait, _LONGEST_TURN)
+
+    def _choose_rate(self, has_news: bool) -> None:
+        """Publish seldom what has stood still so long that all of it was told."""
+        if has_news:
+            self._lively_until = monotonic() + _STATUS_PERIOD
+        seldom = min(self._publish_rate, 1.0 / _STATUS_PERIOD)
+        self._limiter.rate = self._publish_rate if monotonic() < self._lively_until else seldom
 
     def _advance(self) -> None:
         if not self.session.stands and self.pacer.advance(self._step,
@@ -219,8 +230,10 @@ class SimNode(Node):
             self._moved = True
 
     def _publish(self) -> None:
-        self.diagnostics.look(self.session, self.pacer)
-        if self._limiter.is_due():
+        is_due = self._limiter.is_due()
+        if is_due or self._limiter.rate == self._publish_rate:
+            self.diagnostics.look(self.session, self.pacer)
+        if is_due:
             self._output.publish(self.session.simulation, self._moved)
             self._moved = False
 
@@ -252,7 +265,7 @@ class SimNode(Node):
         self.get_logger().info(banner(self))
 
     def _longest_turn(self) -> float:
-        return min(1.0 / self._limiter.rate, _LONGEST_TURN)
+        return min(1.0 / self._publish_rate, _LONGEST_TURN)
 
     def _change(self, names: set[str]) -> None:
         """Have changed parameters take effect; they have been checked before."""
@@ -261,7 +274,7 @@ class SimNode(Node):
         self.commands.call(Command('set_parameters', lambda: self._apply(names, wind)))
 
     def _apply(self, names: set[str], wind: WindSettings | None) -> str:
-        self._limiter.rate = self.parameters['publish_rate']
+        self._publish_rate = self.parameters['publish_rate']
         self.pacer.budget = self._longest_turn()
         if names & {'real_time_factor'}:
             self.pacer.factor = self.parameters['real_time_factor']

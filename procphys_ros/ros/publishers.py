@@ -93,6 +93,13 @@ class Publishers:
         self._added: tuple[str, ...] = ()
 
     @property
+    def has_late_joiners(self) -> bool:
+        """Return whether new subscribers are to be told everything now."""
+        trackers = [self._new_to_poses, self._new_to_markers, self._leaves.new]
+        trackers += [] if self._transforms is None else [self._transforms.new]
+        return any(tracker.would_be_told for tracker in trackers)
+
+    @property
     def clocks(self) -> int:
         """Count the publishers of the topic that this one publishes time on."""
         return (0 if self._clock is None

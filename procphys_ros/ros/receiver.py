@@ -16,6 +16,7 @@
 """Receiver: takes messages in a thread of its own, as fast as they come."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from threading import Event, Thread
 from time import thread_time
@@ -23,6 +24,7 @@ from typing import Any
 
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
@@ -32,6 +34,7 @@ from procphys_ros.ros import qos
 from procphys_ros.ros.sequence_gaps import SequenceGaps
 
 _PERIOD = 0.005  # [s] between looks at the subscriptions
+_NAP = 1.0  # [s] at most without a look while no message comes
 _MOST = 100  # messages of a topic per look, some 5 ms
 _REST = 2.0  # times the processor time of a look nothing is looked at, so that others have some
 
@@ -84,6 +87,7 @@ class Receiver:
             parameter_overrides=[Parameter('start_type_description_service', value=False)])
         self._topics: list[_Topic] = []
         self._stopping = Event()
+        self._wake = self._node.create_guard_condition(lambda: None)
         self._thread = Thread(target=self._run, name='receiver', daemon=True)
 
     def subscribe(self, kind: type, topic: str, inlet: Inlet) -> None:
@@ -126,6 +130,7 @@ class Receiver:
         """End receiving, wait some time for that [s], and say whether it has ended."""
         self._stopping.set()
         if self._thread.is_alive():
+            self._wake.trigger()
             self._thread.join(patience)
         if self._thread.is_alive():
             return False
@@ -137,13 +142,33 @@ class Receiver:
     def _run(self) -> None:
         rest = _PERIOD
         while not self._stopping.wait(rest):
-            begin = thread_time()
+            begin, has_come = thread_time(), False
             for topic in self._topics:
                 for _ in range(_MOST):
                     if (self._stopping.is_set() or not self._context.ok()
                             or not topic.take()):
                         break
+                    has_come = True
             rest = max(_PERIOD, _REST * (thread_time() - begin))
+            if not has_come and self._context.ok():
+                self._wait_for_messages()
+
+    def _wait_for_messages(self) -> None:
+        """Wait until a message comes, for a moment at most."""
+        subscriptions = [topic.handle for topic in self._topics]
+        try:
+            with ExitStack() as held:
+                for handle in (self._context.handle, self._wake.handle, *subscriptions):
+                    held.enter_context(handle)
+                waiting = rclpy_implementation.WaitSet(len(subscriptions), 1, 0, 0, 0, 0,
+                                                       self._context.handle)
+                waiting.clear_entities()
+                waiting.add_guard_condition(self._wake.handle)
+                for handle in subscriptions:
+                    waiting.add_subscription(handle)
+                waiting.wait(int(1e9 * _NAP))
+        except InvalidHandle:  # the node is going
+            pass
 
 
 class _Topic:
@@ -157,6 +182,10 @@ class _Topic:
     @property
     def name(self) -> str:
         return self._subscription.topic_name
+
+    @property
+    def handle(self) -> Any:
+        return self._subscription.handle
 
     @property
     def quality(self) -> QoSProfile:

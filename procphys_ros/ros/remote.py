@@ -34,6 +34,7 @@ from std_srvs.srv import SetBool, Trigger
 from procphys_ros.errors import CommandError
 from procphys_ros.ros import qos
 
+PATIENCE = 120.0  # [s] for an answer of a node that is there and may be busy
 _TURN = 0.05  # [s] between looks at the clock
 _SEARCH = 10.0  # [s] for a topic or service of a node that is there, which DDS may find late
 _FIRST = 'reset_simulation'  # the service by which a node is found
@@ -63,7 +64,7 @@ class Remote:
     :raises NoNodeError: when it is not found; the message says which nodes are there.
     """
 
-    def __init__(self, name: str, timeout: float, patience: float = 120.0):
+    def __init__(self, name: str, timeout: float, patience: float = PATIENCE):
         self.name = '/' + name.strip('/')
         self.patience = patience
         self._node = rclpy.create_node(f'command_{os.getpid()}', start_parameter_services=False)

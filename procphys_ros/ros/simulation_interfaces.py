@@ -22,7 +22,6 @@ of its own is read from it, so that nothing here depends on the numbers that it 
 
 from collections.abc import Callable, Sequence
 from importlib import import_module
-import re
 from typing import Any
 
 from geometry_msgs.msg import Vector3
@@ -34,8 +33,10 @@ from procphys_ros import messages
 from procphys_ros.errors import CommandError
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.entity_services import BeginSpawn, EntityServer, FORMATS, Replies
+from procphys_ros.ros.posix_pattern import Pattern
 from procphys_ros.ros.services import Answers
 from procphys_ros.ros.session import Session
+from procphys_ros.schema import short
 
 PACKAGE = 'simulation_interfaces'
 # What works here, and by which service; what an older or newer package does not have is left out.
@@ -62,10 +63,6 @@ _SERVICES = {'get_simulator_features': 'GetSimulatorFeatures',
              'spawn_entities': 'SpawnEntities', 'delete_entity': 'DeleteEntity',
              'set_entity_state': 'SetEntityState'}
 _ACTIONS = {'simulate_steps': 'SimulateSteps'}
-# Classes of characters of POSIX, in which filters are written, as Python writes them.
-_CLASSES = {'alnum': 'A-Za-z0-9', 'alpha': 'A-Za-z', 'blank': r' \t', 'digit': '0-9',
-            'lower': 'a-z', 'punct': r'!-/:-@\[-`{-~', 'space': r'\s', 'upper': 'A-Z',
-            'xdigit': '0-9A-Fa-f'}
 
 
 def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpawn) -> list[str]:
@@ -76,12 +73,28 @@ def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpaw
     :param answers: waits for what becomes of a command.
     :param session: carries commands out.
     :param begin_spawn: has an object built and joined to the scene.
-    :returns: their names; none when the package cannot be imported.
+    :returns: their names; none when the package cannot be used.
     """
+    made: list[Any] = []
     try:
-        types, kinds = import_module(f'{PACKAGE}.msg'), import_module(f'{PACKAGE}.srv')
-    except ImportError:
+        return _create(node, answers, session, begin_spawn, made)
+    except Exception as error:  # each file that may be missing is missed in another way
+        if isinstance(error, ModuleNotFoundError) and error.name == PACKAGE:
+            return []
+        if not node.context.ok():
+            raise
+        for service in made:
+            node.destroy_service(service)
+        node.get_logger().warning(
+            f'the services of {PACKAGE} are not offered, because the package cannot be used '
+            f'({type(error).__name__}: {short(str(error))}); install it anew')
         return []
+
+
+def _create(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpawn,
+            made: list[Any]) -> list[str]:
+    """Create services and actions; `made` gets the former."""
+    types, kinds = import_module(f'{PACKAGE}.msg'), import_module(f'{PACKAGE}.srv')
     try:
         actions: Any = import_module(f'{PACKAGE}.action')
     except ImportError:
@@ -93,8 +106,8 @@ def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpaw
                                         [*services, *courses])
     for name in services:
         serve = getattr(server, name, None) or getattr(server.entities, name)
-        node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}', serve,
-                            callback_group=answers.group)
+        made.append(node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}',
+                                        serve, callback_group=answers.group))
     for name in courses:
         ActionServer(node, getattr(actions, _ACTIONS[name]), f'~/{PACKAGE}/{name}',
                      getattr(server, name), callback_group=answers.group,
@@ -276,16 +289,16 @@ class SimulationInterfacesServer:
         :raises CommandError: when a filter makes no sense.
         """
         entities = self._entities()
-        pattern = _pattern(filters.filter)
+        pattern = Pattern(filters.filter)
         category = self._types.EntityCategory.CATEGORY_OBJECT
         if len(filters.categories) and category not in [c.category for c in filters.categories]:
             return []
-        found = [name for name in entities.names
-                 if not filters.filter or pattern.search(name)]
-        if filters.tags.tags:
-            fits = (all if filters.tags.filter_mode == filters.tags.FILTER_MODE_ALL else any)
-            found = [name for name in found
-                     if fits(tag in entities.kinds(name) for tag in filters.tags.tags)]
+        found = [name for name in entities.names if pattern.is_in(name)]
+        tags = set(filters.tags.tags)
+        if tags:
+            fits = (tags.issubset if filters.tags.filter_mode == filters.tags.FILTER_MODE_ALL
+                    else lambda kinds: not tags.isdisjoint(kinds))
+            found = [name for name in found if fits(entities.kinds(name))]
         return self._within(entities, found, filters.bounds) if filters.bounds.points else found
 
     def _within(self, entities: Entities, names: list[str], bounds: Any) -> list[str]:
@@ -334,18 +347,3 @@ class SimulationInterfacesServer:
         response.result.result = code
         response.result.error_message = message
         return response
-
-
-def _pattern(text: str) -> re.Pattern:
-    """
-    Read a regular expression, with the classes of POSIX such as [[:digit:]].
-
-    :raises CommandError: when it is none.
-    """
-    try:
-        return re.compile(re.sub(r'\[:(\w+):\]', lambda found: _CLASSES[found[1]], text))
-    except re.error as error:
-        raise CommandError(f'"{text}" is no regular expression: {error}') from error
-    except KeyError as error:
-        raise CommandError(f'"{text}" is no regular expression: there is no class {error} '
-                           f'({", ".join(_CLASSES)})') from error

@@ -19,11 +19,13 @@ from importlib import import_module
 
 import numpy as np
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 
 from procphys_ros import messages
 from procphys_ros.messages.transforms import TransformMessage
 from procphys_ros.ros import qos
 from procphys_ros.ros.late_joiners import LateJoinerTracker
+from procphys_ros.schema import short
 from procphys_ros.simulation import Simulation
 
 _PACKAGE = 'tf2_msgs'
@@ -33,28 +35,31 @@ class TransformPublisher:
     """
     Publishes a frame per object, named as it is, at the first part that is left of it.
 
-    Without the package tf2_msgs it says so once, and does nothing.
+    Without the package tf2_msgs, or with half of it, it says so once, and does nothing.
 
     :param node: the node that publishes.
     :param frame: the frame that they are in.
+    :ivar new: tells of new subscribers.
     """
 
     def __init__(self, node: Node, frame: str):
         self._frame = frame
         self._warn = node.get_logger().warning
         self._has_warned = False
-        self._new = LateJoinerTracker()
+        self.new = LateJoinerTracker()
         self._written: tuple[tuple[str, ...], TransformMessage] | None = None
+        self._publisher: Publisher | None = None
         try:
             kind = import_module(f'{_PACKAGE}.msg').TFMessage
-        except ImportError:
-            self._publisher = None
+            self._publisher = qos.publisher(node, kind, '/tf', qos.changes(),
+                                            event_callbacks=self.new.events)
+        except Exception as error:  # each file that may be missing is missed in another way
+            if not node.context.ok():
+                raise
             node.get_logger().warning(
-                f'publish_tf is true, but {_PACKAGE} is not installed: nothing goes out on /tf; '
-                'on a ROS installation: apt install ros-$ROS_DISTRO-tf2-msgs')
-            return
-        self._publisher = qos.publisher(node, kind, '/tf', qos.changes(),
-                                        event_callbacks=self._new.events)
+                f'publish_tf is true, but {_PACKAGE} is not installed, or not wholly: nothing '
+                'goes out on /tf; on a ROS installation: apt install --reinstall '
+                f'ros-$ROS_DISTRO-tf2-msgs ({short(str(error))})')
 
     def publish(self, simulation: Simulation, has_moved: bool) -> None:
         """
@@ -62,7 +67,7 @@ class TransformPublisher:
 
         :param has_moved: whether steps were run since the last call.
         """
-        is_news = self._new.are_waiting() or has_moved
+        is_news = self.new.are_waiting() or has_moved
         if self._publisher is None or not is_news or not self._publisher.get_subscription_count():
             return
         names, parts = frames(simulation)

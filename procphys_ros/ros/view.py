@@ -17,9 +17,9 @@
 import argparse
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from queue import SimpleQueue
 import signal
 import sys
-from threading import Event
 from typing import Any
 import webbrowser
 
@@ -63,20 +63,21 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
-    ended = Event()
+    # Unlike an Event, it takes a second signal that comes while the first is handled.
+    ended: SimpleQueue[int] = SimpleQueue()
     # Not before: what builds the scene is to be interrupted.
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+        signal.signal(number, lambda told, _: ended.put(told))
     # Late, as what follows: scenes take a second that help and mistakes need not wait for.
     from procphys_ros.scene.named import shipped_scenes
 
-    with closing(Page(source, said.host, said.port, shipped_scenes())) as page:
+    with closing(Page(source, said.host, said.port, shipped_scenes(), said.allow_host)) as page:
         print(f'{page.address} shows {title}; Ctrl-C ends it', flush=True)
         source.start()
         page.start()
         if said.open:
             webbrowser.open(page.address)
-        ended.wait()
+        ended.get()
 
 
 def _played(said: argparse.Namespace) -> Any:
@@ -113,6 +114,9 @@ def _parser() -> OneLineParser:
     parser.add_argument('--host', default=HOST,
                         help=f'address to serve on (default {HOST}: this machine only; 0.0.0.0 = '
                         'all of its addresses)')
+    parser.add_argument('--allow-host', action='append', default=[], metavar='NAME',
+                        help='another name under which browsers may ask for the page, such as '
+                        'that of a proxy; may be repeated')
     parser.add_argument('--port', type=port, default=PORT, help=f'TCP port (default {PORT})')
     parser.add_argument('--open', action='store_true', help='open the page in the browser')
     add_grammar_options(parser)

@@ -15,7 +15,7 @@
 
 """Page: serves a scene to browsers, sends what moves, and takes clicks."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import redirect_stdout
 import io
 import logging
@@ -34,6 +34,7 @@ from procphys_ros.view.commands import Inspect
 from procphys_ros.view.controls import Controls
 from procphys_ros.view.cracks import Cracks
 from procphys_ros.view.dust import DustCloud
+from procphys_ros.view.guard import Guard
 from procphys_ros.view.library import load_viser, ViewError
 from procphys_ros.view.picking import GROUND, pick
 from procphys_ros.view.source import Frame, Source
@@ -52,17 +53,19 @@ class Page:
     :param host: address that it is served on; the default is reached from this machine only.
     :param port: TCP port.
     :param scenes: files that may be loaded, by name.
-    :ivar address: where it is.
+    :param names: under which browsers may ask for it, besides `host` and localhost.
+    :ivar address: where it is; who has it may command.
     :ivar controls: sliders and buttons.
     :ivar unit: length of the page that stands for one metre.
     :raises ViewError: when viser is missing, or the port is taken.
     """
 
     def __init__(self, source: Source, host: str = HOST, port: int = PORT,
-                 scenes: Mapping[str, Path] | None = None):
+                 scenes: Mapping[str, Path] | None = None, names: Iterable[str] = ()):
         self._source = source
-        self.server = _serve(host, port)
-        self.address = f'http://{_shown(host)}:{self.server.get_port()}'
+        guard = Guard(host, names)
+        self.server = _serve(host, port, guard)
+        self.address = guard.address(self.server.get_port())
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
         surroundings.light_up(self.server)
         self.controls = Controls(self.server.gui, source.say, scenes or {})
@@ -168,7 +171,7 @@ class Page:
                        Cracks(scene, self.unit), TornMeshes(scene, self.unit))
 
 
-def _serve(host: str, port: int) -> Any:
+def _serve(host: str, port: int, guard: Guard) -> Any:
     """Start a server, quietly; viser itself would take another port than the one asked for."""
     viser = load_viser()
     # It logs the stack of whoever connects and asks for no page, as browsers do in advance.
@@ -183,9 +186,10 @@ def _serve(host: str, port: int) -> Any:
     except OSError as error:
         raise ViewError(f'cannot serve the page on {host}:{port}: '
                         f'{error.strerror}; --port names another one') from error
-    with redirect_stdout(io.StringIO()):
-        return viser.ViserServer(host=host, port=port, label='procphys_ros', verbose=False)
-
-
-def _shown(host: str) -> str:
-    return socket.gethostname() if host in ('0.0.0.0', '::') else host
+    with redirect_stdout(io.StringIO()), guard.watching():
+        server = viser.ViserServer(host=host, port=port, label='procphys_ros', verbose=False)
+    if not guard.watches:
+        server.stop()
+        raise ViewError(f'viser {viser.__version__} cannot be kept from letting other sites in; '
+                        'pip install viser==1.1.1')
+    return server

@@ -15,6 +15,8 @@
 
 """Show: a page for a simulation of this process, in one call."""
 
+from collections.abc import Iterable
+
 from procphys_ros.simulation import Simulation
 from procphys_ros.view.page import HOST, Page, PORT
 from procphys_ros.view.player import Player
@@ -29,7 +31,8 @@ class PlayerPage(Page):
         self._source.close()
 
 
-def show(simulation: Simulation, host: str = HOST, port: int = PORT) -> Page:
+def show(simulation: Simulation, host: str = HOST, port: int = PORT,
+         names: Iterable[str] = ()) -> Page:
     """
     Play a simulation on a page; in a notebook the page is shown below the cell.
 
@@ -38,10 +41,11 @@ def show(simulation: Simulation, host: str = HOST, port: int = PORT) -> Page:
     :param simulation: what is played.
     :param host: address that the page is served on.
     :param port: TCP port.
+    :param names: under which browsers may ask for it, besides `host` and localhost.
     :raises ViewError: when viser is missing, or the port is taken.
     """
     player = Player(simulation)
-    page = PlayerPage(player, host, port)
+    page = PlayerPage(player, host, port, names=names)
     player.start()
     page.start()
     return page
