@@ -23,7 +23,6 @@ from procphys_ros.physics.rigid.separation import (
     between_edges,
     between_lines,
     EDGE,
-    face_normal,
     middle_of,
     of_axis,
     of_pieces,
@@ -69,7 +68,7 @@ def _turn(normal, n):
 
 @subroutine
 def _of_solids(p, q, pieces, margin, points, normal, work):
-    gap, n, face, other, edge, edge_other = of_pieces(p, q, pieces, margin)
+    gap, n, face, other, edge, edge_other = of_pieces(p, q, pieces, margin, work[1, :3, :3])
     if gap > margin:
         return 0
     _turn(normal, n)
@@ -78,33 +77,37 @@ def _of_solids(p, q, pieces, margin, points, normal, work):
         _write(points, 0, scaled(0.5, plus(one, 1.0, two)), gap)
         return 1
     if other == EDGE:
-        count = _clip(pieces.corners[p], face, pieces.corners[q], margin, work)
+        met = _opposite(pieces.normals[q], scaled(-1.0, n))
+        count = _clip(pieces.corners[p], face, scaled(-1.0, n), pieces.corners[q], met, margin,
+                      work)
     else:
-        count = _clip(pieces.corners[q], other, pieces.corners[p], margin, work)
+        met = _opposite(pieces.normals[p], n)
+        count = _clip(pieces.corners[q], other, n, pieces.corners[p], met, margin, work)
     return _choose(work[0], count, n, points)
 
 
 @subroutine
-def _opposite(corners, n):
+def _opposite(normals, n):
     """Give the face that looks against a direction most."""
     best, face = np.inf, 0
     for f in range(6):
-        along = dot(face_normal(corners, f), n)
+        along = dot(at(normals, f), n)
         if along < best:
             best, face = along, f
     return face
 
 
 @subroutine
-def _clip(corners, face, others, margin, work):
+def _clip(corners, face, n, others, met, margin, work):
     """
     Cut the face of a solid that meets the face of another by what lies beside that.
 
+    :param face, n: the other face and its normal.
+    :param met: what is cut.
     :param work: its first polygon becomes the points, as in `touch`.
     :returns: their number.
     """
-    n, start = face_normal(corners, face), middle_of(corners, face)
-    met = _opposite(others, n)
+    start = middle_of(corners, face)
     count, now = 4, 0
     for k in range(4):
         for i in range(3):
@@ -128,16 +131,21 @@ def _clip(corners, face, others, margin, work):
 @subroutine
 def _cut(polygon, count, outwards, corner, out):
     """Keep what of a polygon lies behind a plane, and give the number of its corners."""
-    kept = 0
+    if count == 0:
+        return 0
+    kept, limit = 0, dot(outwards, corner)
+    one = at(polygon, count - 1)
+    a = dot(outwards, one) - limit
     for k in range(count):
-        one, two = at(polygon, k), at(polygon, (k + 1) % count)
-        a, b = dot(outwards, less(one, corner)), dot(outwards, less(two, corner))
-        if a <= 0.0:
-            out[kept, 0], out[kept, 1], out[kept, 2] = one
-            kept += 1
+        two = at(polygon, k)
+        b = dot(outwards, two) - limit
         if (a < 0.0 < b) or (b < 0.0 < a):
             out[kept, 0], out[kept, 1], out[kept, 2] = plus(one, a / (a - b), less(two, one))
             kept += 1
+        if b <= 0.0:
+            out[kept, 0], out[kept, 1], out[kept, 2] = two
+            kept += 1
+        one, a = two, b
     return kept
 
 
@@ -177,16 +185,16 @@ def _choose(found, count, n, points):
 @subroutine
 def _of_round(p, q, pieces, margin, points, normal):
     """Find the points of what is round and of a solid."""
-    radius, corners = pieces.radius[p], pieces.corners[q]
+    radius, corners, normals = pieces.radius[p], pieces.corners[q], pieces.normals[q]
     a, b = at(pieces.corners[p], 0), at(pieces.corners[p], 1)
-    far, n, point, face = of_axis(a, b, corners)
+    far, n, point, face = of_axis(a, b, corners, normals)
     if far > radius + margin:
         return 0
     _turn(normal, n)
     axis = less(b, a)
     if dot(axis, axis) > 1e-12:
-        lies = _opposite(corners, scaled(-1.0, n)) if face == EDGE else face
-        flat = face_normal(corners, lies)
+        lies = _opposite(normals, scaled(-1.0, n)) if face == EDGE else face
+        flat = at(normals, lies)
         level = abs(dot(axis, flat)) < 0.03 * length(axis)
         if level and dot(flat, n) > _ALONG:
             count = _of_lying(a, b, radius, corners, lies, flat, margin, points)

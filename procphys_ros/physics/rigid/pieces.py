@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.physics.rigid.vectors import at, cross, length, less, scaled
 from procphys_ros.rotation_kernels import carried, matrix_rows
 
 ROUND, BOX, HEXAHEDRON = 0, 1, 2
@@ -47,6 +48,7 @@ class Pieces(NamedTuple):
     :ivar axes: unit axes of boxes, world, a row each, (P, 3, 3).
     :ivar corners: of boxes and hexahedra, and in the first two rows the ends of the axis of what
         is round, world [m], (P, 8, 3).
+    :ivar normals: unit normals of their faces, outwards; zero where corners coincide, (P, 6, 3).
     :ivar radius: of what is round; 0 for others [m], (P,).
     :ivar reach: of the sphere about the centre that holds it [m], (P,).
     :ivar bounds: of what it passes through in a step, three minima and three maxima [m], (P, 6).
@@ -60,6 +62,7 @@ class Pieces(NamedTuple):
     centre: np.ndarray
     axes: np.ndarray
     corners: np.ndarray
+    normals: np.ndarray
     radius: np.ndarray
     reach: np.ndarray
     bounds: np.ndarray
@@ -69,8 +72,8 @@ def no_pieces(count: int) -> Pieces:
     """Make room for pieces."""
     return Pieces(np.full(count, -1), np.zeros(count, np.int64), np.zeros((count, 3)),
                   np.zeros((count, 7)), np.zeros((count, 24)), np.zeros((count, 3)),
-                  np.zeros((count, 3, 3)), np.zeros((count, 8, 3)), np.zeros(count),
-                  np.zeros(count), np.zeros((count, 6)))
+                  np.zeros((count, 3, 3)), np.zeros((count, 8, 3)), np.zeros((count, 6, 3)),
+                  np.zeros(count), np.zeros(count), np.zeros((count, 6)))
 
 
 @kernel
@@ -124,6 +127,21 @@ def _place_corners(p, pieces):
             pieces.corners[p, c, i] = (pieces.centre[p, i] + x * pieces.axes[p, 0, i]
                                        + y * pieces.axes[p, 1, i] + z * pieces.axes[p, 2, i])
     pieces.radius[p], pieces.reach[p] = 0.0, math.sqrt(far)
+    for f in range(6):
+        if pieces.kind[p] == BOX:
+            n = scaled(1.0 if f & 1 else -1.0, at(pieces.axes[p], f // 2))
+        else:
+            n = _face_normal(pieces.corners[p], f)
+        for i in range(3):
+            pieces.normals[p, f, i] = n[i]
+
+
+@subroutine
+def _face_normal(corners, f):
+    n = cross(less(at(corners, FACES[f, 2]), at(corners, FACES[f, 0])),
+              less(at(corners, FACES[f, 3]), at(corners, FACES[f, 1])))
+    size = length(n)
+    return scaled(1.0 / size if size > 1e-12 else 0.0, n)
 
 
 @subroutine

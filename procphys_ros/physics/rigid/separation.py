@@ -15,6 +15,8 @@
 
 """Separation: the axis along which two convex pieces are farthest apart, or least deep."""
 
+import math
+
 import numpy as np
 
 from procphys_ros.compilation import subroutine
@@ -24,15 +26,6 @@ from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plu
 EDGE = -1  # in the place of a face: two edges meet
 _CLEARER = 0.001  # [m] by which two edges must be farther apart than faces, lest points jump
 _PARALLEL = 1e-3  # sine of the angle between edges that span no plane
-
-
-@subroutine
-def face_normal(corners, f):
-    """Give the unit normal of a face, outwards; zero where its corners coincide."""
-    n = cross(less(at(corners, FACES[f, 2]), at(corners, FACES[f, 0])),
-              less(at(corners, FACES[f, 3]), at(corners, FACES[f, 1])))
-    size = length(n)
-    return scaled(1.0 / size if size > 1e-12 else 0.0, n)
 
 
 @subroutine
@@ -54,11 +47,11 @@ def _least_along(corners, n):
 
 
 @subroutine
-def _deepest_face(corners, others):
+def _deepest_face(corners, normals, others):
     """Give the face that keeps the other solid farthest away, and how far."""
     best, face = -np.inf, 0
     for f in range(6):
-        n = face_normal(corners, f)
+        n = at(normals, f)
         if dot(n, n) == 0.0:
             continue
         gap = _least_along(others, n) - dot(n, middle_of(corners, f))
@@ -90,15 +83,15 @@ def _edge_axis(corners, others, e, k):
 
 
 @subroutine
-def of_hexahedra(corners, others, margin):
+def of_hexahedra(corners, normals, others, other_normals, margin):
     """
     Find the axis of least overlap of two convex hexahedra.
 
     :returns: gap [m], unit normal from the second to the first, face of the first that makes it
         or `EDGE`, face of the second or `EDGE`, and the two edges, where no face does.
     """
-    gap, face = _deepest_face(corners, others)
-    other_gap, other_face = _deepest_face(others, corners)
+    gap, face = _deepest_face(corners, normals, others)
+    other_gap, other_face = _deepest_face(others, other_normals, corners)
     if gap > margin or other_gap > margin:
         return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
     best, first, second, normal = -np.inf, 0, 0, (0.0, 0.0, 1.0)
@@ -112,28 +105,40 @@ def of_hexahedra(corners, others, margin):
     if best > max(gap, other_gap) + _CLEARER:
         return best, normal, EDGE, EDGE, first, second
     if gap >= other_gap - _CLEARER:
-        return gap, scaled(-1.0, face_normal(corners, face)), face, EDGE, 0, 0
-    return other_gap, face_normal(others, other_face), EDGE, other_face, 0, 0
+        return gap, scaled(-1.0, at(normals, face)), face, EDGE, 0, 0
+    return other_gap, at(other_normals, other_face), EDGE, other_face, 0, 0
 
 
 @subroutine
-def of_boxes(p, q, pieces, margin):
-    """Find the same for two boxes, from their axes alone."""
-    half, others = scaled(0.5, at(pieces.size, p)), scaled(0.5, at(pieces.size, q))
-    way = less(at(pieces.centre, p), at(pieces.centre, q))
-    turn, other = pieces.axes[p], pieces.axes[q]
+def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosines):
+    """
+    Find the same for two boxes, from their axes alone (Gottschalk 1996, "OBBTree").
+
+    :param cosines: between their axes, to be written, (3, 3).
+    """
+    way = less(centre, other_centre)
     best, which = -np.inf, 0
-    for a in range(6):
-        n = at(turn, a) if a < 3 else at(other, a - 3)
-        gap = abs(dot(way, n)) - _shadow(n, turn, half) - _shadow(n, other, others)
-        if gap > margin:
-            return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
-        if gap > best + (_CLEARER if a == 3 else 0.0):
-            best, which = gap, a
-    edge, i, j, normal = _widest_edges(way, turn, half, other, others)
+    for i in range(3):
+        gap = abs(dot(way, at(turn, i))) - 0.5 * size[i]
+        for j in range(3):
+            cosines[i, j] = dot(at(turn, i), at(other, j))
+            gap -= 0.5 * other_size[j] * abs(cosines[i, j])
+        if gap > best:
+            best, which = gap, i
+    for j in range(3):
+        gap = abs(dot(way, at(other, j))) - 0.5 * other_size[j]
+        for i in range(3):
+            gap -= 0.5 * size[i] * abs(cosines[i, j])
+        if gap > best + (_CLEARER if which < 3 else 0.0):
+            best, which = gap, 3 + j
+    if best > margin:
+        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
+    edge, i, j = _widest_edges(way, size, other_size, turn, other, cosines)
     if edge > margin:
-        return np.inf, normal, EDGE, EDGE, 0, 0
+        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
     if edge > best + _CLEARER:
+        n = cross(at(turn, i), at(other, j))
+        normal = scaled((1.0 if dot(n, way) > 0.0 else -1.0) / length(n), n)
         return (edge, normal, EDGE, EDGE, _edge_towards(i, turn, scaled(-1.0, normal)),
                 _edge_towards(j, other, normal))
     n = at(turn, which) if which < 3 else at(other, which - 3)
@@ -145,27 +150,25 @@ def of_boxes(p, q, pieces, margin):
 
 
 @subroutine
-def _shadow(n, turn, half):
-    """Give how far a box reaches from its centre along a direction."""
-    return (abs(dot(at(turn, 0), n)) * half[0] + abs(dot(at(turn, 1), n)) * half[1]
-            + abs(dot(at(turn, 2), n)) * half[2])
-
-
-@subroutine
-def _widest_edges(way, turn, half, other, others):
-    """Give the widest gap across an edge of each box, their axes, and the normal."""
-    best, first, second, normal = -np.inf, 0, 0, (0.0, 0.0, 1.0)
+def _widest_edges(way, size, other_size, turn, other, cosines):
+    """Give the widest gap across an edge of each box, and the axes of these."""
+    best, first, second = -np.inf, 0, 0
     for i in range(3):
+        i1, i2 = (i + 1) % 3, (i + 2) % 3
+        along, across = dot(way, at(turn, i1)), dot(way, at(turn, i2))
         for j in range(3):
-            n = cross(at(turn, i), at(other, j))
-            size = length(n)
-            if size < _PARALLEL:
+            j1, j2 = (j + 1) % 3, (j + 2) % 3
+            sine = 1.0 - cosines[i, j] * cosines[i, j]
+            if sine < _PARALLEL * _PARALLEL:
                 continue
-            n = scaled((1.0 if dot(n, way) > 0.0 else -1.0) / size, n)
-            gap = dot(way, n) - _shadow(n, turn, half) - _shadow(n, other, others)
+            gap = abs(across * cosines[i1, j] - along * cosines[i2, j])
+            gap -= 0.5 * (size[i1] * abs(cosines[i2, j]) + size[i2] * abs(cosines[i1, j])
+                          + other_size[j1] * abs(cosines[i, j2])
+                          + other_size[j2] * abs(cosines[i, j1]))
+            gap /= math.sqrt(sine)
             if gap > best:
-                best, first, second, normal = gap, i, j, n
-    return best, first, second, normal
+                best, first, second = gap, i, j
+    return best, first, second
 
 
 @subroutine
@@ -181,11 +184,13 @@ def _edge_towards(axis, turn, n):
 
 
 @subroutine
-def of_pieces(p, q, pieces, margin):
+def of_pieces(p, q, pieces, margin, cosines):
     """Find the axis of least overlap of two pieces with corners, see `of_hexahedra`."""
     if pieces.kind[p] == BOX and pieces.kind[q] == BOX:
-        return of_boxes(p, q, pieces, margin)
-    return of_hexahedra(pieces.corners[p], pieces.corners[q], margin)
+        return of_boxes(at(pieces.centre, p), at(pieces.centre, q), at(pieces.size, p),
+                        at(pieces.size, q), pieces.axes[p], pieces.axes[q], margin, cosines)
+    return of_hexahedra(pieces.corners[p], pieces.normals[p], pieces.corners[q],
+                        pieces.normals[q], margin)
 
 
 @subroutine
@@ -235,11 +240,11 @@ def in_face(corners, f, n, point):
 
 
 @subroutine
-def _enters(a, b, corners):
+def _enters(a, b, corners, normals):
     """Return whether any of a segment is inside a solid: what all its faces leave of it."""
     first, last = 0.0, 1.0
     for f in range(6):
-        n, middle = face_normal(corners, f), middle_of(corners, f)
+        n, middle = at(normals, f), middle_of(corners, f)
         start, way = dot(n, less(a, middle)), dot(n, less(b, a))
         if way < 0.0:
             first = max(first, -start / way)
@@ -251,7 +256,7 @@ def _enters(a, b, corners):
 
 
 @subroutine
-def of_axis(a, b, corners):
+def of_axis(a, b, corners, normals):
     """
     Find the least distance of the axis of what is round from a solid.
 
@@ -261,20 +266,20 @@ def of_axis(a, b, corners):
     """
     gap, face = -np.inf, 0
     for f in range(6):
-        n = face_normal(corners, f)
+        n = at(normals, f)
         if dot(n, n) > 0.0:
             middle = middle_of(corners, f)
             found = min(dot(n, less(a, middle)), dot(n, less(b, middle)))
             if found > gap:
                 gap, face = found, f
-    normal = face_normal(corners, face)
+    normal = at(normals, face)
     low = a if dot(normal, a) < dot(normal, b) else b
     best = (gap, normal, plus(low, -gap, normal), face)
-    if _enters(a, b, corners):
+    if _enters(a, b, corners, normals):
         return best
     least = np.inf
     for f in range(6):
-        n = face_normal(corners, f)
+        n = at(normals, f)
         for end in (a, b):
             far = dot(n, less(end, middle_of(corners, f)))
             if 0.0 < far < least and in_face(corners, f, n, end):

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.physics.rigid.vectors import at, cross, dot, tangent
+from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plus, scaled, tangent
 from procphys_ros.rotation_kernels import matrix_rows
 
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
@@ -36,8 +36,8 @@ _PUSH = 3.0  # [m/s] at most at which overlaps are taken back (box2d's value)
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
 _WORK = 100_000  # contacts solved per island and step: what a stiff stack needs, a heap cannot have
 _FINEST, _COARSEST = 32, 8  # substeps of an island; 8 at 60 Hz leave 0.2 mm of overlap in a heap
+_RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
-_ROW = 48  # numbers per contact, see `_prepare`
 
 
 class MovingBodies(NamedTuple):
@@ -56,13 +56,37 @@ class MovingBodies(NamedTuple):
     velocity: np.ndarray
 
 
+class Rows(NamedTuple):
+    """
+    What the passes need of contacts: along the normal and two tangents.
+
+    :ivar arm: speed of the first body's point against the second's out of both velocities,
+        (C, 3, 12).
+    :ivar gain: what an impulse of 1 N·s gives to both velocities, (C, 3, 12).
+    :ivar mass: that the contact feels [kg], (C, 3).
+    :ivar impulse: along the three, of the present substep [N·s], (C, 3).
+    :ivar approach: speed along the normal before the substep [m/s], (C,).
+    :ivar gap: as the bodies have moved so far [m], (C,).
+    :ivar place: of the point from the first and from the second body's centre [m], (C, 6).
+    """
+
+    arm: np.ndarray
+    gain: np.ndarray
+    mass: np.ndarray
+    impulse: np.ndarray
+    approach: np.ndarray
+    gap: np.ndarray
+    place: np.ndarray
+
+
 @kernel
 def solve(bodies, first, second, point, normal, gap, friction, restitution, force, groups,
           gravity, time_step):
     """
     Move bodies by a step under gravity and contacts; writes poses, velocities and forces.
 
-    :param first, second: rows of bodies; -1 = what stands still, (C,).
+    :param bodies: the last row stands for all that is immovable.
+    :param first, second: rows of bodies, (C,).
     :param point, normal, gap: as in `ContactRows`.
     :param friction, restitution: of each contact, (C,).
     :param force: of the step before, along the normal and across it, (C, 4); becomes that at the
@@ -72,23 +96,35 @@ def solve(bodies, first, second, point, normal, gap, friction, restitution, forc
     :param time_step: [s].
     :returns: impulses on the first bodies over the step, world, and along the normal, (C, 4).
     """
-    members, member_start, rows, start = groups
-    total = np.zeros((len(first), 4))
-    moved = np.zeros((len(bodies.mass), 6))
-    work = np.empty((len(first), _ROW))
-    impulse = np.zeros((len(first), 4))  # along the normal, along two tangents, approach
+    members, member_start, order, start = groups
+    count = len(first)
+    total, moved = np.zeros((count, 4)), np.zeros((len(bodies.mass), 6))
+    rows = Rows(np.empty((count, 3, 12)), np.empty((count, 3, 12)), np.empty((count, 3)),
+                np.empty((count, 3)), np.empty(count), gap.copy(), np.empty((count, 6)))
     for g in range(len(start) - 1):
-        own, contacts = members[member_start[g]:member_start[g + 1]], rows[start[g]:start[g + 1]]
+        own = members[member_start[g]:member_start[g + 1]]
+        contacts = order[start[g]:start[g + 1]]
         substeps, relaxing = _pace(own, len(contacts), bodies, time_step)
         h = time_step / substeps
         for c in contacts:
-            _prepare(c, bodies, first, second, point, normal, force, h, work, impulse)
+            _place(c, bodies, first[c], second[c], at(point, c), rows)
+            _aim(c, bodies, first[c], second[c], moved, at(normal, c), time_step, rows)
+            _start(c, force[c], h, rows)
         for substep in range(substeps):
-            _carry(len(members), bodies, substep * h, moved)
-            _substep(own, contacts, bodies, first, second, gap, friction, restitution, gravity, h,
-                     relaxing, moved, work, impulse)
-            _add_up(contacts, work, impulse, total)
-        _keep_forces(contacts, work, impulse, h, force)
+            if substeps == _FINEST and substep > 0:
+                for c in contacts:
+                    _aim(c, bodies, first[c], second[c], moved, at(normal, c), h, rows)
+            _begin(own, contacts, first, second, bodies, rows, gravity, h)
+            _pass(contacts, first, second, bodies.velocity, rows, friction, h, _softness(h))
+            for i in own:
+                _advance(i, bodies, gravity, h, len(contacts) == 0, moved)
+            _carry(len(members), bodies, (substep + 1) * h, moved)
+            _measure(contacts, first, second, moved, gap, rows)
+            for _ in range(relaxing):
+                _pass(contacts, first, second, bodies.velocity, rows, friction, h, _RIGID)
+            _bounce(contacts, first, second, bodies.velocity, rows, restitution)
+            _add_up(contacts, rows, total)
+        _keep_forces(contacts, rows, h, force)
     return total
 
 
@@ -98,13 +134,13 @@ def _pace(own, contacts, bodies, time_step):
     if contacts == 0:
         spin = 0.0
         for i in own:
-            spin = max(spin, math.sqrt(dot(at(bodies.velocity[:, 3:], i),
-                                           at(bodies.velocity[:, 3:], i))))
+            spin = max(spin, length((bodies.velocity[i, 3], bodies.velocity[i, 4],
+                                     bodies.velocity[i, 5])))
         return min(int(spin * time_step / _TURN) + 1, _FINEST), 0
     substeps = _FINEST
     while substeps > _COARSEST and contacts * substeps * (1 + substeps // 4) > _WORK:
         substeps //= 2
-    return substeps, max(substeps // 4, 1)
+    return substeps, max(substeps // 8, 1)
 
 
 @subroutine
@@ -127,107 +163,125 @@ def _turned(bodies, i, v):
 
 
 @subroutine
-def _prepare(c, bodies, first, second, point, normal, force, h, work, impulse):
-    """
-    Write what a contact needs in every pass.
+def _place(c, bodies, first, second, point, rows):
+    """Write where a contact is, seen from the centres of both bodies."""
+    one, two = less(point, at(bodies.pose, first)), less(point, at(bodies.pose, second))
+    for w in range(3):
+        rows.place[c, w], rows.place[c, 3 + w] = one[w], two[w]
 
-    Three directions, for each body their moments about its centre and the spins these give, and
-    the masses that the contact feels along them.
+
+@subroutine
+def _aim(c, bodies, first, second, moved, n, duration, rows):
     """
-    n = at(normal, c)
+    Write directions of a contact, arms, and what impulses give.
+
+    Arms are those of the middle of a time to come: a block that rocks would lose energy with those
+    of its beginning.
+    """
     t = tangent(n)
     axes = (n, t, cross(n, t))
-    pressed = (force[c, 1], force[c, 2], force[c, 3])
-    impulse[c, 0] = force[c, 0] * h
     for k in range(3):
-        d = axes[k]
-        yields = 0.0
-        for side in range(2):
-            i = first[c] if side == 0 else second[c]
-            base = 9 + 9 * side + 3 * k
-            if i < 0:
-                continue
-            arm = cross((point[c, 0] - bodies.pose[i, 0], point[c, 1] - bodies.pose[i, 1],
-                         point[c, 2] - bodies.pose[i, 2]), d)
+        rows.mass[c, k] = 0.0
+    for side in range(2):
+        i, sign = (first, 1.0) if side == 0 else (second, -1.0)
+        place = (rows.place[c, 3 * side], rows.place[c, 3 * side + 1],
+                 rows.place[c, 3 * side + 2])
+        place = plus(place, 1.0, _bent(place, moved, i))
+        place = _turned_on(place, bodies.velocity, i, 0.5 * duration)
+        for k in range(3):
+            d = axes[k]
+            arm = scaled(sign, cross(place, d))
             spin = _turned(bodies, i, arm)
             for w in range(3):
-                work[c, base + w], work[c, base + 18 + w] = arm[w], spin[w]
-            yields += 1.0 / bodies.mass[i] + dot(arm, spin)
-        for w in range(3):
-            work[c, 3 * k + w] = d[w]
-        work[c, 45 + k] = 1.0 / yields
-        if k > 0:
-            impulse[c, k] = dot(pressed, d) * h
+                rows.arm[c, k, 6 * side + w] = sign * d[w]
+                rows.arm[c, k, 6 * side + 3 + w] = arm[w]
+                rows.gain[c, k, 6 * side + w] = sign * d[w] / bodies.mass[i]
+                rows.gain[c, k, 6 * side + 3 + w] = spin[w]
+            rows.mass[c, k] += 1.0 / bodies.mass[i] + dot(arm, spin)
+    for k in range(3):
+        rows.mass[c, k] = 1.0 / rows.mass[c, k]
 
 
 @subroutine
-def _speed(c, k, i, side, velocity, work):
-    """Give the speed of a body's point along a direction of a contact."""
-    d, a = 3 * k, 9 + 9 * side + 3 * k
-    return (work[c, d] * velocity[i, 0] + work[c, d + 1] * velocity[i, 1]
-            + work[c, d + 2] * velocity[i, 2] + work[c, a] * velocity[i, 3]
-            + work[c, a + 1] * velocity[i, 4] + work[c, a + 2] * velocity[i, 5])
+def _start(c, force, h, rows):
+    """Write the impulses that the first substep starts from."""
+    pressed = (force[1], force[2], force[3])
+    rows.impulse[c, 0] = h * force[0]
+    for k in range(1, 3):
+        d = (rows.arm[c, k, 0], rows.arm[c, k, 1], rows.arm[c, k, 2])
+        rows.impulse[c, k] = h * dot(pressed, d)
 
 
 @subroutine
-def _between(c, k, a, b, velocity, work):
-    """Give the speed of the first body's point against the second's."""
-    speed = 0.0
-    if a >= 0:
-        speed += _speed(c, k, a, 0, velocity, work)
-    if b >= 0:
-        speed -= _speed(c, k, b, 1, velocity, work)
-    return speed
+def _bent(place, moved, i):
+    """Give how far a point turns about a body's centre, right to the second power."""
+    turn = (moved[i, 3], moved[i, 4], moved[i, 5])
+    way = cross(turn, place)
+    return plus(way, 0.5, cross(turn, way))
 
 
 @subroutine
-def _push(c, k, i, side, size, bodies, work):
-    """Give a body an impulse along a direction of a contact."""
-    d, s = 3 * k, 27 + 9 * side + 3 * k
-    share = size / bodies.mass[i]
-    for w in range(3):
-        bodies.velocity[i, w] += share * work[c, d + w]
-        bodies.velocity[i, 3 + w] += size * work[c, s + w]
+def _turned_on(place, velocity, i, duration):
+    """Turn a place about a body's centre by its spin, for a while; it stays as far away."""
+    far = length(place)
+    if far < 1e-9:
+        return place
+    way = cross((velocity[i, 3], velocity[i, 4], velocity[i, 5]), place)
+    turned = plus(place, duration, way)
+    return scaled(far / length(turned), turned)
 
 
 @subroutine
-def _push_both(c, k, a, b, size, bodies, work):
-    if a >= 0:
-        _push(c, k, a, 0, size, bodies, work)
-    if b >= 0:
-        _push(c, k, b, 1, -size, bodies, work)
-
-
-@subroutine
-def _substep(own, contacts, bodies, first, second, gap, friction, restitution, gravity, h, relaxing,
-             moved, work, impulse):
+def _begin(own, contacts, first, second, bodies, rows, gravity, h):
+    """Apply gravity, note how fast bodies approach, and start from the impulses before."""
+    velocity = bodies.velocity
     for i in own:
         for w in range(3):
-            bodies.velocity[i, w] += gravity[w] * h
+            velocity[i, w] += gravity[w] * h
     for c in contacts:
         a, b = first[c], second[c]
-        impulse[c, 3] = _between(c, 0, a, b, bodies.velocity, work)
+        speed = 0.0
+        for w in range(6):
+            speed += rows.arm[c, 0, w] * velocity[a, w] + rows.arm[c, 0, 6 + w] * velocity[b, w]
+        rows.approach[c] = speed
     for c in contacts:
         a, b = first[c], second[c]
-        for k in range(3):
-            if impulse[c, k] != 0.0:
-                _push_both(c, k, a, b, impulse[c, k], bodies, work)
-    soft = _softness(h)
-    _pass(contacts, bodies, first, second, gap, friction, h, soft, moved, work, impulse)
-    still = len(contacts) == 0
-    for i in own:
-        _advance(i, bodies, gravity, h, still, moved)
-    rigid = (0.0, 1.0, 0.0)
-    for _ in range(relaxing):
-        _pass(contacts, bodies, first, second, gap, friction, h, rigid, moved, work, impulse)
+        for w in range(6):
+            for k in range(3):
+                velocity[a, w] += rows.impulse[c, k] * rows.gain[c, k, w]
+                velocity[b, w] += rows.impulse[c, k] * rows.gain[c, k, 6 + w]
+
+
+@subroutine
+def _measure(contacts, first, second, moved, gap, rows):
+    """Work out the gaps after bodies have moved, right to the second power of what they turned."""
     for c in contacts:
-        if restitution[c] > 0.0 and impulse[c, 0] > 0.0 and impulse[c, 3] < -_BOUNCE:
-            a, b = first[c], second[c]
-            now = _between(c, 0, a, b, bodies.velocity, work)
-            size = -work[c, 45] * (now + restitution[c] * impulse[c, 3])
-            size = max(impulse[c, 0] + size, 0.0) - impulse[c, 0]
-            impulse[c, 0] += size
-            _push_both(c, 0, a, b, size, bodies, work)
+        n = (rows.arm[c, 0, 0], rows.arm[c, 0, 1], rows.arm[c, 0, 2])
+        rows.gap[c] = (gap[c] + _shift(rows.place[c, :3], moved, first[c], n)
+                       - _shift(rows.place[c, 3:], moved, second[c], n))
+
+
+@subroutine
+def _shift(place, moved, i, n):
+    """Give how far a point of a body has moved along a direction."""
+    return dot(n, plus(at(moved, i), 1.0, _bent(place, moved, i)))
+
+
+@subroutine
+def _bounce(contacts, first, second, velocity, rows, restitution):
+    """Throw back what has struck."""
+    for c in contacts:
+        if restitution[c] == 0.0 or rows.impulse[c, 0] == 0.0 or rows.approach[c] > -_BOUNCE:
+            continue
+        a, b = first[c], second[c]
+        speed = restitution[c] * rows.approach[c]
+        for w in range(6):
+            speed += rows.arm[c, 0, w] * velocity[a, w] + rows.arm[c, 0, 6 + w] * velocity[b, w]
+        before = rows.impulse[c, 0]
+        rows.impulse[c, 0] = max(before - rows.mass[c, 0] * speed, 0.0)
+        for w in range(6):
+            velocity[a, w] += (rows.impulse[c, 0] - before) * rows.gain[c, 0, w]
+            velocity[b, w] += (rows.impulse[c, 0] - before) * rows.gain[c, 0, 6 + w]
 
 
 @subroutine
@@ -240,35 +294,41 @@ def _softness(h):
 
 
 @subroutine
-def _pass(contacts, bodies, first, second, gap, friction, h, soft, moved, work, impulse):
+def _pass(contacts, first, second, velocity, rows, friction, h, soft):
     """Solve all contacts of an island once, in turn."""
     rate, mass_share, impulse_share = soft
-    moving = bodies.velocity
+    arm, gain, mass, impulse = rows.arm, rows.gain, rows.mass, rows.impulse
     for c in contacts:
         a, b = first[c], second[c]
-        now = gap[c] + _between(c, 0, a, b, moved, work)
+        now, speed = rows.gap[c], 0.0
+        for w in range(6):
+            speed += arm[c, 0, w] * velocity[a, w] + arm[c, 0, 6 + w] * velocity[b, w]
         bias, share, kept = 0.0, 1.0, 0.0
         if now > 0.0:
             bias = now / h
         elif rate > 0.0:
             bias, share, kept = max(rate * now, -_PUSH), mass_share, impulse_share
-        speed = _between(c, 0, a, b, moving, work)
-        size = -work[c, 45] * share * (speed + bias) - kept * impulse[c, 0]
-        size = max(impulse[c, 0] + size, 0.0) - impulse[c, 0]
-        impulse[c, 0] += size
-        if size != 0.0:
-            _push_both(c, 0, a, b, size, bodies, work)
-        one = impulse[c, 1] - work[c, 46] * _between(c, 1, a, b, moving, work)
-        two = impulse[c, 2] - work[c, 47] * _between(c, 2, a, b, moving, work)
-        most, grip = friction[c] * impulse[c, 0], math.sqrt(one * one + two * two)
+        before = impulse[c, 0]
+        pressed = max(before - mass[c, 0] * share * (speed + bias) - kept * before, 0.0)
+        if pressed == 0.0 and before == 0.0:
+            continue
+        impulse[c, 0] = pressed
+        size = pressed - before
+        one = two = 0.0
+        for w in range(6):
+            velocity[a, w] += size * gain[c, 0, w]
+            velocity[b, w] += size * gain[c, 0, 6 + w]
+            one += arm[c, 1, w] * velocity[a, w] + arm[c, 1, 6 + w] * velocity[b, w]
+            two += arm[c, 2, w] * velocity[a, w] + arm[c, 2, 6 + w] * velocity[b, w]
+        one, two = impulse[c, 1] - mass[c, 1] * one, impulse[c, 2] - mass[c, 2] * two
+        grip, most = math.sqrt(one * one + two * two), friction[c] * pressed
         if grip > most:
             one, two = one * most / grip, two * most / grip
-        one, two = one - impulse[c, 1], two - impulse[c, 2]
-        if one != 0.0 or two != 0.0:
-            impulse[c, 1] += one
-            impulse[c, 2] += two
-            _push_both(c, 1, a, b, one, bodies, work)
-            _push_both(c, 2, a, b, two, bodies, work)
+        more, other = one - impulse[c, 1], two - impulse[c, 2]
+        impulse[c, 1], impulse[c, 2] = one, two
+        for w in range(6):
+            velocity[a, w] += more * gain[c, 1, w] + other * gain[c, 2, w]
+            velocity[b, w] += more * gain[c, 1, 6 + w] + other * gain[c, 2, 6 + w]
 
 
 @subroutine
@@ -323,20 +383,20 @@ def _rotate(bodies, i, q, spin, duration):
 
 
 @subroutine
-def _add_up(contacts, work, impulse, total):
+def _add_up(contacts, rows, total):
     """Add the impulses of a substep, world axes, and along the normal."""
     for c in contacts:
-        for w in range(3):
-            total[c, w] += (impulse[c, 0] * work[c, w] + impulse[c, 1] * work[c, 3 + w]
-                            + impulse[c, 2] * work[c, 6 + w])
-        total[c, 3] += impulse[c, 0]
+        for k in range(3):
+            for w in range(3):
+                total[c, w] += rows.impulse[c, k] * rows.arm[c, k, w]
+        total[c, 3] += rows.impulse[c, 0]
 
 
 @subroutine
-def _keep_forces(contacts, work, impulse, h, force):
-    """Write what the next step starts from: bounces last no longer than they do."""
+def _keep_forces(contacts, rows, h, force):
+    """Write what the next step starts from."""
     for c in contacts:
-        force[c, 0] = impulse[c, 0] / h
+        force[c, 0] = rows.impulse[c, 0] / h
         for w in range(3):
-            force[c, 1 + w] = (impulse[c, 1] * work[c, 3 + w]
-                               + impulse[c, 2] * work[c, 6 + w]) / h
+            force[c, 1 + w] = (rows.impulse[c, 1] * rows.arm[c, 1, w]
+                               + rows.impulse[c, 2] * rows.arm[c, 2, w]) / h

@@ -27,6 +27,9 @@ from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 
 
+_NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+
+
 class NativeEngine:
     """
     Moves bodies where their table has them; nothing is copied in or out.
@@ -150,10 +153,11 @@ class NativeEngine:
         rows = self._place(moving, time_step)
         contacts = self._find(rows, time_step)
         bodies = MovingBodies(
-            np.concatenate([table.mass[free], np.full(len(driven), np.inf)]),
-            np.concatenate([table.inertia[free], np.full((len(driven), 3), np.inf)]),
-            table.poses[moving], table.velocities[moving])
-        place_of = np.full(len(table.state), -1)
+            np.concatenate([table.mass[free], np.full(len(driven) + 1, np.inf)]),
+            np.concatenate([table.inertia[free], np.full((len(driven) + 1, 3), np.inf)]),
+            np.concatenate([table.poses[moving], _NOWHERE]),
+            np.concatenate([table.velocities[moving], np.zeros((1, 6))]))
+        place_of = np.full(len(table.state), len(moving))
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
         groups = islands(first, second, len(free))
