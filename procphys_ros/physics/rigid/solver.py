@@ -34,7 +34,7 @@ from procphys_ros.rotation_kernels import matrix_rows
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
 _PUSH = 3.0  # [m/s] at most at which overlaps are taken back (box2d's value)
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
-_WORK = 100_000  # contacts solved per island and step: what a stiff stack needs, a heap cannot have
+_WORK = 200_000  # contacts solved per island and step: what a stiff stack needs, a heap cannot have
 _FINEST, _COARSEST = 32, 8  # substeps of an island; 8 at 60 Hz leave 0.2 mm of overlap in a heap
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
@@ -140,7 +140,7 @@ def _pace(own, contacts, bodies, time_step):
     substeps = _FINEST
     while substeps > _COARSEST and contacts * substeps * (1 + substeps // 4) > _WORK:
         substeps //= 2
-    return substeps, max(substeps // 8, 1)
+    return substeps, substeps // 4
 
 
 @subroutine

@@ -160,7 +160,9 @@ class NativeEngine:
         place_of = np.full(len(table.state), len(moving))
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
-        groups = islands(first, second, len(free))
+        upwards = np.argsort(-(contacts.point @ self._gravity), kind='stable')
+        g = islands(first[upwards], second[upwards], len(free))
+        groups = (g[0], g[1], upwards[g[2]], g[3])
         total = solve(
             bodies, first, second, contacts.point, contacts.normal, contacts.gap,
             self._of_pairs(table.friction, contacts), self._of_pairs(table.restitution, contacts),
