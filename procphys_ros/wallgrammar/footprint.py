@@ -180,7 +180,12 @@ def check(points: np.ndarray, places: Sequence[Place]) -> None:
     closed = len(points) > 2
     ends = np.roll(points, -1, axis=0)
     lengths = hypot(*(ends - points).T)
+    if closed and lengths[-1] == 0.0:
+        raise places[-1].error('the last corner repeats the first one; leave it out, the '
+                               'footprint closes by itself')
     for place, length in zip(places if closed else places[:1], lengths):
+        if length == 0.0:
+            raise place.error('this corner and the next one are the same; leave one out')
         if not _SHORTEST <= length <= _LONGEST:
             side = f'shorter than {_SHORTEST:g}' if length < _SHORTEST else (
                 f'longer than {_LONGEST:g}')
