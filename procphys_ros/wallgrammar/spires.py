@@ -172,8 +172,8 @@ def _course(pyramid: Pyramid, layout: Layout, number: int, low: float,
             high: float) -> list[np.ndarray]:
     """Give the corners of the stones of a course between two levels, (8, 3) each."""
     if pyramid.is_solid(high):
-        rows = pyramid.corners(_MOST_SECTORS)
-        bottom, top = pyramid.outline(low)[rows], pyramid.outline(high)[rows]
+        chosen = pyramid.corners(_MOST_SECTORS)
+        bottom, top = pyramid.outline(low)[chosen], pyramid.outline(high)[chosen]
         count = len(bottom)
         if count == 4:
             return [_prism(bottom, top, low, high)]
