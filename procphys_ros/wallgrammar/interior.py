@@ -146,11 +146,21 @@ class Interior:
             if not low <= value <= high:
                 raise argument.place.error(f'the number of "{call.name}" must be from {low:g} to '
                                            f'{high:g}, found {value:g}')
-        if call.name != 'spire' and (
-                not self.plan.right_angled or len(self.plan.facades) < 3):
-            raise call.place.error(f'{key}: {call.name} needs a footprint with right angles only; '
-                                   f'use none here')
+        if call.name != 'spire':
+            self._check_plan(call, key)
         return call.name, value
+
+    def _check_plan(self, call: Call, key: str) -> None:
+        """Refuse plans that no timber fits."""
+        if len(self.plan.facades) < 3:
+            raise call.place.error(f'{key}: {call.name} needs a closed footprint, found a free '
+                                   f'wall; use none here')
+        if not self.plan.right_angled:
+            x, y = self.plan.points[self.plan.least_right]
+            raise call.place.error(
+                f'{key}: {call.name} needs a footprint with right angles only, to within 2 '
+                f'degrees and along the first edge of the building; look at the corner ({x:g}, '
+                f'{y:g}), or use none here')
 
     def _rooms(self, partitions: str, least: float, levels: list[int], depth: int) -> tuple:
         if not self.plan.right_angled or len(self.plan.facades) < 3:
