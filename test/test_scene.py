@@ -14,6 +14,8 @@
 
 """Scenes: placing instances, reading parameters, refusing what cannot be built."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,7 @@ from procphys_ros.errors import GrammarError, SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.scene import Scene
 from procphys_ros.scene.layout import places
+from procphys_ros.scene.objects import ObjectSpec
 
 POLE = 'axiom: Width(0.1) F(1) F(1)'
 
@@ -55,6 +58,18 @@ def test_placing_moves_parts_and_bonds_alike():
     assert scene.blueprint.poses[2, :3] == pytest.approx([3.0 - y, 4.0 + x, 0.5 + z])
     arm = np.linalg.norm(scene.blueprint.bond_frame[:, :3] - scene.blueprint.poses[:, :3], axis=1)
     assert arm == pytest.approx(np.full(3, 0.5))
+
+
+def test_yaw_turns_the_layout_with_its_instances():
+    """Turn a row about its origin, rigidly, as its description says."""
+    given = {'grammar_text': POLE + ' &(90) F(1)', 'count': 3, 'layout': 'row', 'spacing': 4.0}
+    straight, turned = (Scene.from_parameters(parameters(pole={
+        **given, 'origin': [5.0, 1.0, 0.0], 'yaw': yaw})).blueprint.poses for yaw in (0.0, 0.5))
+    x, y = (straight[:, :2] - [5.0, 1.0]).T
+    moved = np.column_stack([np.cos(0.5) * x - np.sin(0.5) * y, np.sin(0.5) * x + np.cos(0.5) * y])
+    np.testing.assert_allclose(turned[:, :2], moved + [5.0, 1.0], atol=1e-9)
+    described = {field.name: str(field.metadata) for field in fields(ObjectSpec)}
+    assert 'turn of the whole layout' in described['yaw']
 
 
 def test_layouts_keep_their_distances():

@@ -44,6 +44,7 @@ class Body(NamedTuple):
     :ivar pieces: panels of each facade.
     :ivar layout: of its walls.
     :ivar plan: the footprint.
+    :ivar given: corners of the footprint before it was squared up [m], (n, 2).
     """
 
     building: Building
@@ -53,6 +54,7 @@ class Body(NamedTuple):
     pieces: list[list[Piece]]
     layout: Layout
     plan: Footprint
+    given: np.ndarray
 
     @property
     def height(self) -> int:
@@ -67,7 +69,7 @@ class Body(NamedTuple):
 
 
 def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: dict[str, float],
-           generator: np.random.Generator, known: Sequence[float]) -> Body:
+           generator: np.random.Generator, earlier: Sequence[Body]) -> Body:
     """
     Derive the facades of a building or a wing.
 
@@ -76,7 +78,7 @@ def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: d
     :param layouts: by name.
     :param values: of the parameters.
     :param generator: draws weighted rules and random numbers.
-    :param known: turns of the frames that there are already [rad].
+    :param earlier: what has been derived before, of which the first is the building.
     :raises GrammarError: when rules and sizes make no building that stands.
     """
     values = {**values, 'storey_height': building.storey_height.number(values, generator)}
@@ -92,8 +94,14 @@ def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: d
     def number(value: Expression) -> float:
         return value.number(values, generator)
 
-    points = np.array([[number(c) for c in corner] for corner in building.footprint])
-    footprint.check(points, building.corners)
+    known = earlier[-1].plan.yaws.tolist() if earlier else []
+    given = np.array([[number(c) for c in corner] for corner in building.footprint])
+    footprint.check(given, building.corners)
+    points = given
+    if len(given) > 2 and any(map(_needs_right_angles, (spec.building, *spec.wings))):
+        points = footprint.square_up(given, known[0] if known else None,
+                                     [(body.given, body.plan.points) for body in earlier])
+        footprint.check(points, building.corners)
     edges = (np.roll(points, -1, axis=0) - points if len(points) > 2
              else np.diff(points, axis=0))
     starts = building.facades
@@ -101,7 +109,13 @@ def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: d
                              micro(storeys * storey_height)) for i, edge in enumerate(edges)]
     layout = _wall_layout(building, spec, layouts, pieces)
     plan = footprint.read(points, layout.thickness, layout.joint, building.corners, known)
-    return Body(building, deriver, storeys, storey_height, pieces, layout, plan)
+    return Body(building, deriver, storeys, storey_height, pieces, layout, plan, given)
+
+
+def _needs_right_angles(building: Building) -> bool:
+    """Return whether floors, partitions or a roof of timber stand in or on a body."""
+    return any(call is not None and call.name not in ('none', 'spire')
+               for call in (building.floors, building.roof, building.partitions))
 
 
 def _storeys(building: Building, values: dict[str, float]) -> int:
