@@ -64,6 +64,11 @@ def seal(content: bytes) -> bytes:
     return _MAGIC + hashlib.sha256(content).digest() + content
 
 
+def is_archive(data: bytes | bytearray) -> bool:
+    """Return whether data begin as an archive does, of this format or the former one."""
+    return data.startswith((_MAGIC, _FORMER))
+
+
 def unpack(data: bytes, records: Sequence[np.dtype]) -> tuple[dict[str, Any], list[np.ndarray]]:
     """
     Read a table and arrays.
@@ -73,7 +78,7 @@ def unpack(data: bytes, records: Sequence[np.dtype]) -> tuple[dict[str, Any], li
     :returns: the table, and read-only views of the data.
     :raises SnapshotError: when the data are no archive, or damaged.
     """
-    if not isinstance(data, (bytes, bytearray)) or not data.startswith((_MAGIC, _FORMER)):
+    if not isinstance(data, (bytes, bytearray)) or not is_archive(data):
         raise SnapshotError('this is no snapshot of a simulation')
     if data.startswith(_FORMER):
         raise SnapshotError('the snapshot was saved by an older version of procphys_ros, in a '
