@@ -233,3 +233,17 @@ b -> Ff
 p1 : 1 > 0 -> F   # p2: none
 """
     assert LSystem.parse(text).build() is not None
+
+
+@pytest.mark.parametrize(('text', 'line'), [
+    ('axiom: A\nproduction:\nA -> F A', 3), ('axiom: A\ndecomposition:\nA -> F A', 3),
+    ('axiom: A\nmaximum depth: 9999\ninterpretation:\nA -> F A', 4),
+    ('axiom: ' + 'A ' * 400 + '\nproduction:\nA -> A', 3)])
+def test_derivations_are_bounded_by_their_work(text, line):
+    """End a derivation of short strings in many steps or passes, and say how far it came."""
+    system = LSystem.parse(text, max_modules=1000)
+    with pytest.raises(GrammarError, match='100,.* modules were looked at in .* steps') as told:
+        system.interpret(steps=9999)
+    assert told.value.line == line
+    if 'production' in text:
+        assert len(system.derive(steps=200)) <= 400

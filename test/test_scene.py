@@ -15,6 +15,7 @@
 """Scenes: placing instances, reading parameters, refusing what cannot be built."""
 
 from dataclasses import fields
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -200,3 +201,41 @@ def test_files_that_are_no_scene_files_are_refused(tmp_path):
         Scene.from_yaml('/dev/zero')
     with pytest.raises(SceneError, match='No such file'):
         Scene.from_yaml(tmp_path / 'none.yaml')
+
+
+def bomb(kind, levels=9, width=9):
+    """Write a few lines of aliases that stand for `width ** levels` values."""
+    pairs = {'list': ('[{}]', '*{0}'), 'map': ('{{{}}}', 'k{1}: *{0}'), 'merge': ('{{{}}}', '')}
+    whole, item = pairs[kind]
+    lines = ['  a0: &a0 x' if kind == 'list' else '  a0: &a0 {k: x}']
+    for level in range(1, levels + 1):
+        inner = ', '.join(item.format(f'a{level - 1}', i) for i in range(width))
+        if kind == 'merge':
+            inner = '<<: [' + ', '.join([f'*a{level - 1}'] * width) + ']'
+        lines.append(f'  a{level}: &a{level} ' + whole.format(inner))
+    return '/**:\n ros__parameters:\n' + '\n'.join(lines)
+
+
+@pytest.mark.parametrize('text', [
+    bomb('list'), bomb('map'), bomb('merge'), bomb('list', 40, 2),
+    '/**: {ros__parameters: {a: &a ' + 'x' * 100_000 + ', b: [' + '*a,' * 1000 + ']}}'])
+def test_aliases_count_as_what_they_stand_for(tmp_path, text):
+    """Refuse a small file that stands for billions of values, with its place; in no time."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text(text)
+    tracemalloc.start()
+    try:
+        with pytest.raises(SceneError, match='scene.yaml:1:1: .* aliases written out'):
+            Scene.from_yaml(path)
+        assert tracemalloc.get_traced_memory()[1] < 30_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_aliases_within_bounds_are_read(tmp_path):
+    """Read a scene that says a grammar once and names it again."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text('/**:\n ros__parameters:\n  scene: {objects: [a, b]}\n'
+                    '  a: &a {grammar_text: "axiom: Width(0.1) F(1)"}\n'
+                    '  b: {<<: *a, origin: [3, 0, 0]}\n')
+    assert len(Scene.from_yaml(path).blueprint) == 2

@@ -30,6 +30,7 @@ from procphys_ros.wallgrammar.footprint import Footprint
 from procphys_ros.wallgrammar.spec import Building, Spec
 
 _HIGHEST = 1000.0     # [m]
+_MOST_EDGES = 300_000  # comparisons of edges of plans, some 30 s
 _CLOSE = 1e-3         # [m] plans that share less than this touch each other
 
 
@@ -182,34 +183,52 @@ def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
     """List the other bodies as the roof of one sees them."""
     yaw = body.plan.yaws[0]
     turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
-    found = []
-    for other in bodies:
-        if other is not body:
-            corners = micros(product(other.plan.points, turn))
-            found.append(Neighbour(other.building.name, corners.min(axis=0), corners.max(axis=0),
-                                   other.height))
-    return found
+    corners = micros(product(np.concatenate([other.plan.points for other in bodies]), turn))
+    starts = np.cumsum([0] + [len(other.plan.points) for other in bodies[:-1]])
+    low, high = np.minimum.reduceat(corners, starts), np.maximum.reduceat(corners, starts)
+    return [Neighbour(other.building.name, low[i], high[i], other.height)
+            for i, other in enumerate(bodies) if other is not body]
 
 
 def check_apart(bodies: Sequence[Body]) -> None:
     """
     Refuse wings that stand in each other or in the building.
 
-    :raises GrammarError: naming both.
+    :raises GrammarError: naming both, or when there are too many to be compared.
     """
+    meets = _near(bodies)
     for i, body in enumerate(bodies):
-        for other in bodies[:i]:
-            if _overlap(_ground_of(body), _ground_of(other)):
+        for k in np.flatnonzero(meets[i, :i]).tolist():
+            if _overlap(_ground_of(body), _ground_of(bodies[k])):
                 raise body.building.place.error(
-                    f'the plans of "{body.building.name}" and "{other.building.name}" overlap; '
-                    f'wings may touch the building, not stand in it')
-    for body in bodies:
-        for piece, ground in _standing_out(body):
-            for other in bodies:
-                if other is not body and _stands_in(piece, ground, other):
+                    f'the plans of "{body.building.name}" and "{bodies[k].building.name}" '
+                    'overlap; wings may touch the building, not stand in it')
+    for body, near in zip(bodies, meets):
+        others = [bodies[k] for k in np.flatnonzero(near).tolist()]
+        for piece, ground in _standing_out(body) if others else ():
+            for other in others:
+                if _stands_in(piece, ground, other):
                     raise piece.place.error(
                         f'the panel "{piece.panel}" stands {-piece.scope.depth / MICRO:g} m out '
                         f'of "{body.building.name}", into "{other.building.name}"')
+
+
+def _near(bodies: Sequence[Body]) -> np.ndarray:
+    """Return which bodies have rectangles, with what stands out, that meet, (N, N) bool."""
+    grounds = [np.concatenate([_ground_of(body), *(covered for _, covered in _standing_out(body))])
+               for body in bodies]
+    low = np.array([ground.min(axis=0) for ground in grounds])
+    high = np.array([ground.max(axis=0) for ground in grounds])
+    meets = np.all((low[:, None] < high) & (low < high[:, None]), axis=2)
+    np.fill_diagonal(meets, False)
+    edges = np.array([len(ground) for ground in grounds])
+    work = np.cumsum((np.outer(edges, edges) * meets).sum(axis=1))
+    if work[-1] > _MOST_EDGES:
+        body = bodies[int(np.searchsorted(work, _MOST_EDGES, 'right'))]
+        raise body.building.place.error(
+            f'{meets.sum() // 2} pairs of plans are so near to each other that they must be '
+            f'compared edge by edge, {work[-1]:,} times in all; at most {_MOST_EDGES:,} are done')
+    return meets
 
 
 def _stands_in(piece: Piece, ground: np.ndarray, other: Body) -> bool:

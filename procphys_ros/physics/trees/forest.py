@@ -75,6 +75,12 @@ class Forest:
         the last step [N], [N·m], (S, 6), world.
     """
 
+    _model: state.Model
+    _state: state.State
+    _plan: state.Plan
+    _scratches: list[state.Scratch]
+    _stepped: np.ndarray | None
+
     def __init__(self, blueprint: Blueprint, gravity: Sequence[float] = (0.0, 0.0, -9.81),
                  air_density: float = AIR_DENSITY, climbers: Anchors | None = None) -> None:
         """
@@ -160,7 +166,7 @@ class Forest:
         self.active = np.ones(len(self.parts), bool)
         self._wind = self._still
         self._time_step = _TIME_STEP
-        self._stepped: np.ndarray | None = None
+        self._stepped = None
         self._disturbed = np.zeros(len(self.parts), bool)
         self._replan()
         pose.place_all(self._plan, self._model, self._state)
