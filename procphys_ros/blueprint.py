@@ -168,7 +168,7 @@ class Leaves(_Table):
 @dataclass(frozen=True)
 class Ornaments(_Table):
     """
-    Triangles that are drawn with a part but carry no physics (polygons, boneless segments).
+    Triangles that are drawn with a part; what physics polygons have is in `leaf_area` and `mass`.
 
     :ivar part: part that carries the triangle, (T,) int.
     :ivar triangle: corners in the part's frame [m], (T, 9) as x y z three times.
@@ -233,7 +233,7 @@ class Blueprint:
     :ivar kind: index into `kinds`, (N,) int16.
     :ivar material: index into `materials`, (N,) int16.
     :ivar texture: index into `textures`, (N,) int16.
-    :ivar leaf_area: one-sided leaf area that catches wind [m²], (N,).
+    :ivar leaf_area: one-sided area of leaves and polygons that catches wind [m²], (N,).
     :ivar bonds: pairs of parts, (M, 2) int32; `GROUND` (-1) may stand first. Branch joints name
         the parent first.
     :ivar bond_law: `Law` of each bond, (M,) uint8.

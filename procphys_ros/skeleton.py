@@ -111,18 +111,21 @@ class Branches:
 
 
 def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PLAIN,
-          textures: Sequence[str] = (), material: str = 'wood') -> Blueprint:
+          textures: Sequence[str] = (), material: str = 'wood',
+          polygons: np.ndarray | float = 0.0) -> Blueprint:
     """
     Turn segments into capsule bones joined by elastic hinges; part i is segment i.
 
     A part's frame sits at the middle of its segment, and so does its mass: that of its wood, see
-    `wood_mass`, plus its leaves, which count as spread along the segment.
+    `wood_mass`, plus its leaves, which count as spread along the segment. Polygons weigh, and
+    catch wind, as leaves of their area do, but are not shed.
 
     :param branches: segments, each parent before its children.
     :param leaves: with `part` = segment and poses in the frame of the part.
     :param ornaments: likewise.
     :param textures: names that the texture indices refer to.
     :param material: name of the wood.
+    :param polygons: area of the polygons on each segment [m²], (S,).
     :raises SceneError: when a segment is impossible; names the first one.
     """
     _check(branches, leaves, ornaments)
@@ -130,7 +133,8 @@ def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PL
     axis = rotation.rotate(branches.attitude, np.array([0.0, 0.0, 1.0]))
     middle = branches.base + 0.5 * branches.length[:, None] * axis
     area = 0.25 * np.pi * (branches.width * branches.width)
-    leaf_area = np.bincount(leaves.part, leaves.size * leaves.size, minlength=count)
+    leaf_area = np.asarray(polygons, float) + np.bincount(
+        leaves.part, leaves.size * leaves.size, minlength=count)
     mass = wood_mass(branches) + LEAF_AREAL_DENSITY * leaf_area
     mean_width = 0.5 * (branches.width + branches.tip_width)
     bone = branches.bone_ratio * branches.length

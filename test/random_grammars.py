@@ -164,6 +164,7 @@ def _wall(rng: np.random.Generator) -> Sample:
     roof = _pick(rng, ('none', 'none', 'gable(40)', 'hip(35)', 'flat')) if plan else ''
     floors = _pick(rng, ('floors: timber', 'floors: slab(0.15)', '')) if plan else ''
     material = ' '.join(f'{key}: {value(rng):.6g}' for key, value in _MATERIAL)
+    joists = 'timber' in floors or (roof == 'flat' and not floors)  # these need wall to lie in
     text = f"""building b(length = {_even(2.5, 3.2)(rng):g})
   footprint: {_PLANS[plan]}
   facades: front
@@ -171,7 +172,7 @@ def _wall(rng: np.random.Generator) -> Sample:
   {f'roof: {roof}' if roof else ''}
   {floors}
 rule front -> {_pick(rng, _FRONTS)}
-rule opening -> {'wall' if 'slab' in floors else _pick(rng, _OPENINGS)}
+rule opening -> {'wall' if 'slab' in floors else _pick(rng, _OPENINGS[2 * joists:])}
 material stone {{ {material} }}
 layout laid {{ bond: {bond} unit: {length:.4f} {width:.4f} {_even(0.18, 0.3)(rng):.4f}
   joint: {joint:.4f} offset: {_pick(rng, ('0.5', '0.25', '0.33'))} material: stone }}

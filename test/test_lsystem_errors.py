@@ -43,6 +43,26 @@ from procphys_ros.resources import shared_folder
     ('axiom: Trunk(1)', 1, 8, 'unknown module "Trunk"; names longer than one letter'),
     ('axiom: Widht(0.3) F', 1, 8, 'unknown module "Widht"; did you mean Width'),
     ('axiom: A_2', 1, 8, 'unknown module "A_2"'),
+    ('axiom: F LeafBud', 1, 10, 'unknown module "LeafBud"; did you mean Leaf'),
+    ('axiom: F Leafs(1)', 1, 10, 'unknown module "Leafs"; did you mean Leaf'),
+    ('axiom: F WidthRat(0.9)', 1, 10, 'unknown module "WidthRat"; did you mean WidthRate'),
+    ('axiom: A\nproduction:\nA -> F ApexBud(1)', 3, 8, 'unknown module "ApexBud"; names longer'),
+    ('axiom: A\nmodule: ApexBud\nproduction:\nApxBud -> F', 4, 1, 'did you mean ApexBud?'),
+    ('axiom: A\nproduction:\nA > LeafBud -> F', 3, 5, 'unknown module "LeafBud"'),
+    # what cpfg and the like read
+    ('#define STEPS 5\naxiom: A', 1, 1, 'write "define: STEPS = 5"'),
+    ('axiom: A\n  # define R 0.9 /* ratio */', 2, 1, 'write "define: R = 0.9"'),
+    ('#define SQUARE(x) x*x\naxiom: A', 1, 1, 'no macros'),
+    ('#include "twig.h"\naxiom: A', 1, 1, 'write "include: twig.h"'),
+    ('#ifdef X\naxiom: A', 1, 1, 'no preprocessor'),
+    ('axiom: A\nproduction:\np1: A -> F', 3, 1, 'leave "p1:" out'),
+    ('axiom: A(1)\nproduction:\np12 : A(x) : x > 0 --> F', 3, 1, 'leave "p12:" out'),
+    ('axiom: A\np1: A -> F', 2, 1, 'begin them with a line "production:"'),
+    ('axiom: F " F', 1, 10, 'a length is scaled by a parameter'),
+    ('axiom: A\nproduction:\nA -> F "(0.9) F', 3, 8, 'a length is scaled by a parameter'),
+    ('axiom: F ; F', 1, 10, 'colours are textures'),
+    ('axiom: F\nhomomorphism\nA -> F', 2, 1, 'begun with a colon, "homomorphism:"'),
+    ('axiom: F\nendlsystem', 2, 1, 'a text ends by itself'),
     ('axiom: A\nrules:\nA -> B', 2, 1, 'unknown section "rules:"'),
     ('axiom: F\ntextures: bark, oka', 2, 17, 'unknown texture "oka"; did you mean oak'),
     ('axiom: A\nproduction:\nA -> Foo(1)', 3, 6, 'unknown module "Foo"'),
@@ -183,3 +203,47 @@ def test_every_section():
           A -> + Twig
         maximum depth: 1""")
     assert system.name == 'oak' and str(system.interpret()) == 'FF+Twig'
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_undeclared_names_do_not_fall_apart_into_letters(seed):
+    """Make names of syllables and of known names: the whole one is refused, the nearest named."""
+    rng = np.random.default_rng(seed)
+    syllables = ('Bud', 'Apex', 'Inter', 'Node', 'Twig', 'ro', 'ku', 'Leaf', 'Width', 'Density')
+    word = ''.join(rng.choice(syllables, rng.integers(2, 4))).capitalize()
+    declared = f'{word[:2]}x{word[2:]}'
+    for text in (f'axiom: F {word}', f'axiom: F FF{word}(1, 2)',
+                 f'axiom: A\nproduction:\nA -> [ {word} ] A',
+                 f'axiom: A\nproduction:\n{word} -> F'):
+        with pytest.raises(GrammarError) as caught:
+            LSystem.parse(f'{text}\nmodule: {declared}')
+        assert f'{word}"' in caught.value.message
+        assert declared in caught.value.message or 'FF' in caught.value.message
+
+
+def test_letters_and_comments_stay_what_they_are():
+    """Read rows of letters with a meaning, declared labels, and comments like other programs'."""
+    text = """# include the twigs; define them below
+#define
+axiom: FfFAbF
+module: p1
+production:
+A -> FbFf p1
+b -> Ff
+p1 : 1 > 0 -> F   # p2: none
+"""
+    assert LSystem.parse(text).build() is not None
+
+
+@pytest.mark.parametrize(('text', 'line'), [
+    ('axiom: A\nproduction:\nA -> F A', 3), ('axiom: A\ndecomposition:\nA -> F A', 3),
+    ('axiom: A\nmaximum depth: 9999\ninterpretation:\nA -> F A', 4),
+    ('axiom: ' + 'A ' * 400 + '\nproduction:\nA -> A', 3)])
+def test_derivations_are_bounded_by_their_work(text, line):
+    """End a derivation of short strings in many steps or passes, and say how far it came."""
+    system = LSystem.parse(text, max_modules=1000)
+    with pytest.raises(GrammarError, match='100,.* modules were looked at in .* steps') as told:
+        system.interpret(steps=9999)
+    assert told.value.line == line
+    if 'production' in text:
+        assert len(system.derive(steps=200)) <= 400

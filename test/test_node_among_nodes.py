@@ -66,11 +66,11 @@ def end(node):
 
 
 @pytest.fixture(scope='module')
-def client():
+def client(tmp_path_factory):
     """Give a client that serves a node of this process, too."""
     rclpy.init()
     client = Client()
-    node = made()
+    node = made(**{'files.root': [str(tmp_path_factory.getbasetemp())]})
     client.host(node)
     client.sim = node
     client.next_message(Bool, '/sim/ready', LATCHED, lambda message: message.data)

@@ -40,12 +40,13 @@ PARAMETERS = {'scene.objects': ['sapling'], 'sapling.grammar_text': SAPLING,
 
 
 @pytest.fixture(scope='module')
-def client():
+def client(tmp_path_factory):
     """Give a client that serves a node of this process, too."""
     rclpy.init()
     made = Client()
+    values = {**PARAMETERS, 'files.root': [str(tmp_path_factory.getbasetemp())]}
     made.sim = SimNode(parameter_overrides=[Parameter(name, value=value)
-                                            for name, value in PARAMETERS.items()])
+                                            for name, value in values.items()])
     made.host(made.sim)
     made.spin_until(lambda: made.sim.session.has_scene, 'the scene')
     yield made
@@ -112,7 +113,8 @@ def test_an_object_leaves_and_its_markers_go(client):
 
 @pytest.mark.parametrize(('values', 'reason'), [
     ({}, 'either spawn.grammar'), ({'name': 'a b', 'grammar_text': SAPLING}, 'cannot name'),
-    ({'grammar': 'oak.lsys', 'grammar_text': SAPLING}, 'either spawn.grammar'),
+    ({'grammar': '/etc/passwd'}, 'files.root allows'),
+    ({'grammar_text': f'include: /etc/passwd\n{SAPLING}'}, 'files.root allows'),
     ({'grammar': 'no_such.lsys'}, 'spawn.grammar: there is no grammar'),
     ({'grammar_text': 'axiom: F(1'}, 'spawn.grammar_text:1:'),
     ({'grammar_text': 'module: A\naxiom: A'}, 'draws no segment'),

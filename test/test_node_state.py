@@ -30,12 +30,13 @@ PARAMETERS = {'scene.objects': ['sapling'], 'sapling.grammar_text': SAPLING,
 
 
 @pytest.fixture(scope='module')
-def client():
+def client(tmp_path_factory):
     """Give a client that serves a node of this process, too; the node is paused."""
     rclpy.init()
     made = Client()
+    values = {**PARAMETERS, 'files.root': [str(tmp_path_factory.getbasetemp())]}
     made.sim = SimNode(parameter_overrides=[Parameter(name, value=value)
-                                            for name, value in PARAMETERS.items()])
+                                            for name, value in values.items()])
     made.host(made.sim)
     made.spin_until(lambda: made.sim.session.has_scene, 'the scene')
     assert made.switch('set_pause', True).success
@@ -43,6 +44,11 @@ def client():
     made.sim.destroy_node()
     made.close()
     rclpy.shutdown()
+
+
+def _written(path, content):
+    path.write_bytes(content)
+    return path
 
 
 def use_file(client, path):
@@ -80,7 +86,8 @@ def test_a_saved_state_is_a_file_like_others_and_may_lie_at_home(client, tmp_pat
     (lambda folder: '', 'state.file is empty'),
     (lambda folder: folder / 'nothing.bin', 'cannot be read'),
     (lambda folder: folder, 'not a regular file'),
-    (lambda folder: '/dev/zero', 'not a regular file'),
+    (lambda folder: '/dev/zero', 'files.root allows'),
+    (lambda folder: '~/.bashrc', 'files.root allows'),
     (lambda folder: _written(folder / 'other.bin', b'something else'), 'no snapshot')])
 def test_what_is_no_state_is_refused_and_nothing_changes(client, tmp_path, prepare, word):
     """Answer with one line that says what is wrong, and stay where it is."""
@@ -112,6 +119,23 @@ def test_what_is_no_plain_file_is_not_replaced(client, tmp_path, make):
     assert path.stat().st_ino == before.st_ino and path.stat().st_mode == before.st_mode
 
 
-def _written(path, content):
-    path.write_bytes(content)
-    return path
+def test_a_scene_file_is_not_replaced(client, tmp_path):
+    """Save where a file of another kind is: it stays, and the answer says why."""
+    path = _written(tmp_path / 'scene.yaml', b'/**:')
+    use_file(client, path)
+    answer = client.trigger('save_state')
+    assert not answer.success and 'no saved state' in answer.message
+    assert path.read_bytes() == b'/**:'
+
+
+def test_a_reload_reads_what_the_start_gave_and_nothing_outside(client):
+    """Refuse an include that came later in one line, and go on with the old scene."""
+    assert client.trigger('reload_scene').success
+    text = f'include: /etc/passwd\n{SAPLING}'
+    assert client.set_parameter('sapling.grammar_text', text).successful
+    answer = client.trigger('reload_scene')
+    assert not answer.success and 'files.root allows' in answer.message
+    assert 'root:' not in answer.message
+    assert client.set_parameter('sapling.grammar_text', SAPLING).successful
+    assert client.trigger('reload_scene').success
+    assert not client.set_parameter('files.root', ['/']).successful

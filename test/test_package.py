@@ -38,7 +38,7 @@ SOURCES = [*MODULES, *sorted((ROOT / 'test').glob('*.py')), *sorted((ROOT / 'ben
 LAYERS = {
     'errors': 0, 'resources': 0, 'palette': 0, 'progress': 0, '': 0,
     'progress_bar': 0, 'whole_files': 0, 'argument_parser': 0,
-    'output_files': 0, 'interruption': 0,
+    'output_files': 0, 'interruption': 0, 'file_bounds': 0,
     'compilation': 1, 'schema': 1, 'warning_lines': 1, 'linear_kernels': 1.2, 'linear': 1.4,
     'elementary': 1.2, 'rotation': 1.6, 'rotation_kernels': 2, 'blueprint': 2,
     'physics.terrain': 2, 'physics.causes': 2, 'paving': 1.6,

@@ -14,6 +14,9 @@
 
 """Scenes: placing instances, reading parameters, refusing what cannot be built."""
 
+from dataclasses import fields
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -21,6 +24,7 @@ from procphys_ros.errors import GrammarError, SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.scene import Scene
 from procphys_ros.scene.layout import places
+from procphys_ros.scene.objects import ObjectSpec
 
 POLE = 'axiom: Width(0.1) F(1) F(1)'
 
@@ -55,6 +59,18 @@ def test_placing_moves_parts_and_bonds_alike():
     assert scene.blueprint.poses[2, :3] == pytest.approx([3.0 - y, 4.0 + x, 0.5 + z])
     arm = np.linalg.norm(scene.blueprint.bond_frame[:, :3] - scene.blueprint.poses[:, :3], axis=1)
     assert arm == pytest.approx(np.full(3, 0.5))
+
+
+def test_yaw_turns_the_layout_with_its_instances():
+    """Turn a row about its origin, rigidly, as its description says."""
+    given = {'grammar_text': POLE + ' &(90) F(1)', 'count': 3, 'layout': 'row', 'spacing': 4.0}
+    straight, turned = (Scene.from_parameters(parameters(pole={
+        **given, 'origin': [5.0, 1.0, 0.0], 'yaw': yaw})).blueprint.poses for yaw in (0.0, 0.5))
+    x, y = (straight[:, :2] - [5.0, 1.0]).T
+    moved = np.column_stack([np.cos(0.5) * x - np.sin(0.5) * y, np.sin(0.5) * x + np.cos(0.5) * y])
+    np.testing.assert_allclose(turned[:, :2], moved + [5.0, 1.0], atol=1e-9)
+    described = {field.name: str(field.metadata) for field in fields(ObjectSpec)}
+    assert 'turn of the whole layout' in described['yaw']
 
 
 def test_layouts_keep_their_distances():
@@ -185,3 +201,41 @@ def test_files_that_are_no_scene_files_are_refused(tmp_path):
         Scene.from_yaml('/dev/zero')
     with pytest.raises(SceneError, match='No such file'):
         Scene.from_yaml(tmp_path / 'none.yaml')
+
+
+def bomb(kind, levels=9, width=9):
+    """Write a few lines of aliases that stand for `width ** levels` values."""
+    pairs = {'list': ('[{}]', '*{0}'), 'map': ('{{{}}}', 'k{1}: *{0}'), 'merge': ('{{{}}}', '')}
+    whole, item = pairs[kind]
+    lines = ['  a0: &a0 x' if kind == 'list' else '  a0: &a0 {k: x}']
+    for level in range(1, levels + 1):
+        inner = ', '.join(item.format(f'a{level - 1}', i) for i in range(width))
+        if kind == 'merge':
+            inner = '<<: [' + ', '.join([f'*a{level - 1}'] * width) + ']'
+        lines.append(f'  a{level}: &a{level} ' + whole.format(inner))
+    return '/**:\n ros__parameters:\n' + '\n'.join(lines)
+
+
+@pytest.mark.parametrize('text', [
+    bomb('list'), bomb('map'), bomb('merge'), bomb('list', 40, 2),
+    '/**: {ros__parameters: {a: &a ' + 'x' * 100_000 + ', b: [' + '*a,' * 1000 + ']}}'])
+def test_aliases_count_as_what_they_stand_for(tmp_path, text):
+    """Refuse a small file that stands for billions of values, with its place; in no time."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text(text)
+    tracemalloc.start()
+    try:
+        with pytest.raises(SceneError, match='scene.yaml:1:1: .* aliases written out'):
+            Scene.from_yaml(path)
+        assert tracemalloc.get_traced_memory()[1] < 30_000_000
+    finally:
+        tracemalloc.stop()
+
+
+def test_aliases_within_bounds_are_read(tmp_path):
+    """Read a scene that says a grammar once and names it again."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text('/**:\n ros__parameters:\n  scene: {objects: [a, b]}\n'
+                    '  a: &a {grammar_text: "axiom: Width(0.1) F(1)"}\n'
+                    '  b: {<<: *a, origin: [3, 0, 0]}\n')
+    assert len(Scene.from_yaml(path).blueprint) == 2

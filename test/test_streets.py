@@ -144,7 +144,7 @@ def test_the_shipped_plan_says_what_it_is():
     ('spacing: 20', 'spacing: 20, [', 'not valid YAML'),
     ('width: 6}', 'width: 6, width: 7}', 'block.plan:3: width stands there twice'),
     ('width: 6}', 'width: 6}\n  high: {from: [0, 0], to: [9, 0]}', 'high stands there twice'),
-    ('to: [60, 0]', 'to: &a [60, *a]', 'to is [60, [...]], it must be two numbers'),
+    ('to: [60, 0]', 'to: &a [60, *a]', 'contains itself'),
     ('to: [60, 0]', 'to: [2026-02-30, 0]', 'block.plan:3: to cannot be read'),
     ('depth: [2, 3, 0.5]', 'seed: 3', 'block.plan:6: defines has a value "seed"'),
     ('depth: [2, 3, 0.5]', 'depth: 1' + 400 * '0', 'it must be a number, [least'),

@@ -348,10 +348,10 @@ def test_files_of_heights_agree(tmp_path):
     ('a.asc', b'\xef\xbb\xbfncols 2\nnrows 2\ncellsize 1\n1 -9999\n3 4\n',
      '1 cells without a height, the first in row 1, column 2'),
     ('a.asc', b'ncols 1\nnrows 2\ncellsize 1\n1\n3\n', 'at least 2 x 2'),
-    ('a.npz', b'', 'No data left'),
-    ('a.asc', b'colour red\n', 'line 1 is "colour red"'),
+    ('a.npz', b'', 'it is no .npz file'),
+    ('a.asc', b'colour red\n', 'line 1 is not one of a header'),
     ('a.asc', b'ncols inf\nnrows 2\ncellsize 1\n1 2\n3 4\n', 'no ncols above 0'),
-    ('a.asc', b'ncols 2\nnrows 2\ncellsize 1\n1 2\nx 4\n', 'line 5 has "x"'),
+    ('a.asc', b'ncols 2\nnrows 2\ncellsize 1\n1 2\nx 4\n', 'line 5 has a word that is no number'),
 ])
 def test_bad_files_are_told(tmp_path, name, content, message):
     """Name the key, the file and what is allowed."""

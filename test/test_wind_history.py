@@ -118,7 +118,7 @@ def test_a_record_is_followed(tmp_path):
 @pytest.mark.parametrize(('text', 'words'), [
     ('0, 10\n', ['line 1', '2 values', 'time, speed, direction']),
     ('0, 10, 90\n0, 12, 90\n', ['line 2', 'later']),
-    ('0, ten, 90\n', ['line 1', 'speed', 'ten']),
+    ('0, ten, 90\n', ['line 1', 'speed must be a number']),
     ('0, 10, 361\n', ['direction', '361', '0 to 360']),
     ('0, -1, 90\n', ['speed', '-1', '0 to 150']),
     ('time,speed,direction\n', ['no rows']),

@@ -24,7 +24,7 @@ from procphys_ros.errors import GrammarError
 from procphys_ros.hexahedron import faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.resources import shared_folder
-from procphys_ros.wallgrammar import WallGrammar
+from procphys_ros.wallgrammar import bodies, WallGrammar
 from procphys_ros.wallgrammar.polygons import meet
 
 PIER = """
@@ -183,11 +183,18 @@ def inside(points, corners):
     return count
 
 
-@pytest.mark.parametrize('footprint', [
-    SQUARE, OCTAGON, '(0, 0) (3, 0) (4.2, 2.1) (1.5, 4) (-1, 2)'])
-def test_spires_are_sound(footprint):
+def polygon(count, reach=2.5):
+    """Give the corners of a polygon of equal sides."""
+    return ' '.join(f'({reach * np.cos(a):.6f}, {reach * np.sin(a):.6f})'
+                    for a in 0.3 + np.arange(count) * 2.0 * np.pi / count)
+
+
+@pytest.mark.parametrize(('footprint', 'pitch'), [
+    (SQUARE, 70), (OCTAGON, 70), ('(0, 0) (3, 0) (4.2, 2.1) (1.5, 4) (-1, 2)', 70), (SQUARE, 82),
+    *zip(map(polygon, (5, 6, 7, 10, 12, 12, 16, 24)), (75, 80, 70, 65, 72, 82, 70, 75))])
+def test_spires_are_sound(footprint, pitch):
     """Drop points into spires on squares and polygons: none lies in two stones; all are bonded."""
-    spire = WallGrammar.parse(SPIRE.format(footprint=footprint, pitch=70, height=0.29,
+    spire = WallGrammar.parse(SPIRE.format(footprint=footprint, pitch=pitch, height=0.29,
                                            joint=0.01)).build()
     corners = spire.hexahedra.corners.reshape(-1, 8, 3)
     assert are_convex(corners).all() and count_loose(spire) == 0
@@ -195,8 +202,22 @@ def test_spires_are_sound(footprint):
     samples = np.random.default_rng(0).uniform(points.min(axis=(0, 1)), points.max(axis=(0, 1)),
                                                (20_000, 3))
     found = inside(samples, points)
-    assert found.max() == 1 and found.sum() > 500
+    assert found.max() == 1 and found.sum() > 300
     assert holds(spire)
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_any_regular_spire_is_built_or_said_to_be_impossible(seed):
+    """Draw plans of 4 to 32 sides, pitches, stones and joints: no stone hangs in the air."""
+    rng = np.random.default_rng(seed)
+    text = SPIRE.replace('unit: 0.6 0.3', f'unit: 0.2 {rng.uniform(0.05, 0.2):.3f}').format(
+        footprint=polygon(int(rng.integers(4, 33)), rng.uniform(1.5, 2.0)),
+        pitch=rng.uniform(66.0, 80.0), height=f'{rng.uniform(0.05, 0.1):.3f}',
+        joint=rng.uniform(0.0, 0.015))
+    try:
+        assert count_loose(WallGrammar.parse(text).build()) == 0
+    except GrammarError as error:
+        assert 'hang in the air' not in error.message
 
 
 @pytest.mark.parametrize('pitch', [15, 40])
@@ -329,3 +350,37 @@ panel wall: stone
     else:
         with pytest.raises(GrammarError, match=words):
             grammar.build()
+
+
+def many_wings(corners):
+    """Write a grammar of walls that stand free, each with these corners."""
+    text = SPIRE.format(footprint=SQUARE, pitch=75, height=0.19, joint=0.01).replace(
+        'roof: spire(75)', '')
+    head, tail = text.split('layout')
+    wings = ''.join(
+        f'wing w{i}\n  footprint: {" ".join(f"({x:g}, {y:g})" for x, y in points)}\n'
+        '  facades: wall\n  storey_height: 0.4\n' for i, points in enumerate(corners))
+    return WallGrammar.parse(f'{head}{wings}layout{tail}')
+
+
+def test_only_plans_near_each_other_are_compared(monkeypatch):
+    """Compare few pairs of many wings, and find the one pair that overlaps."""
+    compared = []
+    overlap = bodies._overlap
+    monkeypatch.setattr(bodies, '_overlap', lambda *plans: compared.append(0) or overlap(*plans))
+    corners = [[(x, y), (x + 2, y), (x + 2, y + 2), (x, y + 2)]
+               for x in range(10, 34, 4) for y in range(10, 34, 4)]
+    assert len(many_wings(corners).build()) > 700
+    assert len(compared) < len(corners)
+    corners[14] = [(x + 3, y + 3) for x, y in corners[14]]
+    with pytest.raises(GrammarError, match='overlap'):
+        many_wings(corners).build()
+
+
+def test_plans_around_each_other_are_not_compared_for_minutes():
+    """Refuse brackets that lie in each other by the hundred, and name one."""
+    corners = [[(a, a), (200, a), (200, a + 1.2), (a + 1.2, a + 1.2), (a + 1.2, 200), (a, 200)]
+               for a in np.arange(10, 150, 1.3)]
+    with pytest.raises(GrammarError, match='edge by edge, .* in all; at most') as told:
+        many_wings(corners).build()
+    assert told.value.line

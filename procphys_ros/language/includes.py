@@ -20,10 +20,12 @@ import os
 from pathlib import Path
 
 from procphys_ros.errors import GrammarError
+from procphys_ros.file_bounds import outside
 from procphys_ros.language.place import Place
 from procphys_ros.language.syntax import read_text, shorten
 from procphys_ros.resources import shared_folder
 
+_GRAMMARS = ('.lsys', '.wall')
 MOST_INCLUDES = 32  # files that one grammar may take in, however indirectly
 
 
@@ -55,10 +57,15 @@ def read_include(name: str, folder: Path | None, place: Place,
         raise place.error(f'"{shorten(name)}" is not a file name')
     folders = [*([] if folder is None else [folder]), shared_folder() / 'grammars']
     for path in (one / name for one in folders):
+        if reason := outside(path):
+            raise place.error(f'"{shorten(name)}" cannot be included: {reason}')
         try:
             found = path.resolve(strict=True)
         except OSError:
             continue
+        if found.suffix not in _GRAMMARS and not found.is_dir():
+            raise place.error(f'"{shorten(name)}" cannot be included: grammars end in '
+                              f'{" or ".join(_GRAMMARS)}')
         if found in seen:
             return None
         if len(seen) >= MOST_INCLUDES:

@@ -21,10 +21,36 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.lsystem.modules import Modules, Vocabulary
-from procphys_ros.lsystem.rewriting import RuleSet
+from procphys_ros.lsystem.rewriting import Rewritten, RuleSet
 from procphys_ros.lsystem.rules import Produced
 
+_MOST_WORK = 100  # longest strings that are looked at in a derivation, some 20 s to a minute
 _MOST_PASSES = 1000  # of decomposition rules over their own result
+
+
+class _Work:
+    """
+    Counts the modules that rules look at, and ends a derivation that would go on for minutes.
+
+    :param most: modules, over all passes.
+    """
+
+    def __init__(self, most: int):
+        self._most, self._done, self._passes = most, 0, 0
+
+    def rewrite(self, rules: RuleSet, modules: Modules, defines: Mapping[str, float],
+                generator: np.random.Generator, active: np.ndarray | None = None) -> Rewritten:
+        """Rewrite as `RuleSet.rewrite` does."""
+        result = rules.rewrite(modules, defines, generator, active)
+        self._passes += 1
+        self._done += len(modules) if rules.rules else 0
+        if self._done > self._most:
+            rule = result.applied or rules.rules[0]
+            raise rule.place.error(
+                f'{self._done:,} modules were looked at in {self._passes} steps, the limit is '
+                f'{self._most:,}; the string has {len(result.modules)} modules by now: take fewer '
+                'steps, or let it grow less')
+        return result
 
 
 @dataclass(frozen=True)
@@ -55,10 +81,12 @@ class Derivation:
         :param generator: source of all random choices.
         :raises GrammarError: when growth or recursion pass their bounds.
         """
-        modules = self._decompose(self._write_axiom(defines, generator), None, defines, generator)
+        work = _Work(_MOST_WORK * self.production.max_modules)
+        modules = self._decompose(self._write_axiom(defines, generator), None, defines, generator,
+                                  work)
         for _ in range(steps):
-            result = self.production.rewrite(modules, defines, generator)
-            modules = self._decompose(result.modules, result.fresh, defines, generator)
+            result = work.rewrite(self.production, modules, defines, generator)
+            modules = self._decompose(result.modules, result.fresh, defines, generator, work)
         return modules
 
     def interpret(self, modules: Modules, depth: int, defines: Mapping[str, float],
@@ -71,9 +99,9 @@ class Derivation:
         :param defines: value of each define.
         :param generator: source of all random choices.
         """
-        fresh = None
+        fresh, work = None, _Work(_MOST_WORK * self.interpretation.max_modules)
         for _ in range(depth):
-            result = self.interpretation.rewrite(modules, defines, generator, fresh)
+            result = work.rewrite(self.interpretation, modules, defines, generator, fresh)
             modules, fresh = result.modules, result.fresh
             if result.applied is None:
                 break
@@ -87,10 +115,11 @@ class Derivation:
                        np.array(values, float), np.array([p.origin for p in self.axiom], np.int32))
 
     def _decompose(self, modules: Modules, fresh: np.ndarray | None,
-                   defines: Mapping[str, float], generator: np.random.Generator) -> Modules:
+                   defines: Mapping[str, float], generator: np.random.Generator,
+                   work: _Work) -> Modules:
         rule = None
         for _ in range(_MOST_PASSES if self.decomposition.rules else 0):
-            result = self.decomposition.rewrite(modules, defines, generator, fresh)
+            result = work.rewrite(self.decomposition, modules, defines, generator, fresh)
             if result.applied is None:
                 return modules
             modules, fresh, rule = *result[:2], result.applied

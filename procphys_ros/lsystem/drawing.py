@@ -22,6 +22,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves, Ornaments
 from procphys_ros.elementary import cos, sin
+from procphys_ros.linear import norm
 from procphys_ros.lsystem import walk
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.symbols import ATTRIBUTE_INDEX, ATTRIBUTES
@@ -34,12 +35,17 @@ _LEAF_TEXTURE = 1  # of `~` and `Leaf` without a number: the second name
 
 
 class Drawing(NamedTuple):
-    """What the turtle leaves behind; see `skeleton.build`."""
+    """
+    What the turtle leaves behind; see `skeleton.build`.
+
+    :ivar polygons: area of the polygons on each segment [m²], (S,).
+    """
 
     branches: Branches
     leaves: Leaves
     ornaments: Ornaments
     textures: tuple[str, ...]
+    polygons: np.ndarray
 
 
 def draw(modules: Modules, tables: tuple, textures: tuple[str, ...]) -> Drawing:
@@ -55,7 +61,7 @@ def draw(modules: Modules, tables: tuple, textures: tuple[str, ...]) -> Drawing:
     middle = branches.base + 0.5 * branches.length[:, None] * _axis(segments, walk.HEADING)
     frames = np.column_stack([middle, branches.attitude])
     return Drawing(branches, _leaves(modules, leaves, frames, len(textures)),
-                   _ornaments(pieces, triangles, frames), textures)
+                   _ornaments(pieces, triangles, frames), textures, _areas(triangles, len(frames)))
 
 
 def _axis(table: np.ndarray, at: int) -> np.ndarray:
@@ -125,6 +131,13 @@ def _ornaments(pieces: np.ndarray, triangles: np.ndarray, frames: np.ndarray) ->
     frame = frames[carrier][:, None]
     local = rotation.rotate(rotation.conjugate(frame[..., 3:]), corners - frame[..., :3])
     return Ornaments(carrier, local.reshape(-1, 9), texture.astype(np.int16))
+
+
+def _areas(triangles: np.ndarray, count: int) -> np.ndarray:
+    """Add up the areas of triangles by the segments that carry them [m²], (S,)."""
+    first, second, third = triangles[:, 3:].reshape(-1, 3, 3).transpose(1, 0, 2)
+    area = 0.5 * norm(np.cross(second - first, third - first), axis=1)
+    return np.bincount(np.minimum(triangles[:, 0].astype(int), count - 1), area, count)
 
 
 def _tubes(pieces: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
+import re
 
 from lark import Token, Tree
 import numpy as np
@@ -27,6 +28,8 @@ from procphys_ros.lsystem.contexts import CLOSE, EXACT_CLOSE, OPEN
 from procphys_ros.lsystem.modules import POP, PUSH, Vocabulary
 from procphys_ros.lsystem.symbols import LONG_NAMES, SYMBOLS
 
+# What nobody means to be read letter by letter; FfA is, and Ab may be.
+_CAMEL_CASE = re.compile(r'[A-Z][a-z]{2}|[A-Z][a-z]+[A-Z][a-z]')
 _HEAVIEST = 1e12  # weight of a rule; sums stay finite
 
 
@@ -130,7 +133,10 @@ class RuleCompiler:
         place = Place.of(head, self.source, line)
         left, left_formals = self._context(patterns.get('l'), line)
         right, right_formals = self._context(patterns.get('r'), line)
+        known_words = len(self.words)
         strict, strict_formals = self._context(patterns['p'], line)
+        if len(self.words) > known_words:  # "Bud(x) -> F": no letter of it is meant
+            raise self._undeclared(*self.words[-1])
         if len(strict) != 1 or strict[0] < 0:
             raise place.error('a rule replaces exactly one module; neighbours go into contexts: '
                               'left < module > right -> successor')
@@ -243,20 +249,25 @@ class RuleCompiler:
         """Split a word into declared names, known names and single letters."""
         text = str(token)
         place = Place.of(token, self.source, line)
-        long_names = {*self.declared, *LONG_NAMES}
-        if not text[0].isalnum() or text in long_names:
-            if text not in SYMBOLS and text not in long_names:
+        if not text[0].isalnum() or text in self.declared or text in LONG_NAMES:
+            if text not in SYMBOLS and text not in self.declared:
                 raise place.error(f'unknown module "{text}"{nearest_names(text, SYMBOLS)}')
             return [text]
+        pieces = self._pieces(text)
+        if not all(piece[0].isalnum() for piece in pieces):
+            raise self._undeclared(text, place)
+        if _CAMEL_CASE.search(text):
+            self.words.append((text, place))
+        return pieces
+
+    def _pieces(self, word: str) -> list[str]:
+        """Cut a word into the longest names that are known, and letters."""
         pieces: list[str] = []
-        while text:
-            size = max((len(n) for n in long_names if text.startswith(n)), default=1)
-            piece, text = text[:size], text[size:]
-            if not piece[0].isalnum():
-                raise self._undeclared(str(token), place)
-            pieces.append(piece)
-        if sum(len(piece) == 1 for piece in pieces) > 2:
-            self.words.append((str(token), place))
+        while word:
+            size = max((len(name) for name in (*self.declared, *LONG_NAMES)
+                        if word.startswith(name)), default=1)
+            pieces.append(word[:size])
+            word = word[size:]
         return pieces
 
     def _undeclared(self, word: str, place: Place):
@@ -269,8 +280,8 @@ class RuleCompiler:
         Refuse words that look like one name but were read letter by letter.
 
         :param meanings: letters that rules replace or that the turtle knows.
-        :raises GrammarError: for a capitalised word whose small letters mean nothing.
+        :raises GrammarError: for a capitalised word of which some letter means nothing.
         """
         for word, place in self.words:
-            if word[0].isupper() and word[1:].islower() and not set(word[1:]) <= {*meanings}:
+            if not {*self._pieces(word)} <= {*meanings, *self.declared}:
                 raise self._undeclared(word, place)

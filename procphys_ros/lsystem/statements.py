@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from procphys_ros.errors import nearest_names
 from procphys_ros.language import Place, shorten
+from procphys_ros.lsystem.dialects import check_line
 
 ONE_LINE = ('name', 'derivation length', 'angle', 'maximum depth')
 _SEVERAL_LINES = ('include', 'axiom', 'define', 'module', 'ignore', 'consider', 'textures')
@@ -57,13 +58,15 @@ def split_statements(text: str, source: str) -> list[Statement]:
 
     :param text: of the whole L-system.
     :param source: its name, for errors.
-    :raises GrammarError: for text outside any section and for misspelt headers.
+    :raises GrammarError: for text outside any section, for misspelt headers, and for what only
+        other programs read.
     """
     statements: list[Statement] = []
     buffer: list[str] = []
     section, start = '', 0
     lines = [line.split('#', 1)[0].rstrip() for line in text.splitlines()]
-    for number, line in enumerate(lines, 1):
+    for number, (written, line) in enumerate(zip(text.splitlines(), lines), 1):
+        check_line(written, text, Place(source, number, 1))
         header = _HEADER.match(line)
         if header:
             _close(statements, section, buffer, start, source)

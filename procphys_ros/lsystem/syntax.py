@@ -20,8 +20,9 @@ from functools import cache, lru_cache
 from lark import Lark, Tree
 from lark.exceptions import UnexpectedInput
 
-from procphys_ros.language import EXPRESSION_GRAMMAR, syntax_error
+from procphys_ros.language import EXPRESSION_GRAMMAR, Place, syntax_error
 from procphys_ros.language.parsers import make_parser
+from procphys_ros.lsystem.dialects import SYMBOLS
 from procphys_ros.lsystem.statements import Statement
 
 _GRAMMAR = r"""
@@ -87,4 +88,9 @@ def parse_statement(statement: Statement) -> Tree:
     try:
         return _tree(statement.text, _START[statement.section])
     except UnexpectedInput as problem:
-        raise syntax_error(problem, statement.source, statement.line, _WORDS) from None
+        error = syntax_error(problem, statement.source, statement.line, _WORDS)
+        answer = SYMBOLS.get(getattr(problem, 'char', ''))
+        if answer and _WORDS['WORD'] in error.message:
+            error = Place(error.source, error.line, error.column).error(
+                f'{error.message}; {answer}')
+        raise error from None

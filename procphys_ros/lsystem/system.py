@@ -125,7 +125,7 @@ class LSystem:
         """
         drawing = self._draw(None, seed, defines)
         return skeleton.build(drawing.branches, drawing.leaves, drawing.ornaments,
-                              drawing.textures)
+                              drawing.textures, polygons=drawing.polygons)
 
     def _derive(self, steps: int | None, generator: np.random.Generator,
                 overrides: dict[str, float]) -> tuple[Modules, dict[str, float]]:

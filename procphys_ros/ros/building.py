@@ -24,6 +24,7 @@ import scipy
 from procphys_ros import progress
 from procphys_ros.compilation.progress import COMPILING
 from procphys_ros.errors import CommandError
+from procphys_ros.file_bounds import FileBounds, within
 from procphys_ros.physics.wind import Wind
 from procphys_ros.ros.activity import Activity
 from procphys_ros.scene import Scene
@@ -44,19 +45,21 @@ class Builder:
         self.activity = Activity()
         self._job: _Job | None = None
 
-    def build(self, parameters: Mapping[str, Any], done: Callable[[Simulation], None],
+    def build(self, parameters: Mapping[str, Any], bounds: FileBounds,
+              done: Callable[[Simulation], None],
               failed: Callable[[Exception], None]) -> None:
         """
         Start building.
 
         :param parameters: nested mapping that describes the scene.
+        :param bounds: of the files that it names.
         :param done: called with the simulation, in another thread.
         :param failed: called with what was raised or, when it is cancelled, with CommandError.
         :raises CommandError: when another scene is being built.
         """
         if self._job is not None and self._job.is_wanted:
             raise CommandError('another scene is being built; ~/cancel_reload ends that')
-        self._job = _Job(parameters, done, failed, self.activity, self._job)
+        self._job = _Job(parameters, bounds, done, failed, self.activity, self._job)
 
     def cancel(self) -> None:
         """
@@ -86,10 +89,11 @@ class _Job:
     :param before: a job that may not have noticed yet that it was cancelled.
     """
 
-    def __init__(self, parameters: Mapping[str, Any], done: Callable[[Simulation], None],
-                 failed: Callable[[Exception], None], activity: Activity,
-                 before: '_Job | None'):
+    def __init__(self, parameters: Mapping[str, Any], bounds: FileBounds,
+                 done: Callable[[Simulation], None], failed: Callable[[Exception], None],
+                 activity: Activity, before: '_Job | None'):
         self._parameters = parameters
+        self._bounds = bounds
         self._done = done
         self._failed = failed
         self._activity = activity
@@ -131,7 +135,7 @@ class _Job:
         if before is not None:
             before._thread.join()
         try:
-            with (progress.reported_to(self), progress.stage(BUILDING),
+            with (within(self._bounds), progress.reported_to(self), progress.stage(BUILDING),
                   ThreadPoolExecutor(1, 'eddies') as other):
                 drawn = other.submit(_draw_eddies, self._parameters)
                 scene = Scene.from_parameters(self._parameters)

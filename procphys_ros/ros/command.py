@@ -134,10 +134,20 @@ def _explode(remote: Any, said: argparse.Namespace) -> None:
     print(remote.trigger('explode'))
 
 
+def _text_of(grammar: Path) -> str:
+    """Read a file of the user's, which the node may not reach; '' = there is none."""
+    if not grammar.is_file():
+        return ''
+    try:
+        return grammar.read_text('utf-8-sig')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'it is not UTF-8 text'
+        raise CommandError(f'{grammar}: {reason}') from None
+
+
 def _spawn(remote: Any, said: argparse.Namespace) -> None:
-    path = Path(said.grammar)  # the node may run in another folder
-    grammar = str(path.resolve()) if path.is_file() else said.grammar
-    remote.change({'spawn.name': said.name, 'spawn.grammar': grammar, 'spawn.grammar_text': '',
+    remote.change({'spawn.name': said.name, 'spawn.grammar': said.grammar,
+                   'spawn.grammar_text': _text_of(Path(said.grammar)),
                    'spawn.defines': said.define, 'spawn.seed': said.seed,
                    'spawn.position': (said.x, said.y, said.z), 'spawn.yaw': said.yaw})
     print(remote.trigger('spawn'))

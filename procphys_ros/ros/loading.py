@@ -21,6 +21,7 @@ from time import monotonic
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.file_bounds import within
 from procphys_ros.ros.building import Builder
 from procphys_ros.ros.commands import Command, CommandQueue, describe
 from procphys_ros.ros.free_memory import return_free_memory
@@ -70,7 +71,7 @@ class Loading:
 
         self._is_first_needed = answer is None
         told = answer or (lambda success, message: None)
-        self._builder.build(self._parameters.nested(),
+        self._builder.build(self._parameters.nested(), self._parameters.bounds,
                             lambda simulation: self._hand_over(simulation, told), fail)
 
     def reload(self, answer: Callable[[bool, str], None]) -> None:
@@ -89,7 +90,7 @@ class Loading:
         def fail(error: Exception) -> None:
             answer(False, self._queue.reject(RELOAD, error, _STAYS))
 
-        self._builder.build(self._parameters.nested(), hand_over, fail)
+        self._builder.build(self._parameters.nested(), self._parameters.bounds, hand_over, fail)
 
     def spawn(self, answer: Callable[[bool, str], None]) -> None:
         """
@@ -120,7 +121,8 @@ class Loading:
 
         def build() -> None:
             try:
-                made = wanted.build()
+                with within(self._parameters.bounds):
+                    made = wanted.build()
             except Exception as error:
                 if not self._stopped:
                     answer(False, self._queue.reject(SPAWN, error, _STAYS))

@@ -17,6 +17,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+import sys
 from types import MappingProxyType
 from typing import Any
 
@@ -33,6 +34,7 @@ from rclpy.parameter import Parameter as RosParameter
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.resources import shared_folder
 from procphys_ros.ros.commands import describe, shortened
+from procphys_ros.ros.file_access import bounds_at_start
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.parameter_table import (
@@ -68,6 +70,7 @@ class Parameters:
     whole, so another thread may read them at any time.
 
     :param node: the node that they are declared on.
+    :ivar bounds: of the files that they may name.
     :ivar is_demo: whether no scene was given, so that the parameters are those of the demo.
     :raises SceneError: when a value given at start is not allowed.
     """
@@ -85,6 +88,7 @@ class Parameters:
             self._declare(parameter, parameter.name)
         self._declare_objects({})
         _check_groups(self.nested())
+        self.bounds = bounds_at_start(self._values['files.root'], self.given(), sys.argv)
         node.add_pre_set_parameters_callback(self._prepare)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._take_over)

@@ -17,12 +17,12 @@
 
 from collections.abc import Callable
 from dataclasses import fields
-import os
 from pathlib import Path
 from typing import Any
 
 from procphys_ros.errors import CommandError
 from procphys_ros.ros.conversions import Act, part_name, Triple
+from procphys_ros.ros.file_access import state_path
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.settings import read_settings
@@ -118,10 +118,7 @@ class Requests:
         return lambda: self._session.inspect(part)
 
     def _state_file(self) -> Path:
-        name = self._parameters['state.file']
-        if not name:
-            raise CommandError('state.file is empty, it must name a file')
-        return Path(os.path.expanduser(name))
+        return state_path(self._parameters['state.file'], self._parameters.bounds)
 
     def _group(self, name: str, kind: Callable[..., Any]) -> Any:
         """Read a group of parameters as what it describes."""

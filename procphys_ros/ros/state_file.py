@@ -20,8 +20,10 @@ import stat
 
 from procphys_ros.errors import CommandError
 from procphys_ros.output_files import write_beside
+from procphys_ros.simulation.archive import is_archive
 
 _LARGEST = 2 << 30  # [bytes] of a file that is read
+_HEAD = 64  # [bytes] that tell what a file is
 
 
 def write_state(path: Path, data: bytes) -> None:
@@ -33,9 +35,17 @@ def write_state(path: Path, data: bytes) -> None:
     try:
         if path.exists() and not path.is_file():  # a device would be replaced by a file
             raise CommandError(f'state.file: {path} is not a regular file')
+        if path.exists() and not _is_replaceable(path):
+            raise CommandError(f'state.file: {path} is no saved state, and is not replaced')
         write_beside(path, lambda part: part.write_bytes(data))
     except (OSError, ValueError) as error:
         raise CommandError(f'state.file: {path} cannot be written: {_reason(error)}') from error
+
+
+def _is_replaceable(path: Path) -> bool:
+    with path.open('rb') as file:
+        head = file.read(_HEAD)
+    return not head or is_archive(head)
 
 
 def read_state(path: Path) -> bytes:

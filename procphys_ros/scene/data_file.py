@@ -18,6 +18,7 @@ import os
 from pathlib import Path
 
 from procphys_ros.errors import SceneError
+from procphys_ros.file_bounds import named_by, outside
 from procphys_ros.language import shorten
 from procphys_ros.resources import shared_folder
 
@@ -39,6 +40,10 @@ def find_data_file(key: str, name: str, beside: Path | None) -> Path:
     elif beside is not None:
         candidates.insert(0, beside / name)
     for path in candidates:
+        with named_by(key, name):
+            reason = outside(path)
+        if reason:
+            raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {reason}')
         if _is_file(path):
             return path
     where = ' and '.join(dict.fromkeys(shorten(str(path)) for path in candidates))

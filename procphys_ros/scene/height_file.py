@@ -25,10 +25,15 @@ from procphys_ros.language import shorten
 from procphys_ros.scene.data_file import find_data_file
 
 MOST_CORNERS = 1_050_625  # 1025 x 1025, what PyBullet takes with room to spare
+_LARGEST = 8 * MOST_CORNERS + 1024  # [bytes] of an array of them with its header
 _TALLEST = 9300.0  # [m] from the shore of the Dead Sea to the summit of Mount Everest
 _KEY = 'terrain.file'
 _HEADER = ('ncols', 'nrows', 'xllcorner', 'yllcorner', 'xllcenter', 'yllcenter', 'cellsize',
            'nodata_value')
+
+
+class _FormatError(ValueError):
+    """What is wrong with a file, in words that tell nothing of what is in it."""
 
 
 def read_heights(name: str, beside: Path | None,
@@ -52,7 +57,10 @@ def read_heights(name: str, beside: Path | None,
         heights, cell = reader(path)
     except (OSError, EOFError, ValueError, TypeError, KeyError, SyntaxError,
             zipfile.BadZipFile) as problem:  # numpy and Pillow raise all of them on broken files
-        raise SceneError(f'{_KEY}: {path} cannot be read: {problem}') from None
+        own = isinstance(problem, _FormatError)
+        reason = (str(problem) if own else getattr(problem, 'strerror', None)
+                  or f'it is no {path.suffix} file, or is damaged')
+        raise SceneError(f'{_KEY}: {path} cannot be read: {reason}') from None
     if heights.ndim != 2 or min(heights.shape) < 2 or heights.size > MOST_CORNERS:
         raise SceneError(f'{_KEY}: {path} has a grid of {heights.shape}, it must have two '
                          f'dimensions, at least 2 x 2 and at most {MOST_CORNERS} heights')
@@ -82,14 +90,14 @@ def _png(path: Path) -> tuple[np.ndarray, float]:
     try:
         opened = Image.open(path)
     except Image.DecompressionBombError as problem:
-        raise ValueError(str(problem)) from None
+        raise _FormatError(str(problem)) from None
     with opened as picture:
         if picture.width * picture.height > MOST_CORNERS:  # before it is unpacked
-            raise ValueError(f'it has {picture.width} x {picture.height} pixels, at most '
-                             f'{MOST_CORNERS} are allowed')
+            raise _FormatError(f'it has {picture.width} x {picture.height} pixels, at most '
+                               f'{MOST_CORNERS} are allowed')
         if picture.mode not in ('1', 'L', 'I', 'I;16', 'I;16B'):
-            raise ValueError(f'it is a picture of mode {picture.mode}; heights are grey, with 8 '
-                             'or 16 bits')
+            raise _FormatError(f'it is a picture of mode {picture.mode}; heights are grey, with '
+                               '8 or 16 bits')
         deep = picture.mode.startswith('I')
         grey = np.asarray(picture, float)
     return grey / (1.0 if picture.mode == '1' else 65535.0 if deep else 255.0), 0.0
@@ -97,10 +105,13 @@ def _png(path: Path) -> tuple[np.ndarray, float]:
 
 def _npz(path: Path) -> tuple[np.ndarray, float]:
     """Read the array `heights`, rows from north to south, and `cell` where it is there."""
+    with zipfile.ZipFile(path) as members:
+        if any(member.file_size > _LARGEST for member in members.infolist()):
+            raise _FormatError(f'it unpacks to more than {_LARGEST} bytes, at most {MOST_CORNERS} '
+                               'heights are allowed')
     with np.load(path, allow_pickle=False) as archive:
         if 'heights' not in archive:
-            raise ValueError(f'it has no array "heights" (it has {", ".join(archive) or "none"}; '
-                             '"cell" may stand beside it)')
+            raise _FormatError('it has no array "heights"; "cell" may stand beside it')
         return (np.asarray(archive['heights'], float),
                 float(archive['cell']) if 'cell' in archive else 0.0)
 
@@ -114,18 +125,18 @@ def _ascii(path: Path) -> tuple[np.ndarray, float]:
         if not words or not words[0][0].isalpha() or words[0].lower() == 'nan':
             break
         if words[0].lower() not in _HEADER or len(words) != 2:
-            raise ValueError(f'line {number} is "{shorten(line)}"; a header has '
-                             f'{", ".join(_HEADER)}, each with a number')
+            raise _FormatError(f'line {number} is not one of a header; it has '
+                               f'{", ".join(_HEADER)}, each with a number')
         header[words[0].lower()] = _number(words[1], number)
     for key in ('ncols', 'nrows', 'cellsize'):
         if not 0.0 < header.get(key, 0.0) < np.inf:
-            raise ValueError(f'its header has no {key} above 0')
+            raise _FormatError(f'its header has no {key} above 0')
     values = np.array([_number(word, number) for number, line in enumerate(lines, 1)
                        if number > len(header) for word in line.split()])
     columns, rows = int(header['ncols']), int(header['nrows'])
     if len(values) != columns * rows:
-        raise ValueError(f'it has {len(values)} heights, {columns} columns and {rows} rows need '
-                         f'{columns * rows}')
+        raise _FormatError(f'it has {len(values)} heights, {columns} columns and {rows} rows need '
+                           f'{columns * rows}')
     values[values == header.get('nodata_value', -9999.0)] = np.nan
     return values.reshape(rows, columns), header['cellsize']
 
@@ -134,4 +145,4 @@ def _number(word: str, line: int) -> float:
     try:
         return float(word)
     except ValueError:
-        raise ValueError(f'line {line} has "{shorten(word)}", which is no number') from None
+        raise _FormatError(f'line {line} has a word that is no number') from None

@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import SceneError
+from procphys_ros.file_bounds import named_by
 from procphys_ros.physics.world.pieces import Pieces, single
 from procphys_ros.scene.mesh import boxes_in, read_mesh
 from procphys_ros.schema import check, declared, short
@@ -68,7 +69,8 @@ class IntrudersSettings:
 
         :raises SceneError: when the file of a mesh cannot be read.
         """
-        return {name: _solid(text) for name, text in zip(self.names, self.shapes)}
+        with named_by('intruders.shapes', list(self.shapes)):
+            return {name: _solid(text) for name, text in zip(self.names, self.shapes)}
 
 
 def _words(text: str) -> tuple[str, list[float]]:

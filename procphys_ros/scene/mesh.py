@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import SceneError
+from procphys_ros.file_bounds import outside
 from procphys_ros.language import shorten
 from procphys_ros.linear import product
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces
@@ -48,6 +49,8 @@ def read_mesh(name: str, key: str) -> np.ndarray:
         raise SceneError(f'{key}: meshes need the package trimesh: pip install trimesh') from error
     path = (shared_folder() / name.removeprefix(_PACKAGE) if name.startswith(_PACKAGE)
             else Path(os.path.expanduser(name)))
+    if reason := outside(path):
+        raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {reason}')
     try:
         mesh: Any = trimesh.load(path, force='mesh', process=False)
         triangles = np.asarray(mesh.triangles, float)

@@ -44,7 +44,7 @@ class ObjectSpec:
     :ivar spacing: distance between instances [m].
     :ivar origin: where the layout is centred [m], (3,).
     :ivar on: object that every instance stands on and is bonded to; empty = the ground.
-    :ivar yaw: heading of every instance about the vertical [rad].
+    :ivar yaw: turn of the layout about its origin, and so of every instance, too [rad].
     :ivar seed: seed of the first instance; -1 = from the seed of the scene.
     :ivar variants: number of different individuals among the instances; 0 = all differ.
     :raises SceneError: when a value is out of its range; the message names key and range.
@@ -64,7 +64,9 @@ class ObjectSpec:
         (0.0, 0.0, 0.0), 'where the layout is centred; z counts from the ground', 'm', -1e6, 1e6)
     on: str = declared(
         '', 'object, listed before it, that it stands on and is bonded to; z counts from its top')
-    yaw: float = declared(0.0, 'heading of every instance about the vertical', 'rad', -1e3, 1e3)
+    yaw: float = declared(
+        0.0, 'turn of the whole layout about `origin`, and with it of every instance', 'rad',
+        -1e3, 1e3)
     seed: int = declared(-1, 'seed of the first instance; -1 = from the seed of the scene', '',
                          -1, 2**62)
     variants: int = declared(0, 'different individuals among the instances; 0 = all differ', '',

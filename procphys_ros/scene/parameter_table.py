@@ -62,6 +62,9 @@ NODE = (
     Parameter('marker_mesh', 'package://procphys_ros/config/meshes/brick.dae',
               'mesh of a unit cube for bricks that have moved; empty = plain cubes, for viewers '
               'that cannot load it'),
+    Parameter('files.root', [], 'folders below which parameters may name files that are set after '
+              'the start, besides those of this package; empty = the folders of the parameter '
+              'files and of state.file', read_only=True),
     Parameter('real_time_factor', 1.0,
               'simulated seconds per second; 0 = as fast as possible', '', 0.0, 1000.0),
     Parameter('service_deadline', 0.15, 'how long a service waits for the simulation to come to '
@@ -82,8 +85,8 @@ GLOBAL = (
     *parameters(IntruderSettings, 'intruder', takes_effect='reload'),
     *parameters(IntrudersSettings, 'intruders', read_only=True),
     *parameters(TerrainSettings, 'terrain', takes_effect='reload'),
-    Parameter('state.file', '', 'that ~/save_state writes and ~/restore_state reads',
-              takes_effect='use'),
+    Parameter('state.file', '', 'that ~/save_state writes and ~/restore_state reads; a mere name '
+              'is one in the first of the folders of files.root', takes_effect='use'),
     *parameters(Blow, 'impulse', takes_effect='use'),
     *parameters(Projectile, 'projectile', takes_effect='use'),
     *parameters(Explosion, 'explosion', takes_effect='use'),

@@ -28,7 +28,7 @@ from procphys_ros.elementary import atan2, cos, sin
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.linear import norm
 from procphys_ros.palette import is_known, LOOKS
-from procphys_ros.scene.yaml_file import parsed
+from procphys_ros.scene.yaml_file import BoundedLoader, parsed
 
 MOST = 2000  # houses, or trees, of one row
 _STREET = ('from', 'to', 'width', 'surface', 'pavement', 'pavement_surface')
@@ -151,7 +151,7 @@ def read_plan(path: Path) -> Plan:
 
     :raises SceneError: naming file, line, key and what is allowed.
     """
-    root = parsed(path, lambda text: yaml.compose(text, yaml.SafeLoader))
+    root = parsed(path, lambda text: yaml.compose(text, BoundedLoader))
     top = _Keys(root, str(path), ('streets', 'plots', 'trees'))
     streets = {name: _street(_Keys(node, str(path), _STREET))
                for name, node in top.mapping('streets')}

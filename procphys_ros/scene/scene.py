@@ -26,6 +26,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.elementary import cos, sin
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.file_bounds import named_by
 from procphys_ros.linear import product
 from procphys_ros.paving import Paving
 from procphys_ros.progress import stage
@@ -259,7 +260,11 @@ class Scene:
         if spec.defines or spec.count:
             raise SceneError(f'{spec.name}: {key} is a plan, which has counts and defines of its '
                              f'own; leave {spec.name}.count and {spec.name}.defines out')
-        path = locate(spec.grammar, key, beside)
+        with named_by(key, spec.grammar):
+            self._lay_out(spec, number, locate(spec.grammar, key, beside))
+
+    def _lay_out(self, spec: ObjectSpec, number: int, path: Path) -> None:
+        """Build and place what is in a plan."""
         grammars: dict[str, Grammar] = {}
 
         def build(name: str, seed: int, defines: dict[str, float]) -> Blueprint:

@@ -21,6 +21,7 @@ from typing import Protocol, TYPE_CHECKING
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.file_bounds import named_by, outside
 from procphys_ros.language import check_length, shorten
 from procphys_ros.lsystem import LSystem
 from procphys_ros.resources import shared_folder
@@ -49,14 +50,19 @@ def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
     :raises SceneError: when there is no such file, or its ending names no language.
     :raises GrammarError: when its text cannot be read.
     """
-    path = locate(name, key, beside)
+    with named_by(key, name):
+        path = locate(name, key, beside)
+        return _language_of(name, key, path).load(path)
+
+
+def _language_of(name: str, key: str, path: Path) -> 'type[LSystem] | type[WallGrammar]':
     if path.suffix == PLAN:
         raise SceneError(f'{key}: "{shorten(name)}" is a plan of many objects; it can only be '
                          'the grammar of an object in scene.objects')
     if path.suffix not in (_LSYSTEM, _WALL):
         raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; '
                          f'grammars end in {_LSYSTEM} or {_WALL}')
-    return _language(path.suffix == _WALL).load(path)
+    return _language(path.suffix == _WALL)
 
 
 def parse_grammar(text: str, key: str) -> Grammar:
@@ -70,8 +76,9 @@ def parse_grammar(text: str, key: str) -> Grammar:
     check_length(text, key)
     words = (line.split('#')[0].split() for line in text.splitlines())
     is_wall = any(word and word[0] == 'building' for word in words)
-    text = text.removeprefix('\ufeff')  # the mark that editors of Windows put in front
-    return _language(is_wall).parse(text, source=key)
+    bare = text.removeprefix('\ufeff')  # the mark that editors of Windows put in front
+    with named_by(key, text):
+        return _language(is_wall).parse(bare, source=key)
 
 
 def _language(is_wall: bool) -> 'type[LSystem] | type[WallGrammar]':
@@ -95,12 +102,17 @@ def locate(name: str, key: str, beside: Path | None) -> Path:
         candidates = [shared_folder() / 'grammars' / name, Path(os.path.expanduser(name))]
         if beside is not None:
             candidates.insert(0, beside / name)
+    refused = ''
     for path in candidates:
+        if refused := outside(path):
+            continue
         reason = _unreadable(path)
         if reason is None:
             return path
         if reason:
             raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {reason}')
+    if refused and Path(name).name != name:  # a mere name is more likely misspelt
+        raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {refused}')
     known = sorted(p.name for p in (shared_folder() / 'grammars').glob('*')
                    if p.suffix in (_LSYSTEM, _WALL, PLAN))
     raise SceneError(f'{key}: there is no grammar "{shorten(name)}"{nearest_names(name, known)} '

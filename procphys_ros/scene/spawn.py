@@ -34,8 +34,9 @@ class Spawn:
     One object that is to join a running scene.
 
     :ivar name: of the object; '' = one after the grammar that is free.
-    :ivar grammar: file that holds the grammar; empty when `grammar_text` is given.
-    :ivar grammar_text: the grammar itself; empty when `grammar` is given.
+    :ivar grammar: file that holds the grammar, or what the object is named after when
+        `grammar_text` is given.
+    :ivar grammar_text: the grammar itself; '' = what the file holds.
     :ivar defines: values that override the grammar's own, as 'name=number'.
     :ivar seed: of what is random in the grammar.
     :ivar position: where its origin goes [m], (3,), world.
@@ -46,7 +47,7 @@ class Spawn:
     name: str = declared('', 'of the object that ~/spawn adds and ~/remove takes out; for ~/spawn '
                          'empty = one that is free, such as oak_0')
     grammar: str = declared('', 'file in grammars/, a path, or package://procphys_ros/…')
-    grammar_text: str = declared('', 'the grammar itself, instead of a file')
+    grammar_text: str = declared('', 'the grammar itself; spawn.grammar then names the object')
     defines: tuple[str, ...] = declared(
         (), 'values that override the grammar\'s own, as "name=number"')
     seed: int = declared(0, 'of what is random in the grammar', '', 0, 2**62)
@@ -80,10 +81,10 @@ class Spawn:
         :raises SceneError: when there is no one grammar, or a define makes no sense.
         :raises GrammarError: when it cannot be read or derived.
         """
-        if bool(self.grammar) == bool(self.grammar_text):
+        if not self.grammar and not self.grammar_text:
             raise SceneError('spawn: give either spawn.grammar (a file) or spawn.grammar_text '
                              '(the grammar itself)')
         numbers = read_defines(self.defines, 'spawn.defines')
-        grammar = (load_grammar(self.grammar, 'spawn.grammar') if self.grammar
-                   else parse_grammar(self.grammar_text, 'spawn.grammar_text'))
+        grammar = (parse_grammar(self.grammar_text, 'spawn.grammar_text') if self.grammar_text
+                   else load_grammar(self.grammar, 'spawn.grammar'))
         return grammar.build(seed=self.seed, **numbers)

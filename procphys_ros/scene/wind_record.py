@@ -43,7 +43,8 @@ def read_wind_record(name: str, beside: Path | None = None) -> Record:
     try:
         lines = path.read_text(encoding='utf-8-sig').splitlines()
     except (OSError, UnicodeDecodeError) as problem:
-        raise SceneError(f'wind.file: "{shorten(name)}" cannot be read: {problem}') from None
+        reason = getattr(problem, 'strerror', None) or 'it is not UTF-8 text'
+        raise SceneError(f'wind.file: "{shorten(name)}" cannot be read: {reason}') from None
     rows: list[tuple[float, float, float]] = []
     for number, line in enumerate(lines, 1):
         words = [word.strip() for word in line.split('#')[0].split(',')]
@@ -70,7 +71,7 @@ def _read_row(words: list[str], rows: list[tuple[float, float, float]]) -> tuple
         try:
             values.append(float(word))
         except ValueError:
-            raise SceneError(f'{column} is "{shorten(word)}", it must be a number') from None
+            raise SceneError(f'{column} must be a number') from None
     time, speed, direction = values
     if not (math.isfinite(time) and time >= 0.0 and (not rows or time > rows[-1][0])):
         raise SceneError(f'time is {time:g}, it must be 0 s or more and later than in the row '

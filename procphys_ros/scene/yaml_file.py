@@ -15,6 +15,7 @@
 """Read the parameters of the node from a ROS parameter file, without ROS."""
 
 from collections.abc import Callable, Hashable, Mapping
+import math
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -29,7 +30,37 @@ _ENDLESS = 'it is nested too deep, or contains itself'
 _NODE_KEYS = ('/**', '/*', 'sim', '/sim')  # sections that apply to a node called sim
 
 
-class _Loader(yaml.SafeLoader):
+class BoundedLoader(yaml.SafeLoader):
+    """
+    Refuses a document that is too long once its aliases are written out.
+
+    A few lines of aliases of aliases stand for billions of values, and whoever reads these is busy
+    with all of them.
+    """
+
+    def get_single_node(self) -> yaml.Node | None:
+        node = super().get_single_node()
+        if node is not None and (length := _length(node, {})) > _LONGEST:
+            raise yaml.MarkedYAMLError(
+                problem=_ENDLESS if length == math.inf else
+                f'with its aliases written out it has more than {_LONGEST} characters',
+                problem_mark=node.start_mark)
+        return node
+
+
+def _length(node: yaml.Node, known: dict[yaml.Node, float]) -> float:
+    """Give how many characters it takes at least to write a node without aliases."""
+    if node not in known:
+        known[node] = math.inf  # for who contains itself
+        inner = (node.value if isinstance(node, yaml.SequenceNode) else
+                 [each for pair in node.value for each in pair]
+                 if isinstance(node, yaml.MappingNode) else [])
+        known[node] = (sum(_length(each, known) for each in inner)
+                       + (1 if inner else len(node.value)) + 1)
+    return known[node]
+
+
+class _Loader(BoundedLoader):
     """
     Reads names of parameters as ROS does: `on` is a name, not a truth value of YAML 1.1.
 

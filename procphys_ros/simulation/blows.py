@@ -21,7 +21,6 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.world import BodyState, Contacts
-from procphys_ros.simulation.contact_forces import BodyContacts
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -44,24 +43,6 @@ class Blows(NamedTuple):
     contacts: Contacts
     energy: np.ndarray
     duration: np.ndarray
-
-
-class Blow(NamedTuple):
-    """
-    A blow on a piece.
-
-    :ivar body: id.
-    :ivar parts: what it carries, (P,).
-    :ivar contacts: of the body; None = not selected yet.
-    :ivar energy: of the motion that these stop [J], see `energies`; inf = they last.
-    :ivar rows: of all contacts, of which they are to be selected.
-    """
-
-    body: int
-    parts: np.ndarray
-    contacts: BodyContacts | None
-    energy: float
-    rows: np.ndarray
 
 
 def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:

@@ -44,6 +44,24 @@ class BodyContacts(NamedTuple):
     other: np.ndarray
 
 
+class Blow(NamedTuple):
+    """
+    A blow on a piece.
+
+    :ivar body: id.
+    :ivar parts: what it carries, (P,).
+    :ivar contacts: of the body; None = not selected yet.
+    :ivar energy: of the motion that these stop [J], see `blows.energies`; inf = they last.
+    :ivar rows: of all contacts, of which they are to be selected.
+    """
+
+    body: int
+    parts: np.ndarray
+    contacts: BodyContacts | None
+    energy: float
+    rows: np.ndarray
+
+
 @kernel
 def turned_back(poses, points, normals, forces):
     """

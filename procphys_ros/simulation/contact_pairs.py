@@ -24,7 +24,7 @@ from procphys_ros.linear import norm
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overlaps
 from procphys_ros.physics.trees import Forest
-from procphys_ros.physics.trees.state import Joint
+from procphys_ros.physics.trees.state import Joint, Plan
 from procphys_ros.physics.world import World
 from procphys_ros.simulation.obstacles import (
     Bricks,
@@ -91,7 +91,7 @@ class TreeBounds:
     :ivar trees: the same of whole trees, (T, 6).
     """
 
-    plan: object = None
+    plan: Plan | None = None
     segments: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     trees: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
 

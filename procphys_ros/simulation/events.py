@@ -39,10 +39,12 @@ class EventLog:
     :ivar forgotten: number of events dropped because nobody took them.
     """
 
+    _chunks: list[np.ndarray]
+
     def __init__(self) -> None:
         self.total = 0
         self.forgotten = 0
-        self._chunks: list[np.ndarray] = []
+        self._chunks = []
         self._held = 0
 
     def record(self, time: float, position: np.ndarray, bond: np.ndarray, pairs: np.ndarray,

@@ -33,8 +33,8 @@ from procphys_ros.simulation import (
     returned_impulses,
     sustained_loads,
 )
-from procphys_ros.simulation.blows import Blow, Blows, blows_of, energies
-from procphys_ros.simulation.contact_forces import BodyContacts, spread, turned_back
+from procphys_ros.simulation.blows import Blows, blows_of, energies
+from procphys_ros.simulation.contact_forces import Blow, BodyContacts, spread, turned_back
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import Failures
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlap_box, overlaps, piece_bounds
@@ -38,6 +39,8 @@ _HANGING = 0.02  # [m] above the ground from which on an object is told not to s
 _SUNK = 0.01     # [m] below the ground from which on an object is called sunk
 _OVERLAP = 0.01  # [m] depth from which on objects overlap: twice what roofs have by their tiles
 _TWIGS = 0.2     # [m] the same for trees and walls: thinner twigs give way
+_CAPACITIES = {Cause.FORCE: 'BreakForce', Cause.TWIST: 'BreakTorque', Cause.BENDING: 'Strength',
+               Cause.UPROOTING: 'RootMoment'}
 _MOST = 10       # lines about overlaps; who places a hundred houses in one place knows by then
 
 
@@ -63,9 +66,26 @@ def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
             + _overlapping(blueprint, objects, present, pairs))
 
 
-def check_climbers(blueprint: Blueprint, objects: Sequence[SceneObject],
+def check_trees(state: State, objects: Sequence[SceneObject], anchors: Anchors) -> list[str]:
+    """List the trees that break under their weight, and climbers with nothing to hold on to."""
+    blueprint, forest = state.blueprint, state.forest
+    row, cause, ratio = forest.overloaded_by_weight()
+    part = forest.parts[row]
+    lines = []
+    for thing in objects:
+        own = np.flatnonzero((part >= thing.first) & (part < thing.first + thing.count))
+        if len(own):
+            worst = own[np.argmax(ratio[own])]
+            x, y, z = blueprint.bond_frame[forest.bonds[row[worst]], :3]
+            lines.append(
+                f'{thing.name} does not carry its own weight: {len(own)} of {thing.count} '
+                f'joints are overloaded, the worst at ({x:.2f}, {y:.2f}, {z:.2f}) m by '
+                f'{ratio[worst]:.3g} times its {_CAPACITIES[Cause(cause[worst])]}')
+    return lines + _idle_climbers(blueprint, objects, anchors)
+
+
+def _idle_climbers(blueprint: Blueprint, objects: Sequence[SceneObject],
                    anchors: Anchors) -> list[str]:
-    """List the climbing plants that find nothing to hold on to."""
     child = blueprint.bonds[blueprint.bond_law == Law.HINGE, 1]
     clings = np.zeros(len(blueprint), bool)
     clings[child] = blueprint.hinges.cling > 0.0

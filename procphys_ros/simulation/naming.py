@@ -37,10 +37,14 @@ class PartNames:
     :param blueprint: all parts of these instances.
     """
 
+    _objects: dict[str, SceneObject]
+    _firsts: list[int]
+    _blueprints: list[Blueprint]
+
     def __init__(self, objects: Sequence[SceneObject], blueprint: Blueprint):
-        self._objects: dict[str, SceneObject] = {}
-        self._firsts: list[int] = []
-        self._blueprints: list[Blueprint] = []
+        self._objects = {}
+        self._firsts = []
+        self._blueprints = []
         self._total = 0
         self.extend(objects, blueprint)
 

@@ -77,8 +77,8 @@ class Simulation(Readings):
         self._scene_model = self.model  # without what is added while it runs
         self.state, cracked = at_rest(self.model)
         self.warnings = load_checks.log([*load_checks.check_places(
-            scene.blueprint, scene.objects, scene.settings.terrain), *load_checks.check_climbers(
-                scene.blueprint, scene.objects, self.model.trees.climbers.anchors), *cracked])
+            scene.blueprint, scene.objects, scene.settings.terrain), *load_checks.check_trees(
+                self.state, scene.objects, self.model.trees.climbers.anchors), *cracked])
 
     def reset(self) -> None:
         """
@@ -172,8 +172,8 @@ class Simulation(Readings):
         self._flutter = None
         self.warnings += load_checks.log(
             [*load_checks.check_added(self.state, self.model.terrain), *lines,
-             *load_checks.check_climbers(self.blueprint, self.objects[-1:],
-                                         self.model.trees.climbers.anchors)])
+             *load_checks.check_trees(self.state, self.objects[-1:],
+                                      self.model.trees.climbers.anchors)])
         return self.state.objects[-1]
 
     def remove(self, name: str) -> None:

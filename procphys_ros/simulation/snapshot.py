@@ -16,45 +16,45 @@
 """
 Snapshot: the whole state of a simulation as bytes, and back.
 
-A snapshot is a header line, a description as JSON, and the compressed state. Constants are not in
-it: they are named, and taken from the model of the simulation that restores. Reading one creates
-arrays and the classes of this package that a state is made of, and calls nothing else, so that a
-file from elsewhere can do no harm.
+A snapshot is an `archive` of `records`. Constants are not in it: they are named, and taken from
+the model of the simulation that restores; arrays that equal one of them are taken from there, too.
+Nothing is built by a name found in a snapshot, and what was read is compared with the state that
+the scene begins with, field by field, before anything goes on from it.
 """
 
 from dataclasses import fields, is_dataclass, replace
 import hashlib
-import io
-import json
-import pickle
 from typing import Any
-import zlib
 
 import numpy as np
 
 from procphys_ros import __version__
-from procphys_ros.errors import SnapshotError
+from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.errors import SceneError, SnapshotError
 from procphys_ros.physics.world import World
+from procphys_ros.scene import SceneObject
+from procphys_ros.simulation.archive import pack, unpack
+from procphys_ros.simulation.events import EVENT
 from procphys_ros.simulation.model import compile_model, Model
+from procphys_ros.simulation.records import check_alike, Form, Reader, Writer
 from procphys_ros.simulation.state import State
 
-_MAGIC = b'procphys_ros snapshot 1\n'
-_LENGTH = 8  # [bytes] of the number that says how long the part is that tells of additions
-_LEVEL = 1  # of compression; higher ones take several times longer for a tenth less
-_LARGEST = 4 << 30  # [bytes] of a state; beyond it a file is not read
 _PACKAGE = 'procphys_ros.'
-# What numpy and the standard library need to make arrays, generators and containers.
-_ALLOWED = {
-    ('collections', 'deque'), ('_codecs', 'encode'), ('numpy', 'ndarray'), ('numpy', 'dtype'),
-    ('numpy.core.multiarray', '_reconstruct'), ('numpy._core.multiarray', '_reconstruct'),
-    ('numpy.core.multiarray', 'scalar'), ('numpy._core.multiarray', 'scalar'),
-    ('numpy.core.numeric', '_frombuffer'), ('numpy._core.numeric', '_frombuffer'),
-    ('numpy.random._pickle', '__generator_ctor'),
-    ('numpy.random._pickle', '__bit_generator_ctor'),
-    ('numpy.random._pcg64', 'PCG64'), ('numpy.random.bit_generator', 'SeedSequence'),
-    ('numpy.random.bit_generator', '__pyx_unpickle_SeedSequence'),
-    ('builtins', 'set'), ('builtins', 'frozenset'), ('builtins', 'slice'), ('builtins', 'range'),
-}
+_ADDED = tuple[Blueprint, list[SceneObject]]  # all parts and objects, when some have joined
+_FAULTS = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError,
+           RecursionError, SceneError)
+
+
+def _read_generator(state: Any) -> np.random.Generator:
+    generator = np.random.Generator(np.random.PCG64(0))
+    generator.bit_generator.state = state
+    return generator
+
+
+# A world is built from its arrays after all else has been read.
+_FORMS = {World: Form(World.save_state, lambda arrays: arrays),
+          np.random.Generator: Form(lambda generator: generator.bit_generator.state,
+                                    _read_generator)}
 
 
 def dump(scene: Model, model: Model, state: State) -> bytes:
@@ -65,23 +65,13 @@ def dump(scene: Model, model: Model, state: State) -> bytes:
     :param model: the same, or enlarged by what was added since.
     :param state: of a simulation between two steps.
     """
-    added = b'' if model is scene else _pickle(scene, (model.blueprint, model.objects))
-    content = len(added).to_bytes(_LENGTH, 'little') + added + _pickle(model, state)
-    packed = zlib.compress(content, _LEVEL)
-    return describe(scene, state.time, packed) + packed
-
-
-def describe(scene: Model, time: float, packed: bytes) -> bytes:
-    """
-    Make the head of a snapshot.
-
-    :param scene: model of the scene as it was loaded.
-    :param time: simulated [s].
-    :param packed: the compressed content that follows.
-    """
-    about = {'version': __version__, 'scene': digest(scene), 'time': time,
-             'size': len(packed), 'sha256': hashlib.sha256(packed).hexdigest()}
-    return _MAGIC + json.dumps(about).encode() + b'\n'
+    table: dict[str, Any] = {'version': __version__, 'scene': digest(scene), 'time': state.time}
+    arrays: list[np.ndarray] = []
+    if model is not scene:
+        added = model.blueprint, list(model.objects)
+        table['added'] = _section(scene, added, _ADDED, arrays)
+    table['state'] = _section(model, state, State, arrays)
+    return pack(table, arrays, [EVENT])
 
 
 def load(scene: Model, data: bytes) -> tuple[Model, State]:
@@ -92,58 +82,32 @@ def load(scene: Model, data: bytes) -> tuple[Model, State]:
     :returns: the model, enlarged by what had been added, and the state.
     :raises SnapshotError: when it is no snapshot, damaged, of another version or another scene.
     """
-    packed = _checked(scene, data)
+    table, arrays = unpack(data, [EVENT])
     try:
-        unpacker = zlib.decompressobj()
-        content = unpacker.decompress(packed, _LARGEST)
-        if unpacker.unconsumed_tail:
-            raise SnapshotError('the snapshot is larger than 4 GiB')
-        end = _LENGTH + int.from_bytes(content[:_LENGTH], 'little')
-        model = _enlarged(scene, content[_LENGTH:end])
-        state = _Reader(io.BytesIO(content[end:]), model).load()
-    except (zlib.error, pickle.UnpicklingError, EOFError, AttributeError, IndexError, KeyError,
-            TypeError, ValueError, ImportError) as error:
-        raise SnapshotError(f'the snapshot cannot be read: {error}') from error
-    if not isinstance(state, State):
-        raise SnapshotError('the snapshot holds no state')
-    return model, state
-
-
-def _checked(scene: Model, data: bytes) -> bytes:
-    """Check what a snapshot says of itself, and give its content."""
-    if not isinstance(data, (bytes, bytearray)) or not data.startswith(_MAGIC):
-        raise SnapshotError('this is no snapshot of a simulation')
-    try:
-        line, packed = data[len(_MAGIC):].split(b'\n', 1)
-        about = json.loads(line)
-        whole = (len(packed) == about['size']
-                 and hashlib.sha256(packed).hexdigest() == about['sha256'])
-        version, made_from = about['version'], about['scene']
-    except (ValueError, KeyError, TypeError) as error:
-        raise SnapshotError('the snapshot is damaged: its description cannot be read') from error
-    if not whole:
-        raise SnapshotError('the snapshot is damaged: its content does not fit its checksum')
-    if version != __version__:
-        raise SnapshotError(f'the snapshot was saved by version {version} of procphys_ros, this '
-                            f'is {__version__}')
-    if made_from != digest(scene):
-        raise SnapshotError('the snapshot was saved from another scene, or with other settings, '
-                            'seed or time step')
-    return packed
-
-
-def _enlarged(scene: Model, added: bytes) -> Model:
-    """Compile a scene with what had been added to it."""
-    if not added:
-        return scene
-    blueprint, objects = _Reader(io.BytesIO(added), scene).load()
-    return compile_model(scene.settings, scene.shard, blueprint, objects, scene.time_step,
-                         scene.seed, scene.wind, scene.loaded)
+        version, made_from = table['version'], table['scene']
+        if version != __version__:
+            raise SnapshotError(f'the snapshot was saved by version {str(version):.20} of '
+                                f'procphys_ros, this is {__version__}')
+        if made_from != digest(scene):
+            raise SnapshotError('the snapshot was saved from another scene, or with other '
+                                'settings, seed or time step')
+        model = scene
+        if 'added' in table:
+            model = _enlarged(scene, *_content(scene, table['added'], _ADDED, arrays))
+        return model, _started(model, _content(model, table['state'], State, arrays))
+    except _FAULTS as error:
+        reason = f': {error}' if type(error) is ValueError else ''
+        raise SnapshotError(f'the snapshot holds no state of this scene{reason}') from error
 
 
 def clone(model: Model, state: State) -> State:
     """Copy a state; constants are shared."""
-    return _Reader(io.BytesIO(_pickle(model, state)), model).load()
+    constants = _constants(model)
+    writer = Writer(constants, _FORMS)
+    record = writer.write(state, State)
+    copies = [array.copy() for array in writer.arrays]
+    return _with_world(model, Reader(writer.objects, copies, constants, _FORMS).read(record,
+                                                                                     State))
 
 
 def digest(model: Model) -> str:
@@ -156,52 +120,81 @@ def digest(model: Model) -> str:
     return total.hexdigest()
 
 
-class _Writer(pickle.Pickler):
-    """Writes a state, naming what the model holds instead of writing it."""
+def _section(model: Model, value: Any, kind: Any, arrays: list[np.ndarray]) -> dict[str, Any]:
+    """
+    Write a value.
 
-    def __init__(self, file: io.BytesIO, model: Model):
-        super().__init__(file, protocol=5)
-        self._names = {id(constant): name for name, constant in _constants(model).items()}
+    Arrays are told by their number, or by the name of a constant that they are equal to. Of these
+    there is no more than the model has itself, so that a small file cannot ask for many copies.
 
-    def persistent_id(self, thing: Any) -> str | None:
-        return self._names.get(id(thing))
-
-    def reducer_override(self, thing: Any) -> Any:
-        if isinstance(thing, World):
-            return _restore_world, (thing.save_state(), thing.engine)
-        return NotImplemented
-
-
-class _Reader(pickle.Unpickler):
-    """Reads a state, and refuses everything that is not part of one."""
-
-    def __init__(self, file: io.BytesIO, model: Model):
-        super().__init__(file)
-        self._constants = _constants(model)
-
-    def persistent_load(self, name: Any) -> Any:
-        if name not in self._constants:
-            raise pickle.UnpicklingError(f'there is no constant "{name}"')
-        return self._constants[name]
-
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) in _ALLOWED or (module, name) == (__name__, _restore_world.__name__):
-            return super().find_class(module, name)
-        if module.startswith(_PACKAGE) and '.' not in name:
-            found = super().find_class(module, name)
-            if isinstance(found, type) and found.__module__ == module:
-                return found
-        raise pickle.UnpicklingError(f'{module}.{name} is no part of a state')
+    :param arrays: those that are no copies are appended.
+    """
+    writer = Writer(_constants(model), _FORMS)
+    record = writer.write(value, kind)
+    known = {_identity(array): name for name, array in _arrays(model).items()}
+    room = _size(model)
+    places: list[int | str] = []
+    for array in writer.arrays:
+        name = known.get(_identity(array))
+        if name is not None and array.nbytes <= room:
+            room -= array.nbytes
+            places.append(name)
+        else:
+            places.append(len(arrays))
+            arrays.append(array)
+    return {'record': record, 'objects': writer.objects, 'places': places}
 
 
-def _restore_world(arrays: dict[str, np.ndarray], engine: str) -> World:
-    return World.restore(arrays, engine)
+def _content(model: Model, section: Any, kind: Any, arrays: list[np.ndarray]) -> Any:
+    """Read a value that `_section` wrote."""
+    constants, places = _constants(model), section['places']
+    numbers = [place for place in places if type(place) is int]
+    if len(set(numbers)) < len(numbers) or min(numbers, default=0) < 0:
+        raise ValueError('an array is there twice')
+    copies = [constants[name] for name in places if type(name) is str]
+    if sum(array.nbytes for array in copies) > _size(model):
+        raise ValueError('there are more copies than constants')
+    made = [(arrays if type(place) is int else constants)[place].copy() for place in places]
+    return Reader(section['objects'], made, constants, _FORMS).read(section['record'], kind)
 
 
-def _pickle(model: Model, thing: object) -> bytes:
-    file = io.BytesIO()
-    _Writer(file, model).dump(thing)
-    return file.getvalue()
+def _started(model: Model, state: State) -> State:
+    """Compare a state with the one that its scene begins with, and give it its world."""
+    pattern = State.initial(model)
+    pattern.world.close()
+    check_alike(pattern, state, _FORMS, 'state')
+    if len(state.parts) != sum(map(len, state.blueprints)):
+        raise ValueError('it has not a row for each part')
+    return _with_world(model, state)
+
+
+def _with_world(model: Model, state: State) -> State:
+    arrays: Any = state.world
+    state.world = World.restore(arrays, model.settings.engine)
+    return state
+
+
+def _enlarged(scene: Model, blueprint: Blueprint, objects: list[SceneObject]) -> Model:
+    """Compile a scene with what had been added to it."""
+    check_alike(scene.blueprint, blueprint, _FORMS, 'blueprint')
+    blueprint.__post_init__()
+    if sum(known.count for known in objects) != len(blueprint):
+        raise ValueError('its objects have not all parts')
+    for parts in (blueprint.bonds, blueprint.leaves.part, blueprint.ornaments.part,
+                  blueprint.hexahedra.part):
+        if parts.size and not GROUND <= parts.min() <= parts.max() < len(blueprint):
+            raise ValueError('it names parts that there are not')
+    return compile_model(scene.settings, scene.shard, blueprint, objects, scene.time_step,
+                         scene.seed, scene.wind, scene.loaded)
+
+
+def _identity(array: np.ndarray) -> tuple[str, tuple[int, ...], bytes]:
+    return str(array.dtype), array.shape, array.tobytes()
+
+
+def _size(model: Model) -> int:
+    """Give how much memory the constants of a model take [bytes]."""
+    return sum(array.nbytes for array in _arrays(model).values())
 
 
 def _constants(model: Model) -> dict[str, Any]:

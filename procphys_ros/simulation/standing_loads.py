@@ -46,13 +46,18 @@ class StandingLoads:
     :param count: number of parts in all buildings and elsewhere.
     """
 
+    _layers: dict[str, tuple[np.ndarray, np.ndarray]]
+    _struck: list[tuple[np.ndarray, np.ndarray]]
+    _waiting: np.ndarray | None
+    _blows: np.ndarray | None
+
     def __init__(self, count: int):
         self._count = count
-        self._layers: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-        self._struck: list[tuple[np.ndarray, np.ndarray]] = []
+        self._layers = {}
+        self._struck = []
         self._speed = np.zeros(count)  # of what has struck a part since blows ended last [m/s]
-        self._waiting: np.ndarray | None = None
-        self._blows: np.ndarray | None = None
+        self._waiting = None
+        self._blows = None
         self._changed = False
         self._open = True
         self._opened = 0.0

@@ -31,6 +31,7 @@ from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
 from procphys_ros.scene import SceneObject
+from procphys_ros.simulation.contact_forces import Blow, BodyContacts
 from procphys_ros.simulation.contact_pairs import TreeBounds, TreeContacts
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import MomentumLedger
@@ -193,9 +194,9 @@ class RubbleState:
     given: np.ndarray
     velocities: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
-    waiting: list = field(default_factory=list)
+    waiting: list[Blow] = field(default_factory=list)
     since: float = 0.0
-    borne: dict = field(default_factory=dict)
+    borne: dict[int, tuple[np.ndarray, tuple[BodyContacts, ...]]] = field(default_factory=dict)
     unsampled: float = 0.0
     touches: tuple[int, bool] = (-1, False)
 
@@ -406,8 +407,7 @@ class State:
                 leaves.first.copy(), leaves.queue_speed[leaves.first], np.zeros(len(forest))),
             dust=DustState(DustCloud(dust.capacity, (_DUST_SEED << 64) + model.seed,
                                      model.gravity, model.terrain) if dust.enabled else None),
-            climbers=ClimberState.of(len(trees.climbers.row)))
-        state.blueprints.append(model.blueprint)
+            climbers=ClimberState.of(len(trees.climbers.row)), blueprints=[model.blueprint])
         state.intruders = {name: IntruderState() for name in model.intruders}
         if forest.has_sagged:
             state.parts.poses[forest.parts] = forest.poses

@@ -19,8 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from procphys_ros.simulation.blows import Blow
-from procphys_ros.simulation.contact_forces import BodyContacts, turned_back
+from procphys_ros.simulation.contact_forces import Blow, BodyContacts, turned_back
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 

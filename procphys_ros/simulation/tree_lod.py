@@ -51,6 +51,9 @@ class LodScheduler:
     :ivar since: time since it came back into the view [s], (T,); infinite = it never left.
     """
 
+    _settings: CullingSettings
+    _plan: Plan | None
+
     _START = {'due': 0, 'steps': 1, 'asleep': False, 'held': False, 'roused': 0.0,
               'since': np.inf, 'unseen': 0.0, 'quiet': 0.0}
 
@@ -65,7 +68,7 @@ class LodScheduler:
 
     def __init__(self, settings: CullingSettings, forest: Forest):
         self._settings = settings
-        self._plan: Plan | None = None
+        self._plan = None
         self.now = 0
         self._roots = np.zeros(0, np.int64)
         for name, value in self._START.items():

@@ -30,6 +30,7 @@ from procphys_ros.wallgrammar.footprint import Footprint
 from procphys_ros.wallgrammar.spec import Building, Spec
 
 _HIGHEST = 1000.0     # [m]
+_MOST_EDGES = 300_000  # comparisons of edges of plans, some 30 s
 _CLOSE = 1e-3         # [m] plans that share less than this touch each other
 
 
@@ -44,6 +45,7 @@ class Body(NamedTuple):
     :ivar pieces: panels of each facade.
     :ivar layout: of its walls.
     :ivar plan: the footprint.
+    :ivar given: corners of the footprint before it was squared up [m], (n, 2).
     """
 
     building: Building
@@ -53,6 +55,7 @@ class Body(NamedTuple):
     pieces: list[list[Piece]]
     layout: Layout
     plan: Footprint
+    given: np.ndarray
 
     @property
     def height(self) -> int:
@@ -67,7 +70,7 @@ class Body(NamedTuple):
 
 
 def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: dict[str, float],
-           generator: np.random.Generator, known: Sequence[float]) -> Body:
+           generator: np.random.Generator, earlier: Sequence[Body]) -> Body:
     """
     Derive the facades of a building or a wing.
 
@@ -76,7 +79,7 @@ def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: d
     :param layouts: by name.
     :param values: of the parameters.
     :param generator: draws weighted rules and random numbers.
-    :param known: turns of the frames that there are already [rad].
+    :param earlier: what has been derived before, of which the first is the building.
     :raises GrammarError: when rules and sizes make no building that stands.
     """
     values = {**values, 'storey_height': building.storey_height.number(values, generator)}
@@ -92,8 +95,14 @@ def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: d
     def number(value: Expression) -> float:
         return value.number(values, generator)
 
-    points = np.array([[number(c) for c in corner] for corner in building.footprint])
-    footprint.check(points, building.corners)
+    known = earlier[-1].plan.yaws.tolist() if earlier else []
+    given = np.array([[number(c) for c in corner] for corner in building.footprint])
+    footprint.check(given, building.corners)
+    points = given
+    if len(given) > 2 and any(map(_needs_right_angles, (spec.building, *spec.wings))):
+        points = footprint.square_up(given, known[0] if known else None,
+                                     [(body.given, body.plan.points) for body in earlier])
+        footprint.check(points, building.corners)
     edges = (np.roll(points, -1, axis=0) - points if len(points) > 2
              else np.diff(points, axis=0))
     starts = building.facades
@@ -101,7 +110,13 @@ def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: d
                              micro(storeys * storey_height)) for i, edge in enumerate(edges)]
     layout = _wall_layout(building, spec, layouts, pieces)
     plan = footprint.read(points, layout.thickness, layout.joint, building.corners, known)
-    return Body(building, deriver, storeys, storey_height, pieces, layout, plan)
+    return Body(building, deriver, storeys, storey_height, pieces, layout, plan, given)
+
+
+def _needs_right_angles(building: Building) -> bool:
+    """Return whether floors, partitions or a roof of timber stand in or on a body."""
+    return any(call is not None and call.name not in ('none', 'spire')
+               for call in (building.floors, building.roof, building.partitions))
 
 
 def _storeys(building: Building, values: dict[str, float]) -> int:
@@ -168,34 +183,52 @@ def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
     """List the other bodies as the roof of one sees them."""
     yaw = body.plan.yaws[0]
     turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
-    found = []
-    for other in bodies:
-        if other is not body:
-            corners = micros(product(other.plan.points, turn))
-            found.append(Neighbour(other.building.name, corners.min(axis=0), corners.max(axis=0),
-                                   other.height))
-    return found
+    corners = micros(product(np.concatenate([other.plan.points for other in bodies]), turn))
+    starts = np.cumsum([0] + [len(other.plan.points) for other in bodies[:-1]])
+    low, high = np.minimum.reduceat(corners, starts), np.maximum.reduceat(corners, starts)
+    return [Neighbour(other.building.name, low[i], high[i], other.height)
+            for i, other in enumerate(bodies) if other is not body]
 
 
 def check_apart(bodies: Sequence[Body]) -> None:
     """
     Refuse wings that stand in each other or in the building.
 
-    :raises GrammarError: naming both.
+    :raises GrammarError: naming both, or when there are too many to be compared.
     """
+    meets = _near(bodies)
     for i, body in enumerate(bodies):
-        for other in bodies[:i]:
-            if _overlap(_ground_of(body), _ground_of(other)):
+        for k in np.flatnonzero(meets[i, :i]).tolist():
+            if _overlap(_ground_of(body), _ground_of(bodies[k])):
                 raise body.building.place.error(
-                    f'the plans of "{body.building.name}" and "{other.building.name}" overlap; '
-                    f'wings may touch the building, not stand in it')
-    for body in bodies:
-        for piece, ground in _standing_out(body):
-            for other in bodies:
-                if other is not body and _stands_in(piece, ground, other):
+                    f'the plans of "{body.building.name}" and "{bodies[k].building.name}" '
+                    'overlap; wings may touch the building, not stand in it')
+    for body, near in zip(bodies, meets):
+        others = [bodies[k] for k in np.flatnonzero(near).tolist()]
+        for piece, ground in _standing_out(body) if others else ():
+            for other in others:
+                if _stands_in(piece, ground, other):
                     raise piece.place.error(
                         f'the panel "{piece.panel}" stands {-piece.scope.depth / MICRO:g} m out '
                         f'of "{body.building.name}", into "{other.building.name}"')
+
+
+def _near(bodies: Sequence[Body]) -> np.ndarray:
+    """Return which bodies have rectangles, with what stands out, that meet, (N, N) bool."""
+    grounds = [np.concatenate([_ground_of(body), *(covered for _, covered in _standing_out(body))])
+               for body in bodies]
+    low = np.array([ground.min(axis=0) for ground in grounds])
+    high = np.array([ground.max(axis=0) for ground in grounds])
+    meets = np.all((low[:, None] < high) & (low < high[:, None]), axis=2)
+    np.fill_diagonal(meets, False)
+    edges = np.array([len(ground) for ground in grounds])
+    work = np.cumsum((np.outer(edges, edges) * meets).sum(axis=1))
+    if work[-1] > _MOST_EDGES:
+        body = bodies[int(np.searchsorted(work, _MOST_EDGES, 'right'))]
+        raise body.building.place.error(
+            f'{meets.sum() // 2} pairs of plans are so near to each other that they must be '
+            f'compared edge by edge, {work[-1]:,} times in all; at most {_MOST_EDGES:,} are done')
+    return meets
 
 
 def _stands_in(piece: Piece, ground: np.ndarray, other: Body) -> bool:

@@ -115,8 +115,7 @@ class WallGrammar:
         values = resolve_defines(spec.building.parameters, defines, generator, self.source)
         found: list[Body] = []
         for building in (spec.building, *spec.wings):
-            known = found[-1].plan.yaws.tolist() if found else []
-            found.append(bodies.derive(building, spec, self.layouts, values, generator, known))
+            found.append(bodies.derive(building, spec, self.layouts, values, generator, found))
         bodies.check_apart(found)
         return _construct(self, found)
 

@@ -15,16 +15,20 @@
 """Floors: joists with boards, or slabs, that bear on the walls of every storey."""
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, SPAN, stack
+from procphys_ros.language import Place
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, SPAN, stack
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.contacts import spread
 from procphys_ros.wallgrammar.footprint import Facade, Footprint
 from procphys_ros.wallgrammar.plan import along_facade, Bay, bays, Rectangle, span_axis
 from procphys_ros.wallgrammar.regions import snap_level
 from procphys_ros.wallgrammar.walls import Elevation
+
+_Hole: TypeAlias = tuple[Elevation, int, int, int, int]  # left, bottom, right, top [µm]
 
 _JOIST = (50_000, 150_000)  # [µm] width and least height
 _SLENDER = 20               # span over height of joists, a joiner's rule
@@ -39,9 +43,13 @@ _SLAB_PIECE = 3_000_000     # [µm] largest extent of a piece of slab; pieces cr
 
 
 def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevation],
-                 partitions: Sequence[Elevation], rooms: Sequence[Rectangle]) -> None:
+                 partitions: Sequence[Elevation], rooms: Sequence[Rectangle],
+                 place: Place) -> None:
     """
     Lay joists into pockets of the walls and boards onto them.
+
+    Joists run along the shorter side of the building, or along the longer one where the walls
+    leave them no room otherwise.
 
     :param site: takes the parts.
     :param plan: right-angled footprint.
@@ -49,32 +57,72 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
     :param walls: of the facades, in their order; pockets are cut into them.
     :param partitions: walls inside, likewise.
     :param rooms: where boards go.
+    :param place: of the floor or roof in its text.
+    :raises GrammarError: when joists meet openings whichever way they run.
     """
-    layout = walls[0].layout
-    axis = span_axis(plan)
-    joists = []
-    for bay in bays(plan, axis, layout.thickness):
-        wanted = max(_JOIST[1], bay.inner.size[axis] // _SLENDER)
-        height = -(-wanted // layout.gauge) * layout.gauge
-        lines = _joist_lines(bay, axis, partitions)
-        site.expect(len(lines) * bay.outer.size[axis] / _JOIST_PIECE)
-        for low, high in lines:
-            cuts = [(walls[end], low, high) for end in bay.ends]
-            cuts += [(p, low, high) for p in partitions
-                     if _crosses(p.facade, bay, axis, low, high)]
-            holes = [(wall, (*along_facade(wall.facade, a, b), level - height, level))
-                     for wall, a, b in cuts]
-            holes = [(wall, (x0, z0, x1, z1)) for wall, (x0, x1, z0, z1) in holes]
-            if any(wall.obstacle(*hole) for wall, hole in holes):
-                continue  # an opening is in the way: its neighbours carry the boards
-            for wall, hole in holes:
-                wall.cut(*hole)
-            joists.append(_joist(bay, axis, low, high, level, height))
+    first = span_axis(plan)
+    problems = []
+    for axis in (first, 1 - first):
+        joists, holes = _joists(site, plan, level, axis, walls, partitions)
+        problem = next(filter(None, (_problem(*hole) for hole in holes)), None)
+        if problem is None:
+            break
+        problems.append(problem)
+    else:
+        raise place.error(
+            f'the joists below {level / MICRO:g} m need wall to lie in: along the shorter side '
+            f'of the building one meets {problems[0]}, along the longer side {problems[1]}; leave '
+            f'wall there')
+    for wall, *hole in holes:
+        wall.cut(*hole)
     if joists:
         boxes = stack(joists)
         boxes.kind[:], boxes.material[:] = site.kind('joist'), site.material('timber')
         site.add_spans(boxes, _JOIST_PIECE)
         _boards(site, rooms, 1 - axis, level)
+
+
+def joist_height(bay: Bay, axis: int, gauge: int) -> int:
+    """
+    Give the height of joists across a bay, in whole courses [µm].
+
+    :param axis: along which they run.
+    :param gauge: height of a course [µm].
+    """
+    wanted = max(_JOIST[1], bay.inner.size[axis] // _SLENDER)
+    return -(-wanted // gauge) * gauge
+
+
+def _joists(site: Site, plan: Footprint, level: int, axis: int, walls: Sequence[Elevation],
+            partitions: Sequence[Elevation]) -> tuple[list[Boxes], list[_Hole]]:
+    """Place joists along an axis; list the pockets and passages that they need."""
+    layout = walls[0].layout
+    joists: list[Boxes] = []
+    holes: list[_Hole] = []
+    for bay in bays(plan, axis, layout.thickness):
+        height = joist_height(bay, axis, layout.gauge)
+        lines = _joist_lines(bay, axis, partitions)
+        site.expect(len(lines) * bay.outer.size[axis] / _JOIST_PIECE)
+        for low, high in lines:
+            passed = [walls[end] for end in bay.ends]
+            passed += [p for p in partitions if _crosses(p.facade, bay, axis, low, high)]
+            for wall in passed:
+                left, right = along_facade(wall.facade, low, high)
+                holes.append((wall, max(left, 0), level - height,
+                              min(right, wall.facade.length), level))
+            joists.append(_joist(bay, axis, low, high, level, height))
+    return joists, holes
+
+
+def _problem(wall: Elevation, left: int, bottom: int, right: int, top: int) -> str | None:
+    """Say what is in the way of a joist, if anything is."""
+    panel = wall.obstacle(left, bottom, right, top)
+    if panel is None and wall.covers(left, bottom, right, top):
+        return None
+    found = 'a place without wall' if panel is None else f'the panel "{panel}"'
+    x, y, z = wall.facade.place_points(
+        np.array([left + right, 0, bottom + top]) / (2.0 * MICRO)).round(2) + 0.0
+    return f'{found} at ({x:.2f}, {y:.2f}, {z:.2f}) m'
 
 
 def _joist_lines(bay: Bay, axis: int,
@@ -85,23 +133,33 @@ def _joist_lines(bay: Bay, axis: int,
     :returns: edges of their cells, pocket included.
     """
     across = 1 - axis
-    edges = [bay.inner.low[across], bay.inner.high[across]]
-    for wall in partitions:
-        facade = wall.facade
-        if facade.quarter % 2 == axis and edges[0] < facade.origin[across] < edges[1]:
-            # Along x the wall lies above its origin, along y below it.
-            low = facade.origin[across] - (wall.layout.thickness if facade.quarter else 0)
-            edges += [low, low + wall.layout.thickness]
-    edges.sort()
+    first, last = bay.inner.low[across], bay.inner.high[across]
+    sides = [(first, first), *sorted(_along(partitions, axis, first, last)), (last, last)]
     width = _JOIST[0] + 2 * _PACKING
     lines = []
-    for start, end in zip(edges[0::2], edges[1::2]):
+    for (_, start), (end, _) in zip(sides, sides[1:]):
         low, high = start + _CLEAR, end - _CLEAR
-        if high - low >= width:
+        if high - low < width <= end - start:  # one alone
+            low = (start + end - width) // 2
+            lines.append((low, low + width))
+        elif high - low >= width:
             count = max(-(-(high - low - width) // _SPACING), 1) + 1
             starts = np.rint(np.linspace(low, high - width, count)).astype(int)
             lines += [(int(s), int(s) + width) for s in starts]
     return lines
+
+
+def _along(partitions: Sequence[Elevation], axis: int, start: int,
+           end: int) -> list[tuple[int, int]]:
+    """List the sides of the partitions along an axis that stand between two lines."""
+    found = []
+    for wall in partitions:
+        place = wall.facade.origin[1 - axis]
+        if wall.facade.quarter % 2 == axis and start < place < end:
+            # Along x the wall lies above its origin, along y below it.
+            low = place - (wall.layout.thickness if wall.facade.quarter else 0)
+            found.append((low, low + wall.layout.thickness))
+    return found
 
 
 def _crosses(facade: Facade, bay: Bay, axis: int, low: int, high: int) -> bool:

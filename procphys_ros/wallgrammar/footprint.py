@@ -26,6 +26,8 @@ from procphys_ros.linear import product
 from procphys_ros.wallgrammar.boxes import Boxes, MICRO, micro, micros
 
 _ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-angled
+_SQUARE = np.radians(2.0)  # [rad] edges this close to right angles can be squared up
+_TOUCHING = 1e-3  # [m] between edges of two plans that touch each other
 _MERGED = 3       # [µm] corners of one frame this close lie on one line
 _SHORTEST = 0.1   # [m] shortest edge
 _LONGEST = 10_000.0  # [m] longest edge
@@ -116,6 +118,13 @@ class Footprint:
         return all(facade.frame == 0 for facade in self.facades)
 
     @property
+    def least_right(self) -> int:
+        """Index of the corner that is farthest from a right angle."""
+        edges = np.roll(self.points, -1, axis=0) - self.points
+        angles = atan2(edges[:, 1], edges[:, 0])
+        return int(np.argmax(np.abs(_off_square(angles - np.roll(angles, 1))).round(9)))
+
+    @property
     def corners(self) -> np.ndarray:
         """Corners in the first frame [µm], (n, 2); exact when the footprint is right-angled."""
         return np.array([f.origin for f in self.facades])
@@ -180,7 +189,12 @@ def check(points: np.ndarray, places: Sequence[Place]) -> None:
     closed = len(points) > 2
     ends = np.roll(points, -1, axis=0)
     lengths = hypot(*(ends - points).T)
+    if closed and lengths[-1] == 0.0:
+        raise places[-1].error('the last corner repeats the first one; leave it out, the '
+                               'footprint closes by itself')
     for place, length in zip(places if closed else places[:1], lengths):
+        if length == 0.0:
+            raise place.error('this corner and the next one are the same; leave one out')
         if not _SHORTEST <= length <= _LONGEST:
             side = f'shorter than {_SHORTEST:g}' if length < _SHORTEST else (
                 f'longer than {_LONGEST:g}')
@@ -198,6 +212,66 @@ def check(points: np.ndarray, places: Sequence[Place]) -> None:
                               'free wall')
     if area < 0.0:
         raise places[0].error('the footprint runs clockwise; give its corners counter-clockwise')
+
+
+def square_up(points: np.ndarray, yaw: float | None,
+              others: Sequence[tuple[np.ndarray, np.ndarray]] = ()) -> np.ndarray:
+    """
+    Turn the edges of a plan that is nearly right-angled in parallel, about their middles.
+
+    Edges that touch those of an earlier plan stay with them. A plan with edges more than two
+    degrees off is returned as it is.
+
+    :param points: corners that have passed `check` [m], (n, 2).
+    :param yaw: of the frame [rad]; None = the mean direction of the edges.
+    :param others: earlier plans, as given and squared up.
+    """
+    edges = np.roll(points, -1, axis=0) - points
+    angles, lengths = atan2(edges[:, 1], edges[:, 0]), hypot(*edges.T)
+    off = _off_square(angles - (angles[0] if yaw is None else yaw))
+    if yaw is None:
+        yaw = float(angles[0] + (off * lengths).sum() / lengths.sum())
+    axis = np.rint((angles - yaw) / (0.5 * np.pi)).astype(int) % 2
+    begins = axis != np.roll(axis, 1)
+    if len(points) < 3 or np.abs(off).max() < _ALIGNED or not begins.any() or (
+            np.abs(_off_square(angles - yaw)).max() > _SQUARE):
+        return points
+    turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
+    local = product(points, turn)
+    rows = np.arange(len(points))
+    line = (np.cumsum(begins) - 1) % begins.sum()  # edges in one line, one after the other
+    middles = 0.5 * (local + np.roll(local, -1, axis=0))[rows, 1 - axis]
+    place = np.bincount(line, middles * lengths) / np.bincount(line, lengths)
+    for given, squared in others:
+        for i, j in _touching(points, given):
+            place[line[i]] = product(0.5 * (squared[j] + squared[(j + 1) % len(squared)]),
+                                     turn)[1 - axis[i]]
+    moved = local.copy()
+    for ends in (rows, (rows + 1) % len(points)):
+        moved[ends, 1 - axis] = place[line]
+    ways = np.roll(moved, -1, axis=0) - moved
+    if ((ways * (np.roll(local, -1, axis=0) - local))[rows, axis] <= 0.0).any():
+        return points  # an edge shorter than its neighbours move
+    return product(moved, turn.T)
+
+
+def _off_square(angles: np.ndarray) -> np.ndarray:
+    """Give by how much angles differ from the nearest right one [rad]."""
+    return angles - 0.5 * np.pi * np.rint(angles / (0.5 * np.pi))
+
+
+def _touching(points: np.ndarray, others: np.ndarray) -> list[tuple[int, int]]:
+    """List pairs of edges of two plans that lie on each other."""
+    found = []
+    for i, (a, b) in enumerate(zip(points, np.roll(points, -1, axis=0))):
+        for j, (c, d) in enumerate(zip(others, np.roll(others, -1, axis=0))):
+            way = (d - c) / hypot(*(d - c))
+            aside = product(np.array([a - c, b - c]), np.array([-way[1], way[0]]))
+            along = product(np.array([a - c, b - c, d - c]), way)
+            if np.abs(aside).max() < _TOUCHING and (
+                    min(along[2], along[:2].max()) - max(0.0, along[:2].min()) > _TOUCHING):
+                found.append((i, j))
+    return found
 
 
 def _crossing(points: np.ndarray, ends: np.ndarray) -> np.ndarray:

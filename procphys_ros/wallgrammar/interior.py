@@ -25,11 +25,12 @@ from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Deriver
-from procphys_ros.wallgrammar.floors import slab_floor, timber_floor
+from procphys_ros.wallgrammar.floors import joist_height, slab_floor, timber_floor
 from procphys_ros.wallgrammar.footprint import Footprint
 from procphys_ros.wallgrammar.gables import GableRoof
 from procphys_ros.wallgrammar.hips import HipRoof
 from procphys_ros.wallgrammar.partitions import elevations, half_brick, halve, rooms_of, trim
+from procphys_ros.wallgrammar.plan import bays, Rectangle, span_axis
 from procphys_ros.wallgrammar.regions import snap_level
 from procphys_ros.wallgrammar.spec import Building, Call
 from procphys_ros.wallgrammar.walls import Elevation
@@ -73,16 +74,16 @@ class Interior:
         floors, depth = self._read(self.building.floors, 'floors', _FLOORS)
         roof, pitch = self._read(self.building.roof, 'roof', _ROOFS)
         partitions, least = self._read(self.building.partitions, 'partitions', _PARTITIONS)
-        if roof == 'flat' and floors == 'none':
-            floors, only_top = 'timber', True
-        else:
-            only_top = False
+        only_top = roof == 'flat' and floors == 'none'
+        if only_top:
+            floors = 'timber'
         layout = self.walls[0].layout
         for wall in self.walls if (floors, partitions) != ('none', 'none') else ():
             wall.check_inside()
         levels = [int(snap_level(micro(s * self.storey_height), layout))
                   for s in range(self.storeys + 1)]
-        rooms, inner = self._rooms(partitions, least, levels)
+        rooms, inner = self._rooms(partitions, least, levels,
+                                   self._floor_depth(floors, micro(depth)))
         trim(inner, self.walls)
         rooms = [room.within(self._set_back()) for room in rooms]
         division = None
@@ -93,13 +94,9 @@ class Interior:
         for level in levels[-1:] if only_top else levels[1:]:
             if division is not None and floors == 'timber' and level == levels[-1]:
                 continue  # the ties of the roof are its joists, and girders lie below them
-            if floors == 'slab':
-                slab_floor(self.site, self.plan, level, micro(depth), [*self.walls, *inner])
-            elif floors == 'timber':
-                # Ties lie on the uppermost joists, or the stones of a spire lean in over them.
-                bare = level == levels[-1] and roof in ('gable', 'hip', 'spire')
-                timber_floor(self.site, self.plan, level, self.walls, inner,
-                             [] if bare else rooms)
+            # Ties lie on the uppermost joists, or the stones of a spire lean in over them.
+            bare = level == levels[-1] and roof in ('gable', 'hip', 'spire')
+            self._lay_floor(floors, micro(depth), level, inner, [] if bare else rooms)
         for wall in (*self.walls, *inner):
             wall.build(self.site)
         if self.building.roof is not None and roof == 'spire':
@@ -108,6 +105,27 @@ class Interior:
             valleys.build(self.site, self.walls, levels[-1], pitch, division, self.neighbours)
         elif self.building.roof is not None and roof in ('gable', 'hip'):
             self._roof(self.building.roof, pitch, levels[-1])
+
+    def _lay_floor(self, floors: str, depth: int, level: int, inner: Sequence[Elevation],
+                   rooms: Sequence[Rectangle]) -> None:
+        """Lay the floor below a level [µm], on the walls and partitions; boards go into rooms."""
+        if floors == 'slab':
+            slab_floor(self.site, self.plan, level, depth, [*self.walls, *inner])
+        elif floors == 'timber':
+            call = self.building.floors
+            if call is None or call.name == 'none':
+                call = self.building.roof
+            place = self.building.place if call is None else call.place
+            timber_floor(self.site, self.plan, level, self.walls, inner, rooms, place)
+
+    def _floor_depth(self, floors: str, depth: int) -> int:
+        """Give how far floors reach below their level [µm], of joists along the shorter side."""
+        layout = self.walls[0].layout
+        if floors != 'timber':
+            return -int(snap_level(-depth, layout)) if floors == 'slab' else 0
+        axis = span_axis(self.plan)
+        return max(joist_height(bay, axis, layout.gauge)
+                   for bay in bays(self.plan, axis, layout.thickness))
 
     def _read(self, call: Call | None, key: str,
               table: dict[str, tuple[tuple[float, float], ...]]) -> tuple[str, float]:
@@ -128,13 +146,23 @@ class Interior:
             if not low <= value <= high:
                 raise argument.place.error(f'the number of "{call.name}" must be from {low:g} to '
                                            f'{high:g}, found {value:g}')
-        if call.name != 'spire' and (
-                not self.plan.right_angled or len(self.plan.facades) < 3):
-            raise call.place.error(f'{key}: {call.name} needs a footprint with right angles only; '
-                                   f'use none here')
+        if call.name != 'spire':
+            self._check_plan(call, key)
         return call.name, value
 
-    def _rooms(self, partitions: str, least: float, levels: list[int]) -> tuple:
+    def _check_plan(self, call: Call, key: str) -> None:
+        """Refuse plans that no timber fits."""
+        if len(self.plan.facades) < 3:
+            raise call.place.error(f'{key}: {call.name} needs a closed footprint, found a free '
+                                   f'wall; use none here')
+        if not self.plan.right_angled:
+            x, y = self.plan.points[self.plan.least_right]
+            raise call.place.error(
+                f'{key}: {call.name} needs a footprint with right angles only, to within 2 '
+                f'degrees and along the first edge of the building; look at the corner ({x:g}, '
+                f'{y:g}), or use none here')
+
+    def _rooms(self, partitions: str, least: float, levels: list[int], depth: int) -> tuple:
         if not self.plan.right_angled or len(self.plan.facades) < 3:
             return [], []
         layout = half_brick(self.walls[0].layout)
@@ -149,7 +177,7 @@ class Interior:
         self.site.expect((area / (widest * widest) - 1.0) * micro(least) * bricks)
         rooms, between = halve(rooms, micro(least), layout.thickness)
         self.site.expect(sum(r.size[axis] for r, axis in between) * bricks)
-        return rooms, elevations(between, layout, levels, self.building.place)
+        return rooms, elevations(between, layout, levels, depth, self.building.place)
 
     def _set_back(self) -> int:
         """Give how far panels of the facades stand out into rooms [µm]."""

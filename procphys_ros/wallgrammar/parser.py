@@ -42,6 +42,7 @@ from procphys_ros.wallgrammar.spec import (
     Extrude,
     Grid,
     Insert,
+    KINDS_OF_PANELS,
     Panel,
     Part,
     Repeat,
@@ -245,16 +246,20 @@ class _Reader:
         name, value = node.children
         place = self.place(node)
         if value.data not in ('variable', 'call'):
-            raise place.error(f'a panel is a layout or one of {", ".join(_PANEL_KINDS)}')
+            raise place.error(f'a panel is the name of a layout, or {KINDS_OF_PANELS}')
         kind, *arguments = (c for c in value.children if c is not None)
         kind = str(kind)
         if kind == 'arch':
             return self.arch(str(name), arguments, place)
-        wanted = _PANEL_KINDS.get(kind, 0)
+        # What is no such word may be a layout, of this file or of another: see `check_panel`.
+        wanted = _PANEL_KINDS.get(kind, len(arguments))
         if len(arguments) != wanted:
-            raise place.error(f'"{kind}" takes {wanted} material names, found {len(arguments)}')
+            names = 'one name of a material' if wanted == 1 else (
+                f'{wanted or "no"} names of materials')
+            raise place.error(f'"{kind}" takes {names}, found {len(arguments)} '
+                              f'(kinds: {KINDS_OF_PANELS})')
         for argument in arguments:
-            if argument.data != 'variable':
+            if argument.data != 'variable' and kind in _PANEL_KINDS:
                 raise self.place(argument).error('expected the name of a material')
         return Panel(str(name), kind, tuple(str(a.children[0]) for a in arguments), place)
 

@@ -79,13 +79,14 @@ def half_brick(layout: Layout) -> Layout:
 
 
 def elevations(walls: Sequence[tuple[Rectangle, int]], layout: Layout, levels: Sequence[int],
-               place: Place) -> list[Elevation]:
+               depth: int, place: Place) -> list[Elevation]:
     """
-    Plan the partitions, each with a door opening on every storey.
+    Plan the partitions, each with a door opening on every storey that is high enough.
 
     :param walls: where they stand and the axis they run along.
     :param layout: of their bricks.
     :param levels: floor of each storey and the top of the walls [µm].
+    :param depth: how far floors reach below their level [µm].
     :param place: of the building in the text.
     """
     panels = {'wall': Panel('wall', 'partition', (), place),
@@ -99,7 +100,7 @@ def elevations(walls: Sequence[tuple[Rectangle, int]], layout: Layout, levels: S
         facade = Facade(rectangle.size[axis], 0, quarter, origin, tied, tied)
         pieces = [Piece(Scope(0, 0, facade.length, levels[-1]), 'wall', place)]
         for floor, ceiling in zip(levels, levels[1:]):
-            pieces += _door(facade.length, floor, ceiling, layout, place)
+            pieces += _door(facade.length, floor, ceiling - depth, layout, place)
         out.append(Elevation(facade, pieces, panels, {'partition': layout}, layout, 'partition'))
     return out
 
@@ -131,8 +132,10 @@ def trim(partitions: Sequence[Elevation], walls: Sequence[Elevation]) -> None:
 def _door(length: int, floor: int, ceiling: int, layout: Layout, place: Place) -> list[Piece]:
     left = round(_DOOR_PLACE * length) - _DOOR[0] // 2
     head = int(snap_level(floor + _DOOR[1], layout))
-    over = head + -(-_LINTEL // layout.gauge) * layout.gauge
-    if left < _PIER or left + _DOOR[0] + _PIER > length or over + layout.gauge > ceiling:
+    # A course less of lintel, or of wall above it, is better than no door.
+    over = min(head + -(-_LINTEL // layout.gauge) * layout.gauge,
+               ceiling // layout.gauge * layout.gauge)
+    if left < _PIER or left + _DOOR[0] + _PIER > length or over - head < layout.gauge:
         return []
     right = left + _DOOR[0]
     return [Piece(Scope(left, floor, right, head), 'door', place),

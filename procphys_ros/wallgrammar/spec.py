@@ -19,6 +19,8 @@ from typing import TypeAlias
 
 from procphys_ros.language import Expression, Place
 
+KINDS_OF_PANELS = ('boards(material), glazing(frame, glass), beam(material), none, '
+                   'arch(shape, rings)')  # beside layouts, for messages
 Successor: TypeAlias = 'Call | Split | Border | Grid | Extrude | Insert'
 
 

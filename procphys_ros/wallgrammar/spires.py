@@ -30,6 +30,9 @@ STONE = 'spire'
 _SHARPEST = 75.0   # [degrees] smallest angle of the plan: courses bond around corners up to there
 _SHAFT = 0.4       # of the thickness: half the width of the hollow below which a course is solid
 _NEAR_END = 0.35   # of a unit: no joint stands nearer to a corner
+_BLUNT = acos(0.5 * (np.sqrt(5.0) - 1.0))  # [rad] turn below which tan is less than 1 / sin
+_MOST_SECTORS = 8  # corners of solid courses, whose stones fill two sectors each
+_LEAST_CAP = 0.1   # [m] stones under it, of thinner walls, would have no beds
 _LEAST_LAP = 0.5   # of the thickness: what each course rests on
 
 
@@ -62,15 +65,50 @@ class Pyramid:
         return np.array([_cross(self.line(i - 1, level, 0.0), self.line(i, level, 0.0))
                          for i in range(len(self.reach))])
 
+    @property
+    def turns(self) -> np.ndarray:
+        """Turn of the plan where each edge begins [rad], (n,)."""
+        return acos((self.normals * np.roll(self.normals, 1, axis=0)).sum(axis=1))
+
+    def corners(self, most: int) -> np.ndarray:
+        """Choose at most so many corners, evenly around the middle; indices, ascending."""
+        outline = self.outline(0.0)
+        if len(outline) <= most:
+            return np.arange(len(outline))
+        angle = atan2(*outline.T[::-1]) - atan2(*outline[0, ::-1])
+        aside = angle[:, None] - 2.0 * np.pi * np.arange(most) / most
+        aside = np.abs((aside + np.pi) % (2.0 * np.pi) - np.pi)
+        return np.unique(np.argmin(aside, axis=0))
+
     def is_solid(self, level: float) -> bool:
         """Return whether a course that ends at a height leaves no hollow, or no room for sides."""
         share = 1.0 - level / self.height
         sides = np.roll(self.outline(0.0), -1, axis=0) - self.outline(0.0)
-        turn = acos((self.normals * np.roll(self.normals, 1, axis=0)).sum(axis=1))
-        turns = np.minimum(sin(turn), np.roll(sin(turn), -1))
+        taken = self.shell * np.where(self.turns < _BLUNT, tan(self.turns), 1.0 / sin(self.turns))
         room = np.minimum(self.reach * share - self.shell,
-                          hypot(*sides.T) * share - self.shell / turns)
+                          hypot(*sides.T) * share - np.maximum(taken, np.roll(taken, -1)))
         return bool(room.min() < _SHAFT * self.shell)
+
+    def end(self, edge: int, corner: int, level: float, owning: bool,
+            gap: float) -> tuple[np.ndarray, float]:
+        """
+        Give the line where the stones along an edge end at some height.
+
+        At sharp corners one side runs up to the face of its neighbour, which ends inside of it.
+        At blunt ones both end where the one is cut off square.
+
+        :param corner: edge that begins at the corner.
+        :param owning: whether the side fills the corner.
+        :param gap: joint between the sides [m].
+        """
+        other = corner - 1 if corner == edge else corner
+        if self.turns[corner % len(self.turns)] >= _BLUNT:
+            return self.line(other, level, 0.0 if owning else self.shell + gap)
+        normal = self.normals[(edge if owning else other) % len(self.normals)]
+        along = np.array([-normal[1], normal[0]])
+        point = _cross(self.line(corner - 1, level, 0.0), self.line(corner, level, 0.0))
+        back = 0.0 if owning else gap
+        return along, float((along * point).sum() + (back if corner == edge else -back))
 
 
 def build(site: Site, plan: Footprint, layout: Layout, base: int, pitch: float,
@@ -92,12 +130,17 @@ def build(site: Site, plan: Footprint, layout: Layout, base: int, pitch: float,
         raise place.error(f'courses of {gauge:g} m in a spire of {pitch:g} degrees rest on less '
                           f'than half the wall, {pyramid.shell:g} m; make it steeper, the courses '
                           f'lower or the wall thicker')
-    levels = np.arange(0.0, pyramid.height - 0.5 * gauge, gauge)
+    # One stone ends the spire, from the last level at which that is as wide as the wall is thick.
+    thin = pyramid.height * (1.0 - 0.5 * max(pyramid.shell, _LEAST_CAP) / pyramid.reach.min())
+    levels = np.arange(0.0, max(thin, 1.5 * gauge), gauge)
     tops = np.append(levels[1:], pyramid.height)
     faces = float(hypot(*(np.roll(pyramid.outline(0.0), -1, 0) - pyramid.outline(0.0)).T).sum())
     site.expect(0.5 * len(levels) * faces * MICRO / layout.pitch)
-    stones = [stone for k, (low, high) in enumerate(zip(levels.tolist(), tops.tolist()))
+    stones = [stone for k, (low, high) in enumerate(zip(levels[:-1].tolist(), tops.tolist()))
               for stone in _course(pyramid, layout, k, low + joint, high)]
+    cap = pyramid.corners(4)
+    stones.append(_prism(pyramid.outline(levels[-1] + joint)[cap],
+                         pyramid.outline(pyramid.height)[cap], levels[-1] + joint, pyramid.height))
     corners = np.array(stones) + np.array([*pyramid.middle, base / MICRO])
     yaw = plan.yaws[0]
     turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
@@ -129,7 +172,8 @@ def _course(pyramid: Pyramid, layout: Layout, number: int, low: float,
             high: float) -> list[np.ndarray]:
     """Give the corners of the stones of a course between two levels, (8, 3) each."""
     if pyramid.is_solid(high):
-        bottom, top = pyramid.outline(low), pyramid.outline(high)
+        chosen = pyramid.corners(_MOST_SECTORS)
+        bottom, top = pyramid.outline(low)[chosen], pyramid.outline(high)[chosen]
         count = len(bottom)
         if count == 4:
             return [_prism(bottom, top, low, high)]
@@ -150,11 +194,8 @@ def _side(pyramid: Pyramid, layout: Layout, number: int, edge: int, low: float,
           high: float) -> list[np.ndarray]:
     """Give the stones along one side; the sides fill the corners in turn, course by course."""
     joint, pitch = layout.joint / MICRO, layout.pitch / MICRO
-    inset = pyramid.shell + joint
-    ends = []
-    for neighbour, owning in ((edge - 1, number % 2 == 0), (edge + 1, number % 2 == 1)):
-        ends.append([pyramid.line(neighbour, level, 0.0 if owning else inset)
-                     for level in (low, high)])
+    ends = [[pyramid.end(edge, corner, level, owning, joint) for level in (low, high)]
+            for corner, owning in ((edge, number % 2 == 0), (edge + 1, number % 2 == 1))]
     faces = [[pyramid.line(edge, level, depth) for level in (low, high)]
              for depth in (0.0, pyramid.shell)]
     # By end, face and level: where the side ends.

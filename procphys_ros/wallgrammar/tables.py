@@ -24,7 +24,7 @@ from procphys_ros.palette import is_known, LOOKS
 from procphys_ros.wallgrammar.bonds import BONDS, Layout
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.materials import DEFAULTS, Material, NUMBERS
-from procphys_ros.wallgrammar.spec import Entry, Panel, Spec
+from procphys_ros.wallgrammar.spec import Entry, KINDS_OF_PANELS, Panel, Spec
 
 _LAYOUT_KEYS = ('bond', 'unit', 'joint', 'offset', 'pieces', 'material')
 _REQUIRED = ('density', 'tension', 'cohesion', 'compression')
@@ -38,6 +38,7 @@ _RANGES = {
 }
 # What no arches are built of.
 _NO_STONE = ('timber', 'oak', 'glass', 'fixing', 'nail', 'lap', 'bearing', 'mortar')
+_KINDS = ('boards', 'glazing', 'beam', 'arch', 'none')  # of panels, beside layouts
 _SMALLEST = 0.01  # [m] smallest extent of a unit
 _LARGEST = 20.0   # [m] largest
 _JOINT = 0.01     # [m] when a layout names none
@@ -131,17 +132,20 @@ def check_panel(panel: Panel, layouts: dict[str, Layout],
     :param panel: as parsed.
     :param layouts, materials: that exist.
     """
+    if panel.kind not in (*_KINDS, *layouts):
+        raise panel.place.error(
+            f'unknown kind "{panel.kind}" of panel "{panel.name}"'
+            f'{nearest_names(panel.kind, [*layouts, *_KINDS])} '
+            f'(layouts: {", ".join(layouts) or "none"}; or {KINDS_OF_PANELS})')
+    if panel.kind in layouts and panel.arguments:
+        raise panel.place.error(f'the layout "{panel.kind}" of panel "{panel.name}" takes no '
+                                f'arguments; its material stands in the layout')
     for material in panel.arguments:
         check_material(material, materials, panel.place)
         if panel.kind == 'arch' and material in _NO_STONE:
             stones = ', '.join(name for name in materials if name not in _NO_STONE)
             raise panel.place.error(f'arches are built of stones, not of "{material}" '
                                     f'(materials: {stones})')
-    if panel.kind not in ('boards', 'glazing', 'beam', 'arch', 'none', *layouts):
-        raise panel.place.error(
-            f'unknown layout "{panel.kind}" of panel "{panel.name}"'
-            f'{nearest_names(panel.kind, layouts)} (layouts: {", ".join(layouts) or "none"}; or '
-            f'boards(material), glazing(frame, glass), beam(material), arch(shape, rings), none)')
 
 
 def check_material(name: str, materials: dict[str, Material], place: Place) -> None:

@@ -122,6 +122,13 @@ class Elevation:
                 return arch.piece.panel
         return self._opening(left, bottom, right, top, _MASONRY)
 
+    def covers(self, left: int, bottom: int, right: int, top: int) -> bool:
+        """Return whether all of a rectangle [µm] is masonry."""
+        grid = self._regions
+        x, z = np.clip(grid.x, left, right), np.clip(grid.z, bottom, top)
+        filled = np.diff(z)[:, None] * np.diff(x) * (grid.owner >= _MASONRY)
+        return int(filled.sum()) == (right - left) * (top - bottom)
+
     def _opening(self, left: int, bottom: int, right: int, top: int, below: int) -> str | None:
         """Name the first panel of a class below another one inside a rectangle [µm]."""
         for scope, owner, i in zip(self._scopes, self._owners, range(len(self._scopes))):

@@ -94,6 +94,9 @@ class DustCloud:
     :ivar owed: dust that is too little for a puff so far [kg].
     """
 
+    _terrain: Terrain
+    _rng: np.random.Generator
+
     def __init__(self, capacity: int, seed: int, gravity: float = 9.81,
                  terrain: Terrain = FLAT):
         self._terrain = terrain

@@ -47,6 +47,8 @@ class FallingLeaves:
     :ivar flying: True until they land, (K,) bool.
     """
 
+    _rng: np.random.Generator
+
     def __init__(self, gravity: float, seed: int):
         self._gravity = gravity
         self._seed = seed

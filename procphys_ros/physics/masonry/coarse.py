@@ -170,6 +170,8 @@ class CoarseSpace:
     :ivar factor: of the coarse matrix.
     """
 
+    factor: Factor
+
     def __init__(self, graph: BondGraph, parts: np.ndarray, bonds: np.ndarray, size: int):
         alone, strong = _alone(graph, parts), _strong(graph, bonds)
         self.owner, made = _aggregate(parts, alone, graph.start, graph.incident, strong,

@@ -41,13 +41,17 @@ class ConjugateGradients:
     :ivar islands: that are worked on.
     """
 
+    _graph: BondGraph
+    coarse: CoarseSpace | None
+    _space: CoarseSpace | None
+    _columns: tuple[np.ndarray, np.ndarray] | None
     islands: Islands
 
     def __init__(self, graph: BondGraph):
         self._graph = graph
         self._search = np.zeros((3, graph.count + 1, 6))  # z, p, q
         self.blocks = np.empty((graph.count, 6, 6), np.float32)
-        self.coarse: CoarseSpace | None = None
+        self.coarse = None
         self.fresh = False
 
     def adopt(self, others: Sequence[tuple['ConjugateGradients', int]]) -> None:
@@ -76,7 +80,7 @@ class ConjugateGradients:
     def begin(self, islands: Islands) -> None:
         """Restart the iterations of islands."""
         self.islands, self._space = islands, self.coarse
-        self._columns: tuple[np.ndarray, np.ndarray] | None = None
+        self._columns = None
         self._products = np.zeros(len(islands.part) - 1)
 
     def confine(self, sets: Islands) -> None:

@@ -44,6 +44,9 @@ class Equilibrium:
     :ivar supported: parts that hold on to the ground, (N,) bool.
     """
 
+    graph: BondGraph
+    joints: CrackedJoints
+
     def __init__(self, graph: BondGraph, gravity: Sequence[float]):
         self.graph = graph
         self.joints = CrackedJoints(graph)

@@ -81,16 +81,21 @@ class Fracture:
     :param band: see `strength.worst_first`.
     """
 
+    solver: StressSolver
+    _judged: int | None
+    _glanced: int | None
+    _released: tuple[int | None, float]  # of which problem, its residual [N]
+
     def __init__(self, solver: StressSolver, dynamic_factor: float = 1.0,
                  band: float = _BAND):
         self.solver = solver
         self.dynamic_factor = dynamic_factor
         self.band = band
-        self._judged: int | None = None
-        self._glanced: int | None = None
+        self._judged = None
+        self._glanced = None
         self._thrown = False  # whether a blow throws a mechanism over in the present round
         self._hanging = np.zeros(0, np.intp)  # parts that a blow has thrown over
-        self._released: tuple[int | None, float] = None, 0.0  # of which problem, its residual [N]
+        self._released = None, 0.0
         mortar = solver.graph.mortar
         self._dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
 

@@ -70,6 +70,8 @@ class FreeBodies:
         [N·m], inf elsewhere, (N,).
     """
 
+    graph: BondGraph
+
     def __init__(self, blueprint: Blueprint, graph: BondGraph | None = None):
         self.graph = BondGraph(as_mortar(blueprint)) if graph is None else graph
         hinged, hinges = blueprint.bond_law == Law.HINGE, blueprint.hinges

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint, GROUND, Law
+from procphys_ros.blueprint import Blueprint, GROUND, Law, Mortar
 from procphys_ros.physics.masonry import links, members
 
 HUB = 24  # bonds; a part with more of them (a slab) is long compared with what it ties together
@@ -57,6 +57,9 @@ class BondGraph:
     :ivar pieces: parts between two reinforced bonds, see `members`.
     :ivar start, incident: bonds of part i are incident[start[i]:start[i + 1]].
     """
+
+    mortar: Mortar
+    pieces: members.Pieces
 
     def __init__(self, blueprint: Blueprint):
         self._take_parts(blueprint)

@@ -73,6 +73,8 @@ class CrackedJoints:
     :param graph: the bonds; links and grip of the cracked ones are renewed here.
     """
 
+    graph: BondGraph
+
     def __init__(self, graph: BondGraph):
         self.graph = graph
         count = len(graph)

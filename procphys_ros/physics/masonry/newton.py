@@ -56,6 +56,9 @@ class Step:
     :ivar fresh: whether nothing has moved since the start.
     """
 
+    islands: Islands
+    _start: tuple[np.ndarray, np.ndarray] | None
+
     def __init__(self, equilibrium: Equilibrium, islands: Islands, size: float,
                  confined: bool = False):
         self.islands, self.size, self.confined = islands, size, confined

@@ -24,7 +24,7 @@ from procphys_ros.physics.masonry import strength, tolerances
 from procphys_ros.physics.masonry.conjugate_gradients import ConjugateGradients
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.graph import BondGraph
-from procphys_ros.physics.masonry.islands import out_of_balance
+from procphys_ros.physics.masonry.islands import Islands, out_of_balance
 from procphys_ros.physics.masonry.joints import CREEP, PLAY, Reach
 from procphys_ros.physics.masonry.newton import Step
 from procphys_ros.physics.masonry.superposition import Superposition
@@ -62,6 +62,12 @@ class StressSolver:
     :ivar working: number of parts in islands that the last call of `iterate` has not finished.
     """
 
+    equilibrium: Equilibrium
+    _gradients: ConjugateGradients
+    _past: Superposition
+    _step: Step
+    _islands: Islands
+
     def __init__(self, graph: BondGraph, gravity: Sequence[float] = (0.0, 0.0, -9.81),
                  tolerance: float | None = None):
         graph.restore()
@@ -98,11 +104,9 @@ class StressSolver:
     def _make_room(self, equilibrium: Equilibrium, tolerance: float | None) -> None:
         self.equilibrium = equilibrium
         graph = equilibrium.graph
-        bonded = np.diff(graph.start) > 0
-        weight = graph.mass[bonded] * _STANDARD_GRAVITY
+        weight = graph.mass[np.diff(graph.start) > 0] * _STANDARD_GRAVITY
         self.tolerance = tolerance or _TOLERANCE * float(np.median(weight if len(weight) else 1.0))
-        self._gradients = ConjugateGradients(graph)
-        self._past = Superposition()
+        self._gradients, self._past = ConjugateGradients(graph), Superposition()
         self.state = self.problem = 0
 
     def reset(self) -> None:
@@ -122,8 +126,7 @@ class StressSolver:
         equilibrium, graph = self.equilibrium, self.graph
         self._step, self._begun, self._target = Step.straight(equilibrium), False, 0.0
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
-        self.sound = self.displacement.copy()
-        self.goal = self.tolerance
+        self.sound, self.goal = self.displacement.copy(), self.tolerance
         self.iterations = np.zeros(graph.count, np.int64)
         self.spent = self._patience = self._worked = 0
         equilibrium.linearise(np.flatnonzero(graph.cracked))
@@ -186,8 +189,7 @@ class StressSolver:
             is the peak of an undamped structure whose support vanishes at once (Biggs 1964,
             Introduction to Structural Dynamics, section 2.3), 1 is slow release.
         """
-        bonds = np.asarray(bonds)
-        bonds = bonds[self.graph.alive[bonds]]
+        bonds = np.asarray(bonds)[self.graph.alive[bonds]]
         if len(bonds):
             self._change(self.equilibrium.cut, bonds, dynamic_factor)
 

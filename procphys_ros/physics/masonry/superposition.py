@@ -36,8 +36,10 @@ class Superposition:
     stiffness is needed, and answers that were not iterated to the end serve as well.
     """
 
+    _start: tuple[np.ndarray, np.ndarray] | None
+
     def __init__(self) -> None:
-        self._start: tuple[np.ndarray, np.ndarray] | None = None
+        self._start = None
         self.forget(np.zeros(0, np.intp), np.zeros(0, bool))
 
     def forget(self, labels: np.ndarray, straight: np.ndarray) -> None:

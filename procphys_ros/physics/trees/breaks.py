@@ -82,6 +82,26 @@ def carried_rows(row, end, active, parents):
     return row + np.flatnonzero(carried)
 
 
+def weight_wrenches(mass: np.ndarray, places: np.ndarray, joints: np.ndarray, ends: np.ndarray,
+                    gravity: np.ndarray) -> np.ndarray:
+    """
+    Give force and moment by which every joint holds the weight beyond it [N], [N·m], (S, 6).
+
+    :param mass: of the rows, subtree behind subtree [kg], (S,).
+    :param places: centres of mass [m], (S, 3).
+    :param joints: points of the joints [m], (S, 3).
+    :param ends: one past the last row of each row's subtree, (S,).
+    :param gravity: [m/s²], (3,).
+    """
+    sums = np.zeros((len(mass) + 1, 4))
+    np.cumsum(mass[:, None] * np.column_stack([np.ones(len(mass)), places]), axis=0, out=sums[1:])
+    carried = sums[ends] - sums[:-1]
+    x, y, z = (carried[:, 1:] - carried[:, :1] * joints).T
+    a, b, c = gravity
+    moment = np.column_stack([y * c - z * b, z * a - x * c, x * b - y * a])
+    return -np.column_stack([carried[:, :1] * gravity, moment])
+
+
 def section_modulus(width: np.ndarray) -> np.ndarray:
     """Give Z = π·d³/32 of round sections of diameter d [m³]."""
     return np.pi / 32.0 * (width * width * width)

@@ -75,6 +75,12 @@ class Forest:
         the last step [N], [N·m], (S, 6), world.
     """
 
+    _model: state.Model
+    _state: state.State
+    _plan: state.Plan
+    _scratches: list[state.Scratch]
+    _stepped: np.ndarray | None
+
     def __init__(self, blueprint: Blueprint, gravity: Sequence[float] = (0.0, 0.0, -9.81),
                  air_density: float = AIR_DENSITY, climbers: Anchors | None = None) -> None:
         """
@@ -160,7 +166,7 @@ class Forest:
         self.active = np.ones(len(self.parts), bool)
         self._wind = self._still
         self._time_step = _TIME_STEP
-        self._stepped: np.ndarray | None = None
+        self._stepped = None
         self._disturbed = np.zeros(len(self.parts), bool)
         self._replan()
         pose.place_all(self._plan, self._model, self._state)
@@ -254,6 +260,25 @@ class Forest:
                                       self._section, self._capacity, row, column, load)
         rows = row[:count].copy()
         return rows, breaks.CAUSES[column[:count]], load[:count].copy(), self.bonds[rows]
+
+    def overloaded_by_weight(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """
+        Find the joints of whole trees that cannot hold the weight beyond them, as trees stand now.
+
+        Rows that climbing plants hold on by, and those below them, are left out.
+
+        :returns: rows, `causes.Cause`, and loads over what the joints can bear.
+        """
+        now = self._state
+        wrenches = breaks.weight_wrenches(self._model.body[:, MASS], now.poses[:, :3],
+                                          now.frame[:, :3], self.ends, self._gravity)
+        held = np.concatenate([[0], np.cumsum(now.anchor[:, anchors.STIFFNESS] > 0.0)])
+        rows = np.flatnonzero(self.active & (held[self.ends] == held[:-1]))
+        row, column, load = (np.empty(len(self.parts), of) for of in (np.int64, np.int64, float))
+        count = breaks.find_overloads(rows, wrenches, now.frame, self._section, self._capacity,
+                                      row, column, load)
+        row, column = row[:count], column[:count]
+        return row, breaks.CAUSES[column], load[:count] / self._capacity[row, column]
 
     def subtree(self, row: int) -> np.ndarray:
         """Give the active rows that a row carries, itself included and first."""

@@ -50,6 +50,8 @@ class History:
     :param velocity: that blows before anything else is said [m/s], (3,).
     """
 
+    _stretches: list[_Stretch]
+
     def __init__(self, velocity: Sequence[float]):
         velocity = tuple(velocity)
         self._stretches = [_Stretch(0.0, velocity, 0.0, velocity, 0.0)]

@@ -90,6 +90,11 @@ class Wind:
     :ivar enabled: False = still air everywhere; eddies and gusts travel on meanwhile.
     """
 
+    _terrain: Terrain
+    settings: WindSettings
+    shelter: Shelter
+    _history: History
+
     def __init__(self, settings: WindSettings, seed: int = 0, record: Record = (),
                  terrain: Terrain = FLAT):
         self._terrain = terrain

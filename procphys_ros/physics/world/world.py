@@ -36,6 +36,7 @@ from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBod
 from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.rolling import resist_rolling
+from procphys_ros.physics.world.saved import check_saved
 from procphys_ros.physics.world.spin import limit_spin
 from procphys_ros.physics.world.substeps import move
 from procphys_ros.physics.world.waking import about_to_be_hit, sweep_fast
@@ -437,7 +438,10 @@ class World:
 
         :param arrays: as saved; they are copied.
         :param engine: name of an engine, see `make_engine`.
+        :raises ValueError: when they are not laid out as `save_state` does, or name bodies that
+            there are not.
         """
+        check_saved(arrays)
         ground = _group(arrays, 'terrain.')
         terrain = Terrain(ground['heights'], ground['low'], float(ground['edge']))
         world = cls(arrays['gravity'].tolist(), engine=engine, terrain=terrain)

@@ -1,0 +1,85 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Saved worlds: whether arrays are laid out as a world saves them, before one is built of them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.contacts import Contacts
+from procphys_ros.physics.world.settling import Supports
+
+_CONTACT = np.zeros((0, 13))  # row of a contact as engines give it
+_TERRAIN = {'heights': np.zeros((0, 0)), 'low': np.zeros(2), 'edge': np.zeros(())}
+_SINGLE = {'gravity': np.zeros(3), 'lifts': _CONTACT, 'point_contacts': _CONTACT,
+           'places': np.zeros((0, 3)), 'excluded': np.zeros((0, 2), np.intp),
+           'clocks': np.zeros(2)}
+
+
+def check_saved(arrays: Mapping[str, np.ndarray]) -> None:
+    """
+    Check arrays that a world is to be built of.
+
+    :param arrays: by the names of `World.save_state`.
+    :raises ValueError: when one is missing, is of another type or width, has not as many rows as
+        those beside it, or names bodies, collision shapes or points that there are not.
+    """
+    bodies = BodyTable().save()
+    per_body = {name: column for name, column in bodies.items()
+                if not name.startswith(('piece_', 'ground_', 'hexahedron_')) or
+                name.endswith('_count')}
+    del per_body['free'], per_body['capacity']
+    tables = {'bodies': bodies, 'supports': vars(Supports()),
+              'contacts': vars(Contacts.of(_CONTACT, 1.0)), 'terrain': _TERRAIN}
+    layout = _SINGLE | {f'{table}.{name}': column for table, columns in tables.items()
+                        for name, column in columns.items()}
+    for name, pattern in layout.items():
+        _check_column(name, arrays.get(name), pattern)
+    used = len(arrays['bodies.state'])
+    for names in ([f'bodies.{name}' for name in per_body],
+                  [f'supports.{name}' for name in tables['supports']],
+                  [f'contacts.{name}' for name in tables['contacts']],
+                  ['bodies.piece_shape', 'bodies.piece_size', 'bodies.piece_pose'],
+                  ['bodies.hexahedron_piece', 'bodies.hexahedron_corners']):
+        if len({len(arrays[name]) for name in names}) > 1:
+            raise ValueError(f'{names[0]} has not as many rows as what belongs to it')
+    _check_ids(arrays, used)
+
+
+def _check_column(name: str, column: np.ndarray | None, pattern: np.ndarray) -> None:
+    if (column is None or column.dtype != pattern.dtype or column.ndim != pattern.ndim
+            or column.shape[1:] != pattern.shape[1:] and name != 'terrain.heights'):
+        raise ValueError(f'{name} is missing, or not what it should be')
+
+
+def _check_ids(arrays: Mapping[str, np.ndarray], used: int) -> None:
+    limits = {'supports.support': used, 'supports.resting': used, 'contacts.body_a': used,
+              'contacts.body_b': used, 'excluded': used, 'bodies.free': used,
+              'bodies.state': max(BodyState) + 1, 'bodies.piece_shape': max(Shape) + 1}
+    for name, most in limits.items():
+        column = arrays[name]
+        if column.size and not 0 <= column.min() <= column.max() < most:
+            raise ValueError(f'{name} names what there is not')
+    for kind, rows in (('piece', 'piece_shape'), ('point', 'ground_point'),
+                       ('hexahedron', 'hexahedron_piece')):
+        first, count = arrays[f'bodies.first_{kind}'], arrays[f'bodies.{kind}_count']
+        total = len(arrays[f'bodies.{rows}'])
+        if np.any((first < 0) | (count < 0) | (count > total) | (first > total - count)):
+            raise ValueError(f'bodies.first_{kind} names what there is not')
+    if not used <= arrays['bodies.capacity'] <= 2 * used:  # as `BodyTable` grows
+        raise ValueError('bodies.capacity is not the room of a table of so many bodies')
