@@ -23,7 +23,8 @@ from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import impacts, Simulation
-from procphys_ros.simulation.blows import Blow, blows_of
+from procphys_ros.simulation.blows import blows_of
+from procphys_ros.simulation.contact_forces import Blow
 
 _UNBREAKABLE = {'tension': 1e12, 'cohesion': 1e12, 'compression': 1e12}  # [Pa]
 _WEIGHTY = 0.05  # of all energy: what has less is not looked at
