@@ -21,7 +21,7 @@ import pytest
 
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, impacts, Simulation
-from procphys_ros.simulation.blows import Blow
+from procphys_ros.simulation.contact_forces import Blow
 
 _LENGTH, _HEIGHT, _DENSITY = 0.5, 0.3, 1900.0  # [m], [kg/m³] of one block of a beam of seven
 _STONE = 0.5  # [m], as wide as its middle block
