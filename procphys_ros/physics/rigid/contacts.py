@@ -39,6 +39,8 @@ class ContactRows(NamedTuple):
     :ivar point: half-way between the surfaces, world [m], (C, 3).
     :ivar normal: unit, from the second to the first, (C, 3).
     :ivar gap: negative where they overlap [m], (C,).
+    :ivar radius: of round pieces, whose point of contact does not turn with them; 0 for others
+        [m], (C, 2).
     :ivar anchor: the point in the frame of the first body [m], (C, 3).
     :ivar force: along the normal, and across it in world axes, on the first [N], (C, 4).
     """
@@ -49,6 +51,7 @@ class ContactRows(NamedTuple):
     point: np.ndarray
     normal: np.ndarray
     gap: np.ndarray
+    radius: np.ndarray
     anchor: np.ndarray
     force: np.ndarray
 
@@ -62,15 +65,17 @@ def no_contacts(count):
     """Make room for contacts."""
     return ContactRows(np.empty(count, np.int64), np.empty(count, np.int64),
                        np.empty(count, np.int64), np.empty((count, 3)), np.empty((count, 3)),
-                       np.empty(count), np.empty((count, 3)), np.zeros((count, 4)))
+                       np.empty(count), np.zeros((count, 2)), np.empty((count, 3)),
+                       np.zeros((count, 4)))
 
 
 @kernel
-def find(rows, pairs, pieces, poses, velocities, extra, terrain, time_step, before):
+def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step, before):
     """
     Find where pieces touch each other and the ground, or will within a step.
 
     :param rows: pieces that move, ascending, (M,).
+    :param is_free: whether they move freely; others pass through the ground, (M,) bool.
     :param pairs: places in `rows` and other pieces, sorted, (2, K).
     :param poses: of bodies, (B, 7); `velocities` (B, 6) likewise.
     :param extra: further points that only the ground meets: bodies, (E,), and places in their
@@ -91,11 +96,16 @@ def find(rows, pairs, pieces, poses, velocities, extra, terrain, time_step, befo
                 normals[n] = normals[0]
             old = _write(out, count, found, p, q, pieces.body[p], pieces.body[q], points,
                          normals, poses, before, old)
+            out.radius[count:count + found, 0] = pieces.radius[p]
+            out.radius[count:count + found, 1] = pieces.radius[q]
             count += found
             k += 1
+        if not is_free[m]:
+            continue
         found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
         old = _write(out, count, found, p, GROUND_KEY, pieces.body[p], 0, points, normals, poses,
                      before, old)
+        out.radius[count:count + found, 0] = pieces.radius[p]
         count += found
     for e in range(len(extra[0])):
         found = _corner_on_ground(extra[0][e], extra[1][e], poses, velocities, terrain, time_step,

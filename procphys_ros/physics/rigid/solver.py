@@ -67,7 +67,9 @@ class Rows(NamedTuple):
     :ivar impulse: along the three, of the present substep [N·s], (C, 3).
     :ivar approach: speed along the normal before the substep [m/s], (C,).
     :ivar gap: as the bodies have moved so far [m], (C,).
-    :ivar place: of the point from the first and from the second body's centre [m], (C, 6).
+    :ivar place: of the point from the first and from the second body's centre [m]: for each what
+        turns with the body, and what does not, (C, 12).
+    :ivar spot: where it acts at present, from the first body's centre [m], (C, 3).
     """
 
     arm: np.ndarray
@@ -77,37 +79,40 @@ class Rows(NamedTuple):
     approach: np.ndarray
     gap: np.ndarray
     place: np.ndarray
+    spot: np.ndarray
 
 
 @kernel
-def solve(bodies, first, second, point, normal, gap, friction, restitution, force, groups,
+def solve(bodies, first, second, point, normal, gap, radius, friction, restitution, force, groups,
           gravity, time_step):
     """
     Move bodies by a step under gravity and contacts; writes poses, velocities and forces.
 
     :param bodies: the last row stands for all that is immovable.
     :param first, second: rows of bodies, (C,).
-    :param point, normal, gap: as in `ContactRows`.
+    :param point, normal, gap, radius: as in `ContactRows`.
     :param friction, restitution: of each contact, (C,).
     :param force: of the step before, along the normal and across it, (C, 4); becomes that at the
         end of this one.
     :param groups: from `islands`.
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
-    :returns: impulses on the first bodies over the step, world, and along the normal, (C, 4).
+    :returns: impulses on the first bodies over the step, world, and along the normal [N·s], and
+        where they acted in the mean, seen from the first body's centre [m], (C, 7).
     """
     members, member_start, order, start = groups
     count = len(first)
-    total, moved = np.zeros((count, 4)), np.zeros((len(bodies.mass), 6))
+    total, moved = np.zeros((count, 7)), np.zeros((len(bodies.mass), 6))
     rows = Rows(np.empty((count, 3, 12)), np.empty((count, 3, 12)), np.empty((count, 3)),
-                np.empty((count, 3)), np.empty(count), gap.copy(), np.empty((count, 6)))
+                np.empty((count, 3)), np.empty(count), gap.copy(), np.empty((count, 12)),
+                np.empty((count, 3)))
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
         contacts = order[start[g]:start[g + 1]]
-        substeps, relaxing = _pace(own, len(contacts), bodies, time_step)
+        substeps, passes = _pace(own, len(contacts), bodies, time_step)
         h = time_step / substeps
         for c in contacts:
-            _place(c, bodies, first[c], second[c], at(point, c), rows)
+            _place(c, bodies, first[c], second[c], at(point, c), at(normal, c), radius, rows)
             _aim(c, bodies, first[c], second[c], moved, at(normal, c), time_step, rows)
             _start(c, force[c], h, rows)
         for substep in range(substeps):
@@ -115,22 +120,26 @@ def solve(bodies, first, second, point, normal, gap, friction, restitution, forc
                 for c in contacts:
                     _aim(c, bodies, first[c], second[c], moved, at(normal, c), h, rows)
             _begin(own, contacts, first, second, bodies, rows, gravity, h)
-            _pass(contacts, first, second, bodies.velocity, rows, friction, h, _softness(h))
+            for _ in range(passes):
+                _pass(contacts, first, second, bodies.velocity, rows, friction, h, _softness(h))
             for i in own:
                 _advance(i, bodies, gravity, h, len(contacts) == 0, moved)
             _carry(len(members), bodies, (substep + 1) * h, moved)
             _measure(contacts, first, second, moved, gap, rows)
-            for _ in range(relaxing):
+            for _ in range(2 * passes):
                 _pass(contacts, first, second, bodies.velocity, rows, friction, h, _RIGID)
             _bounce(contacts, first, second, bodies.velocity, rows, restitution)
             _add_up(contacts, rows, total)
         _keep_forces(contacts, rows, h, force)
+    for c in range(count):
+        for w in range(4, 7):
+            total[c, w] = total[c, w] / total[c, 3] if total[c, 3] > 0.0 else rows.spot[c, w - 4]
     return total
 
 
 @subroutine
 def _pace(own, contacts, bodies, time_step):
-    """Choose substeps and relaxing passes of an island."""
+    """Choose substeps of an island, and passes; twice as many relax."""
     if contacts == 0:
         spin = 0.0
         for i in own:
@@ -138,9 +147,9 @@ def _pace(own, contacts, bodies, time_step):
                                      bodies.velocity[i, 5])))
         return min(int(spin * time_step / _TURN) + 1, _FINEST), 0
     substeps = _FINEST
-    while substeps > _COARSEST and contacts * substeps * (1 + substeps // 4) > _WORK:
+    while substeps > _COARSEST and contacts * substeps * 3 * (substeps // 8) > _WORK:
         substeps //= 2
-    return substeps, substeps // 4
+    return substeps, substeps // 8
 
 
 @subroutine
@@ -163,11 +172,14 @@ def _turned(bodies, i, v):
 
 
 @subroutine
-def _place(c, bodies, first, second, point, rows):
-    """Write where a contact is, seen from the centres of both bodies."""
-    one, two = less(point, at(bodies.pose, first)), less(point, at(bodies.pose, second))
-    for w in range(3):
-        rows.place[c, w], rows.place[c, 3 + w] = one[w], two[w]
+def _place(c, bodies, first, second, point, n, radius, rows):
+    """Write where a contact is, seen from the centres of both bodies; balls roll under it."""
+    for side in range(2):
+        i, sign = (first, -1.0) if side == 0 else (second, 1.0)
+        rolls = scaled(sign * radius[c, side], n)
+        turns = less(less(point, at(bodies.pose, i)), rolls)
+        for w in range(3):
+            rows.place[c, 6 * side + w], rows.place[c, 6 * side + 3 + w] = turns[w], rolls[w]
 
 
 @subroutine
@@ -184,10 +196,14 @@ def _aim(c, bodies, first, second, moved, n, duration, rows):
         rows.mass[c, k] = 0.0
     for side in range(2):
         i, sign = (first, 1.0) if side == 0 else (second, -1.0)
-        place = (rows.place[c, 3 * side], rows.place[c, 3 * side + 1],
-                 rows.place[c, 3 * side + 2])
+        place = (rows.place[c, 6 * side], rows.place[c, 6 * side + 1],
+                 rows.place[c, 6 * side + 2])
         place = plus(place, 1.0, _bent(place, moved, i))
         place = _turned_on(place, bodies.velocity, i, 0.5 * duration)
+        place = plus(place, 1.0, (rows.place[c, 6 * side + 3], rows.place[c, 6 * side + 4],
+                                  rows.place[c, 6 * side + 5]))
+        if side == 0:
+            rows.spot[c, 0], rows.spot[c, 1], rows.spot[c, 2] = place
         for k in range(3):
             d = axes[k]
             arm = scaled(sign, cross(place, d))
@@ -258,7 +274,7 @@ def _measure(contacts, first, second, moved, gap, rows):
     for c in contacts:
         n = (rows.arm[c, 0, 0], rows.arm[c, 0, 1], rows.arm[c, 0, 2])
         rows.gap[c] = (gap[c] + _shift(rows.place[c, :3], moved, first[c], n)
-                       - _shift(rows.place[c, 3:], moved, second[c], n))
+                       - _shift(rows.place[c, 6:9], moved, second[c], n))
 
 
 @subroutine
@@ -390,6 +406,8 @@ def _add_up(contacts, rows, total):
             for w in range(3):
                 total[c, w] += rows.impulse[c, k] * rows.arm[c, k, w]
         total[c, 3] += rows.impulse[c, 0]
+        for w in range(3):
+            total[c, 4 + w] += rows.impulse[c, 0] * rows.spot[c, w]
 
 
 @subroutine

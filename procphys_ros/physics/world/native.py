@@ -157,6 +157,7 @@ class NativeEngine:
             np.concatenate([table.inertia[free], np.full((len(driven) + 1, 3), np.inf)]),
             np.concatenate([table.poses[moving], _NOWHERE]),
             np.concatenate([table.velocities[moving], np.zeros((1, 6))]))
+        starts = bodies.pose[:, :3].copy()
         place_of = np.full(len(table.state), len(moving))
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
@@ -165,20 +166,22 @@ class NativeEngine:
         groups = (g[0], g[1], upwards[g[2]], g[3])
         total = solve(
             bodies, first, second, contacts.point, contacts.normal, contacts.gap,
-            self._of_pairs(table.friction, contacts), self._of_pairs(table.restitution, contacts),
-            contacts.force, groups, self._gravity, time_step)
+            contacts.radius, self._of_pairs(table.friction, contacts),
+            self._of_pairs(table.restitution, contacts), contacts.force, groups, self._gravity,
+            time_step)
         count = len(free)
         table.poses[free], table.velocities[free] = bodies.pose[:count], bodies.velocity[:count]
         self._contacts = contacts
         self._told = np.column_stack([
-            contacts.first, contacts.second, contacts.point - 0.5 * contacts.gap[:, None]
-            * contacts.normal, contacts.normal, contacts.gap, total / time_step])
+            contacts.first, contacts.second, starts[first] + total[:, 4:], contacts.normal,
+            contacts.gap, total[:, :4] / time_step])
 
     def _find(self, rows: np.ndarray, time_step: float) -> ContactRows:
         table, pieces = self._table, self._pieces
         live = Pieces(*(column[:self._used] for column in pieces))
         pairs = self._pairs(rows, live)
-        contacts, count = find(rows, pairs, live, table.poses, table.velocities,
+        is_free = table.state[live.body[rows]] == BodyState.AWAKE
+        contacts, count = find(rows, is_free, pairs, live, table.poses, table.velocities,
                                self._extra_points(), self._terrain, time_step, self._contacts)
         return contacts.head(count)
 
