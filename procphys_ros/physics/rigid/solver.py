@@ -315,8 +315,10 @@ def _pass(contacts, first, second, velocity, rows, friction, h, soft):
     rate, mass_share, impulse_share = soft
     arm, gain, mass, impulse = rows.arm, rows.gain, rows.mass, rows.impulse
     for c in contacts:
-        a, b = first[c], second[c]
-        now, speed = rows.gap[c], 0.0
+        now, before = rows.gap[c], impulse[c, 0]
+        if rate == 0.0 and now > 0.0 and before == 0.0:
+            continue  # what has not struck yet is stopped in the substep in which it does
+        a, b, speed = first[c], second[c], 0.0
         for w in range(6):
             speed += arm[c, 0, w] * velocity[a, w] + arm[c, 0, 6 + w] * velocity[b, w]
         bias, share, kept = 0.0, 1.0, 0.0
@@ -324,7 +326,6 @@ def _pass(contacts, first, second, velocity, rows, friction, h, soft):
             bias = now / h
         elif rate > 0.0:
             bias, share, kept = max(rate * now, -_PUSH), mass_share, impulse_share
-        before = impulse[c, 0]
         pressed = max(before - mass[c, 0] * share * (speed + bias) - kept * before, 0.0)
         if pressed == 0.0 and before == 0.0:
             continue
