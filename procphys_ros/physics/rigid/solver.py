@@ -94,13 +94,14 @@ def solve(bodies, first, second, point, normal, gap, radius, friction, restituti
     :param friction, restitution: of each contact, (C,).
     :param force: of the step before, along the normal and across it, (C, 4); becomes that at the
         end of this one.
-    :param groups: from `islands`.
+    :param groups: from `islands`: bodies in turn, where those of each island begin, and where
+        contacts do, which are sorted so.
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
     :returns: impulses on the first bodies over the step, world, and along the normal [N·s], and
         where they acted in the mean, seen from the first body's centre [m], (C, 7).
     """
-    members, member_start, order, start = groups
+    members, member_start, start = groups
     count = len(first)
     total, moved = np.zeros((count, 7)), np.zeros((len(bodies.mass), 6))
     rows = Rows(np.empty((count, 3, 12)), np.empty((count, 3, 12)), np.empty((count, 3)),
@@ -108,7 +109,7 @@ def solve(bodies, first, second, point, normal, gap, radius, friction, restituti
                 np.empty((count, 3)))
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
-        contacts = order[start[g]:start[g + 1]]
+        contacts = range(start[g], start[g + 1])
         substeps, passes = _pace(own, len(contacts), bodies, time_step)
         h = time_step / substeps
         for c in contacts:

@@ -18,6 +18,7 @@
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.linear import product
 from procphys_ros.physics.rigid.contacts import ContactRows, find, no_contacts
 from procphys_ros.physics.rigid.islands import islands
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, Pieces, ROUND
@@ -161,20 +162,22 @@ class NativeEngine:
         place_of = np.full(len(table.state), len(moving))
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
-        upwards = np.argsort(-(contacts.point @ self._gravity), kind='stable')
-        g = islands(first[upwards], second[upwards], len(free))
-        groups = (g[0], g[1], upwards[g[2]], g[3])
+        upwards = np.argsort(-product(contacts.point, self._gravity), kind='stable')
+        members, begins, order, start = islands(first[upwards], second[upwards], len(free))
+        order = upwards[order]
+        solved = ContactRows(*(column[order] for column in contacts))
         total = solve(
-            bodies, first, second, contacts.point, contacts.normal, contacts.gap,
-            contacts.radius, self._of_pairs(table.friction, contacts),
-            self._of_pairs(table.restitution, contacts), contacts.force, groups, self._gravity,
-            time_step)
+            bodies, first[order], second[order], solved.point, solved.normal, solved.gap,
+            solved.radius, self._of_pairs(table.friction, solved),
+            self._of_pairs(table.restitution, solved), solved.force, (members, begins, start),
+            self._gravity, time_step)
+        contacts.force[order] = solved.force
         count = len(free)
         table.poses[free], table.velocities[free] = bodies.pose[:count], bodies.velocity[:count]
         self._contacts = contacts
         self._told = np.column_stack([
-            contacts.first, contacts.second, starts[first] + total[:, 4:], contacts.normal,
-            contacts.gap, total[:, :4] / time_step])
+            solved.first, solved.second, starts[first[order]] + total[:, 4:], solved.normal,
+            solved.gap, total[:, :4] / time_step])
 
     def _find(self, rows: np.ndarray, time_step: float) -> ContactRows:
         table, pieces = self._table, self._pieces
