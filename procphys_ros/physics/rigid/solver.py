@@ -60,9 +60,8 @@ class Rows(NamedTuple):
     """
     What the passes need of contacts: along the normal and two tangents.
 
-    :ivar arm: speed of the first body's point against the second's out of both velocities,
-        (C, 3, 12).
-    :ivar gain: what an impulse of 1 N·s gives to both velocities, (C, 3, 12).
+    :ivar axis: for each of the three the direction, the moments of a unit impulse along it about
+        both centres, and the spins that these give, (C, 3, 15).
     :ivar mass: that the contact feels [kg], (C, 3).
     :ivar impulse: along the three, of the present substep [N·s], (C, 3).
     :ivar approach: speed along the normal before the substep [m/s], (C,).
@@ -72,8 +71,7 @@ class Rows(NamedTuple):
     :ivar spot: where it acts at present, from the first body's centre [m], (C, 3).
     """
 
-    arm: np.ndarray
-    gain: np.ndarray
+    axis: np.ndarray
     mass: np.ndarray
     impulse: np.ndarray
     approach: np.ndarray
@@ -104,9 +102,9 @@ def solve(bodies, first, second, point, normal, gap, radius, friction, restituti
     members, member_start, start = groups
     count = len(first)
     total, moved = np.zeros((count, 7)), np.zeros((len(bodies.mass), 6))
-    rows = Rows(np.empty((count, 3, 12)), np.empty((count, 3, 12)), np.empty((count, 3)),
-                np.empty((count, 3)), np.empty(count), gap.copy(), np.empty((count, 12)),
-                np.empty((count, 3)))
+    rows = Rows(np.empty((count, 3, 15)), np.empty((count, 3)), np.empty((count, 3)),
+                np.empty(count), gap.copy(), np.empty((count, 12)), np.empty((count, 3)))
+    light = 1.0 / bodies.mass
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
         contacts = range(start[g], start[g + 1])
@@ -120,16 +118,20 @@ def solve(bodies, first, second, point, normal, gap, radius, friction, restituti
             if substeps == _FINEST and substep > 0:
                 for c in contacts:
                     _aim(c, bodies, first[c], second[c], moved, at(normal, c), h, rows)
-            _begin(own, contacts, first, second, bodies, rows, gravity, h)
+            for i in own:
+                for w in range(3):
+                    bodies.velocity[i, w] += gravity[w] * h
+            _begin(contacts, first, second, bodies.velocity, light, rows)
             for _ in range(passes):
-                _pass(contacts, first, second, bodies.velocity, rows, friction, h, _softness(h))
+                _pass(contacts, first, second, bodies.velocity, light, rows, friction, h,
+                      _softness(h))
             for i in own:
                 _advance(i, bodies, gravity, h, len(contacts) == 0, moved)
             _carry(len(members), bodies, (substep + 1) * h, moved)
             _measure(contacts, first, second, moved, gap, rows)
             for _ in range(2 * passes):
-                _pass(contacts, first, second, bodies.velocity, rows, friction, h, _RIGID)
-            _bounce(contacts, first, second, bodies.velocity, rows, restitution)
+                _pass(contacts, first, second, bodies.velocity, light, rows, friction, h, _RIGID)
+            _bounce(contacts, first, second, bodies.velocity, light, rows, restitution)
             _add_up(contacts, rows, total)
         _keep_forces(contacts, rows, h, force)
     for c in range(count):
@@ -210,10 +212,9 @@ def _aim(c, bodies, first, second, moved, n, duration, rows):
             arm = scaled(sign, cross(place, d))
             spin = _turned(bodies, i, arm)
             for w in range(3):
-                rows.arm[c, k, 6 * side + w] = sign * d[w]
-                rows.arm[c, k, 6 * side + 3 + w] = arm[w]
-                rows.gain[c, k, 6 * side + w] = sign * d[w] / bodies.mass[i]
-                rows.gain[c, k, 6 * side + 3 + w] = spin[w]
+                rows.axis[c, k, w] = d[w]
+                rows.axis[c, k, 3 + 3 * side + w] = arm[w]
+                rows.axis[c, k, 9 + 3 * side + w] = spin[w]
             rows.mass[c, k] += 1.0 / bodies.mass[i] + dot(arm, spin)
     for k in range(3):
         rows.mass[c, k] = 1.0 / rows.mass[c, k]
@@ -225,7 +226,7 @@ def _start(c, force, h, rows):
     pressed = (force[1], force[2], force[3])
     rows.impulse[c, 0] = h * force[0]
     for k in range(1, 3):
-        d = (rows.arm[c, k, 0], rows.arm[c, k, 1], rows.arm[c, k, 2])
+        d = _part(rows.axis, c, k, 0)
         rows.impulse[c, k] = h * dot(pressed, d)
 
 
@@ -249,31 +250,60 @@ def _turned_on(place, velocity, i, duration):
 
 
 @subroutine
-def _begin(own, contacts, first, second, bodies, rows, gravity, h):
-    """Apply gravity, note how fast bodies approach, and start from the impulses before."""
-    velocity = bodies.velocity
-    for i in own:
-        for w in range(3):
-            velocity[i, w] += gravity[w] * h
+def _part(axis, c, k, first):
+    """Read three numbers of an axis."""
+    return axis[c, k, first], axis[c, k, first + 1], axis[c, k, first + 2]
+
+
+@subroutine
+def _motion(velocity, i):
+    """Read velocity and spin of a body."""
+    return ((velocity[i, 0], velocity[i, 1], velocity[i, 2]),
+            (velocity[i, 3], velocity[i, 4], velocity[i, 5]))
+
+
+@subroutine
+def _write_motion(velocity, i, motion):
+    for w in range(3):
+        velocity[i, w], velocity[i, 3 + w] = motion[0][w], motion[1][w]
+
+
+@subroutine
+def _speed(axis, c, k, one, two):
+    """Give the speed along an axis of the first body's point against the second's."""
+    return (dot(_part(axis, c, k, 0), less(one[0], two[0])) + dot(_part(axis, c, k, 3), one[1])
+            + dot(_part(axis, c, k, 6), two[1]))
+
+
+@subroutine
+def _pushed(axis, c, k, size, light, one, two):
+    """Give both motions after an impulse along an axis."""
+    d = _part(axis, c, k, 0)
+    return ((plus(one[0], size * light[0], d), plus(one[1], size, _part(axis, c, k, 9))),
+            (plus(two[0], -size * light[1], d), plus(two[1], size, _part(axis, c, k, 12))))
+
+
+@subroutine
+def _begin(contacts, first, second, velocity, light, rows):
+    """Note how fast bodies approach, and start from the impulses before."""
+    for c in contacts:
+        one, two = _motion(velocity, first[c]), _motion(velocity, second[c])
+        rows.approach[c] = _speed(rows.axis, c, 0, one, two)
     for c in contacts:
         a, b = first[c], second[c]
-        speed = 0.0
-        for w in range(6):
-            speed += rows.arm[c, 0, w] * velocity[a, w] + rows.arm[c, 0, 6 + w] * velocity[b, w]
-        rows.approach[c] = speed
-    for c in contacts:
-        a, b = first[c], second[c]
-        for w in range(6):
-            for k in range(3):
-                velocity[a, w] += rows.impulse[c, k] * rows.gain[c, k, w]
-                velocity[b, w] += rows.impulse[c, k] * rows.gain[c, k, 6 + w]
+        one, two = _motion(velocity, a), _motion(velocity, b)
+        for k in range(3):
+            one, two = _pushed(rows.axis, c, k, rows.impulse[c, k], (light[a], light[b]), one,
+                               two)
+        _write_motion(velocity, a, one)
+        _write_motion(velocity, b, two)
 
 
 @subroutine
 def _measure(contacts, first, second, moved, gap, rows):
     """Work out the gaps after bodies have moved, right to the second power of what they turned."""
     for c in contacts:
-        n = (rows.arm[c, 0, 0], rows.arm[c, 0, 1], rows.arm[c, 0, 2])
+        n = _part(rows.axis, c, 0, 0)
         rows.gap[c] = (gap[c] + _shift(rows.place[c, :3], moved, first[c], n)
                        - _shift(rows.place[c, 6:9], moved, second[c], n))
 
@@ -285,20 +315,20 @@ def _shift(place, moved, i, n):
 
 
 @subroutine
-def _bounce(contacts, first, second, velocity, rows, restitution):
+def _bounce(contacts, first, second, velocity, light, rows, restitution):
     """Throw back what has struck."""
     for c in contacts:
-        if restitution[c] == 0.0 or rows.impulse[c, 0] == 0.0 or rows.approach[c] > -_BOUNCE:
+        before = rows.impulse[c, 0]
+        if restitution[c] == 0.0 or before == 0.0 or rows.approach[c] > -_BOUNCE:
             continue
         a, b = first[c], second[c]
-        speed = restitution[c] * rows.approach[c]
-        for w in range(6):
-            speed += rows.arm[c, 0, w] * velocity[a, w] + rows.arm[c, 0, 6 + w] * velocity[b, w]
-        before = rows.impulse[c, 0]
-        rows.impulse[c, 0] = max(before - rows.mass[c, 0] * speed, 0.0)
-        for w in range(6):
-            velocity[a, w] += (rows.impulse[c, 0] - before) * rows.gain[c, 0, w]
-            velocity[b, w] += (rows.impulse[c, 0] - before) * rows.gain[c, 0, 6 + w]
+        one, two = _motion(velocity, a), _motion(velocity, b)
+        lacks = _speed(rows.axis, c, 0, one, two) + restitution[c] * rows.approach[c]
+        rows.impulse[c, 0] = max(before - rows.mass[c, 0] * lacks, 0.0)
+        one, two = _pushed(rows.axis, c, 0, rows.impulse[c, 0] - before, (light[a], light[b]),
+                           one, two)
+        _write_motion(velocity, a, one)
+        _write_motion(velocity, b, two)
 
 
 @subroutine
@@ -311,42 +341,36 @@ def _softness(h):
 
 
 @subroutine
-def _pass(contacts, first, second, velocity, rows, friction, h, soft):
+def _pass(contacts, first, second, velocity, light, rows, friction, h, soft):
     """Solve all contacts of an island once, in turn."""
     rate, mass_share, impulse_share = soft
-    arm, gain, mass, impulse = rows.arm, rows.gain, rows.mass, rows.impulse
+    axis, mass, impulse = rows.axis, rows.mass, rows.impulse
     for c in contacts:
         now, before = rows.gap[c], impulse[c, 0]
         if rate == 0.0 and now > 0.0 and before == 0.0:
             continue  # what has not struck yet is stopped in the substep in which it does
-        a, b, speed = first[c], second[c], 0.0
-        for w in range(6):
-            speed += arm[c, 0, w] * velocity[a, w] + arm[c, 0, 6 + w] * velocity[b, w]
+        a, b = first[c], second[c]
+        one, two, lights = _motion(velocity, a), _motion(velocity, b), (light[a], light[b])
         bias, share, kept = 0.0, 1.0, 0.0
         if now > 0.0:
             bias = now / h
         elif rate > 0.0:
             bias, share, kept = max(rate * now, -_PUSH), mass_share, impulse_share
-        pressed = max(before - mass[c, 0] * share * (speed + bias) - kept * before, 0.0)
+        lacks = _speed(axis, c, 0, one, two) + bias
+        pressed = max(before - mass[c, 0] * share * lacks - kept * before, 0.0)
         if pressed == 0.0 and before == 0.0:
             continue
-        impulse[c, 0] = pressed
-        size = pressed - before
-        one = two = 0.0
-        for w in range(6):
-            velocity[a, w] += size * gain[c, 0, w]
-            velocity[b, w] += size * gain[c, 0, 6 + w]
-            one += arm[c, 1, w] * velocity[a, w] + arm[c, 1, 6 + w] * velocity[b, w]
-            two += arm[c, 2, w] * velocity[a, w] + arm[c, 2, 6 + w] * velocity[b, w]
-        one, two = impulse[c, 1] - mass[c, 1] * one, impulse[c, 2] - mass[c, 2] * two
-        grip, most = math.sqrt(one * one + two * two), friction[c] * pressed
+        one, two = _pushed(axis, c, 0, pressed - before, lights, one, two)
+        u = impulse[c, 1] - mass[c, 1] * _speed(axis, c, 1, one, two)
+        v = impulse[c, 2] - mass[c, 2] * _speed(axis, c, 2, one, two)
+        grip, most = math.sqrt(u * u + v * v), friction[c] * pressed
         if grip > most:
-            one, two = one * most / grip, two * most / grip
-        more, other = one - impulse[c, 1], two - impulse[c, 2]
-        impulse[c, 1], impulse[c, 2] = one, two
-        for w in range(6):
-            velocity[a, w] += more * gain[c, 1, w] + other * gain[c, 2, w]
-            velocity[b, w] += more * gain[c, 1, 6 + w] + other * gain[c, 2, 6 + w]
+            u, v = u * most / grip, v * most / grip
+        one, two = _pushed(axis, c, 1, u - impulse[c, 1], lights, one, two)
+        one, two = _pushed(axis, c, 2, v - impulse[c, 2], lights, one, two)
+        impulse[c, 0], impulse[c, 1], impulse[c, 2] = pressed, u, v
+        _write_motion(velocity, a, one)
+        _write_motion(velocity, b, two)
 
 
 @subroutine
@@ -406,7 +430,7 @@ def _add_up(contacts, rows, total):
     for c in contacts:
         for k in range(3):
             for w in range(3):
-                total[c, w] += rows.impulse[c, k] * rows.arm[c, k, w]
+                total[c, w] += rows.impulse[c, k] * rows.axis[c, k, w]
         total[c, 3] += rows.impulse[c, 0]
         for w in range(3):
             total[c, 4 + w] += rows.impulse[c, 0] * rows.spot[c, w]
@@ -418,5 +442,5 @@ def _keep_forces(contacts, rows, h, force):
     for c in contacts:
         force[c, 0] = rows.impulse[c, 0] / h
         for w in range(3):
-            force[c, 1 + w] = (rows.impulse[c, 1] * rows.arm[c, 1, w]
-                               + rows.impulse[c, 2] * rows.arm[c, 2, w]) / h
+            force[c, 1 + w] = (rows.impulse[c, 1] * rows.axis[c, 1, w]
+                               + rows.impulse[c, 2] * rows.axis[c, 2, w]) / h
