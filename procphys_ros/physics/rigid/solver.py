@@ -36,6 +36,8 @@ _PUSH = 3.0  # [m/s] at most at which overlaps are taken back (box2d's value)
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
 _WORK = 200_000  # contacts solved per island and step: what a stiff stack needs, a heap cannot have
 _FINEST, _COARSEST = 32, 8  # substeps of an island; 8 at 60 Hz leave 0.2 mm of overlap in a heap
+_PASSES = 16  # at most: one that lands flat on many corners needs them, what rests takes one
+_CALM = 1e-5  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
 
@@ -122,15 +124,14 @@ def solve(bodies, first, second, point, normal, gap, radius, friction, restituti
                 for w in range(3):
                     bodies.velocity[i, w] += gravity[w] * h
             _begin(contacts, first, second, bodies.velocity, light, rows)
-            for _ in range(passes):
-                _pass(contacts, first, second, bodies.velocity, light, rows, friction, h,
-                      _softness(h))
+            _passes(passes, contacts, first, second, bodies.velocity, light, rows, friction, h,
+                    _softness(h))
             for i in own:
                 _advance(i, bodies, gravity, h, len(contacts) == 0, moved)
             _carry(len(members), bodies, (substep + 1) * h, moved)
             _measure(contacts, first, second, moved, gap, rows)
-            for _ in range(2 * passes):
-                _pass(contacts, first, second, bodies.velocity, light, rows, friction, h, _RIGID)
+            _passes(2 * passes, contacts, first, second, bodies.velocity, light, rows, friction,
+                    h, _RIGID)
             _bounce(contacts, first, second, bodies.velocity, light, rows, restitution)
             _add_up(contacts, rows, total)
         _keep_forces(contacts, rows, h, force)
@@ -142,7 +143,7 @@ def solve(bodies, first, second, point, normal, gap, radius, friction, restituti
 
 @subroutine
 def _pace(own, contacts, bodies, time_step):
-    """Choose substeps of an island, and passes; twice as many relax."""
+    """Choose substeps of an island, and passes at most; twice as many relax."""
     if contacts == 0:
         spin = 0.0
         for i in own:
@@ -152,7 +153,7 @@ def _pace(own, contacts, bodies, time_step):
     substeps = _FINEST
     while substeps > _COARSEST and contacts * substeps * 3 * (substeps // 8) > _WORK:
         substeps //= 2
-    return substeps, substeps // 8
+    return substeps, min(max(_WORK // (3 * contacts * substeps), 1), _PASSES)
 
 
 @subroutine
@@ -341,8 +342,17 @@ def _softness(h):
 
 
 @subroutine
+def _passes(most, contacts, first, second, velocity, light, rows, friction, h, soft):
+    """Solve an island until nothing changes any more, or as often as it may be."""
+    for _ in range(most):
+        if _pass(contacts, first, second, velocity, light, rows, friction, h, soft) < _CALM:
+            break
+
+
+@subroutine
 def _pass(contacts, first, second, velocity, light, rows, friction, h, soft):
-    """Solve all contacts of an island once, in turn."""
+    """Solve all contacts of an island once, in turn; give the largest change of speed [m/s]."""
+    most_changed = 0.0
     rate, mass_share, impulse_share = soft
     axis, mass, impulse = rows.axis, rows.mass, rows.impulse
     for c in contacts:
@@ -368,9 +378,13 @@ def _pass(contacts, first, second, velocity, light, rows, friction, h, soft):
             u, v = u * most / grip, v * most / grip
         one, two = _pushed(axis, c, 1, u - impulse[c, 1], lights, one, two)
         one, two = _pushed(axis, c, 2, v - impulse[c, 2], lights, one, two)
+        most_changed = max(most_changed, abs(pressed - before) / mass[c, 0],
+                           abs(u - impulse[c, 1]) / mass[c, 1],
+                           abs(v - impulse[c, 2]) / mass[c, 2])
         impulse[c, 0], impulse[c, 1], impulse[c, 2] = pressed, u, v
         _write_motion(velocity, a, one)
         _write_motion(velocity, b, two)
+    return most_changed
 
 
 @subroutine
