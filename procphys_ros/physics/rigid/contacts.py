@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.rigid.manifold import MOST, touch
 from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_of
-from procphys_ros.physics.rigid.vectors import at, dot, less, length
+from procphys_ros.physics.rigid.vectors import at, dot, length, less
 from procphys_ros.physics.terrain import height_at, normal_at
 
 GROUND_KEY = (1 << 31) - 1  # in the place of a second piece

@@ -16,9 +16,9 @@
 """
 Solver: impulses at contacts, island by island, in substeps.
 
-Each substep applies gravity, starts from the impulses of the one before, solves with soft contacts,
-which take overlaps back, moves, and solves again without, so that nothing of that stays as speed
-(Catto 2024, "Solver2D": soft step with relaxation; Macklin et al. 2019, "Small steps in physics
+Each substep applies gravity, starts from the impulses of the one before, solves with soft
+contacts, which take overlaps back, moves, and solves again without, so that nothing of that stays
+as speed (Catto 2024, "Solver2D": soft step with relaxation; Macklin et al. 2019, "Small steps in physics
 simulation"). Friction is a cone.
 """
 
@@ -34,10 +34,10 @@ from procphys_ros.rotation_kernels import matrix_rows
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
 _PUSH = 3.0  # [m/s] at most at which overlaps are taken back (box2d's value)
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
-_WORK = 200_000  # contacts solved per island and step: what a stiff stack needs, a heap cannot have
+_WORK = 200_000  # contacts solved per island and step: what a stack needs, a heap cannot have
 _FINEST, _COARSEST = 32, 8  # substeps of an island; 8 at 60 Hz leave 0.2 mm of overlap in a heap
 _PASSES = 16  # at most: one that lands flat on many corners needs them, what rests takes one
-_CALM = 1e-5  # [m/s] of change by a pass, at which it is the last
+_CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
 

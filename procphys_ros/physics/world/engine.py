@@ -28,7 +28,8 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 
 _LOG = logging.getLogger(__name__)
 
-ENGINES = {'bullet': 'pybullet', 'rapier': 'rapier3d', 'native': 'numba'}  # and the library that each one needs
+# Engines, and the libraries that they need.
+ENGINES = {'bullet': 'pybullet', 'rapier': 'rapier3d', 'native': 'numba'}
 DEFAULT_ENGINE = 'auto'  # the first of them that is installed
 
 TERRAIN_MARGIN = 50.0  # [m] of ground beyond the grid of a terrain that bodies collide with

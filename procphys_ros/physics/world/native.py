@@ -21,12 +21,11 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.linear import product
 from procphys_ros.physics.rigid.contacts import ContactRows, find, no_contacts
 from procphys_ros.physics.rigid.islands import islands
-from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, Pieces, ROUND
+from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, Pieces, place, ROUND
 from procphys_ros.physics.rigid.solver import MovingBodies, solve
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
-
 
 _NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 
