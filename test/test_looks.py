@@ -18,10 +18,14 @@ import numpy as np
 import pytest
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.lsystem import LSystem
+from procphys_ros.palette import look
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render.camera import View
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.picture import Renderer
+from procphys_ros.scene.scenery import SunSettings
+from procphys_ros.scene.sources import load_grammar
 
 _SIZE = (160, 100)
 
@@ -47,3 +51,33 @@ def test_many_thin_puffs_look_like_a_thick_one(count):
         return _picture(Moment(Blueprint(), np.zeros((0, 7)), dust=puffs), view)
 
     assert np.abs(dusty(count) - dusty(1)).max() <= 2
+
+
+@pytest.mark.parametrize('name', ['oak', 'pine', 'beech'])
+def test_crowns_are_not_black_from_below(name):
+    """Show the underside of a crown by at least three tenths of the colour of its leaves."""
+    tree = load_grammar(f'{name}.lsys', 'tree').build(seed=1)
+    view = View(np.array([0.4, 1.0, 0.05]), np.array([0.0, 0.0, 0.7 * tree.poses[:, 2].max()]))
+    red, green, blue = np.moveaxis(_picture(Moment(tree, tree.poses), view), -1, 0)
+    leafy = green[(green > red) & (green > 1.3 * blue)]  # before the sky
+    own = 255.0 * look(tree.textures[tree.leaves.texture[0]]).rgba[1]
+    assert len(leafy) > 5000
+    assert np.percentile(leafy, 10) > 0.3 * own
+
+
+def test_stems_have_no_bands_at_the_borders_of_their_segments():
+    """Let the shade of a crown change along a stem without a step."""
+    whorl = 4 * '[ &(80) Width(0.02) F(0.05) Leaf(0.5, 1) ] /(90) '
+    pole = LSystem.parse(f"""
+name: pole
+textures: steel, leaf_oak
+axiom: Width(0.3) {f'F(0.5) {whorl} ' * 6}
+""").build(seed=0)
+    view = View(np.array([0.0, -6.0, 1.25]), np.array([0.0, 0.0, 1.25]), 24.0)
+    renderer = Renderer(Moment(pole, pole.poses), _SIZE, SunSettings(azimuth=0.0))
+    gone = np.full((len(pole.leaves), 7), np.nan)  # from sight; their shade stays
+    bare = renderer.draw(Moment(pole, pole.poses, gone), view)
+    renderer.close()
+    tone = bare[10:90, _SIZE[0] // 2 - 4:_SIZE[0] // 2 + 5].mean(axis=(1, 2))
+    assert np.ptp(tone) > 1.0
+    assert np.abs(np.diff(tone)).max() < 1.0

@@ -42,7 +42,8 @@ class Copies:
     :ivar size: of a box or ball its extents, of a branch base and tip diameter and length, of a
         leaf length and aspect [m], (K, 3).
     :ivar tone: colour, (K, 3).
-    :ivar share: sun and sky light that the leaves around let through, 0 to 1, (K, 2).
+    :ivar share: sun and sky light that the leaves around let through, 0 to 1, (K, 2); of branches
+        the sky light at the base and at the tip.
     :ivar offset: of the image [m], (K,).
     :ivar more: of leaves the direction out of the crown in their frame, (K, 3); of triangles the
         corners in the frame of their part [m], (K, 9); of hexahedra likewise, (K, 24); else

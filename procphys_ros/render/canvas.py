@@ -102,6 +102,11 @@ class Canvas:
         self._paving = [(one.texture, *_paving(context, programs, one)) for one in paving]
         self._dust = _DustPass(context, programs, self._haze)
 
+    @property
+    def towards(self) -> np.ndarray:
+        """Return the unit vector to the sun, (3,)."""
+        return self._daylight.towards
+
     def draw(self, drawing: Drawing, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
         """
         Draw a picture.
@@ -159,6 +164,7 @@ class Canvas:
                 'to_shadow': _column_major(to_shadow), 'texel': 1.0 / _SHADOW_SIDE,
                 'shadow_map': 1, 'noise': 2, 'sun': tuple(day.towards),
                 'sunshine': tuple(day.sunshine), 'skylight': tuple(day.skylight),
+                'bounce': tuple(day.bounce),
                 'sky_low': tuple(day.low), 'sky_high': tuple(day.high),
                 'clouds': self._sky.clouds, 'visibility': self._sky.visibility}
 

@@ -38,5 +38,7 @@ void main() {
         for (int y = -1; y <= 2; ++y)
             open += texture(occlusion, spot + (vec2(x, y) - 0.5) * step).r;
     vec4 before = dusty ? dust() : vec4(0.0);
-    pixel = vec4(texture(picture, spot).rgb * open / 16.0 * (1.0 - before.a) + before.rgb, 1.0);
+    vec4 seen = texture(picture, spot);
+    vec3 lit = seen.rgb * mix(1.0, open / 16.0, seen.a);
+    pixel = vec4(lit * (1.0 - before.a) + before.rgb, 1.0);
 }

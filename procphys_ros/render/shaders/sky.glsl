@@ -2,6 +2,7 @@
 uniform vec3 sun;             // towards it, unit
 uniform vec3 sunshine;        // colour of its light on a surface that faces it
 uniform vec3 skylight;        // colour of the light from above
+uniform vec3 bounce;          // and from the ground below
 uniform vec3 sky_low, sky_high;
 uniform float clouds;         // share of the sky, 0 to 1
 uniform float visibility;     // [m]

@@ -19,14 +19,13 @@ uniform float opacity;
 
 out vec4 pixel;
 
-const vec3 BOUNCE = vec3(0.20, 0.20, 0.16);  // light from the ground below
-
 void main() {
     vec3 towards = normalize(eye - world);
 #if defined(KIND_LEAF)
     vec4 paint = plain ? vec4(1.0) : texture(image, uv, -2.0);
     if (paint.a < 0.45) discard;
-    pixel = vec4(hazed(tone * paint.rgb * leaf_light, world), 1.0);
+    // Leaves know what shades them: no need to guess it from the depths around, see compose.frag.
+    pixel = vec4(hazed(tone * paint.rgb * leaf_light, world), 0.0);
 #else
     vec4 paint = plain ? vec4(1.0) : texture(image, uv);
     vec3 facing = normalize(normal);
@@ -34,7 +33,7 @@ void main() {
     float lit = max(dot(facing, sun), 0.0);
     if (lit > 0.0) lit *= sunlit(world, facing, gl_FragCoord.xy);
     float up = 0.5 + 0.5 * facing.z;
-    vec3 light = lit * sunshine + up * share.y * skylight + (1.0 - up) * BOUNCE;
+    vec3 light = lit * sunshine + up * share.y * skylight + (1.0 - up) * bounce;
     vec3 colour = tone * paint.rgb * light;
     float cover = opacity;
     if (opacity < 1.0) {      // glass: the flatter the view, the more it mirrors (Schlick)
