@@ -16,22 +16,25 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.lsystem import LSystem
 from procphys_ros.palette import look
 from procphys_ros.physics.dust import Puffs
+from procphys_ros.render import texture
 from procphys_ros.render.camera import View
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.picture import Renderer
 from procphys_ros.scene.scenery import SunSettings
 from procphys_ros.scene.sources import load_grammar
+from procphys_ros.wallgrammar import WallGrammar
 
 _SIZE = (160, 100)
 
 
-def _picture(moment: Moment, view: View, **how) -> np.ndarray:
-    renderer = Renderer(moment, _SIZE, **how)
+def _picture(moment: Moment, view: View, size: tuple[int, int] = _SIZE) -> np.ndarray:
+    renderer = Renderer(moment, size)
     try:
         return renderer.draw(moment, view).astype(int)
     finally:
@@ -81,3 +84,42 @@ axiom: Width(0.3) {f'F(0.5) {whorl} ' * 6}
     tone = bare[10:90, _SIZE[0] // 2 - 4:_SIZE[0] // 2 + 5].mean(axis=(1, 2))
     assert np.ptp(tone) > 1.0
     assert np.abs(np.diff(tone)).max() < 1.0
+
+
+def test_stone_has_grain_of_all_sizes():
+    """Share out the contrast of the image over five octaves, lest it look woven."""
+    grain = texture.image('grain')[..., 0].astype(float)
+    power = np.abs(np.fft.fft2(grain - grain.mean())) ** 2
+    wave = np.fft.fftfreq(len(grain)) * len(grain)
+    size = np.hypot(*np.meshgrid(wave, wave))
+    octaves = [power[(size >= low) & (size < 2 * low)].sum() for low in (2, 4, 8, 16, 32)]
+    assert max(octaves) < 4.0 * min(octaves)
+
+
+def test_stone_does_not_repeat_along_a_wall():
+    """Compare a slab of concrete with itself one tile further, and between tiles."""
+    text = """
+building slab(width = 6)
+  footprint: (0, 0) (width, 0)
+  facades: side
+  storey_height: 3.01
+rule side -> slabs
+layout slabs { bond: stack  unit: 6.0 0.3 3.0  joint: 0.010  material: concrete }
+panel slabs: slabs
+material concrete { density: 2400  tension: 2.9e6  cohesion: 0.9e6  friction: 0.7
+                    compression: 30e6  modulus: 33e9  texture: concrete }
+"""
+    slab = WallGrammar.parse(text).build()
+    middle = slab.poses[:, :3].mean(axis=0)
+    angle = 20.0
+    per_metre = 200 / (2.0 * 9.0 * np.tan(np.radians(angle / 2.0)))  # [px/m]
+    picture = _picture(Moment(slab, slab.poses), View(middle - [0.0, 9.15, 0.0], middle, angle),
+                       (320, 200))[30:170, 20:300].mean(axis=2)
+    picture = picture - ndimage.gaussian_filter(picture, 8.0)
+    tile = round(0.6 * per_metre)
+
+    def likeness(shift: int) -> float:
+        return float(np.corrcoef(picture[:, shift:].ravel(), picture[:, :-shift].ravel())[0, 1])
+
+    assert likeness(1) > 0.2  # grain that can be seen
+    assert max(likeness(tile + i) for i in (-1, 0, 1)) < 0.45

@@ -154,7 +154,8 @@ class Batch:
             self._image.use(0)
         solid = self._kind not in (Kind.LEAF, Kind.SPRAY, Kind.TRIANGLE) and not self.is_glass
         (self._context.enable if solid else self._context.disable)(self._context.CULL_FACE)
-        set_uniforms(target, {**uniforms, 'image': 0, 'plain': self._image is None})
+        set_uniforms(target, {**uniforms, 'image': 0, 'plain': self._image is None,
+                              'stony': self.look.pattern == 'grain'})
         self._arrays[target].render(instances=len(self))
 
     def _build(self) -> None:

@@ -15,9 +15,22 @@ in vec2 uv;
 
 uniform sampler2D image;
 uniform bool plain;           // there is no image
+uniform bool stony;           // the image has no direction
 uniform float opacity;
 
 out vec4 pixel;
+
+#if !defined(KIND_LEAF)
+// What has no direction is seen in three sizes at once, turned against each other (by the golden
+// angle, and scaled by the golden section), so that it does not come again every tile.
+vec4 paint_of(vec2 uv) {
+    if (plain) return vec4(1.0);
+    vec4 paint = texture(image, uv);
+    if (!stony) return paint;
+    const mat2 other = 0.618034 * mat2(-0.737369, 0.675490, -0.675490, -0.737369);
+    return (paint + texture(image, other * uv) + texture(image, other * other * uv)) / 3.0;
+}
+#endif
 
 void main() {
     vec3 towards = normalize(eye - world);
@@ -27,7 +40,7 @@ void main() {
     // Leaves know what shades them: no need to guess it from the depths around, see compose.frag.
     pixel = vec4(hazed(tone * paint.rgb * leaf_light, world), 0.0);
 #else
-    vec4 paint = plain ? vec4(1.0) : texture(image, uv);
+    vec4 paint = paint_of(uv);
     vec3 facing = normalize(normal);
     if (!gl_FrontFacing) facing = -facing;
     float lit = max(dot(facing, sun), 0.0);
