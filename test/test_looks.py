@@ -18,12 +18,14 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.lsystem import LSystem
 from procphys_ros.palette import look
 from procphys_ros.physics.dust import Puffs
-from procphys_ros.render import texture
+from procphys_ros.render import joints, mesh, texture
 from procphys_ros.render.camera import View
+from procphys_ros.render.closers import closers
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.picture import Renderer
 from procphys_ros.scene.scenery import SunSettings
@@ -84,6 +86,63 @@ axiom: Width(0.3) {f'F(0.5) {whorl} ' * 6}
     tone = bare[10:90, _SIZE[0] // 2 - 4:_SIZE[0] // 2 + 5].mean(axis=(1, 2))
     assert np.ptp(tone) > 1.0
     assert np.abs(np.diff(tone)).max() < 1.0
+
+
+def _plan(turns: tuple[int, ...], edge: float) -> np.ndarray:
+    """Give the corners of a footprint by the angles it turns by [degrees], (n, 2)."""
+    heading = np.radians(np.cumsum([0, *turns[:-1]]))
+    ways = edge * np.column_stack([np.cos(heading), np.sin(heading)])
+    return np.concatenate([np.zeros((1, 2)), np.cumsum(ways, axis=0)[:-1]])
+
+
+@pytest.mark.parametrize('turns', [(120,) * 3, (72,) * 5, (60,) * 6, (45,) * 8, (20,) * 18,
+                                   (40, 140) * 2, (60, 120) * 2,
+                                   (60, 60, -60, 60, 60) * 2])
+def test_corners_of_any_angle_are_closed(turns):
+    """Find brick or mortar everywhere behind the outer faces, up to the corners."""
+    plan = _plan(turns, 1.4)
+    text = 'building tower()\n  footprint: ' + ' '.join(f'({x}, {y})' for x, y in plan) + """
+  facades: wall
+  storey_height: 0.6
+layout english { unit: 0.215 0.1025 0.065  joint: 0.010  material: brick }
+panel wall: english
+material brick { density: 1900  tension: 0.2e6  cohesion: 0.25e6  friction: 0.7  compression: 10e6
+                 modulus: 10e9  texture: brick_red }
+"""
+    tower = WallGrammar.parse(text).build()
+    everything = np.ones(len(tower), bool)
+    rng = np.random.default_rng(2)
+    start, along = plan[:, None], (np.roll(plan, -1, axis=0) - plan)[:, None] / 1.4
+    inwards = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    spots = (start + rng.uniform(0.008, 1.392, (len(plan), 400, 1)) * along + 0.004 * inwards)
+    spots = np.concatenate([spots.reshape(-1, 2), rng.uniform(0.011, 0.58, (len(plan) * 400, 1))],
+                           axis=1)
+    places, size = joints.standing(tower, tower.poses, everything)
+    boxes = [(tower.poses, tower.size), (places, size)]
+    covered = np.zeros(len(spots), bool)
+    for poses, extents in boxes:
+        for pose, extent in zip(poses, extents):
+            local = rotation.rotate(rotation.conjugate(pose[3:]), spots - pose[:3])
+            covered |= (np.abs(local) <= 0.5 * extent + 1e-4).all(axis=1)
+    assert 0.01 < np.mean(~covered) < 0.5  # corners need more than bricks and their joints
+    fill = closers(tower, joints.seats(tower))
+    corners = mesh.hexahedra(fill.poses(tower.poses, everything), fill.corners)
+    solid = corners.points.reshape(-1, 24, 3)
+    for points, normals in zip(solid, corners.normals.reshape(-1, 24, 3)):
+        real = np.linalg.norm(normals, axis=1) > 0.5
+        far = (normals[real] * points[real]).sum(axis=1)
+        covered |= (spots @ normals[real].T <= far + 1e-4).all(axis=1)
+    assert covered.all()
+
+
+def test_closers_crumble_with_their_joint():
+    """Lose what fills a corner where a brick has gone from it, and nothing else."""
+    tower = load_grammar('tower.wall', 'tower').build(seed=0)
+    fill = closers(tower, joints.seats(tower))
+    gone = np.arange(len(tower)) != fill.first[0]
+    there = np.isfinite(fill.poses(tower.poses, gone)[:, 0])
+    assert np.array_equal(there, (fill.first != fill.first[0]) & (fill.second != fill.first[0]))
+    assert set(dict(fill.by_texture(tower))) == {'brick_red', joints.mortar_of(tower)}
 
 
 def test_stone_has_grain_of_all_sizes():

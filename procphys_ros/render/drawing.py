@@ -29,6 +29,7 @@ from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import joints, light, texture
 from procphys_ros.render.batches import Batch, Copies
 from procphys_ros.render.camera import View
+from procphys_ros.render.closers import Closers, closers
 from procphys_ros.render.program import Programs
 from procphys_ros.render.unit_meshes import Kind
 from procphys_ros.torn_wood import WoodJoints
@@ -89,6 +90,7 @@ class Drawing:
         self._parts = self._leaves = self._triangles = self._bonds = 0  # drawn so far
         self._petioles: dict[tuple, np.ndarray] = {}  # of the leaves of each batch
         self._seats: list[tuple[tuple, joints.Seats]] = []
+        self._closers: list[tuple[tuple, Closers]] = []
         self._sun, *self._sky = _shades(first, np.vstack([towards, light.SKY]))
         self._last = np.full((0, 7), np.nan)
         self._cracks = -1
@@ -218,15 +220,28 @@ class Drawing:
     def _append_joints(self, blueprint: Blueprint, poses: np.ndarray) -> None:
         seats = joints.seats(blueprint, self._bonds)
         key = ('joint', self._bonds)
+        fill = closers(blueprint, seats, self._bonds)
         self._bonds = len(blueprint.bonds)
+        self._append_closers(blueprint, fill, poses)
         if not len(seats.bond):
             return
-        name = next((name for name in blueprint.textures if 'mortar' in name), 'mortar')
+        name = joints.mortar_of(blueprint)
         self._seats.append((key, seats))
         self._batches[key] = Batch(self._context, self._programs, Kind.JOINT, look(name))
         self._batches[key].append(_copies(
             look(name), seats.bond, seats.size, self._light(poses[seats.first, :3]),
             np.zeros(len(seats.bond)), np.zeros((len(seats.bond), 0))))
+        self._last = np.full((0, 7), np.nan)
+
+    def _append_closers(self, blueprint: Blueprint, fill: Closers, poses: np.ndarray) -> None:
+        for name, rows in fill.by_texture(blueprint):
+            key = 'closer', name, self._bonds
+            mine, first = fill.take(rows), fill.first[rows]
+            self._closers.append((key, mine))
+            self._batches[key] = Batch(self._context, self._programs, Kind.HEXAHEDRON, look(name))
+            self._batches[key].append(_copies(
+                look(name), first, np.ones((len(rows), 3)), self._light(poses[first, :3]),
+                np.zeros(len(rows)), mine.corners))
         self._last = np.full((0, 7), np.nan)
 
     def _add(self, key: tuple, kind: Kind, appearance: Look, rows: np.ndarray, size: np.ndarray,
@@ -255,7 +270,7 @@ class Drawing:
         return np.mean([shade.light(places) for shade in self._sky], axis=0)
 
     def _light_along(self, poses: np.ndarray, length: np.ndarray) -> np.ndarray:
-        """Tell the share of sky light at both ends of branches, so that it has no steps, (K, 2)."""
+        """Tell the share of sky light at both ends of branches, which makes no steps, (K, 2)."""
         half = rotation.rotate(poses[:, 3:], np.array([0.0, 0.0, 0.5])) * length[:, None]
         return np.column_stack([self._skylight(np.nan_to_num(poses[:, :3] + side * half))
                                 for side in (-1.0, 1.0)])
@@ -300,6 +315,9 @@ class Drawing:
             rows = np.flatnonzero(moved[seats.first] | moved[seats.second])
             if len(rows):
                 self._batches[key].move(seats.boxes(poses, shown, rows), rows)
+        for key, fill in self._closers:
+            if (moved[fill.first] | moved[fill.second]).any():
+                self._batches[key].move(fill.poses(poses, shown))
 
     def _mark_cracks(self, cracked: np.ndarray) -> None:
         """Darken the mortar of joints that have cracked."""

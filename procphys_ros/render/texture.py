@@ -70,8 +70,10 @@ def noise_image() -> np.ndarray:
 
 def _octaves(rng: np.random.Generator, share: float) -> np.ndarray:
     """Draw noise of all sizes, zero mean and unit deviation, (P, P), each octave weaker."""
-    octaves = sum(share ** i * _noise(rng, 4 * 2 ** i, 4 * 2 ** i) for i in range(6))
-    return octaves / np.std(octaves)
+    octaves = np.zeros((_PIXELS, _PIXELS))
+    for i in range(6):
+        octaves += share ** i * _noise(rng, 4 * 2 ** i, 4 * 2 ** i)
+    return octaves / octaves.std()
 
 
 def mean_light(pattern: str) -> float:
