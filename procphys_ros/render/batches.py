@@ -138,6 +138,11 @@ class Batch:
         self._fixed[rows, 3:6] = tone
         self._buffers[1].write(self._fixed)
 
+    def reform(self, more: np.ndarray, rows: np.ndarray) -> None:
+        """Change what only this kind has, see `Copies`, of some pieces, (K, n)."""
+        self._fixed[rows, -more.shape[1]:] = more
+        self._buffers[1].write(self._fixed)
+
     def draw(self, uniforms: dict[str, Any]) -> None:
         """Draw it as it looks."""
         self._render(self._surface, {**uniforms, 'opacity': self.look.rgba[3], 'swell': 0.0})

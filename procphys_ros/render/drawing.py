@@ -96,6 +96,7 @@ class Drawing:
         self._cracks = -1
         self._wood: WoodJoints | None = None
         self._torn: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # parts, bonds of pieces
+        self._opened: dict[int, float] = {}  # bonds that are not wide open
 
     @property
     def batches(self) -> Iterator[Batch]:
@@ -283,10 +284,22 @@ class Drawing:
         for bond in np.setdiff1d(apart, np.concatenate(known) if known else apart[:0]).tolist():
             for name, part, corners in self._wood.ends(bond):
                 self._append_torn(name, part, bond, corners, poses)
+        self._open_torn(apart, poses)
         frames = np.concatenate([poses, _GROUND_FRAME])
         for name, (parts, bonds) in self._torn.items():
             there = np.isin(bonds, apart)[:, None]
             self._batches['torn', name].move(np.where(there, frames[parts], np.nan))
+
+    def _open_torn(self, apart: np.ndarray, poses: np.ndarray) -> None:
+        """Let roots and pits grow while they leave the ground, so that they do not pop up."""
+        assert self._wood is not None
+        for bond, now in zip(apart.tolist(), self._wood.opened(apart, poses).tolist()):
+            if self._opened.get(bond, 1.0) == now:
+                continue
+            self._opened[bond] = now
+            for name, part, corners in self._wood.ends(bond, now):
+                parts, bonds = self._torn[name]
+                self._batches['torn', name].reform(corners, (parts == part) & (bonds == bond))
 
     def _append_torn(self, name: str, part: int, bond: int, corners: np.ndarray,
                      poses: np.ndarray) -> None:
