@@ -19,7 +19,7 @@ import pytest
 from scipy import ndimage
 
 from procphys_ros import rotation
-from procphys_ros.blueprint import Blueprint
+from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.lsystem import LSystem
 from procphys_ros.palette import look
 from procphys_ros.physics.dust import Puffs
@@ -35,8 +35,9 @@ from procphys_ros.wallgrammar import WallGrammar
 _SIZE = (160, 100)
 
 
-def _picture(moment: Moment, view: View, size: tuple[int, int] = _SIZE) -> np.ndarray:
-    renderer = Renderer(moment, size)
+def _picture(moment: Moment, view: View, size: tuple[int, int] = _SIZE,
+             sun: SunSettings | None = None) -> np.ndarray:
+    renderer = Renderer(moment, size, sun)
     try:
         return renderer.draw(moment, view).astype(int)
     finally:
@@ -155,20 +156,37 @@ def test_stone_has_grain_of_all_sizes():
     assert max(octaves) < 4.0 * min(octaves)
 
 
-def test_stone_does_not_repeat_along_a_wall():
-    """Compare a slab of concrete with itself one tile further, and between tiles."""
-    text = """
+def _slab(texture_name: str) -> Blueprint:
+    """Build an upright slab, 6 by 3 m."""
+    return WallGrammar.parse(f"""
 building slab(width = 6)
   footprint: (0, 0) (width, 0)
   facades: side
   storey_height: 3.01
 rule side -> slabs
-layout slabs { bond: stack  unit: 6.0 0.3 3.0  joint: 0.010  material: concrete }
+layout slabs {{ bond: stack  unit: 6.0 0.3 3.0  joint: 0.010  material: some }}
 panel slabs: slabs
-material concrete { density: 2400  tension: 2.9e6  cohesion: 0.9e6  friction: 0.7
-                    compression: 30e6  modulus: 33e9  texture: concrete }
-"""
-    slab = WallGrammar.parse(text).build()
+material some {{ density: 2400  tension: 2.9e6  cohesion: 0.9e6  friction: 0.7
+                 compression: 30e6  modulus: 33e9  texture: {texture_name} }}
+""").build()
+
+
+@pytest.mark.parametrize('angle', [3.0, 10.0, 30.0])
+def test_surfaces_do_not_shade_themselves(angle):
+    """Light a plain slab at a small angle evenly, beside another one that widens the shadows."""
+    slab = _slab('steel')
+    both = chain([slab, slab.placed((90.0, 40.0, 0.0))])
+    middle = slab.poses[0, :3]
+    view = View(middle - [0.0, 4.0, 0.0], middle, 30.0)
+    picture = _picture(Moment(both, both.poses), view,
+                       sun=SunSettings(azimuth=90.0 + angle, elevation=25.0))
+    tone = picture[20:80, 30:130].mean(axis=2)
+    assert np.abs(tone - ndimage.gaussian_filter(tone, 4.0)).max() < 1.0
+
+
+def test_stone_does_not_repeat_along_a_wall():
+    """Compare a slab of concrete with itself one tile further, and between tiles."""
+    slab = _slab('concrete')
     middle = slab.poses[:, :3].mean(axis=0)
     angle = 20.0
     per_metre = 200 / (2.0 * 9.0 * np.tan(np.radians(angle / 2.0)))  # [px/m]

@@ -123,7 +123,8 @@ class Canvas:
         planes = self._nearest(view, bounds), max(_FURTHEST, 60.0 * bounds.radius)
         projection = view.projection(self._size[0] / self._size[1], planes)
         self._draw_shadow(batches, to_shadow)
-        common = self._common(view, projection, to_shadow)
+        common = {**self._common(view, projection, to_shadow),
+                  'texel_size': 2.0 * bounds.radius / _SHADOW_SIDE}
         self._many.use()
         self._many.clear(depth=1.0)
         context.enable_only(context.DEPTH_TEST)
