@@ -121,8 +121,9 @@ class WoodJoints:
         rows = np.searchsorted(self._bond, bonds)
         here, there = self._sides(poses, rows)
         reach = _PLATE * self._width[rows]
-        upward = [rotation.rotate(side[:, 3:], np.array([0.0, 0.0, 1.0])) for side in (here, there)]
-        moved = norm(here[:, :3] - there[:, :3], axis=1) + reach * norm(upward[0] - upward[1], axis=1)
+        up = np.array([0.0, 0.0, 1.0])
+        tilt = norm(rotation.rotate(here[:, 3:], up) - rotation.rotate(there[:, 3:], up), axis=1)
+        moved = norm(here[:, :3] - there[:, :3], axis=1) + reach * tilt
         share = (moved - _APART) / reach
         return np.where(self._uproots[rows] & np.isfinite(share), np.clip(share, 0.0, 1.0), 1.0)
 

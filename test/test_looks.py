@@ -23,6 +23,7 @@ from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.lsystem import LSystem
 from procphys_ros.palette import look
 from procphys_ros.physics.dust import Puffs
+from procphys_ros.physics.foliage import FallingLeaves
 from procphys_ros.render import joints, mesh, texture
 from procphys_ros.render.camera import View
 from procphys_ros.render.closers import closers
@@ -200,3 +201,28 @@ def test_stone_does_not_repeat_along_a_wall():
 
     assert likeness(1) > 0.2  # grain that can be seen
     assert max(likeness(tile + i) for i in (-1, 0, 1)) < 0.45
+
+
+@pytest.mark.parametrize('texture_name', ['leaf_oak', 'needle_pine', 'leaf_willow'])
+def test_fallen_clusters_lie_flat(texture_name):
+    """See nothing stand up from the ground where clusters of leaves lie, far away and near."""
+    twig = LSystem.parse(f"""
+name: twig
+textures: bark_oak, {texture_name}
+axiom: Width(0.01) F(0.01) Leaf(0.5, 1)
+""").build(seed=0)
+    petiole = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(0.5 * np.pi))
+    fallen = FallingLeaves(9.81, 0)
+    fallen.let_go(np.zeros(1, int), np.concatenate([[[0.0, 0.0, 0.012]], petiole[None]], axis=1),
+                  np.zeros((1, 3)), np.array([0.5]))
+    while fallen.flying.any():
+        fallen.step(np.zeros(1, int), np.zeros((1, 3)), 1.0 / 60.0)
+
+    def standing(away: float) -> int:
+        """Count pixels that a leaf changes higher than 0.1 m [px]."""
+        view = View(np.array([0.25, -away, 0.1]), np.array([0.25, 0.0, 0.1]), 1.6 / away * 40.0)
+        pictures = [_picture(Moment(twig, twig.poses, leaf, lying=np.ones(1, bool)), view)
+                    for leaf in (fallen.poses, np.full((1, 7), np.nan))]
+        return int((np.abs(pictures[0] - pictures[1])[:_SIZE[1] // 2 - 2] > 8).any(axis=2).sum())
+
+    assert standing(20.0) == standing(1.6) == 0

@@ -40,7 +40,7 @@ class Copies:
     What stays as it is of some pieces while they move.
 
     :ivar size: of a box or ball its extents, of a branch base and tip diameter and length, of a
-        leaf length and aspect [m], (K, 3).
+        leaf length [m], aspect and what is left of its thickness, (K, 3).
     :ivar tone: colour, (K, 3).
     :ivar share: sun and sky light that the leaves around let through, 0 to 1, (K, 2); of branches
         the sky light at the base and at the tip.
@@ -137,6 +137,12 @@ class Batch:
         """Give pieces another colour, (K, 3)."""
         self._fixed[rows, 3:6] = tone
         self._buffers[1].write(self._fixed)
+
+    def press(self, thickness: np.ndarray) -> None:
+        """Press leaves flat, to what is left of their thickness, (K,)."""
+        if not np.array_equal(self._fixed[:, 2], thickness.astype('f4')):
+            self._fixed[:, 2] = thickness
+            self._buffers[1].write(self._fixed)
 
     def reform(self, more: np.ndarray, rows: np.ndarray) -> None:
         """Change what only this kind has, see `Copies`, of some pieces, (K, n)."""

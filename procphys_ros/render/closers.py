@@ -105,7 +105,8 @@ def closers(blueprint: Blueprint, seats: Seats, since: int = 0) -> Closers:
     chosen = np.array(rows, np.intp)
     ends = np.array([rotation.relative(blueprint.poses[side], blueprint.bond_frame[bond])[:, :3]
                      for side in pair.T]).reshape(2, -1, 3)
-    return Closers(pair[chosen, 0], pair[chosen, 1], ends[:, chosen], np.array(solids).reshape(-1, 24),
+    first, second = pair[chosen].T
+    return Closers(first, second, ends[:, chosen], np.array(solids).reshape(-1, 24),
                    np.array(mortar, bool))
 
 

@@ -38,6 +38,7 @@ _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
 SINGLE = 22.0  # [px] from which length on leaves are drawn one by one
 _MOST_BLADES = 80_000  # of these in a picture of each kind, the nearest: half a second on a core
 _GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+_PRESSED = 0.1  # thickness of a cluster of leaves that lies, over one that grows
 _CRACK_TONE = 0.12  # of a joint that has cracked, over that of a whole one
 
 
@@ -52,6 +53,7 @@ class Moment:
     :ivar exists: parts to draw, (N,) bool; None = all.
     :ivar cracked: bonds that have cracked or broken, (K,).
     :ivar dust: puffs of dust.
+    :ivar lying: leaves that have fallen and lie, (L,) bool; None = none do.
     """
 
     blueprint: Blueprint
@@ -60,6 +62,7 @@ class Moment:
     exists: np.ndarray | None = None
     cracked: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     dust: Puffs = field(default_factory=Puffs.none)
+    lying: np.ndarray | None = None
 
     def shown(self) -> np.ndarray:
         """Return which parts there are, (N,) bool."""
@@ -112,6 +115,8 @@ class Drawing:
         for key, rows in self._rows.items():
             if key[0] == 'leaf':
                 self._petioles[key] = petioles[rows]
+                if moment.lying is not None:
+                    self._batches[key].press(np.where(moment.lying[rows], _PRESSED, 1.0))
                 self._batches[key].move(petioles[rows])
             elif key[0] == 'triangle':
                 self._batches[key].move(poses[moment.blueprint.ornaments.part[rows]])
@@ -203,7 +208,7 @@ class Drawing:
         outward = rotation.rotate(rotation.conjugate(rest[:, 3:]), outward)
         for name, rows in _by_texture(blueprint, new, leaves.texture):
             size = np.zeros((len(rows), 3))
-            size[:, 0], size[:, 1] = leaves.size[rows], look(name).aspect
+            size[:, 0], size[:, 1], size[:, 2] = leaves.size[rows], look(name).aspect, 1.0
             self._add(('leaf', name), Kind.LEAF, look(name), rows, size,
                       self._light(_leaf_middles(petioles[rows], leaves.size[rows])),
                       np.zeros(len(rows)), outward[rows])
@@ -399,7 +404,8 @@ def _leaf_middles(petioles: np.ndarray, size: np.ndarray) -> np.ndarray:
 def _shades(moment: Moment, towards: np.ndarray) -> list[light.Shade]:
     """Work out what the leaves let through of the light from some directions, (D, 3)."""
     leaves = moment.blueprint.leaves
-    there = moment.shown()[leaves.part]
-    middles = _leaf_middles(moment.petioles()[there], leaves.size[there])
+    petioles = moment.petioles()
+    there = moment.shown()[leaves.part] & np.isfinite(petioles[:, 0])
+    middles = _leaf_middles(petioles[there], leaves.size[there])
     area = _LEAF_SHARE * leaves.size[there] ** 2
     return [light.Shade(middles, area, one) for one in towards]

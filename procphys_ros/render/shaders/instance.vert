@@ -95,7 +95,8 @@ void main() {
     uv = vec2(max(1.0, round(0.5 * TURN * in_size.x / BARK_TILE.x)) * in_ring.w,
               (local.z + in_offset) / BARK_TILE.y);
 #elif defined(KIND_LEAF)
-    local = in_corner * vec3(in_size.x * in_size.yy, in_size.x);
+    // What lies, with its own x upright, is pressed flat: clusters do not stand on the ground.
+    local = in_corner * vec3(in_size.x * in_size.yy, in_size.x) * vec3(in_size.z, 1.0, 1.0);
     facing = in_outward;
     uv = in_uv;
 #elif defined(KIND_BALL)
