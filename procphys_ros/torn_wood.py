@@ -42,6 +42,7 @@ _RIM, _ROOTS = 14, 8  # corners of the plate, roots that stick out of it
 _OVER = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # turns z around
 _GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _MOST = 100   # broken joints drawn at once, the first ones
+_STEPS = 16   # in which roots leave the ground in messages and on the page
 _PERIOD = 10  # looks at them in which new ones are looked for once: breaks are few
 
 # Look, part that carries it or `GROUND`, and corners of triangles in the frame of that part, or of
@@ -59,8 +60,21 @@ class Wood(Protocol):
         :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
         """
 
-    def ends(self, bond: int) -> Iterator[End]:
-        """Cover both sides of a broken joint."""
+    def opened(self, bonds: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """
+        Tell how far broken joints have opened, 0 to 1, (K,).
+
+        :param bonds: numbers of joints that have come apart, (K,).
+        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        """
+
+    def ends(self, bond: int, opened: float = 1.0) -> Iterator[End]:
+        """
+        Cover both sides of a broken joint.
+
+        :param bond: its number.
+        :param opened: how far it has opened, 0 to 1: roots leave the ground by and by.
+        """
 
 
 class WoodJoints:
@@ -82,6 +96,7 @@ class WoodJoints:
         width = blueprint.bond_extent[self._bond, 0]
         bending = blueprint.hinges.strength * np.pi / 32.0 * (width * width * width)
         self._uproots = (self._parent == GROUND) & (blueprint.hinges.root_moment < bending)
+        self._width = width
 
     def apart(self, poses: np.ndarray) -> np.ndarray:
         """
@@ -89,22 +104,42 @@ class WoodJoints:
 
         :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
         """
-        frames = np.concatenate([poses, _GROUND_FRAME])
-        here = rotation.compose(frames[self._child], self._inner)
-        there = rotation.compose(frames[self._parent], self._outer)
+        here, there = self._sides(poses, np.arange(len(self._bond)))
         gap = norm(here[:, :3] - there[:, :3], axis=1)
-        gone = np.isnan(frames[:, 0])
+        gone = np.append(np.isnan(poses[:, 0]), False)
         whole = (gap < _APART) | (self._stretches & np.isfinite(gap)) | (
             gone[self._child] & gone[self._parent])
         return self._bond[~whole]
 
-    def ends(self, bond: int) -> Iterator[End]:
-        """Cover both sides of a broken bond."""
+    def opened(self, bonds: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """
+        Tell how far the rim of root plates has moved, over their radius, 0 to 1, (K,).
+
+        :param bonds: that have come apart, (K,); those without a root plate are open at once.
+        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        """
+        rows = np.searchsorted(self._bond, bonds)
+        here, there = self._sides(poses, rows)
+        reach = _PLATE * self._width[rows]
+        up = np.array([0.0, 0.0, 1.0])
+        tilt = norm(rotation.rotate(here[:, 3:], up) - rotation.rotate(there[:, 3:], up), axis=1)
+        moved = norm(here[:, :3] - there[:, :3], axis=1) + reach * tilt
+        share = (moved - _APART) / reach
+        return np.where(self._uproots[rows] & np.isfinite(share), np.clip(share, 0.0, 1.0), 1.0)
+
+    def _sides(self, poses: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Place joints by their children and by their parents, (K, 7) each."""
+        frames = np.concatenate([poses, _GROUND_FRAME])
+        return (rotation.compose(frames[self._child[rows]], self._inner[rows]),
+                rotation.compose(frames[self._parent[rows]], self._outer[rows]))
+
+    def ends(self, bond: int, opened: float = 1.0) -> Iterator[End]:
+        """Cover both sides of a broken bond, see `Wood`."""
         i = int(np.searchsorted(self._bond, bond))
         child, parent = int(self._child[i]), int(self._parent[i])
         width = float(self._blueprint.bond_extent[bond, 0])
         if self._uproots[i]:
-            soil, roots = root_plate(width, bond)
+            soil, roots = (opened * corners for corners in root_plate(width, bond))
             yield SOIL, child, placed(self._inner[i], soil)
             yield TORN, child, placed(self._inner[i], roots)
             pit = soil[:2 * _RIM] * np.tile([1.0, 1.0, 0.0], 3)
@@ -146,7 +181,11 @@ class BrokenWood:
         """Give the upper segments of all joints that have broken, (K,)."""
         return np.array(list(self._joints), np.intp)
 
-    def ends(self, bond: int) -> Iterator[End]:
+    def opened(self, bonds: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """Take all joints for open, because where they were is not known, (K,)."""
+        return np.ones(len(bonds))
+
+    def ends(self, bond: int, opened: float = 1.0) -> Iterator[End]:
         """Cover both sides of the joint below a segment."""
         parent, uprooted = self._joints[bond]
         width, _, length = self._size[bond]
@@ -167,11 +206,12 @@ class TornEnds:
 
     def __init__(self) -> None:
         self._ends: dict[int, list[End]] = {}
+        self._opened: dict[int, float] = {}
         self._turn = 0
 
     def forget(self) -> None:
         """Look for all of them anew next time."""
-        self._ends, self._turn = {}, 0
+        self._ends, self._opened, self._turn = {}, {}, 0
 
     def update(self, wood: Wood, poses: np.ndarray) -> dict[int, list[End]]:
         """
@@ -180,9 +220,13 @@ class TornEnds:
         :param wood: where it has broken.
         :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
         """
-        if self._turn % _PERIOD == 0:
-            self._ends = {bond: self._ends.get(bond) or list(wood.ends(bond))
-                          for bond in wood.apart(poses)[:_MOST].tolist()}
+        opening = any(share < 1.0 for share in self._opened.values())
+        if opening or self._turn % _PERIOD == 0:
+            bonds = wood.apart(poses)[:_MOST]
+            share = (1.0 + np.floor((_STEPS - 1) * wood.opened(bonds, poses))) / _STEPS
+            before, self._opened = self._opened, dict(zip(bonds.tolist(), share.tolist()))
+            self._ends = {bond: self._ends[bond] if before.get(bond) == now
+                          else list(wood.ends(bond, now)) for bond, now in self._opened.items()}
         self._turn += 1
         return self._ends
 

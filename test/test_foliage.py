@@ -34,6 +34,7 @@ from procphys_ros.physics.foliage import (
 )
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.wind import WindSettings
+from procphys_ros.render.film import moment_of
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.simulation import Simulation
@@ -298,6 +299,7 @@ def test_fallen_leaves_come_down_and_stay():
     assert not fallen.flying.any()
     poses = simulation.leaf_poses()[fallen.leaf]
     assert poses[:, 2] == pytest.approx(0.01)
+    assert np.array_equal(np.flatnonzero(moment_of(simulation).lying), np.sort(fallen.leaf))
     assert rotation.rotate(poses[:, 3:], UP)[:, 2] == pytest.approx(0.0, abs=1e-9)
     simulation.step(60)
     assert np.array_equal(simulation.leaf_poses()[fallen.leaf], poses)

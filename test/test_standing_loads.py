@@ -110,13 +110,15 @@ def test_cracks_run_for_three_rounds_under_a_blow_however_long_these_take():
 
 
 def test_what_leaves_a_wall_has_passed_its_blow_on():
-    """Give back the force of all blows on parts that leave, and leave it to no one else."""
+    """Give back the impulse of all blows on parts that leave, and leave it to no one else."""
     solver = Slow()
     loads = StandingLoads(3)
-    loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0), 10.0)
+    loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0), 10.0,
+                   np.array([0.0, 0.0, 3.0]))
     loads.apply(solver, 0.0, _DT)
-    loads.add_blow(np.array([1, 2]), np.repeat(push(50.0), 2, axis=0), 10.0)
-    assert loads.take_blows(np.array([1])) == pytest.approx([0.0, 0.0, 150.0])
+    loads.add_blow(np.array([1, 2]), np.repeat(push(50.0), 2, axis=0), 10.0,
+                   np.array([0.0, 0.0, 2.0]))
+    assert loads.take_blows(np.array([1])) == pytest.approx([0.0, 0.0, 5.0])
     assert loads.take_blows(np.array([1])) == pytest.approx(np.zeros(3))
     loads.end_blows()
     loads.apply(solver, _DT, _DT)

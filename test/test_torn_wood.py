@@ -31,6 +31,7 @@ from procphys_ros.torn_wood import (
     SOIL,
     splinters,
     TORN,
+    TornEnds,
     WoodJoints,
 )
 from procphys_ros.view.source import Content, Frame
@@ -95,6 +96,39 @@ def test_roots_come_along_where_they_are_the_weakest(moment, looks):
         assert plate[:, 2].min() < -0.5 * 4.0 * _WIDTH + 1e-9
         assert abs(plate[:, 0].mean() - 3.0) < 0.2 and abs(pit[:, 0].mean()) < 0.2
         assert np.allclose(pit[:, 2], 0.01)
+
+
+def _uprooted(angle: float) -> tuple[WoodJoints, np.ndarray]:
+    """Tilt a tree about its foot by an angle [rad], and lift it a little, as soon as it breaks."""
+    tree = beam(5)
+    hinges = replace(tree.hinges, root_moment=np.ones(5), strength=np.full(5, 60e6))
+    turn = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(angle))
+    poses = rotation.compose(np.concatenate([[0.0, 0.0, 0.051], turn]), tree.poses)
+    return WoodJoints(replace(tree, hinges=hinges)), poses
+
+
+def test_roots_leave_the_ground_by_and_by():
+    """Let plate and pit grow from nothing to all while the tree turns over, without a jump."""
+    sizes = []
+    for angle in np.linspace(0.0, 1.5, 76):
+        wood, poses = _uprooted(angle)
+        (bond,) = wood.apart(poses)
+        ends = list(wood.ends(bond, *wood.opened(np.array([bond]), poses)))
+        sizes.append([np.ptp(corners.reshape(-1, 3), axis=0).max() for _, _, corners in ends])
+    wide = np.array(sizes) / sizes[-1]
+    assert (wide[0] < 0.02).all()
+    assert (np.diff(wide, axis=0) > -1e-9).all() and np.diff(wide, axis=0).max() < 0.03
+
+
+def test_markers_of_roots_grow():
+    """Look at every step while roots leave the ground, and now and then when they are out."""
+    torn, radius = TornEnds(), []
+    for angle in np.linspace(0.0, 1.5, 40):
+        wood, poses = _uprooted(angle)
+        (ends,) = torn.update(wood, poses).values()
+        radius.append(np.ptp(ends[2][2].reshape(-1, 3)[:, 0]))
+    assert radius[0] < 0.1 * radius[-1]
+    assert np.diff(radius).max() < 0.1 * radius[-1]
 
 
 def test_an_end_keeps_its_shape():

@@ -26,6 +26,7 @@ from procphys_ros.palette import look
 from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.render import joints, mesh
+from procphys_ros.render.closers import closers
 from procphys_ros.render.mesh import Mesh
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -65,10 +66,7 @@ def surfaces(content: Content) -> Iterator[Surface]:
         yield from _solids(content, owner.name, parts, first)
         yield from _leaves(content, owner.name, leaves)
         yield from _twigs(content, owner.name, twigs)
-    place, size = joints.standing(blueprint, content.poses, content.exists)
-    if len(place):
-        texture = next((name for name in content.textures if 'mortar' in name), 'mortar')
-        yield _surface('mortar', texture, mesh.boxes(place, size), np.arange(len(place)))
+    yield from _mortar(content)
     if not content.terrain.is_flat:
         hills = ground(content.terrain)
         yield Surface('ground', 'ground', hills, np.ones(len(hills.points)))
@@ -84,6 +82,22 @@ def _solids(content: Content, owner: str, parts: np.ndarray, first: np.ndarray
         mine = parts[blueprint.texture[parts] == index]
         for rows, built in mesh.solids(blueprint, content.poses, mine):
             yield _surface(owner, content.textures[index], built, first[rows])
+
+
+def _mortar(content: Content) -> Iterator[Surface]:
+    """Build the mortar between bricks, and what fills the corners of walls."""
+    blueprint = content.blueprint
+    place, size = joints.standing(blueprint, content.poses, content.exists)
+    if len(place):
+        yield _surface('mortar', joints.mortar_of(blueprint), mesh.boxes(place, size),
+                       np.arange(len(place)))
+    fill = closers(blueprint, joints.seats(blueprint))
+    poses = fill.poses(content.poses, content.exists)
+    for texture, rows in fill.by_texture(blueprint):
+        rows = rows[np.isfinite(poses[rows, 0])]
+        if len(rows):
+            yield _surface('mortar', texture, mesh.hexahedra(poses[rows], fill.corners[rows]),
+                           fill.first[rows])
 
 
 def _leaves(content: Content, owner: str, rows: np.ndarray) -> Iterator[Surface]:

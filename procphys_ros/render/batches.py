@@ -40,9 +40,10 @@ class Copies:
     What stays as it is of some pieces while they move.
 
     :ivar size: of a box or ball its extents, of a branch base and tip diameter and length, of a
-        leaf length and aspect [m], (K, 3).
+        leaf length [m], aspect and what is left of its thickness, (K, 3).
     :ivar tone: colour, (K, 3).
-    :ivar share: sun and sky light that the leaves around let through, 0 to 1, (K, 2).
+    :ivar share: sun and sky light that the leaves around let through, 0 to 1, (K, 2); of branches
+        the sky light at the base and at the tip.
     :ivar offset: of the image [m], (K,).
     :ivar more: of leaves the direction out of the crown in their frame, (K, 3); of triangles the
         corners in the frame of their part [m], (K, 9); of hexahedra likewise, (K, 24); else
@@ -137,6 +138,17 @@ class Batch:
         self._fixed[rows, 3:6] = tone
         self._buffers[1].write(self._fixed)
 
+    def press(self, thickness: np.ndarray) -> None:
+        """Press leaves flat, to what is left of their thickness, (K,)."""
+        if not np.array_equal(self._fixed[:, 2], thickness.astype('f4')):
+            self._fixed[:, 2] = thickness
+            self._buffers[1].write(self._fixed)
+
+    def reform(self, more: np.ndarray, rows: np.ndarray) -> None:
+        """Change what only this kind has, see `Copies`, of some pieces, (K, n)."""
+        self._fixed[rows, -more.shape[1]:] = more
+        self._buffers[1].write(self._fixed)
+
     def draw(self, uniforms: dict[str, Any]) -> None:
         """Draw it as it looks."""
         self._render(self._surface, {**uniforms, 'opacity': self.look.rgba[3], 'swell': 0.0})
@@ -153,7 +165,8 @@ class Batch:
             self._image.use(0)
         solid = self._kind not in (Kind.LEAF, Kind.SPRAY, Kind.TRIANGLE) and not self.is_glass
         (self._context.enable if solid else self._context.disable)(self._context.CULL_FACE)
-        set_uniforms(target, {**uniforms, 'image': 0, 'plain': self._image is None})
+        set_uniforms(target, {**uniforms, 'image': 0, 'plain': self._image is None,
+                              'stony': self.look.pattern == 'grain'})
         self._arrays[target].render(instances=len(self))
 
     def _build(self) -> None:

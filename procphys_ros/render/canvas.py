@@ -38,7 +38,6 @@ _SHADOW_SIDE = 4096  # [px]
 _FURTHEST = 4000.0  # [m] that is drawn, at least
 _OCCLUSION_REACH = 0.7  # [m] within which surfaces take the sky's light from each other
 _SPOKES, _RINGS = 48, np.array([0.0, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0])  # [m]
-_FAINTEST = 2e-3  # opacity that cannot be seen in eight bits
 _QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], 'f4')
 
 
@@ -90,6 +89,7 @@ class Canvas:
         half = max(1, size[0] // 2), max(1, size[1] // 2)
         self._occlusion = context.texture(half, 1)
         self._half = context.framebuffer([self._occlusion])
+        self._haze = context.texture(half, 4, dtype='f4')
         self._result = context.framebuffer([context.renderbuffer(size, 4)])
         self._shadow_map = context.depth_texture((_SHADOW_SIDE, _SHADOW_SIDE))
         self._shadow_map.repeat_x = self._shadow_map.repeat_y = False
@@ -100,7 +100,12 @@ class Canvas:
                         for name in ('sky.frag', 'occlusion.frag', 'compose.frag')}
         self._ground = _ground(context, programs, terrain)
         self._paving = [(one.texture, *_paving(context, programs, one)) for one in paving]
-        self._dust = _DustPass(context, programs)
+        self._dust = _DustPass(context, programs, self._haze)
+
+    @property
+    def towards(self) -> np.ndarray:
+        """Return the unit vector to the sun, (3,)."""
+        return self._daylight.towards
 
     def draw(self, drawing: Drawing, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
         """
@@ -118,7 +123,8 @@ class Canvas:
         planes = self._nearest(view, bounds), max(_FURTHEST, 60.0 * bounds.radius)
         projection = view.projection(self._size[0] / self._size[1], planes)
         self._draw_shadow(batches, to_shadow)
-        common = self._common(view, projection, to_shadow)
+        common = {**self._common(view, projection, to_shadow),
+                  'texel_size': 2.0 * bounds.radius / _SHADOW_SIDE}
         self._many.use()
         self._many.clear(depth=1.0)
         context.enable_only(context.DEPTH_TEST)
@@ -135,8 +141,8 @@ class Canvas:
                 batch.draw(common)
         self._many.depth_mask = True
         context.copy_framebuffer(self._single, self._many)
-        self._darken(view, planes)
         self._dust.draw(dust, self._depth, {**common, 'planes': planes}, view)
+        self._darken(view, planes, len(dust.sizes) > 0)
         pixels = np.frombuffer(self._result.read(components=3, alignment=1), np.uint8)
         return pixels.reshape(self._size[1], self._size[0], 3)[::-1]
 
@@ -159,6 +165,7 @@ class Canvas:
                 'to_shadow': _column_major(to_shadow), 'texel': 1.0 / _SHADOW_SIDE,
                 'shadow_map': 1, 'noise': 2, 'sun': tuple(day.towards),
                 'sunshine': tuple(day.sunshine), 'skylight': tuple(day.skylight),
+                'bounce': tuple(day.bounce),
                 'sky_low': tuple(day.low), 'sky_high': tuple(day.high),
                 'clouds': self._sky.clouds, 'visibility': self._sky.visibility}
 
@@ -186,8 +193,8 @@ class Canvas:
         array.render(vertices=3)
         self.context.depth_func = '<'
 
-    def _darken(self, view: View, planes: tuple[float, float]) -> None:
-        """Take the light from where little of the sky is seen."""
+    def _darken(self, view: View, planes: tuple[float, float], dusty: bool) -> None:
+        """Take the light from where little of the sky is seen, and lay dust over it."""
         self.context.enable_only(self.context.NOTHING)
         self._depth.use(0)
         slope = np.tan(np.radians(view.angle) / 2.0)
@@ -198,29 +205,38 @@ class Canvas:
         array.render(vertices=3)
         self._picture.use(0)
         self._occlusion.use(3)
+        self._haze.use(4)
+        self._depth.use(5)
         target, array = self._passes['compose.frag']
-        set_uniforms(target, {'picture': 0, 'occlusion': 3})
+        set_uniforms(target, {'picture': 0, 'occlusion': 3, 'haze': 4, 'depth': 5,
+                              'planes': planes, 'dusty': dusty})
         self._result.use()
         array.render(vertices=3)
 
 
 class _DustPass:
-    """Draws dust over a picture, the furthest puffs first."""
+    """
+    Gathers dust, the furthest puffs first.
 
-    def __init__(self, context: Any, programs: Programs):
+    Thousands of thin puffs add up, each less than a step of eight bits: they are summed as
+    floats, multiplied by their opacity, before they cover the picture. Dust has no edges of its
+    own, so that half the picture's size will do.
+    """
+
+    def __init__(self, context: Any, programs: Programs, haze: Any):
         self._context = context
+        self._target = context.framebuffer([haze])
         self._program = programs.get('dust.vert', 'dust.frag')
         self._quad = context.buffer(_QUAD.tobytes())
 
     def draw(self, dust: Puffs, depth: Any, common: dict[str, Any], view: View) -> None:
-        seen = np.flatnonzero(dust.opacity > _FAINTEST)
-        if not len(seen):
+        if not len(dust.sizes):
             return
-        away = np.linalg.norm(dust.positions[seen] - view.eye, axis=1)
-        seen = seen[np.argsort(-away, kind='stable')]
-        thickness = -np.log1p(-np.minimum(dust.opacity[seen], 1.0 - 1e-9))
+        away = np.linalg.norm(dust.positions - view.eye, axis=1)
+        order = np.argsort(-away, kind='stable')
+        thickness = -np.log1p(-np.minimum(dust.opacity, 1.0 - 1e-9))
         puffs = self._context.buffer(np.column_stack(
-            [dust.positions[seen], dust.sizes[seen], thickness]).astype('f4').tobytes())
+            [dust.positions, dust.sizes, thickness])[order].astype('f4').tobytes())
         array = self._context.vertex_array(
             self._program, [(self._quad, '2f', 'in_corner'),
                             (puffs, '3f 2f/i', 'in_position', 'in_puff')])
@@ -229,8 +245,12 @@ class _DustPass:
         set_uniforms(self._program, {
             **common, 'depth': 0, 'side': tuple(view.side), 'up': tuple(view.up),
             'colour': tuple(np.clip(np.asarray(rgba('mortar')[:3]) * lit, 0.0, 1.0))})
+        self._target.use()
+        self._target.clear()
         self._context.enable_only(self._context.BLEND)
-        array.render(instances=len(seen))
+        self._context.blend_func = self._context.ONE, self._context.ONE_MINUS_SRC_ALPHA
+        array.render(instances=len(order))
+        self._context.blend_func = self._context.DEFAULT_BLENDING
         array.release()
         puffs.release()
 

@@ -29,6 +29,7 @@ from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import joints, light, texture
 from procphys_ros.render.batches import Batch, Copies
 from procphys_ros.render.camera import View
+from procphys_ros.render.closers import Closers, closers
 from procphys_ros.render.program import Programs
 from procphys_ros.render.unit_meshes import Kind
 from procphys_ros.torn_wood import WoodJoints
@@ -37,6 +38,7 @@ _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
 SINGLE = 22.0  # [px] from which length on leaves are drawn one by one
 _MOST_BLADES = 80_000  # of these in a picture of each kind, the nearest: half a second on a core
 _GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+_PRESSED = 0.1  # thickness of a cluster of leaves that lies, over one that grows
 _CRACK_TONE = 0.12  # of a joint that has cracked, over that of a whole one
 
 
@@ -51,6 +53,7 @@ class Moment:
     :ivar exists: parts to draw, (N,) bool; None = all.
     :ivar cracked: bonds that have cracked or broken, (K,).
     :ivar dust: puffs of dust.
+    :ivar lying: leaves that have fallen and lie, (L,) bool; None = none do.
     """
 
     blueprint: Blueprint
@@ -59,6 +62,7 @@ class Moment:
     exists: np.ndarray | None = None
     cracked: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     dust: Puffs = field(default_factory=Puffs.none)
+    lying: np.ndarray | None = None
 
     def shown(self) -> np.ndarray:
         """Return which parts there are, (N,) bool."""
@@ -79,20 +83,23 @@ class Drawing:
 
     :param context: of OpenGL.
     :param first: the moment whose leaves shade what is among them from then on.
+    :param towards: unit vector to the sun, (3,).
     """
 
-    def __init__(self, context: Any, first: Moment):
+    def __init__(self, context: Any, first: Moment, towards: np.ndarray = light.SUN):
         self._context, self._programs = context, Programs(context)
         self._batches: dict[tuple, Batch] = {}
         self._rows: dict[tuple, np.ndarray] = {}  # part, leaf or triangle behind each piece
         self._parts = self._leaves = self._triangles = self._bonds = 0  # drawn so far
         self._petioles: dict[tuple, np.ndarray] = {}  # of the leaves of each batch
         self._seats: list[tuple[tuple, joints.Seats]] = []
-        self._shades = _shades(first)
+        self._closers: list[tuple[tuple, Closers]] = []
+        self._sun, *self._sky = _shades(first, np.vstack([towards, light.SKY]))
         self._last = np.full((0, 7), np.nan)
         self._cracks = -1
         self._wood: WoodJoints | None = None
         self._torn: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # parts, bonds of pieces
+        self._opened: dict[int, float] = {}  # bonds that are not wide open
 
     @property
     def batches(self) -> Iterator[Batch]:
@@ -108,6 +115,8 @@ class Drawing:
         for key, rows in self._rows.items():
             if key[0] == 'leaf':
                 self._petioles[key] = petioles[rows]
+                if moment.lying is not None:
+                    self._batches[key].press(np.where(moment.lying[rows], _PRESSED, 1.0))
                 self._batches[key].move(petioles[rows])
             elif key[0] == 'triangle':
                 self._batches[key].move(poses[moment.blueprint.ornaments.part[rows]])
@@ -161,7 +170,7 @@ class Drawing:
         self._parts = len(blueprint)
         ball = _balls(blueprint)[new]
         capsule = blueprint.shape[new] == Shape.CAPSULE
-        along = _path_lengths(blueprint)
+        along, stem = _paths(blueprint)
         first = first_pieces(blueprint)
         grain = 40.0 * np.random.default_rng(0).random(self._parts)[first]
         solids = blueprint.hexahedra.take(blueprint.hexahedra.part >= new[0])
@@ -175,10 +184,13 @@ class Drawing:
         for kind, chosen in kinds:
             size = blueprint.size if kind is Kind.BALL else blueprint.visual_size
             offset = along if kind is Kind.BRANCH else grain
+            alike = stem if kind is Kind.BRANCH else first
             for name, rows in _by_texture(blueprint, new[chosen], blueprint.texture):
+                share = (self._light_along(poses[rows], size[rows, 2]) if kind is Kind.BRANCH
+                         else self._light(poses[rows, :3]))
                 self._add(('part', kind, name), kind, look(name), rows, size[rows],
-                          poses[rows, :3], offset[rows],
-                          corners[rows] if kind is Kind.HEXAHEDRON else None, first[rows])
+                          share, offset[rows],
+                          corners[rows] if kind is Kind.HEXAHEDRON else None, alike[rows])
 
     def _append_leaves(self, blueprint: Blueprint, poses: np.ndarray,
                        petioles: np.ndarray) -> None:
@@ -196,10 +208,10 @@ class Drawing:
         outward = rotation.rotate(rotation.conjugate(rest[:, 3:]), outward)
         for name, rows in _by_texture(blueprint, new, leaves.texture):
             size = np.zeros((len(rows), 3))
-            size[:, 0], size[:, 1] = leaves.size[rows], look(name).aspect
+            size[:, 0], size[:, 1], size[:, 2] = leaves.size[rows], look(name).aspect, 1.0
             self._add(('leaf', name), Kind.LEAF, look(name), rows, size,
-                      _leaf_middles(petioles[rows], leaves.size[rows]), np.zeros(len(rows)),
-                      outward[rows])
+                      self._light(_leaf_middles(petioles[rows], leaves.size[rows])),
+                      np.zeros(len(rows)), outward[rows])
 
     def _append_triangles(self, blueprint: Blueprint, poses: np.ndarray) -> None:
         ornaments = blueprint.ornaments
@@ -208,25 +220,38 @@ class Drawing:
         new = new[~_balls(blueprint)[ornaments.part[new]]]
         for name, rows in _by_texture(blueprint, new, ornaments.texture):
             self._add(('triangle', name), Kind.TRIANGLE, look(name), rows,
-                      np.ones((len(rows), 3)), poses[ornaments.part[rows], :3],
+                      np.ones((len(rows), 3)), self._light(poses[ornaments.part[rows], :3]),
                       np.zeros(len(rows)), ornaments.triangle[rows])
 
     def _append_joints(self, blueprint: Blueprint, poses: np.ndarray) -> None:
         seats = joints.seats(blueprint, self._bonds)
         key = ('joint', self._bonds)
+        fill = closers(blueprint, seats, self._bonds)
         self._bonds = len(blueprint.bonds)
+        self._append_closers(blueprint, fill, poses)
         if not len(seats.bond):
             return
-        name = next((name for name in blueprint.textures if 'mortar' in name), 'mortar')
+        name = joints.mortar_of(blueprint)
         self._seats.append((key, seats))
         self._batches[key] = Batch(self._context, self._programs, Kind.JOINT, look(name))
-        self._batches[key].append(self._copies(
-            look(name), seats.bond, seats.size, poses[seats.first, :3],
+        self._batches[key].append(_copies(
+            look(name), seats.bond, seats.size, self._light(poses[seats.first, :3]),
             np.zeros(len(seats.bond)), np.zeros((len(seats.bond), 0))))
         self._last = np.full((0, 7), np.nan)
 
+    def _append_closers(self, blueprint: Blueprint, fill: Closers, poses: np.ndarray) -> None:
+        for name, rows in fill.by_texture(blueprint):
+            key = 'closer', name, self._bonds
+            mine, first = fill.take(rows), fill.first[rows]
+            self._closers.append((key, mine))
+            self._batches[key] = Batch(self._context, self._programs, Kind.HEXAHEDRON, look(name))
+            self._batches[key].append(_copies(
+                look(name), first, np.ones((len(rows), 3)), self._light(poses[first, :3]),
+                np.zeros(len(rows)), mine.corners))
+        self._last = np.full((0, 7), np.nan)
+
     def _add(self, key: tuple, kind: Kind, appearance: Look, rows: np.ndarray, size: np.ndarray,
-             places: np.ndarray, offset: np.ndarray, more: np.ndarray | None = None,
+             share: np.ndarray, offset: np.ndarray, more: np.ndarray | None = None,
              first: np.ndarray | None = None) -> None:
         """
         Add pieces to a batch, which is made when there is none.
@@ -240,13 +265,21 @@ class Drawing:
         self._rows[key] = np.append(self._rows[key], rows)
         more = np.zeros((len(rows), 0)) if more is None else more
         first = rows if first is None else first
-        self._batches[key].append(self._copies(appearance, first, size, places, offset, more))
+        self._batches[key].append(_copies(appearance, first, size, share, offset, more))
 
-    def _copies(self, appearance: Look, rows: np.ndarray, size: np.ndarray, places: np.ndarray,
-                offset: np.ndarray, more: np.ndarray) -> Copies:
+    def _light(self, places: np.ndarray) -> np.ndarray:
+        """Tell the shares of sun and sky light that leaves let through to places, (K, 2)."""
         places = np.nan_to_num(places)
-        share = np.column_stack([shade.light(places) for shade in self._shades])
-        return Copies(size, _tones(appearance, rows), share, offset, more)
+        return np.column_stack([self._sun.light(places), self._skylight(places)])
+
+    def _skylight(self, places: np.ndarray) -> np.ndarray:
+        return np.mean([shade.light(places) for shade in self._sky], axis=0)
+
+    def _light_along(self, poses: np.ndarray, length: np.ndarray) -> np.ndarray:
+        """Tell the share of sky light at both ends of branches, which makes no steps, (K, 2)."""
+        half = rotation.rotate(poses[:, 3:], np.array([0.0, 0.0, 0.5])) * length[:, None]
+        return np.column_stack([self._skylight(np.nan_to_num(poses[:, :3] + side * half))
+                                for side in (-1.0, 1.0)])
 
     def _move_torn(self, blueprint: Blueprint, poses: np.ndarray) -> None:
         """Cover the ends of branches that have come apart, and hide those of whole ones."""
@@ -256,10 +289,22 @@ class Drawing:
         for bond in np.setdiff1d(apart, np.concatenate(known) if known else apart[:0]).tolist():
             for name, part, corners in self._wood.ends(bond):
                 self._append_torn(name, part, bond, corners, poses)
+        self._open_torn(apart, poses)
         frames = np.concatenate([poses, _GROUND_FRAME])
         for name, (parts, bonds) in self._torn.items():
             there = np.isin(bonds, apart)[:, None]
             self._batches['torn', name].move(np.where(there, frames[parts], np.nan))
+
+    def _open_torn(self, apart: np.ndarray, poses: np.ndarray) -> None:
+        """Let roots and pits grow while they leave the ground, so that they do not pop up."""
+        assert self._wood is not None
+        for bond, now in zip(apart.tolist(), self._wood.opened(apart, poses).tolist()):
+            if self._opened.get(bond, 1.0) == now:
+                continue
+            self._opened[bond] = now
+            for name, part, corners in self._wood.ends(bond, now):
+                parts, bonds = self._torn[name]
+                self._batches['torn', name].reform(corners, (parts == part) & (bonds == bond))
 
     def _append_torn(self, name: str, part: int, bond: int, corners: np.ndarray,
                      poses: np.ndarray) -> None:
@@ -271,9 +316,9 @@ class Drawing:
         self._torn[name] = (np.append(parts, np.full(count, part)),
                             np.append(bonds, np.full(count, bond)))
         place = corners[:, :3] if part == GROUND else np.tile(poses[part, :3], (count, 1))
-        self._batches['torn', name].append(self._copies(
-            look(name), np.full(count, bond), np.ones((count, 3)), place, np.zeros(count),
-            corners))
+        self._batches['torn', name].append(_copies(
+            look(name), np.full(count, bond), np.ones((count, 3)), self._light(place),
+            np.zeros(count), corners))
 
     def _move_joints(self, poses: np.ndarray) -> None:
         """Move the mortar beside parts that have moved."""
@@ -288,6 +333,9 @@ class Drawing:
             rows = np.flatnonzero(moved[seats.first] | moved[seats.second])
             if len(rows):
                 self._batches[key].move(seats.boxes(poses, shown, rows), rows)
+        for key, fill in self._closers:
+            if (moved[fill.first] | moved[fill.second]).any():
+                self._batches[key].move(fill.poses(poses, shown))
 
     def _mark_cracks(self, cracked: np.ndarray) -> None:
         """Darken the mortar of joints that have cracked."""
@@ -318,6 +366,11 @@ def _by_texture(blueprint: Blueprint, rows: np.ndarray,
         yield name, rows[texture[rows] == index]
 
 
+def _copies(appearance: Look, rows: np.ndarray, size: np.ndarray, share: np.ndarray,
+            offset: np.ndarray, more: np.ndarray) -> Copies:
+    return Copies(size, _tones(appearance, rows), share, offset, more)
+
+
 def _tones(appearance: Look, rows: np.ndarray) -> np.ndarray:
     """Give each piece its colour, (K, 3), numbered by row, so that it keeps it for life."""
     rng = np.random.default_rng(1)
@@ -328,8 +381,8 @@ def _tones(appearance: Look, rows: np.ndarray) -> np.ndarray:
     return own * tone * (1.0 + 0.4 * appearance.variation * warmth)
 
 
-def _path_lengths(blueprint: Blueprint) -> np.ndarray:
-    """Give the way from the root of its plant to the middle of each branch [m], (N,)."""
+def _paths(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
+    """Find the way from its plant's root to the middle of each branch [m], and the root, (N,)."""
     hinged = blueprint.bonds[blueprint.bond_law == Law.HINGE]
     hinged = hinged[hinged[:, 0] != GROUND]
     length = blueprint.visual_size[:, 2]
@@ -340,7 +393,7 @@ def _path_lengths(blueprint: Blueprint) -> np.ndarray:
     while (parent != parent[parent]).any():
         way += way[parent]
         parent = parent[parent]
-    return way
+    return way, parent
 
 
 def _leaf_middles(petioles: np.ndarray, size: np.ndarray) -> np.ndarray:
@@ -348,10 +401,11 @@ def _leaf_middles(petioles: np.ndarray, size: np.ndarray) -> np.ndarray:
     return petioles[:, :3] + 0.5 * size[:, None] * along
 
 
-def _shades(moment: Moment) -> tuple[light.Shade, light.Shade]:
-    """Work out what the leaves let through of sun and sky."""
+def _shades(moment: Moment, towards: np.ndarray) -> list[light.Shade]:
+    """Work out what the leaves let through of the light from some directions, (D, 3)."""
     leaves = moment.blueprint.leaves
-    there = moment.shown()[leaves.part]
-    middles = _leaf_middles(moment.petioles()[there], leaves.size[there])
+    petioles = moment.petioles()
+    there = moment.shown()[leaves.part] & np.isfinite(petioles[:, 0])
+    middles = _leaf_middles(petioles[there], leaves.size[there])
     area = _LEAF_SHARE * leaves.size[there] ** 2
-    return light.Shade(middles, area, light.SUN), light.Shade(middles, area, light.ZENITH)
+    return [light.Shade(middles, area, one) for one in towards]

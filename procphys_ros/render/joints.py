@@ -54,13 +54,25 @@ class Seats:
         :returns: poses, world, (K, 7), not a number where there is no mortar any more.
         """
         first, second = self.first[rows], self.second[rows]
-        place = [poses[part, :3] + rotation.rotate(poses[part, 3:], end[rows])
-                 for part, end in zip((first, second), self.ends)]
-        whole = (np.linalg.norm(place[0] - place[1], axis=1) < _CRACK
-                 ) & shown[first] & shown[second]
+        whole = unbroken(poses, shown, first, second, self.ends[:, rows])
         box = rotation.compose(poses[first], self.box[rows])
         box[~whole] = np.nan
         return box
+
+
+def unbroken(poses: np.ndarray, shown: np.ndarray, first: np.ndarray, second: np.ndarray,
+             ends: np.ndarray) -> np.ndarray:
+    """
+    Return which joints have not opened, (J,) bool.
+
+    :param poses: of the parts, world, (N, 7).
+    :param shown: parts that exist, (N,) bool.
+    :param first, second: parts to their sides, (J,).
+    :param ends: their middles in the frames of both parts [m], (2, J, 3).
+    """
+    place = [poses[part, :3] + rotation.rotate(poses[part, 3:], end)
+             for part, end in zip((first, second), ends)]
+    return (np.linalg.norm(place[0] - place[1], axis=1) < _CRACK) & shown[first] & shown[second]
 
 
 def seats(blueprint: Blueprint, since: int = 0) -> Seats:
@@ -85,6 +97,11 @@ def seats(blueprint: Blueprint, since: int = 0) -> Seats:
     has = (gap > _THINNEST) & (gap < _THICKEST)
     return Seats(bond[has], first[has], second[has], box[has],
                  np.stack([end[has, :3] for end in ends]), np.column_stack([high - low, gap])[has])
+
+
+def mortar_of(blueprint: Blueprint) -> str:
+    """Return the name of the texture of mortar."""
+    return next((name for name in blueprint.textures if 'mortar' in name), 'mortar')
 
 
 def standing(blueprint: Blueprint, poses: np.ndarray,

@@ -22,10 +22,14 @@ from scipy.ndimage import map_coordinates
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from procphys_ros.palette import rgba
 from procphys_ros.scene.scenery import SkySettings, SunSettings
 
 SUN = np.array([-0.45, -0.62, 0.64]) / np.linalg.norm([-0.45, -0.62, 0.64])  # towards the sun
 ZENITH = np.array([0.0, 0.0, 1.0])
+# Unit vectors to parts of the sky of about the same size: above, and 30 degrees high around.
+SKY = np.vstack([ZENITH, [[x, y, 0.5] for x, y in 0.75 ** 0.5 * np.array(
+    [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])]])
 _SUNSHINE = np.array([0.80, 0.76, 0.66])  # colour of full sun on a surface that faces it
 _SKYLIGHT = np.array([0.46, 0.50, 0.57])  # colour from the open sky above
 SKY_LOW = np.array([0.87, 0.91, 0.94])  # colour of the clear sky at the horizon
@@ -33,6 +37,7 @@ SKY_HIGH = np.array([0.30, 0.53, 0.80])  # and above
 # Optical depth of clear air straight up at red, green and blue (Rayleigh and thin haze).
 _REDDENING = np.array([0.06, 0.12, 0.26])
 EXTINCTION = 0.24  # of light per leaf area index (Beer-Lambert); clusters are full of gaps
+_GAMMA = 2.2  # colours are display values; powers of them add up
 _CELLS = 96  # cells of the shade grid along its longest side
 _SMALLEST_CELL = 0.35  # [m]
 
@@ -57,7 +62,8 @@ class Shade:
         spots = leaves @ self._axes.T
         self._low = spots.min(axis=0)
         self._cell = max(_SMALLEST_CELL, float((spots.max(axis=0) - self._low).max()) / _CELLS)
-        self._low[2] -= 1.5 * self._cell  # one empty layer of cells, which stands for all below
+        # Empty cells around, the lowest ones of which stand for all below.
+        self._low -= self._cell * np.array([1.0, 1.0, 1.5])
         index = ((spots - self._low) / self._cell).astype(int)
         grid = np.zeros(index.max(axis=0) + 2)
         np.add.at(grid, tuple(index.T), area / self._cell ** 2)
@@ -103,12 +109,14 @@ class Daylight:
     :ivar towards: unit vector to the sun, (3,).
     :ivar sunshine: colour of full sun on a surface that faces it, (3,).
     :ivar skylight: colour from the open sky above, (3,).
+    :ivar bounce: colour of the light that the ground throws back up, (3,).
     :ivar low, high: colour of the sky at the horizon and above, (3,).
     """
 
     towards: np.ndarray
     sunshine: np.ndarray
     skylight: np.ndarray
+    bounce: np.ndarray
     low: np.ndarray
     high: np.ndarray
 
@@ -134,4 +142,7 @@ class Daylight:
         dim = 1.0 - 0.22 * covered
         low = dim * ((1.0 - grey) * SKY_LOW + grey * SKY_LOW.mean()) * (0.4 + 0.6 * dusk)
         high = dim * ((1.0 - grey) * SKY_HIGH + grey * 0.7) * (0.25 + 0.75 * dusk.min())
-        return cls(towards, sunshine, skylight * (0.35 + 0.65 * dusk.min()), low, high)
+        skylight = skylight * (0.35 + 0.65 * dusk.min())
+        level = (max(towards[2], 0.0) * sunshine) ** _GAMMA + skylight ** _GAMMA
+        bounce = np.array(rgba('ground')[:3]) * level ** (1.0 / _GAMMA)
+        return cls(towards, sunshine, skylight, bounce, low, high)

@@ -60,7 +60,7 @@ class Renderer:
                  sun: SunSettings | None = None, sky: SkySettings | None = None,
                  terrain: Terrain = FLAT, paving: Sequence[Paving] = ()):
         self._canvas = Canvas(size, sun or SunSettings(), sky or SkySettings(), terrain, paving)
-        self._drawing = Drawing(self._canvas.context, first)
+        self._drawing = Drawing(self._canvas.context, first, self._canvas.towards)
         self._bounds: Bounds | None = None
 
     def prepare(self, moment: Moment) -> None:

@@ -64,9 +64,16 @@ def noise_image() -> np.ndarray:
     rng = np.random.default_rng(11)
     channels = []
     for _ in range(4):
-        octaves = sum(0.7 ** i * _noise(rng, 4 * 2 ** i, 4 * 2 ** i) for i in range(6))
-        channels.append(0.5 + 0.18 * octaves / np.std(octaves))
+        channels.append(0.5 + 0.18 * _octaves(rng, 0.7))
     return np.round(255.0 * np.clip(np.stack(channels, axis=-1), 0.0, 1.0)).astype(np.uint8)
+
+
+def _octaves(rng: np.random.Generator, share: float) -> np.ndarray:
+    """Draw noise of all sizes, zero mean and unit deviation, (P, P), each octave weaker."""
+    octaves = np.zeros((_PIXELS, _PIXELS))
+    for i in range(6):
+        octaves += share ** i * _noise(rng, 4 * 2 ** i, 4 * 2 ** i)
+    return octaves / octaves.std()
 
 
 def mean_light(pattern: str) -> float:
@@ -102,7 +109,8 @@ def _surface(pattern: str, rng: np.random.Generator) -> np.ndarray:
         dashes = np.clip(_noise(rng, 40, 7) - 1.7, 0, 1)
         scars = np.clip(2.0 * (_noise(rng, 9, 4) - 1.9), 0, 1)
         return 0.97 - 0.65 * dashes - 0.75 * scars + fine
-    return 0.90 + 0.05 * _noise(rng, 24, 24) + fine
+    # Stone, brick and concrete: noise of one size would look woven. Pores are dark and few.
+    return 0.90 + 0.07 * _octaves(rng, 0.85) - 0.25 * np.clip(_noise(rng, 60, 60) - 2.0, 0, 1)
 
 
 def _cluster(shape: tuple, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

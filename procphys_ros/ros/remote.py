@@ -36,7 +36,7 @@ from procphys_ros.ros import qos
 
 PATIENCE = 120.0  # [s] for an answer of a node that is there and may be busy
 _TURN = 0.05  # [s] between looks at the clock
-_SEARCH = 10.0  # [s] for a topic or service of a node that is there, which DDS may find late
+_SEARCH = 10.0  # [s] at least for a topic or service of a node that is there: DDS may be late
 _FIRST = 'reset_simulation'  # the service by which a node is found
 _REMAPPED = '; where the node has remapped it, remap it here, too: --ros-args -r {}:=/its/name'
 _FIELDS = {ParameterType.PARAMETER_BOOL: 'bool_value',
@@ -58,7 +58,8 @@ class Remote:
     Talks to one node and waits for its answers.
 
     :param name: of the node, absolute, such as /sim.
-    :param timeout: how long to look for it [s].
+    :param timeout: how long to look for it, and for its topics and services if that is longer
+        than usual [s].
     :param patience: how long to wait for an answer once it is found [s].
     :ivar patience: as given; may be changed from call to call.
     :raises NoNodeError: when it is not found; the message says which nodes are there.
@@ -67,6 +68,7 @@ class Remote:
     def __init__(self, name: str, timeout: float, patience: float = PATIENCE):
         self.name = '/' + name.strip('/')
         self.patience = patience
+        self._search = max(timeout, _SEARCH)
         self._node = rclpy.create_node(f'command_{os.getpid()}', start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -186,7 +188,7 @@ class Remote:
 
     def _find(self, found: Callable[[], Any], does: str, name: str) -> None:
         """Wait until a topic or a service is there, which may have another name."""
-        patience = min(_SEARCH, self.patience)
+        patience = min(self._search, self.patience)
         if not self._has_come(found, patience):
             raise NoNodeError(f'nobody {does} {name} within {patience:g} s'
                               f'{_REMAPPED.format(name)}')

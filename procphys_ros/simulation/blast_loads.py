@@ -28,6 +28,7 @@ from procphys_ros.physics.loads import (
     faces,
     find_room,
     gas_impulse,
+    heading,
     Impulses,
     peak_pressure,
     Sight,
@@ -36,6 +37,8 @@ from procphys_ros.simulation import wall_columns
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
+
+_FLAT = 0.7  # cosine between a normal and the vertical, from which a face is no wall
 
 
 def on_everything(model: Model, state: State, point: Sequence[float], charge: float,
@@ -65,7 +68,7 @@ def on_everything(model: Model, state: State, point: Sequence[float], charge: fl
 def _on_boxes(model: Model, state: State, point: Sequence[float], charge: float, ground: float,
               boxes: np.ndarray, sight: Sight) -> Impulses:
     poses, sizes = _faces(model, state, boxes)
-    fronts = _fronts(state, boxes, poses, sizes, np.asarray(point, float))
+    fronts = _fronts(state, boxes, poses, sizes)
     centres = state.parts.poses[boxes, :3]
     pane, skin = np.zeros(len(boxes), bool), np.zeros((len(boxes), 6), bool)
     standing = np.flatnonzero(state.parts.owner[boxes] == Owner.STANDING)
@@ -88,24 +91,39 @@ def _faces(model: Model, state: State, boxes: np.ndarray) -> tuple[np.ndarray, n
     return poses, sizes
 
 
-def _fronts(state: State, boxes: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
-            point: np.ndarray) -> np.ndarray:
-    """Give height and half width of the face around each box, the smaller first [m], (N, 2)."""
+def _fronts(state: State, boxes: np.ndarray, poses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """
+    Measure what the faces of each box belong to, across each of its axes.
+
+    What hangs together is measured along its largest box. From a wall on the ground pressure
+    clears upwards and to both sides, from a ceiling to all.
+
+    :returns: height or half the width, the smaller first [m], (N, 3, 2).
+    """
     labels, carrier = state.solver.labels, state.parts.body[boxes]
     stands = state.parts.owner[boxes] == Owner.STANDING
     whole = np.where(stands, 0, carrier + int(labels.max(initial=0)) + 1)
     whole[stands] = labels[boxes[stands]]
     _, whole = np.unique(whole, return_inverse=True)
-    reach = 0.5 * np.einsum('nij,nj->ni', np.abs(rotation.to_matrix(poses[:, 3:])), sizes)
-    low, high = np.full((2, whole.max() + 1, 3), np.inf)
+    count = int(whole.max()) + 1
+    along = np.zeros(count, np.intp)
+    order = np.argsort(sizes.prod(axis=1), kind='stable')
+    along[whole[order]] = order
+    turn = heading(poses[along, 3:])[whole]
+    back = rotation.conjugate(turn)
+    axes = rotation.rotate(back[:, None], np.swapaxes(rotation.to_matrix(poses[:, 3:]), 1, 2))
+    middle = rotation.rotate(back, poses[:, :3])
+    reach = 0.5 * np.einsum('nai,na->ni', np.abs(axes), sizes)
+    low, high = np.full((2, count, 3), np.inf)
     high *= -1.0
-    np.minimum.at(low, whole, poses[:, :3] - reach)
-    np.maximum.at(high, whole, poses[:, :3] + reach)
-    away = 0.5 * (low + high)[:, :2] - point[:2]
-    away /= np.maximum(norm(away, axis=1, keepdims=True), 1e-9)
-    extent = high - low
-    width = np.abs(away[:, 1]) * extent[:, 0] + np.abs(away[:, 0]) * extent[:, 1]
-    return np.sort(np.column_stack([extent[:, 2], 0.5 * width]), axis=1)[whole]
+    np.minimum.at(low, whole, middle - reach)
+    np.maximum.at(high, whole, middle + reach)
+    length, width, height = (high - low)[whole].T[..., None]
+    sideways = np.abs(axes[:, :, 0]) * width + np.abs(axes[:, :, 1]) * length
+    flat = np.abs(axes[:, :, 2]) > _FLAT
+    both = np.stack([np.where(flat, 0.5 * length, height),
+                     0.5 * np.where(flat, width, sideways)], axis=2)
+    return np.sort(both, axis=2)
 
 
 def _gas(state: State, point: Sequence[float], charge: float, ground: float, boxes: np.ndarray,

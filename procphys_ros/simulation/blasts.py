@@ -103,13 +103,16 @@ def _deliver(model: Model, state: State, wave: Wave, rows: np.ndarray) -> None:
         part = int(wave.parts[row])
         state.forest.apply_impulse(int(state.parts.row[part]), None, wave.linear[row],
                                    wave.angular[row])
-    _push_bodies(state, wave, rows[owner == Owner.BODY])
+    _push_bodies(model, state, wave, rows[owner == Owner.BODY])
     if (owner == Owner.STANDING).any():
         _shake(model, state, wave, rows[owner == Owner.STANDING])
 
 
-def _push_bodies(state: State, wave: Wave, rows: np.ndarray) -> None:
-    """Sum the impulses on the parts of each body about its centre of mass, and apply them."""
+def _push_bodies(model: Model, state: State, wave: Wave, rows: np.ndarray) -> None:
+    """Apply impulses to bodies, summed about their centres of mass; crack panes among them."""
+    panes = rows[np.isin(wave.parts[rows], model.glass.parts)]
+    np.maximum.at(state.glass.load, np.searchsorted(model.glass.parts, wave.parts[panes]),
+                  _pane_loads(model, wave.parts[panes], wave.linear[panes], wave.pulse[panes]))
     carrier = state.parts.body[wave.parts[rows]]
     bodies, place = np.unique(carrier, return_inverse=True)
     total = np.zeros((len(bodies), 6))
@@ -125,39 +128,50 @@ def _shake(model: Model, state: State, wave: Wave, rows: np.ndarray) -> None:
     own, parts = state.blasts, wave.parts[rows]
     own.momentum[parts] += wave.linear[rows]
     own.pulse[parts] = wave.pulse[rows]
-    _burst_panes(model, state, parts[model.glass.is_pane[parts]])
+    pane = model.glass.is_pane[parts]
+    state.ledger.waves = state.ledger.waves + wave.linear[rows[~pane]].sum(axis=0)
+    _burst_panes(model, state, parts[pane])
     standing = state.standing[:len(model.blueprint)]
     shaken = np.flatnonzero(standing & own.momentum.any(axis=1))
     graph = state.solver.graph
     work = _bond_work(graph, np.flatnonzero(graph.alive))
     shaken = shaken[_energy(state, shaken) > work[shaken]]
     loose = _tear_patches(model, state, shaken)
-    holds = np.setdiff1d(parts[standing[parts]], loose)
-    rate = np.minimum(2.0 / own.pulse[holds], WALL_RATE)[:, None]
+    holds = np.setdiff1d(parts[state.standing[parts]], loose)
     if len(holds):
-        masonry.apply_impulses(state, holds, own.momentum[holds] * rate / WALL_RATE)
+        rate = np.minimum(2.0 / own.pulse[holds], WALL_RATE)[:, None]
+        masonry.apply_impulses(state, holds, own.momentum[holds], rate, carried=False)
 
 
 def _burst_panes(model: Model, state: State, panes: np.ndarray) -> None:
-    """Break the panes that the wave overloads."""
+    """Break the panes that a wave overloads."""
     if not len(panes):
         return
     own = state.blasts
-    area = np.sort(model.blueprint.size[panes], axis=1)[:, 1:].prod(axis=1)
-    peak = 2.0 * norm(own.momentum[panes], axis=1) / own.pulse[panes]
-    pressure = peak / area * air_blast.dynamic_load_factor(
-        glass.frequency(model, panes) * own.pulse[panes])
-    load = pressure / glass.pressure(model, panes)
-    breaks = np.flatnonzero(load > 1.0)
+    load = _pane_loads(model, panes, own.momentum[panes], own.pulse[panes])
+    _shatter(model, state, panes[load > 1.0], load[load > 1.0])
+
+
+def _shatter(model: Model, state: State, panes: np.ndarray, load: np.ndarray) -> None:
     glass.shatter_standing(model, state, [
-        (glass.crack(model, int(panes[i]), count=len(breaks)),
-         own.momentum[panes[i]] / state.parts.mass[panes[i]], float(load[i]))
-        for i in breaks], Cause.BLAST)
+        (glass.crack(model, pane, count=len(panes)),
+         state.blasts.momentum[pane] / state.parts.mass[pane], over)
+        for pane, over in zip(panes.tolist(), load.tolist())], Cause.BLAST)
+
+
+def _pane_loads(model: Model, panes: np.ndarray, impulses: np.ndarray,
+                pulse: np.ndarray) -> np.ndarray:
+    """Return the loads of panes under triangular pulses over what they bear, (K,)."""
+    area = np.sort(model.blueprint.size[panes], axis=1)[:, 1:].prod(axis=1)
+    pressure = 2.0 * norm(impulses, axis=1) / (pulse * area)
+    return pressure / glass.pressure(model, panes) * air_blast.dynamic_load_factor(
+        glass.frequency(model, panes) * pulse)
 
 
 def _bond_work(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
-    """Give the work of fracture of each part's share of some of its bonds [J], (N,)."""
-    work = 0.5 * fracture_energy.SHEARING * graph.area[bonds]
+    """Return the work of fracture of each part's share of some of its bonds [J], (N,)."""
+    whole = (graph.mortar.cohesion[bonds] > 0.0) & ~graph.cracked[bonds]
+    work = np.where(whole, 0.5 * fracture_energy.SHEARING * graph.area[bonds], 0.0)
     return (np.bincount(graph.first[bonds], work, graph.count + 1)
             + np.bincount(graph.second[bonds], work, graph.count + 1))[:-1]
 
@@ -206,7 +220,11 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
                 left[patch], speed[patch] = False, 0.0
                 torn, failed = torn + 1, failed - 1
                 break
-    state.solver.cut(np.concatenate(cut))
+    bonds = np.concatenate(cut)
+    state.solver.cut(bonds)
+    bent = glass.in_bent_frames(model, state.solver.graph.rows[bonds])
+    bent = bent[state.standing[bent]]
+    _shatter(model, state, bent, np.ones(len(bent)))
     return np.concatenate(loose)
 
 
@@ -234,11 +252,34 @@ def _loosen(model: Model, state: State, parts: np.ndarray, alive: np.ndarray) ->
         cell[parts[clumped]] = cells.nearest(places[clumped], places[seeds])
     cell[parts[single]] = len(parts) + np.arange(len(single))
     cut = touching[cell[graph.first[touching]] != cell[graph.second[touching]]]
-    kept = np.maximum(1.0 - 1.0 / np.maximum(surplus, 1.0), 0.0)
-    own.momentum[parts] *= np.sqrt(kept)[:, None]
+    kept = np.sqrt(np.maximum(1.0 - 1.0 / np.maximum(surplus, 1.0), 0.0))
+    _pass_on(state, parts, (1.0 - kept)[:, None] * own.momentum[parts], touching)
     rows = graph.rows[cut[~graph.has_cracked(cut)]]
     alive[cut] = False
     state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
                      model.blueprint.bonds[rows], Cause.BLAST,
                      np.full(len(rows), float(np.median(surplus))))
     return cut
+
+
+def _pass_on(state: State, parts: np.ndarray, impulses: np.ndarray, bonds: np.ndarray) -> None:
+    """
+    Hand what tearing loose takes from a piece of wall to what it is torn from.
+
+    By action and reaction the bonds around the piece pull its neighbours along: each gets its
+    share by area, and the ground that of the bonds to it. A piece that nothing holds keeps all.
+
+    :param impulses: taken from each part [N·s], world, (K, 3).
+    :param bonds: of the parts that hold, (B,).
+    """
+    own, graph = state.blasts, state.solver.graph
+    inside = np.zeros(graph.count + 1, bool)
+    inside[parts] = True
+    around = bonds[inside[graph.first[bonds]] != inside[graph.second[bonds]]]
+    if not len(around):
+        return
+    own.momentum[parts] -= impulses
+    share = graph.area[around, None] * impulses.sum(axis=0) / graph.area[around].sum()
+    outer = np.where(inside[graph.first[around]], graph.second[around], graph.first[around])
+    built = outer < graph.count
+    np.add.at(own.momentum, outer[built], share[built])

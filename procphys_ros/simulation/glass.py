@@ -160,9 +160,22 @@ def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
         np.maximum.at(own.load, *_point_loads(model, state, np.flatnonzero(loose), struck,
                                               change))
     if broken:
-        bent = _in_bent_frames(model, state, np.concatenate(broken))
-        np.maximum.at(own.load, bent, np.full(len(bent), _JUST_OVER))
+        bent = np.searchsorted(glass.parts, in_bent_frames(model, np.concatenate(broken)))
+        own.load[bent] = np.maximum(own.load[bent], _JUST_OVER)
     own.load[~loose] = 0.0  # it stands, rests as it is, or is no more
+
+
+def in_bent_frames(model: Model, bonds: np.ndarray) -> np.ndarray:
+    """
+    List the panes that broken bonds held, or whose frame they held, (P,).
+
+    :param bonds: rows of the blueprint, (K,).
+    """
+    glass = model.glass
+    torn = np.zeros(len(model.blueprint) + 1, bool)
+    torn[model.blueprint.bonds[bonds]] = True
+    return np.unique(glass.parts[glass.pane[torn[glass.frame]
+                                            | torn[glass.parts[glass.pane]]]])
 
 
 def is_waiting(state: State) -> bool:
@@ -289,14 +302,6 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
     force = norm(contacts.impulse[touch[on]], axis=1)
     force /= blows_of(model, state, change).duration[touch[on]]
     return rows[on], force / _point_force(model, parts[on])
-
-
-def _in_bent_frames(model: Model, state: State, bonds: np.ndarray) -> np.ndarray:
-    """List the panes that broken bonds held, or whose frame they held."""
-    glass = model.glass
-    torn = np.zeros(state.loose_bonds.graph.count + 1, bool)
-    torn[model.blueprint.bonds[bonds]] = True
-    return glass.pane[torn[glass.frame] | torn[glass.parts[glass.pane]]]
 
 
 def _shards_of(model: Model, state: State, body: int, part: int,

@@ -62,6 +62,9 @@ class MomentumLedger:
     :ivar work: of fracture, sum over all blows [J].
     :ivar thrown: momentum of all that charges in walls threw, when they went off [N·s], (3,); what
         stands around the charges got as much the other way.
+    :ivar waves: impulse that blast waves gave to what stood, without panes [N·s], (3,).
+    :ivar blown: of that what parts took along when they came off [N·s], (3,); the rest went into
+        the ground, or is in walls that still shake.
     :ivar released: energy that this moves with [J], which the charges brought.
     """
 
@@ -73,6 +76,8 @@ class MomentumLedger:
     work: float = 0.0
     thrown: np.ndarray = field(default_factory=lambda: np.zeros(3))
     released: float = 0.0
+    waves: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    blown: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def record(self, impact: Impact) -> None:
         """Enter a blow."""

@@ -195,20 +195,24 @@ def release(model: Model, state: State, out: Exit, blow: Strike) -> None:
 
 
 def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
-                   rate: float = WALL_RATE, speed: float | None = None) -> None:
+                   rate: float | np.ndarray = WALL_RATE, speed: float | None = None,
+                   carried: bool = True) -> None:
     """
     Apply impulses to standing parts, until they break nothing more.
 
     :param parts: (K,) indices.
     :param impulses: at their centres of mass [N·s], world, (K, 3), or with angular impulses
         [N·m·s], (K, 6).
-    :param rate: steady force of the same effect over impulse [1/s].
+    :param rate: steady force of the same effect over impulse [1/s], of all or of each, (K, 1).
     :param speed: of what strikes [m/s]; None = it is as heavy as the part.
+    :param carried: whether parts that leave take the impulses along; those of waves are booked in
+        `state.blasts` instead.
     """
     wrenches = np.zeros((len(parts), 6))
     wrenches[:, :impulses.shape[1]] = rate * impulses
     state.loads.add_blow(parts, wrenches, speed if speed is not None else
-                         norm(impulses[:, :3], axis=1) / state.parts.mass[parts])
+                         norm(impulses[:, :3], axis=1) / state.parts.mass[parts],
+                         impulses[:, :3] if carried else 0.0)
 
 
 def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
@@ -227,7 +231,7 @@ def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
     near = np.concatenate([graph.first[bonds], graph.second[bonds]])
     near = np.setdiff1d(near[near < graph.count], parts)
     if len(near):
-        impulse = impulse + state.loads.take_blows(parts) / WALL_RATE
+        impulse = impulse + state.loads.take_blows(parts)
         speed = max(speed, state.loads.striking_speed(parts))
         apply_impulses(state, near, np.tile(impulse / len(near), (len(near), 1)), speed=speed)
 
@@ -357,12 +361,12 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
     whole = float(state.parts.mass[moved].sum())
     way = product(state.parts.mass[moved], state.solver.motion(moved))
     way /= max(float(norm(way)), 1e-12)
-    blows = max(float(product(state.loads.blows_on(moved), way)) / WALL_RATE, 0.0) * way
+    blows = max(float(product(state.loads.impulse_on(moved), way)), 0.0) * way
     size = float(norm(blows))
-    if max(size, float(norm(waves.sum(axis=0)))) > _TIPPING * whole:
+    if float(norm(blows + waves.sum(axis=0))) > _TIPPING * whole:
         most = state.loads.striking_speed(moved) * whole
         velocity = min(1.0, most / max(size, 1e-12)) * blows / whole
-        state.parts.velocities[moved[~waves.any(axis=1)], :3] = velocity
+        state.parts.velocities[moved, :3] = velocity
         return False
     state.loads.end_blows()
     state.loads.apply(state.solver, state.time, 0.0)
@@ -383,5 +387,6 @@ def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:
         own = state.blasts.momentum[parts]
         if own.any():
             state.parts.velocities[parts, :3] += own / state.parts.mass[parts][:, None]
+            state.ledger.blown = state.ledger.blown + own.sum(axis=0)
             state.blasts.momentum[parts] = 0.0
     fragments.release(model, state, pieces)

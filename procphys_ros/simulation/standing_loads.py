@@ -94,7 +94,7 @@ class StandingLoads:
 
     def resize(self, count: int) -> None:
         """Make room for parts that join behind all others, (N,) with them."""
-        more = np.zeros((count - self._count, 6))
+        more = np.zeros((count - self._count, 9))
         self._count = count
         self._speed = np.concatenate([self._speed, more[:, 0]])
         if self._waiting is not None:
@@ -103,17 +103,21 @@ class StandingLoads:
             self._blows = np.concatenate([self._blows, more])
         self._changed = True  # the solver is another one
 
-    def add_blow(self, parts: np.ndarray, wrenches: np.ndarray,
-                 speed: np.ndarray | float) -> None:
+    def add_blow(self, parts: np.ndarray, wrenches: np.ndarray, speed: np.ndarray | float,
+                 impulses: np.ndarray | float = 0.0) -> None:
         """
         Add blows, which act until the stresses under them break nothing more.
 
         :param parts: indices; one that stands twice gets both, (K,).
-        :param wrenches: force at the centre of mass and moment [N], [N·m], world, (K, 6).
+        :param wrenches: steady force of the same effect at the centre of mass and moment [N],
+            [N·m], world, (K, 6).
         :param speed: of what strikes each [m/s], (K,) or one for all.
+        :param impulses: that the parts take along when they leave [N·s], world, (K, 3).
         """
         parts = np.asarray(parts, np.intp)
-        self._struck.append((parts, np.asarray(wrenches, float)))
+        blows = np.zeros((len(parts), 9))
+        blows[:, :6], blows[:, 6:] = wrenches, impulses
+        self._struck.append((parts, blows))
         np.maximum.at(self._speed, parts, speed)
 
     @property
@@ -132,24 +136,24 @@ class StandingLoads:
         blows = self._blows
         return 0.0 if blows is None else float(norm(blows[:, :3], axis=1).max())
 
-    def blows_on(self, parts: np.ndarray) -> np.ndarray:
-        """Give the force of all blows that act on parts [N], (3,)."""
-        return np.zeros(3) if self._blows is None else self._blows[parts, :3].sum(axis=0)
+    def impulse_on(self, parts: np.ndarray) -> np.ndarray:
+        """Return the impulse of all blows that act on parts [N·s], (3,)."""
+        return np.zeros(3) if self._blows is None else self._blows[parts, 6:].sum(axis=0)
 
     def striking_speed(self, parts: np.ndarray) -> float:
         """Give the speed of the fastest thing that has struck any of the parts [m/s]."""
         return float(self._speed[parts].max(initial=0.0))
 
     def take_blows(self, parts: np.ndarray) -> np.ndarray:
-        """Take the blows off parts that leave; give the force that they passed on [N], (3,)."""
+        """Take the blows off parts that leave; return the impulse they passed on [N·s], (3,)."""
         total = np.zeros(3)
-        for struck, wrenches in self._struck:
+        for struck, blows in self._struck:
             leaves = np.isin(struck, parts)
-            total += wrenches[leaves, :3].sum(axis=0)
-            wrenches[leaves] = 0.0
+            total += blows[leaves, 6:].sum(axis=0)
+            blows[leaves] = 0.0
         for column in (self._waiting, self._blows):
             if column is not None:
-                total += column[parts, :3].sum(axis=0)
+                total += column[parts, 6:].sum(axis=0)
                 column[parts] = 0.0
         self._changed |= self._blows is not None
         return total
@@ -189,7 +193,7 @@ class StandingLoads:
         if self._waiting is not None:
             self._waiting = self._waiting * exp(-time_step / _FADING)
         if self._struck:
-            self._waiting = _strongest(self._waiting, self._total(self._struck))
+            self._waiting = _strongest(self._waiting, self._total(self._struck, 9))
             self._struck.clear()
         if not self._changed and self._waiting is None:
             return
@@ -202,20 +206,20 @@ class StandingLoads:
             self._waiting, self._rounds = None, 0
         total = self._total(list(self._layers.values()))
         if self._blows is not None:
-            total += self._blows
+            total += self._blows[:, :6]
         solver.set_loads(total[:, :3], total[:, 3:])
         self._changed = False
 
-    def _total(self, loads: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-        """Add up loads on each part, (N, 6)."""
-        total = np.zeros((self._count, 6))
-        for parts, wrenches in loads:
-            np.add.at(total, parts, wrenches)
+    def _total(self, loads: list[tuple[np.ndarray, np.ndarray]], columns: int = 6) -> np.ndarray:
+        """Add up loads on each part, (N, columns)."""
+        total = np.zeros((self._count, columns))
+        for parts, rows in loads:
+            np.add.at(total, parts, rows)
         return total
 
 
 def _strongest(blows: np.ndarray | None, others: np.ndarray) -> np.ndarray:
-    """Give the one with the larger force on each part, (N, 6)."""
+    """Give the one with the larger force on each part, (N, 9)."""
     if blows is None:
         return others
     harder = norm(others[:, :3], axis=1) > norm(blows[:, :3], axis=1)

@@ -38,6 +38,7 @@ class TornMeshes:
         self._scene, self._unit = scene, unit
         self._torn = torn_wood.TornEnds()
         self._drawn: dict[int, list[tuple[Any, int]]] = {}  # handles and parts, by bond
+        self._ends: dict[int, list[torn_wood.End]] = {}  # those that are drawn
         self._sent: dict[str, np.ndarray] = {}
 
     def update(self, frame: Frame) -> None:
@@ -46,8 +47,9 @@ class TornMeshes:
         if wood is None:
             return
         torn = self._torn.update(wood, frame.poses)
-        for bond in set(self._drawn) - set(torn):
+        for bond in [bond for bond in self._drawn if self._ends[bond] is not torn.get(bond)]:
             self._remove(bond)
+        self._ends = dict(torn)
         for bond in set(torn) - set(self._drawn):
             self._drawn[bond] = [(self._add(f'/torn/{bond}/{i}', look, corners), part)
                                  for i, (look, part, corners) in enumerate(torn[bond])]

@@ -18,6 +18,7 @@
 from procphys_ros.physics.loads import air_blast, faces, wind_pressure
 from procphys_ros.physics.loads.blast import blast_boxes, blast_capsules, Impulses
 from procphys_ros.physics.loads.gas_pressure import gas_impulse, peak_pressure
+from procphys_ros.physics.loads.lattice import heading
 from procphys_ros.physics.loads.room import find_room, Room
 from procphys_ros.physics.loads.sight import Sight
 from procphys_ros.physics.loads.skin import outer_faces
@@ -33,6 +34,6 @@ from procphys_ros.physics.loads.wind_forces import exposed_faces, Skin, WallPres
 
 __all__ = ['Hits', 'Impulses', 'Room', 'Sight', 'Skin', 'WallPressure', 'air_blast',
            'blast_boxes', 'blast_capsules', 'exposed_faces', 'faces', 'find_room',
-           'gas_impulse', 'outer_faces', 'peak_pressure',
+           'gas_impulse', 'heading', 'outer_faces', 'peak_pressure',
            'sweep_box_boxes', 'sweep_box_capsules', 'sweep_boxes', 'sweep_capsules',
            'wind_pressure', 'with_joints']

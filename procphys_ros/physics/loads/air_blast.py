@@ -82,7 +82,8 @@ def cleared_impulse(z: np.ndarray, front: np.ndarray | float,
     UFC 3-340-02, 2-15.3: the reflected pressure falls in a straight line to the sum of side-on and
     dynamic pressure, which takes 4·S / ((1 + S/G)·c); these fall on in a straight line. S is the
     less of the height and half the width of the wall, G the greater. The reflected impulse of a
-    wall without end is the most. The sound speed c in the reflected wave follows from the
+    wall without end is the most; all of it is left where the wave has passed before the pressure
+    can fall, as near a charge. The sound speed c in the reflected wave follows from the
     Rankine-Hugoniot relations, where the UFC reads it off a curve; the drag coefficient is 1.
 
     :param z: scaled distance [m/kg^(1/3)], (K,).
@@ -99,6 +100,7 @@ def cleared_impulse(z: np.ndarray, front: np.ndarray | float,
     square = np.divide(less, greater, out=np.ones(np.shape(z)), where=~endless)
     time = 4.0 * less / ((1.0 + square) * _reflected_sound(side_on))
     end = 2.0 * impulse(z, ground) / side_on
+    endless = endless | (time >= end)
     time = np.minimum(time, end)
     then = (side_on + dynamic_pressure(side_on)) * (1.0 - time / end)
     cleared = np.minimum(0.5 * (reflected(z, ground) * time + then * end), most)

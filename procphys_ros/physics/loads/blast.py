@@ -18,6 +18,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from procphys_ros.elementary import cbrt
 from procphys_ros.errors import CommandError
 from procphys_ros.linear import norm
 from procphys_ros.physics.air import CYLINDER_DRAG
-from procphys_ros.physics.loads import air_blast, faces
+from procphys_ros.physics.loads import air_blast, faces, reflections
 from procphys_ros.physics.loads.sight import Sight
 
 _OFF_FACE = 1e-4      # [m] rays start this far off a face
@@ -73,7 +74,8 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     reflected · cos² i + side-on · (1 - cos i)². The reflected pressure clears from the edges of
     what a box belongs to, see `air_blast.cleared_impulse`. Faces that cannot see the charge get
     none, but for the skins of buildings, which get the side-on impulse at their distance as roof,
-    side and rear walls do in UFC 3-340-02, 2-15.4; nearer ones do not spare them.
+    side and rear walls do in UFC 3-340-02, 2-15.4; nearer ones do not spare them. Waves that walls
+    around the charge throw back add their impulses, see `reflections`.
 
     :param point: of the charge, (3,) [m], world.
     :param charge: mass of TNT [kg].
@@ -82,8 +84,9 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     :param blocking: which boxes shield others, (N,) bool; None = all.
     :param sight: the boxes as already listed for rays; None = list them now.
     :param ground: height of the ground below the charge [m].
-    :param fronts: height or half the width of what each box belongs to, the less and the greater
-        of them [m], (N, 2); None = so large that nothing clears.
+    :param fronts: of what each box belongs to, across each of the box's three axes: height or
+        half the width, the less and the greater of them [m], (N, 3, 2); None = so large that
+        nothing clears.
     :param centres: about which moments are taken, (N, 3) [m]; None = those of the boxes.
     :param skin: faces with a room behind them, (N, 6) bool, see `skin.outer_faces`; None = none.
     :raises CommandError: when point or charge are out of range.
@@ -92,30 +95,50 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     poses = np.asarray(poses, float)
     sizes = np.asarray(sizes, float)
     outer = np.zeros((len(poses), 6), bool) if skin is None else skin
-    patches = faces.cut(poses, sizes, faces.facing(poses, sizes, place) | outer)
-    one_sided = outer[patches.owner, patches.face]
     if sight is None:
         sight = Sight(poses, sizes, blocking=blocking)
-    towards = place - patches.centre
+    middles = poses[:, :3] if centres is None else centres
+    linear, angular, force = np.zeros((3, len(poses), 3))
+    mirrored = reflections.images(place, poses, sizes, burst == 0.0)
+    for image in (reflections.Image(place), *mirrored):
+        direct = not image.planes
+        wanted = faces.facing(poses, sizes, image.place) | (outer & direct)
+        loads = _wave(image, scale, burst, faces.cut(poses, sizes, wanted), sight, fronts,
+                      outer & direct)
+        gift = faces.gather(loads.patches, loads.impulse, middles)
+        linear, angular = linear + gift[0], angular + gift[1]
+        if direct:
+            force, _ = faces.gather(loads.patches, loads.force, middles)
+    return Impulses(linear, angular, _arrival(place, scale, burst, poses), norm(force, axis=1))
+
+
+class _Loads(NamedTuple):
+    """Impulse [N·s] and largest force [N] of one wave on patches of faces, (K, 3) each."""
+
+    patches: faces.Patches
+    impulse: np.ndarray
+    force: np.ndarray
+
+
+def _wave(image: reflections.Image, scale: float, burst: float, patches: faces.Patches,
+          sight: Sight, fronts: np.ndarray | None, outer: np.ndarray) -> _Loads:
+    """Compute what the wave of a charge, or of an image of it, does to patches that it reaches."""
+    one_sided = outer[patches.owner, patches.face]
+    towards = image.place - patches.centre
     distance = np.maximum(norm(towards, axis=1), 1e-9)
     cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
     seen = cosine > 0.0
-    seen[seen] = sight.clear((patches.centre + _OFF_FACE * patches.normal)[seen], place,
-                             patches.owner[seen])
+    seen[seen] = image.reaches((patches.centre + _OFF_FACE * patches.normal)[seen],
+                               patches.owner[seen], sight)
     felt = seen | one_sided
     patches, z, cosine = patches.take(felt), distance[felt] / scale, np.where(
         seen, cosine, 0.0)[felt]
-    front = np.inf if fronts is None else fronts[patches.owner].T / scale
+    front = np.inf if fronts is None else fronts[patches.owner, patches.face // 2].T / scale
     waves = (air_blast.cleared_impulse(z, front, burst), air_blast.impulse(z, burst)), (
         air_blast.reflected(z, burst), air_blast.overpressure(z, burst))
     impulse, pressure = (incidence(*wave, cosine, one_sided[felt]) for wave in waves)
-    middles = poses[:, :3] if centres is None else centres
-    linear, angular = faces.gather(
-        patches, -(scale * impulse * patches.area)[:, None] * patches.normal, middles)
-    force, _ = faces.gather(patches, -(pressure * patches.area)[:, None] * patches.normal,
-                            middles)
-    return Impulses(linear, angular, _arrival(place, scale, burst, poses),
-                    norm(force, axis=1))
+    inward = -patches.area[:, None] * patches.normal
+    return _Loads(patches, (scale * impulse)[:, None] * inward, pressure[:, None] * inward)
 
 
 def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,

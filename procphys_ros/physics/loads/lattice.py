@@ -21,7 +21,7 @@ from typing import Self
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.elementary import atan2
+from procphys_ros.elementary import atan2, cos, sin
 
 _ENCLOSED = 4  # of the six ways along the axes that end at something, at least
 
@@ -97,6 +97,9 @@ class Lattice:
 
 
 def heading(attitude: np.ndarray) -> np.ndarray:
-    """Give the turn about the vertical, xyzw, of a lattice along a box; attitude (4,)."""
+    """Return the turns about the vertical of lattices along boxes; quaternions xyzw, (..., 4)."""
     axis = rotation.rotate(attitude, np.array([1.0, 0.0, 0.0]))
-    return rotation.from_yaw(float(atan2(axis[1], axis[0])))
+    half = 0.5 * atan2(axis[..., 1], axis[..., 0])
+    turn = np.zeros(attitude.shape)
+    turn[..., 2], turn[..., 3] = sin(half), cos(half)
+    return turn

@@ -28,12 +28,13 @@ from procphys_ros.elementary import cbrt
 
 _MOST_CELLS = 2_000_000  # more would cost more time to clear than they save
 _LEAST_CELL = 0.25       # [m] about a brick
+SEAL = 0.011             # [m] by which boxes are thicker: more than the width of a mortar joint
 
 
 class Sight:
     """Boxes that block rays."""
 
-    def __init__(self, poses: np.ndarray, sizes: np.ndarray, seal: float = 0.011,
+    def __init__(self, poses: np.ndarray, sizes: np.ndarray, seal: float = SEAL,
                  blocking: np.ndarray | None = None):
         """
         List the boxes in a grid.
@@ -71,6 +72,32 @@ class Sight:
         ends = np.ascontiguousarray(np.broadcast_to(ends, starts.shape), float)
         return _trace(starts, ends, np.asarray(owners, np.int64), self._boxes,
                       self._blocking, self._grid)
+
+    def holds(self, points: np.ndarray) -> np.ndarray:
+        """Return which points lie in a box that blocks rays, (K,) bool; points (K, 3), world."""
+        return _hold(np.ascontiguousarray(points, float), self._boxes, self._grid)
+
+
+@kernel(error_model='numpy')
+def _hold(points, boxes, grid):
+    """Return which points lie in a box."""
+    origin, cell, shape, starts, lists = grid
+    held = np.zeros(len(points), np.bool_)
+    for i in range(len(points)):
+        x = int(np.floor((points[i, 0] - origin[0]) / cell))
+        y = int(np.floor((points[i, 1] - origin[1]) / cell))
+        z = int(np.floor((points[i, 2] - origin[2]) / cell))
+        if min(x, y, z) < 0 or x >= shape[0] or y >= shape[1] or z >= shape[2]:
+            continue
+        at = (x * shape[1] + y) * shape[2] + z
+        for n in range(starts[at], starts[at + 1]):
+            box, inside = boxes[lists[n]], True
+            for k in range(3):
+                p = (box[3 + k] * (points[i, 0] - box[0]) + box[6 + k] * (points[i, 1] - box[1])
+                     + box[9 + k] * (points[i, 2] - box[2]))
+                inside = inside and abs(p) <= box[12 + k]
+            held[i] = held[i] or inside
+    return held
 
 
 @kernel

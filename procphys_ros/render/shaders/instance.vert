@@ -11,7 +11,8 @@ in vec3 in_position;          // of the copy [m], world
 in vec4 in_turn;              // its attitude, xyzw
 in vec3 in_size;              // its extents [m], by kind
 in vec3 in_tone;              // its colour
-in vec2 in_share;             // sun and sky light that the leaves around it let through
+in vec2 in_share;             // sun and sky light that the leaves around it let through; of
+                              // branches sky light at the base and at the tip
 in float in_offset;           // along the image, so that no two bricks look alike
 
 #if defined(KIND_TRIANGLE)
@@ -33,7 +34,6 @@ in vec3 in_normal;
 
 #if defined(KIND_LEAF) && !defined(SHADOW)
 out vec3 leaf_light;
-const vec3 BOUNCE = vec3(0.20, 0.20, 0.16);  // light from the ground below
 const float THROUGH = 0.35;   // share of the sun that a leaf lets through to its far side
 #endif
 out vec3 world;
@@ -95,7 +95,8 @@ void main() {
     uv = vec2(max(1.0, round(0.5 * TURN * in_size.x / BARK_TILE.x)) * in_ring.w,
               (local.z + in_offset) / BARK_TILE.y);
 #elif defined(KIND_LEAF)
-    local = in_corner * vec3(in_size.x * in_size.yy, in_size.x);
+    // What lies, with its own x upright, is pressed flat: clusters do not stand on the ground.
+    local = in_corner * vec3(in_size.x * in_size.yy, in_size.x) * vec3(in_size.z, 1.0, 1.0);
     facing = in_outward;
     uv = in_uv;
 #elif defined(KIND_BALL)
@@ -112,13 +113,17 @@ void main() {
     world = in_position + rotate(in_turn, local);
     normal = rotate(in_turn, facing);
     tone = in_tone;
+#if defined(KIND_BRANCH)
+    share = vec2(mix(in_share.x, in_share.y, in_ring.x));
+#else
     share = in_share;
+#endif
 #if defined(KIND_LEAF) && !defined(SHADOW)
     float sunny = THROUGH + (1.0 - THROUGH) * clamp(0.25 + 0.75 * dot(normal, sun), 0.0, 1.0);
     // Half of the shade is that of the crown, which is smooth, and half that of single leaves.
     float lit = share.x * (0.5 + 0.5 * sunlit(world, sun, vec2(gl_VertexID, gl_InstanceID)));
     leaf_light = 1.35 * sunny * lit * sunshine + (0.65 + 0.35 * normal.z) * share.y * skylight
-                 + 0.6 * BOUNCE;
+                 + (0.65 - 0.35 * normal.z) * bounce;
 #if defined(KIND_SPRAY)
     leaf_light *= in_uv.x;
 #endif

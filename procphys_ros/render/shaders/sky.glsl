@@ -2,12 +2,14 @@
 uniform vec3 sun;             // towards it, unit
 uniform vec3 sunshine;        // colour of its light on a surface that faces it
 uniform vec3 skylight;        // colour of the light from above
+uniform vec3 bounce;          // and from the ground below
 uniform vec3 sky_low, sky_high;
 uniform float clouds;         // share of the sky, 0 to 1
 uniform float visibility;     // [m]
 uniform vec3 eye;             // [m]
 uniform mat4 to_shadow;
 uniform float texel;          // of the shadow map, over its side
+uniform float texel_size;     // [m] and across
 uniform sampler2DShadow shadow_map;
 uniform sampler2D noise;      // four independent channels, mean 0.5
 
@@ -37,7 +39,10 @@ vec3 sky(vec3 towards) {
 // Share of the sun that arrives, over a few spots around, which makes the edge soft; their turn is
 // drawn from a seed.
 float sunlit(vec3 place, vec3 facing, vec2 seed) {
-    vec4 spot = to_shadow * vec4(place + 0.012 * facing + 0.006 * sun, 1.0);
+    // Off the surface, by as much as it falls away from the furthest of these spots.
+    float steep = length(cross(facing, sun));
+    float off = 0.012 + 3.1 * steep * texel_size;
+    vec4 spot = to_shadow * vec4(place + off * facing + 0.006 * sun, 1.0);
     vec3 where = 0.5 * spot.xyz + 0.5;
     if (any(lessThan(where.xy, vec2(0.001))) || any(greaterThan(where.xy, vec2(0.999)))) return 1.0;
     // What lies behind all that throws shadows is shaded, too: low sun throws them far.

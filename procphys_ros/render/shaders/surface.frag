@@ -15,26 +15,38 @@ in vec2 uv;
 
 uniform sampler2D image;
 uniform bool plain;           // there is no image
+uniform bool stony;           // the image has no direction
 uniform float opacity;
 
 out vec4 pixel;
 
-const vec3 BOUNCE = vec3(0.20, 0.20, 0.16);  // light from the ground below
+#if !defined(KIND_LEAF)
+// What has no direction is seen in three sizes at once, turned against each other (by the golden
+// angle, and scaled by the golden section), so that it does not come again every tile.
+vec4 paint_of(vec2 uv) {
+    if (plain) return vec4(1.0);
+    vec4 paint = texture(image, uv);
+    if (!stony) return paint;
+    const mat2 other = 0.618034 * mat2(-0.737369, 0.675490, -0.675490, -0.737369);
+    return (paint + texture(image, other * uv) + texture(image, other * other * uv)) / 3.0;
+}
+#endif
 
 void main() {
     vec3 towards = normalize(eye - world);
 #if defined(KIND_LEAF)
     vec4 paint = plain ? vec4(1.0) : texture(image, uv, -2.0);
     if (paint.a < 0.45) discard;
-    pixel = vec4(hazed(tone * paint.rgb * leaf_light, world), 1.0);
+    // Leaves know what shades them: no need to guess it from the depths around, see compose.frag.
+    pixel = vec4(hazed(tone * paint.rgb * leaf_light, world), 0.0);
 #else
-    vec4 paint = plain ? vec4(1.0) : texture(image, uv);
+    vec4 paint = paint_of(uv);
     vec3 facing = normalize(normal);
     if (!gl_FrontFacing) facing = -facing;
     float lit = max(dot(facing, sun), 0.0);
     if (lit > 0.0) lit *= sunlit(world, facing, gl_FragCoord.xy);
     float up = 0.5 + 0.5 * facing.z;
-    vec3 light = lit * sunshine + up * share.y * skylight + (1.0 - up) * BOUNCE;
+    vec3 light = lit * sunshine + up * share.y * skylight + (1.0 - up) * bounce;
     vec3 colour = tone * paint.rgb * light;
     float cover = opacity;
     if (opacity < 1.0) {      // glass: the flatter the view, the more it mirrors (Schlick)
