@@ -107,13 +107,22 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
                      before, old)
         out.radius[count:count + found, 0] = pieces.radius[p]
         count += found
+    count = _find_corners(extra, len(pieces.body), out, count, old, poses, velocities, terrain,
+                          time_step, points, normals, before)
+    return out, count
+
+
+@subroutine
+def _find_corners(extra, key, out, count, old, poses, velocities, terrain, time_step, points,
+                  normals, before):
+    """Find further points that touch the ground, and give the number of all contacts."""
     for e in range(len(extra[0])):
         found = _corner_on_ground(extra[0][e], extra[1][e], poses, velocities, terrain, time_step,
                                   points, normals)
-        old = _write(out, count, found, len(pieces.body), e, extra[0][e], 0, points, normals,
-                     poses, before, old)
+        old = _write(out, count, found, key, e, extra[0][e], 0, points, normals, poses, before,
+                     old)
         count += found
-    return out, count
+    return count
 
 
 @subroutine

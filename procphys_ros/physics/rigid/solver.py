@@ -18,8 +18,8 @@ Solver: impulses at contacts, island by island, in substeps.
 
 Each substep applies gravity, starts from the impulses of the one before, solves with soft
 contacts, which take overlaps back, moves, and solves again without, so that nothing of that stays
-as speed (Catto 2024, "Solver2D": soft step with relaxation; Macklin et al. 2019, "Small steps in physics
-simulation"). Friction is a cone.
+as speed (Catto 2024, "Solver2D": soft step with relaxation; Macklin et al. 2019, "Small steps in
+physics simulation"). Friction is a cone.
 """
 
 import math
@@ -110,35 +110,43 @@ def solve(bodies, first, second, point, normal, gap, radius, friction, restituti
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
         contacts = range(start[g], start[g + 1])
-        substeps, passes = _pace(own, len(contacts), bodies, time_step)
-        h = time_step / substeps
         for c in contacts:
             _place(c, bodies, first[c], second[c], at(point, c), at(normal, c), radius, rows)
             _aim(c, bodies, first[c], second[c], moved, at(normal, c), time_step, rows)
-            _start(c, force[c], h, rows)
-        for substep in range(substeps):
-            if substeps == _FINEST and substep > 0:
-                for c in contacts:
-                    _aim(c, bodies, first[c], second[c], moved, at(normal, c), h, rows)
-            for i in own:
-                for w in range(3):
-                    bodies.velocity[i, w] += gravity[w] * h
-            _begin(contacts, first, second, bodies.velocity, light, rows)
-            _passes(passes, contacts, first, second, bodies.velocity, light, rows, friction, h,
-                    _softness(h))
-            for i in own:
-                _advance(i, bodies, gravity, h, len(contacts) == 0, moved)
-            _carry(len(members), bodies, (substep + 1) * h, moved)
-            _measure(contacts, first, second, moved, gap, rows)
-            _passes(2 * passes, contacts, first, second, bodies.velocity, light, rows, friction,
-                    h, _RIGID)
-            _bounce(contacts, first, second, bodies.velocity, light, rows, restitution)
-            _add_up(contacts, rows, total)
-        _keep_forces(contacts, rows, h, force)
+        _solve_island(own, contacts, len(members), bodies, first, second, normal, gap, friction,
+                      restitution, force, gravity, time_step, light, moved, rows, total)
     for c in range(count):
         for w in range(4, 7):
             total[c, w] = total[c, w] / total[c, 3] if total[c, 3] > 0.0 else rows.spot[c, w - 4]
     return total
+
+
+@subroutine
+def _solve_island(own, contacts, free, bodies, first, second, normal, gap, friction, restitution,
+                  force, gravity, time_step, light, moved, rows, total):
+    """Move the bodies of an island by a step; `total` gets the impulses."""
+    substeps, passes = _pace(own, len(contacts), bodies, time_step)
+    h = time_step / substeps
+    velocity = bodies.velocity
+    for c in contacts:
+        _start(c, force[c], h, rows)
+    for substep in range(substeps):
+        if substeps == _FINEST and substep > 0:
+            for c in contacts:
+                _aim(c, bodies, first[c], second[c], moved, at(normal, c), h, rows)
+        for i in own:
+            for w in range(3):
+                velocity[i, w] += gravity[w] * h
+        _begin(contacts, first, second, velocity, light, rows)
+        _passes(passes, contacts, first, second, velocity, light, rows, friction, h, _softness(h))
+        for i in own:
+            _advance(i, bodies, gravity, h, len(contacts) == 0, moved)
+        _carry(free, bodies, (substep + 1) * h, moved)
+        _measure(contacts, first, second, moved, gap, rows)
+        _passes(2 * passes, contacts, first, second, velocity, light, rows, friction, h, _RIGID)
+        _bounce(contacts, first, second, velocity, light, rows, restitution)
+        _add_up(contacts, rows, total)
+    _keep_forces(contacts, rows, h, force)
 
 
 @subroutine
