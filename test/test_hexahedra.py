@@ -30,7 +30,7 @@ from procphys_ros import messages, rotation
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, GROUND, Hexahedra, Shape
 from procphys_ros.hexahedron import box_corners, faces, inset, solids
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
-from procphys_ros.physics.world import rigid_sum, World
+from procphys_ros.physics.world import installed_engines, rigid_sum, World
 from procphys_ros.render.mesh import solids as meshes
 from procphys_ros.wallgrammar.polygons import meet, moments
 
@@ -149,7 +149,7 @@ def test_dry_arches_of_voussoirs_stand_down_to_limit_analysis(count):
         assert bool(cracking.solver.supported.all()) == holds
 
 
-@pytest.mark.parametrize('engine', ['bullet', 'rapier'])
+@pytest.mark.parametrize('engine', installed_engines())
 def test_engines_let_stones_rest_on_their_own_faces(engine):
     """Drop a trapezoid alone and two as one body; both come to rest with their base down."""
     corners = trapezoid()

@@ -145,9 +145,6 @@ def make_engine(name: str, gravity: np.ndarray, terrain: Terrain = FLAT) -> Engi
         raise SceneError(f'engine is "{name}"{nearest_names(name, ENGINES)} '
                          f'(known: {", ".join((DEFAULT_ENGINE, *ENGINES))})')
     found = installed_engines()
-    if not found:
-        raise SceneError(f'no engine of rigid bodies is installed, pip install one of them: '
-                         f'{", ".join(ENGINES.values())}')
     if name == DEFAULT_ENGINE:
         name, first = found[0], next(iter(ENGINES))
         if name != first:

@@ -1,0 +1,232 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The contact solver of our own: manifolds against brute force, and bodies against statics."""
+
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.physics.rigid.contacts import find, no_contacts
+from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, ROUND
+from procphys_ros.physics.terrain import FLAT
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.loose_bodies import plain
+from procphys_ros.physics.world.native import NativeEngine
+
+G = np.array([0.0, 0.0, -9.81])
+BRICK = np.array([0.215, 0.1025, 0.065])
+DT = 1.0 / 60.0
+
+
+def bodies(places, sizes, masses, friction=0.6, fixed=(), gravity=G):
+    """Put boxes into an engine; some stand still."""
+    table = BodyTable()
+    table.add_ground(friction)
+    poses = np.column_stack([places, np.tile([0.0, 0.0, 0.0, 1.0], (len(places), 1))])
+    ids = table.add_bodies(BodyState.AWAKE, [
+        plain(Shape.BOX, np.broadcast_to(sizes, (len(places), 3))[n], masses[n], poses[n],
+              friction=friction) for n in range(len(places))])
+    table.set_state(ids[list(fixed)], BodyState.FIXED)
+    engine = NativeEngine(gravity)
+    engine.add(table, np.concatenate([[0], ids]))
+    return table, ids, engine
+
+
+def run(engine, seconds, time_step=DT):
+    """Let time pass."""
+    for _ in range(round(seconds / time_step)):
+        engine.step(time_step)
+
+
+def two_pieces(kinds, sizes, poses):
+    """Place two pieces; hexahedra have the corners of boxes."""
+    pieces = no_pieces(2)
+    pieces.body[:], pieces.kind[:] = [1, 2], kinds
+    pieces.size[:], pieces.local[:, 6] = sizes, 1.0
+    signs = np.array([[1 if c & b else -1 for b in (1, 2, 4)] for c in range(8)])
+    pieces.cut[:] = (0.5 * signs * np.asarray(sizes)[:, None]).reshape(2, 24)
+    table = np.concatenate([[[0.0, 0.0, -9.0, 0.0, 0.0, 0.0, 1.0]], poses])
+    place(np.arange(2), pieces, table, np.zeros((3, 6)), 0.0)
+    return pieces, table
+
+
+def touching(pieces, table):
+    """Find the contacts of two pieces."""
+    rows, count = find(np.array([0]), np.ones(1, bool), np.array([[0], [1]]), pieces, table,
+                       np.zeros((3, 6)), (np.zeros(0, np.int64), np.zeros((0, 3))), FLAT, 0.0,
+                       no_contacts(0))
+    return rows.head(count)
+
+
+def draw_poses(rng, apart):
+    """Draw two poses near each other, high above the ground."""
+    turns = rng.normal(size=(2, 4))
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    way = rng.normal(size=3)
+    return np.column_stack([[[0.0, 0.0, 5.0], [0.0, 0.0, 5.0] + apart * way], turns])
+
+
+def nearest(one, two, rng):
+    """Give the gap of two convex sets of corners along the best of many directions."""
+    ways = rng.normal(size=(40_000, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    gaps = (ways @ one.T).min(axis=1) - (ways @ two.T).max(axis=1)
+    best = ways[np.argmax(gaps)]
+    for size in (0.02, 0.004, 0.0008):
+        more = best + size * rng.normal(size=(4000, 3))
+        more /= np.linalg.norm(more, axis=1)[:, None]
+        gaps = (more @ one.T).min(axis=1) - (more @ two.T).max(axis=1)
+        best = more[np.argmax(gaps)]
+    return gaps.max()
+
+
+@pytest.mark.parametrize('kinds', [(BOX, BOX), (HEXAHEDRON, BOX), (HEXAHEDRON, HEXAHEDRON)])
+def test_gaps_are_those_of_the_best_of_many_directions(kinds):
+    """Place boxes at random, as boxes and as hexahedra: no direction separates them more."""
+    rng, seen = np.random.default_rng(3), 0
+    for _ in range(60):
+        sizes = rng.uniform(0.05, 0.4, (2, 3))
+        pieces, table = two_pieces(kinds, sizes, draw_poses(rng, 0.12))
+        rows = touching(pieces, table)
+        wanted = nearest(*pieces.corners, rng)
+        if not len(rows.gap):
+            assert wanted > 0.004
+            continue
+        assert rows.gap.min() == pytest.approx(wanted, abs=2e-3)
+        np.testing.assert_allclose(np.linalg.norm(rows.normal, axis=1), 1.0, atol=1e-9)
+        assert len(rows.gap) <= 4
+        seen += 1
+    assert seen > 20
+
+
+def test_round_pieces_keep_the_distance_of_their_axes():
+    """Place capsules and balls near boxes: the gap is that of points along the axis."""
+    rng, seen = np.random.default_rng(5), 0
+    for n in range(80):
+        length = 0.1 if n % 2 else rng.uniform(0.1, 0.6)
+        sizes = np.array([[0.1, 0.1, length], rng.uniform(0.1, 0.4, 3)])
+        pieces, table = two_pieces((ROUND, BOX), sizes, draw_poses(rng, 0.15))
+        a, b = pieces.corners[0, :2]
+        along = a + np.linspace(0.0, 1.0, 2001)[:, None] * (b - a)
+        inside = (along - pieces.centre[1]) @ pieces.axes[1].T
+        beyond = np.maximum(np.abs(inside) - 0.5 * sizes[1], 0.0)
+        far = np.linalg.norm(beyond, axis=1).min()
+        rows = touching(pieces, table)
+        if far > 1e-6 and far - 0.05 < 0.004:
+            assert rows.gap.min() == pytest.approx(far - 0.05, abs=1e-3)
+            seen += 1
+        elif far - 0.05 > 0.006:
+            assert not len(rows.gap)
+    assert seen > 15
+
+
+@pytest.mark.parametrize('count', [4, 8])
+@pytest.mark.parametrize(('share', 'stands'), [(0.95, True), (1.03, False)])
+def test_corbels_stand_up_to_their_limit(count, share, stands):
+    """Lay each brick over the one below by L / 2n, times a share."""
+    reach = [0.0]
+    for n in range(1, count + 1):
+        reach.append(reach[-1] - BRICK[0] / (2 * n) * share)
+    places = [(reach[n], 0.0, BRICK[2] * (count - n + 0.5)) for n in range(count + 1)]
+    table, ids, engine = bodies(places, BRICK, np.full(count + 1, 2.6), 0.7, [count])
+    run(engine, 3.0)
+    assert (np.abs(table.poses[ids, :3] - places).max() < 1e-3) == stands
+
+
+@pytest.mark.parametrize(('mass', 'height'), [(10e3, 4), (40e3, 4)])
+def test_slabs_lie_on_loose_posts(mass, height):
+    """Lay a slab on 49 posts of loose bricks, up to 15,000 times as heavy as one: it stays."""
+    places = [(0.5 * i, 0.5 * j, BRICK[2] * (k + 0.5))
+              for i in range(7) for j in range(7) for k in range(height)]
+    sizes = [BRICK] * len(places) + [[4.0, 4.0, 0.2]]
+    places.append((1.5, 1.5, BRICK[2] * height + 0.1))
+    table, ids, engine = bodies(places, sizes, [2.6] * (len(places) - 1) + [mass])
+    run(engine, 2.0)
+    assert np.abs(table.poses[ids, :3] - places).max() < 0.01
+
+
+@pytest.mark.parametrize('time_step', [1 / 30, 1 / 60, 1 / 240])
+def test_a_block_rocks_as_housner_has_it(time_step):
+    """Let a tilted block go: the share of its amplitude after the first impact (Housner 1963)."""
+    half, tilt = np.array([0.1, 0.5]), 0.1
+    radius, edge = np.hypot(*half), np.arctan2(*half)
+    middle = [half[0] - radius * np.sin(edge - tilt), 0.0, radius * np.cos(edge - tilt)]
+    table, ids, engine = bodies([middle], [[0.2, 0.4, 1.0]], [50.0], 0.9)
+    table.poses[ids[0], 3:] = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), tilt)
+    least = 0.0
+    for _ in range(round(1.2 / time_step)):
+        engine.step(time_step)
+        least = min(least, 2.0 * np.arctan2(*table.poses[ids[0], [4, 6]]))
+    kept = 1.0 - 1.5 * np.sin(edge) ** 2
+    wanted = edge * (1.0 - np.sqrt(1.0 - kept ** 2 * (1.0 - (1.0 - tilt / edge) ** 2)))
+    assert -least == pytest.approx(wanted, rel=0.02)
+
+
+@pytest.mark.parametrize('time_step', [1 / 60, 1 / 240])
+def test_dominoes_fall_one_by_one(time_step):
+    """Push the first of forty: all fall, at a speed that hardly depends on the step."""
+    count, height, pitch = 40, 0.24, 0.13
+    table, ids, engine = bodies([(pitch * n, 0.0, 0.5 * height) for n in range(count)],
+                                [0.05, 0.12, height], np.full(count, 2.6))
+    table.velocities[ids[0]] = [0.4, 0.0, 0.0, 0.0, 4.0, 0.0]
+    fell = np.full(count, np.nan)
+    for step in range(round(5.0 / time_step)):
+        engine.step(time_step)
+        upright = 1.0 - 2.0 * (np.square(table.poses[ids, 3:5]).sum(axis=1))
+        fell[np.isnan(fell) & (upright < 0.95)] = step * time_step
+    assert np.isfinite(fell).all()
+    speed = 20 * pitch / (fell[30] - fell[10])
+    assert speed == pytest.approx(0.825 * np.sqrt(9.81 * height), rel=0.05)
+
+
+def test_a_spin_about_the_middle_axis_keeps_energy_and_momentum():
+    """Tumble for 20 s in free fall."""
+    table, ids, engine = bodies([(0.0, 0.0, 5.0)], [[0.3, 0.2, 0.05]], [2.6], gravity=np.zeros(3))
+    table.velocities[ids[0], 3:] = [0.01, 10.0, 0.0]
+    inertia = box_inertia(np.array([2.6]), np.array([[0.3, 0.2, 0.05]]))[0]
+
+    def motion():
+        spin = rotation.rotate(rotation.conjugate(table.poses[ids[0], 3:]),
+                               table.velocities[ids[0], 3:])
+        return np.array([inertia @ spin ** 2, np.linalg.norm(inertia * spin)])
+    before = motion()
+    run(engine, 20.0)
+    np.testing.assert_allclose(motion() / before, [1.0, 1.0], atol=2e-3)
+
+
+def test_a_heap_falls_lands_and_keeps_its_books():
+    """Drop 150 bricks: energy never rises, contacts carry the weight, little overlaps."""
+    rng, count = np.random.default_rng(0), 150
+    places = np.array([(0.28 * (n % 3), 0.28 * (n // 3 % 3), 0.3 + 0.22 * (n // 9))
+                       for n in range(count)]) + rng.uniform(-0.02, 0.02, (count, 3))
+    table, ids, engine = bodies(places, BRICK, np.full(count, 2.6))
+    turns = rng.normal(size=(count, 4))
+    table.poses[ids, 3:] = turns / np.linalg.norm(turns, axis=1)[:, None]
+    energies, carried = [], []
+    for _ in range(240):
+        engine.step(DT)
+        attitude = table.poses[ids, 3:]
+        spin = rotation.rotate(rotation.conjugate(attitude), table.velocities[ids, 3:])
+        energies.append(2.6 * (0.5 * np.square(table.velocities[ids, :3]).sum()
+                               + 9.81 * table.poses[ids, 2].sum())
+                        + 0.5 * (table.inertia[ids] * spin ** 2).sum())
+        told = engine.contacts()
+        carried.append(told[told[:, 1] == 0, 11].sum())
+    assert np.diff(energies).max() < 1e-3 * energies[0]
+    assert np.mean(carried[-60:]) == pytest.approx(count * 2.6 * 9.81, rel=0.02)
+    assert engine.contacts()[:, 8].min() > -3e-3
+    assert np.sqrt(np.square(table.velocities[ids, :3]).sum(axis=1).mean()) < 0.02
