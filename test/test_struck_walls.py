@@ -181,6 +181,7 @@ def test_a_wall_becomes_no_faster_than_what_strikes_it():
     Strike a light wall with a tonne, while something faster flies far away: that changes nothing.
 
     The momentum that it takes would make the wall of 60 kg faster than the box, if it had it all.
+    Until it leaves the ground it has no speed.
     """
     boxes, fastest = wall_boxes(12, 24), []
     for others in ((), (Projectile('sphere', 0.2, 5.0, (1.3, 300.0, 90.0), (0.0, 100.0, 0.0)),)):
@@ -193,10 +194,11 @@ def test_a_wall_becomes_no_faster_than_what_strikes_it():
         mass, speeds = simulation.blueprint.mass[:len(boxes[0])], []
         for _ in range(12):
             simulation.step()
+            assert not simulation.velocities[simulation.state.standing].any()
             speeds.append(mass @ simulation.velocities[:len(mass), 1] / mass.sum())
         fastest.append(max(speeds))
         assert not simulation.state.standing[:len(mass)].all()
-    np.testing.assert_allclose(fastest, [4.0, 4.0], rtol=0.03)
+    assert fastest[0] == fastest[1] and 3.4 < fastest[0] < 4.1  # some bricks stay below
 
 
 def test_twelve_tonnes_go_through_the_pier_of_an_arcade():

@@ -288,7 +288,7 @@ def judge_stresses(model: Model, state: State, dt: float) -> None:
     broke = any(failures.broken.any() for failures in rounds)
     _let_go(model, state, pieces)
     if is_stable(state):
-        state.parts.velocities[state.standing] = 0.0  # of what blows did not throw over
+        state.loads.thrown[:] = 0.0  # of what blows did not throw over
         state.loads.end_blows()
     elif rounds:
         state.loads.take_more(broke)
@@ -366,7 +366,7 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
     if float(norm(blows + waves.sum(axis=0))) > _TIPPING * whole:
         most = state.loads.striking_speed(moved) * whole
         velocity = min(1.0, most / max(size, 1e-12)) * blows / whole
-        state.parts.velocities[moved, :3] = velocity
+        state.loads.thrown[moved] = velocity
         return False
     state.loads.end_blows()
     state.loads.apply(state.solver, state.time, 0.0)
@@ -376,13 +376,15 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
 def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:
     """Release what lost the ground, with the velocity that blows or a blast wave gave it."""
     if pieces and state.loads.struck:
-        thrown = np.flatnonzero(state.standing & state.parts.velocities.any(axis=1))
+        loads = state.loads
+        thrown = np.flatnonzero(state.standing[:len(loads.thrown)] & loads.thrown.any(axis=1))
         mass = state.parts.mass
         leaves = np.intersect1d(thrown, np.concatenate(pieces))
         # What leaves takes its share of the blows along.
-        state.loads.scale_blows(thrown, 1.0 - mass[leaves].sum() / max(mass[thrown].sum(), 1e-9))
+        loads.scale_blows(thrown, 1.0 - mass[leaves].sum() / max(mass[thrown].sum(), 1e-9))
     for parts in pieces:
-        # What stands has no velocity but the one from `_ride_out`.
+        state.parts.velocities[parts, :3] = state.loads.thrown[parts]
+        state.loads.thrown[parts] = 0.0
         state.ledger.come_off(product(state.parts.mass[parts], state.parts.velocities[parts, :3]))
         own = state.blasts.momentum[parts]
         if own.any():

@@ -44,6 +44,7 @@ class StandingLoads:
     Whatever they throw over becomes no faster than what struck it.
 
     :param count: number of parts in all buildings and elsewhere.
+    :ivar thrown: velocities that parts get when they leave the ground [m/s], (N, 3).
     """
 
     _layers: dict[str, tuple[np.ndarray, np.ndarray]]
@@ -56,6 +57,7 @@ class StandingLoads:
         self._layers = {}
         self._struck = []
         self._speed = np.zeros(count)  # of what has struck a part since blows ended last [m/s]
+        self.thrown = np.zeros((count, 3))
         self._waiting = None
         self._blows = None
         self._changed = False
@@ -97,6 +99,7 @@ class StandingLoads:
         more = np.zeros((count - self._count, 9))
         self._count = count
         self._speed = np.concatenate([self._speed, more[:, 0]])
+        self.thrown = np.concatenate([self.thrown, more[:, :3]])
         if self._waiting is not None:
             self._waiting = np.concatenate([self._waiting, more])
         if self._blows is not None:
