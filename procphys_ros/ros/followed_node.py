@@ -58,6 +58,8 @@ class FollowedNode:
     :ivar watched: whether poses are wanted; without, only the description and the status come.
     """
 
+    can_undo = False  # states of a node go through files, and others act on it, too
+
     def __init__(self, name: str, patience: float = 5.0):
         self.name = '/' + name.strip('/')
         self.watched = True
@@ -102,7 +104,7 @@ class FollowedNode:
             return Status(False, f'{self.name} does not answer{since}')
         known = self._commands.known
         return Status(True, self._diagnosis.text, self._diagnosis.time, self._diagnosis.paused,
-                      self._diagnosis.factor, known)
+                      self._diagnosis.factor, known, self._commands.scene)
 
     def say(self, command: Any) -> None:
         """Have a command carried out by the node."""
@@ -140,6 +142,7 @@ class FollowedNode:
 
     def _describe(self, message: String) -> None:
         self._state.describe(message.data)
+        self._commands.find_scene()
 
     def _take_leaves(self, message: PointCloud2) -> None:
         self._state.take_leaves(leaves_of(np.frombuffer(bytes(message.data), LEAF)))

@@ -15,7 +15,7 @@
 
 """Source: what a page shows, and where it sends commands."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -27,6 +27,8 @@ from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.torn_wood import Wood, WoodJoints
+
+_NAMED = 3  # objects that a line has room for
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,7 @@ class Status:
     :ivar paused: whether time stands still.
     :ivar factor: real-time factor asked for; 0 = as fast as possible.
     :ivar wind: mean wind at the reference height [m/s], (3,).
+    :ivar scene: what runs: the name of a scene, or of its objects.
     """
 
     alive: bool = False
@@ -131,6 +134,13 @@ class Status:
     paused: bool = False
     factor: float = 1.0
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scene: str = ''
+
+
+def shortened(names: Iterable[str]) -> str:
+    """Name the objects of a scene in a line, the first ones of many."""
+    known = list(names)
+    return ', '.join([*known[:_NAMED], *['…'] * (len(known) > _NAMED)]) or 'an empty scene'
 
 
 class Source(Protocol):
@@ -138,9 +148,11 @@ class Source(Protocol):
     A running scene: a simulation of this process, or a node.
 
     :ivar watched: set by the page: whether anybody looks, so that frames are wanted.
+    :ivar can_undo: whether it takes an `Undo`.
     """
 
     watched: bool
+    can_undo: bool
 
     def frame(self) -> Frame | None:
         """Give the newest moment, the same object while nothing new has come."""
