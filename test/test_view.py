@@ -25,6 +25,7 @@ import numpy as np
 import pytest
 from view_scene import DOWN, frame_of, free_port, NORTH, simulation_at_rest
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.wind import FASTEST, WindSettings
@@ -40,6 +41,7 @@ from procphys_ros.view.commands import (
     SetPause,
 )
 from procphys_ros.view.cracks import seams
+from procphys_ros.view.mortar import Mortar
 from procphys_ros.view.outlook import ALL, at_parts, from_side, SIDES
 from procphys_ros.view.page import Page
 from procphys_ros.view.player import Player
@@ -184,6 +186,52 @@ def test_leaves_are_single_where_they_are_near(simulation):
                  for group in ('leaves', 'near_leaves') if drawing.positions_of(group)]
         assert shown[0] == (not single)
         assert shown[1:] in (([], [0]) if not single else ([1],))
+
+
+def daylight(frame, drawing, unit):
+    """Give the share of random points in the face of the wall that nothing drawn covers."""
+    wall = frame.poses[frame.content.shape == Shape.BOX, :3]
+    low, high = wall.min(axis=0), wall.max(axis=0)
+    points = np.random.default_rng(1).uniform(low, high, (2000, 3))
+    covered = np.zeros(len(points), bool)
+    for name, handle in drawing.handles.items():
+        if not name.startswith(('/parts/', '/mortar/')):
+            continue
+        for place, turn, size in zip(handle.batched_positions, handle.batched_wxyzs,
+                                     handle.batched_scales):
+            away = rotation.rotate(rotation.conjugate(turn[[1, 2, 3, 0]]), points - place / unit)
+            covered |= (np.abs(away) <= 0.5 * size / unit + 1e-3).all(axis=1)
+    return 1.0 - covered.mean()
+
+
+def test_no_daylight_shows_through_joints(frame):
+    """Draw mortar in bed and head joints: a wall without it is open at every eighth point."""
+    drawing, unit = Drawing(), 0.5
+    Batches(drawing, unit).update(frame)
+    assert daylight(frame, drawing, unit) > 0.1
+    Mortar(drawing, unit).update(frame)
+    assert daylight(frame, drawing, unit) == 0.0
+
+
+def test_mortar_follows_bricks_until_they_part(frame):
+    """Send joints whose bricks move, and drop those that open; a brick has up to six."""
+    drawing = Drawing()
+    mortar = Mortar(drawing, 1.0)
+    mortar.update(frame)
+    first = drawing.positions('mortar')
+    bricks = np.flatnonzero(frame.content.shape == Shape.BOX)
+    together = frame.poses.copy()
+    together[bricks] += [0.3, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0]
+    mortar.update(replace(frame, poses=together))
+    np.testing.assert_allclose(drawing.positions('mortar'), first + [0.3, 0.0, 0.1], atol=1e-5)
+    for missing in (together + 0.0, together + 0.0):
+        missing[bricks[12]] = np.nan
+        mortar.update(replace(frame, poses=missing))
+        assert 3 <= np.count_nonzero(drawing.positions('mortar')[:, 2] < -100.0) <= 6
+    mortar.update(frame)
+    np.testing.assert_allclose(drawing.positions('mortar'), first, atol=1e-5)
+    mortar.close()
+    assert not drawing.handles
 
 
 def test_what_is_gone_leaves_the_page(frame):

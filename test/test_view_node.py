@@ -24,13 +24,15 @@ import numpy as np
 import pytest
 import rclpy
 
-from procphys_ros.messages import pose_array
+from procphys_ros.blueprint import Leaves
+from procphys_ros.messages import pose_array, SceneDescription
 from procphys_ros.messages.leaves import leaf_rows, leaves_of
 from procphys_ros.messages.poses import read_pose_array
+from procphys_ros.render.joints import seats
 from procphys_ros.ros import page_commands
-from procphys_ros.ros.followed_node import FollowedNode
+from procphys_ros.ros.followed_node import content_of, FollowedNode
 from procphys_ros.ros.page_commands import carry_out, PageCommands, scene_of
-from procphys_ros.scene.named import shipped_scenes
+from procphys_ros.scene.named import open_scene, shipped_scenes
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.commands import (
@@ -183,6 +185,22 @@ def test_a_scene_brings_what_its_cues_take(tmp_path):
     carry_out(SimpleNamespace(change=given.update, trigger=lambda _: 'done'), LoadScene(path))
     assert given['projectile.mass'] == 77.0 and given['explosion.charge'] == 5.0
     assert given['impulse.target'] == 'post/1' and 'camera.part' not in given
+
+
+@pytest.mark.parametrize('word', ['garden', 'church', 'oak.lsys'])
+def test_a_node_tells_where_mortar_is(word):
+    """Read the joints of walls from the description, as the library finds them."""
+    scene = open_scene(word)
+    whole = scene.blueprint
+    described = json.loads(SceneDescription('world', seats=seats).write(whole, scene.objects))
+    shown, own = content_of(described, Leaves(), 0).mortar, seats(whole)
+    for field in ('bond', 'first', 'second'):
+        np.testing.assert_array_equal(getattr(shown, field), getattr(own, field))
+    every = np.arange(len(own.bond))
+    exists = np.ones(len(whole), bool)
+    np.testing.assert_allclose(shown.boxes(whole.poses, exists, every),
+                               own.boxes(whole.poses, exists, every), atol=1e-3)
+    np.testing.assert_allclose(shown.size, own.size, atol=1e-4)
 
 
 @pytest.mark.parametrize('name, path', sorted(shipped_scenes().items()))

@@ -26,9 +26,9 @@ from procphys_ros.view import shapes
 from procphys_ros.view.near_leaves import NearLeaves
 from procphys_ros.view.source import Content, Frame
 
-_MOST_BOXES = 512    # copies in a batch: one brick that moves is sent with its whole batch
+MOST_BOXES = 512    # copies in a batch: one brick that moves is sent with its whole batch
 _MOST_OTHERS = 8192  # the same for branches and leaves, which move all at once or not at all
-_VISIBLE = 5e-4      # [m] and [-]: moves of parts below this are not sent
+VISIBLE = 5e-4       # [m] and [-]: moves of parts below this are not sent
 _VISIBLE_LEAF = 4e-3  # the same for leaves, which nobody looks at one by one
 _AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where parts go that are no more
 # Kinds of meshes: boxes, balls, and a kind for each form of hexahedra, counted down; others are
@@ -39,7 +39,7 @@ _DIGITS = 4  # of the corners of hexahedra [m]: tenths of a millimetre look alik
 _COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
 
 
-class _Group:
+class Group:
     """
     Copies of many meshes whose poses come in one array.
 
@@ -105,8 +105,8 @@ class Batches:
     """
 
     def __init__(self, scene: Any, unit: float):
-        self._parts = _Group(scene, 'parts', unit, _VISIBLE)
-        self._leaves = _Group(scene, 'leaves', unit, _VISIBLE_LEAF)
+        self._parts = Group(scene, 'parts', unit, VISIBLE)
+        self._leaves = Group(scene, 'leaves', unit, _VISIBLE_LEAF)
         self._near = NearLeaves(scene, unit)
         self.sent = 0
 
@@ -117,7 +117,7 @@ class Batches:
         :param frame: the moment.
         :param eyes: from where people look, world [m], (K, 3).
         """
-        poses, leaves = _present(frame.poses), _present(frame.leaf_poses)
+        poses, leaves = present(frame.poses), present(frame.leaf_poses)
         single = self._near.update(frame.content, leaves, eyes)
         if len(single):
             leaves = leaves.copy()
@@ -139,7 +139,7 @@ class Batches:
         self._near.close()
 
 
-def _present(poses: np.ndarray) -> np.ndarray:
+def present(poses: np.ndarray) -> np.ndarray:
     """Put away what is gone."""
     gone = ~np.isfinite(poses[:, 0])
     return np.where(gone[:, None], _AWAY, poses) if gone.any() else poses
@@ -187,6 +187,6 @@ def _groups(content: Content, rows: np.ndarray, texture: np.ndarray, kind: np.nd
     distinct, place = np.unique(keys, axis=0, return_inverse=True)
     for number, (index, tone, which) in enumerate(distinct.tolist()):
         mine = rows[place.ravel() == number]
-        most = _MOST_BOXES if which == _BOX else _MOST_OTHERS
+        most = MOST_BOXES if which == _BOX else _MOST_OTHERS
         for start in range(0, len(mine), most):
             yield mine[start:start + most], names[index], tone, which

@@ -38,6 +38,7 @@ from procphys_ros.view.dust import DustCloud
 from procphys_ros.view.guard import Guard
 from procphys_ros.view.library import load_viser, ViewError
 from procphys_ros.view.marks import Marks
+from procphys_ros.view.mortar import Mortar
 from procphys_ros.view.outlook import Outlook
 from procphys_ros.view.picking import GROUND, pick
 from procphys_ros.view.source import Frame, Source
@@ -81,7 +82,7 @@ class Page:
         self._frame: Frame | None = None
         self._vicinity: Vicinity | None = None
         self._arrow: WindArrow | None = None
-        self._drawn: tuple[Batches, DustCloud, Cracks, TornMeshes] | None = None
+        self._drawn: tuple[Batches, Mortar, DustCloud, Cracks, TornMeshes] | None = None
         self._eyes = np.zeros((0, 3))
         self.unit = 1.0
         self._status_due = 0.0
@@ -127,9 +128,9 @@ class Page:
         self.outlook.list_objects(frame.content, is_new)
         self._frame = frame
         assert self._drawn is not None
-        batches, dust, cracks, torn = self._drawn
+        batches, *others = self._drawn
         batches.update(frame, self._eyes)
-        for drawn in (dust, cracks, torn):
+        for drawn in others:
             drawn.update(frame)
 
     def close(self) -> None:
@@ -196,8 +197,9 @@ class Page:
         scene = self.server.scene
         self._vicinity = Vicinity.of(frame)
         self._arrow = WindArrow(scene, self.unit, self._vicinity)
-        self._drawn = (Batches(scene, self.unit), DustCloud(scene, self.unit),
-                       Cracks(scene, self.unit), TornMeshes(scene, self.unit))
+        self._drawn = (Batches(scene, self.unit), Mortar(scene, self.unit),
+                       DustCloud(scene, self.unit), Cracks(scene, self.unit),
+                       TornMeshes(scene, self.unit))
 
 
 def _serve(host: str, port: int, guard: Guard) -> Any:

@@ -70,6 +70,7 @@ class Player:
         self._paused, self._factor, self._scene = False, 1.0, 0
         self._answer, self._activity = '', ''
         self._known_breaks, self._broken = 0, _NONE_BROKEN
+        self._bonds = 0  # of the content
         self._content = self._describe()
         self._frame = self._take_frame()
         self._last_frame, self._last_turn = -np.inf, np.nan
@@ -220,17 +221,20 @@ class Player:
             self._activity = ''
         return ''
 
-    def _describe(self) -> Content:
-        return Content.of(self.simulation.blueprint, self.simulation.names.name, self._scene,
-                          self.simulation.model.terrain, self.simulation.scene.paving)
+    def _describe(self, before: Content | None = None) -> Content:
+        blueprint = self.simulation.blueprint
+        bonds, self._bonds = self._bonds, len(blueprint.bonds)
+        return Content.of(blueprint, self.simulation.names.name, self._scene,
+                          self.simulation.model.terrain, self.simulation.scene.paving,
+                          before if self._bonds == bonds else None)
 
     def _follow(self) -> None:
         """Describe the scene again when parts have joined, or went with a reset."""
-        count = len(self.simulation.blueprint)
-        if count < len(self._content):
+        count, before = len(self.simulation.blueprint), self._content
+        if count < len(before):
             self._scene += 1
-        if count != len(self._content):
-            self._content = self._describe()
+        if count != len(before):
+            self._content = self._describe(before if self._scene == before.scene else None)
 
     def _take_frame(self) -> Frame:
         simulation = self.simulation

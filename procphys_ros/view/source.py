@@ -26,6 +26,7 @@ from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
+from procphys_ros.render.joints import Seats, seats
 from procphys_ros.torn_wood import Wood, WoodJoints
 
 _NAMED = 3  # objects that a line has room for
@@ -51,6 +52,7 @@ class Content:
     :ivar terrain: the surface of the ground.
     :ivar paving: what covers it.
     :ivar wood: where trees have come apart; None = not known.
+    :ivar mortar: where it is between parts; None = not known.
     """
 
     scene: int
@@ -68,13 +70,15 @@ class Content:
     terrain: Terrain = FLAT
     paving: Sequence[Paving] = ()
     wood: Wood | None = None
+    mortar: Seats | None = None
 
     def __len__(self) -> int:
         return len(self.shape)
 
     @classmethod
     def of(cls, blueprint: Blueprint, name: Callable[[int], str], scene: int,
-           terrain: Terrain = FLAT, paving: Sequence[Paving] = ()) -> 'Content':
+           terrain: Terrain = FLAT, paving: Sequence[Paving] = (),
+           before: 'Content | None' = None) -> 'Content':
         """
         Describe a blueprint.
 
@@ -83,6 +87,7 @@ class Content:
         :param scene: number of the scene.
         :param terrain: the surface of the ground.
         :param paving: what covers it.
+        :param before: an earlier content of the same scene, with the same bonds.
         """
         launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
                                             if kind == 'projectile'])
@@ -92,7 +97,8 @@ class Content:
                    blueprint.mass, ball, blueprint.texture,
                    lambda part: blueprint.materials[blueprint.material[part]],
                    blueprint.textures, blueprint.leaves, first_pieces(blueprint),
-                   blueprint.hexahedra, terrain, paving, WoodJoints(blueprint))
+                   blueprint.hexahedra, terrain, paving, WoodJoints(blueprint),
+                   seats(blueprint) if before is None else before.mortar)
 
 
 @dataclass(frozen=True)
