@@ -285,7 +285,7 @@ def _mortar_of(described: dict[str, Any]) -> Seats | None:
     forms = np.array(described['mortar']['forms'], float).reshape(-1, 16)
     box, size, first, second = np.split(
         forms[np.array(described['mortar']['form'], int)], [7, 10, 13], axis=1)
-    return Seats(bond, *pairs.T, box, np.stack([first, second]), size)
+    return Seats(bond, pairs[:, 0], pairs[:, 1], box, np.stack([first, second]), size)
 
 
 def _continues(old: Content, new: Content) -> bool:

@@ -71,19 +71,25 @@ class Group:
         self._rows = np.append(self._rows, rows)
         self._sent = np.concatenate([self._sent, now])
 
-    def send(self, poses: np.ndarray) -> int:
-        """Send the batches of which anything has moved; give their number."""
-        if not len(self):
-            return 0
-        now = self._placed(poses, self._rows)
-        moved = (np.abs(now - self._sent) > self._limit).any(axis=1)
-        chosen = np.flatnonzero(np.logical_or.reduceat(moved, self._starts))
+    def send(self, poses: np.ndarray, places: np.ndarray | None = None) -> int:
+        """
+        Send the batches of which anything has moved; give their number.
+
+        :param poses: world, (N, 7).
+        :param places: of the copies that can have moved, (K,); None = all.
+        """
+        if places is None:
+            places = np.arange(len(self))
+        now = self._placed(poses, self._rows[places])
+        moved = (np.abs(now - self._sent[places]) > self._limit).any(axis=1)
+        places = places[moved]
+        self._sent[places] = now[moved]
+        chosen = np.unique(np.searchsorted(self._starts, places, 'right') - 1)
         for i in chosen:
             end = self._starts[i + 1] if i + 1 < len(self._starts) else len(self)
-            mine = slice(self._starts[i], end)
-            self._sent[mine] = now[mine]
-            self._handles[i].batched_positions = now[mine, :3]
-            self._handles[i].batched_wxyzs = now[mine, 3:]
+            mine = self._sent[self._starts[i]:end].copy()
+            self._handles[i].batched_positions = mine[:, :3]
+            self._handles[i].batched_wxyzs = mine[:, 3:]
         return len(chosen)
 
     def close(self) -> None:
@@ -92,7 +98,7 @@ class Group:
             handle.remove()
 
     def _placed(self, poses: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        return poses.astype(np.float32)[:, _COLUMNS][rows] * self._scale
+        return poses[rows][:, _COLUMNS].astype(np.float32) * self._scale
 
 
 class Batches:

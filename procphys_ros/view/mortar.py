@@ -54,12 +54,12 @@ class Mortar:
         self._poses = np.where(moved[:, None], frame.poses, before)
         old = len(self._boxes)
         self._boxes = np.concatenate([self._boxes, np.full((len(seats.bond) - old, 7), np.nan)])
-        self._boxes[rows] = seats.boxes(frame.poses, shown, rows)
-        boxes = present(self._boxes)
-        for start in range(old, len(boxes), MOST_BOXES):
-            new = np.arange(start, min(start + MOST_BOXES, len(boxes)))
-            self._group.add(shapes.box(_look(frame.content), 0), new, boxes, seats.size[new])
-        self._group.send(boxes)
+        self._boxes[rows] = present(seats.boxes(frame.poses, shown, rows))
+        for start in range(old, len(seats.bond), MOST_BOXES):
+            new = np.arange(start, min(start + MOST_BOXES, len(seats.bond)))
+            self._group.add(shapes.box(_look(frame.content), 0), new, self._boxes,
+                            seats.size[new])
+        self._group.send(self._boxes, rows)
 
     def close(self) -> None:
         """Take everything off the page."""

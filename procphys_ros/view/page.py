@@ -128,9 +128,9 @@ class Page:
         self.outlook.list_objects(frame.content, is_new)
         self._frame = frame
         assert self._drawn is not None
-        batches, *others = self._drawn
+        batches, mortar, dust, cracks, torn = self._drawn
         batches.update(frame, self._eyes)
-        for drawn in others:
+        for drawn in (mortar, dust, cracks, torn):
             drawn.update(frame)
 
     def close(self) -> None:
