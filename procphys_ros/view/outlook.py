@@ -28,8 +28,8 @@ from procphys_ros.view.surroundings import Vicinity
 
 ALL, _PERSON = 'all', 'person'  # the whole scene, and the height of a person's eye
 SIDES = {'above': (0.0, -0.02, 1.0), 'south': (0.0, -1.0, 0.15), 'west': (-1.0, 0.0, 0.15),
-          'north': (0.0, 1.0, 0.15), 'east': (1.0, 0.0, 0.15),
-          _PERSON: (0.3, -1.0, 0.0)}  # towards the eye
+         'north': (0.0, 1.0, 0.15), 'east': (1.0, 0.0, 0.15),
+         _PERSON: (0.3, -1.0, 0.0)}  # towards the eye
 _EYE_HEIGHT = 1.6  # [m] of a person
 _PATIENCE = 30.0  # [s] for the picture of a browser
 _NONE = '–'
