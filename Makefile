@@ -21,8 +21,9 @@ export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: run warm test lint types pytest bench gallery docs report clean
 
+# What the node needs for its first poses it compiles first, the rest beside its steps.
 # A shell that waits for the node in the foreground hears no signal before the node has ended.
-run: warm
+run: $(VENV)/.installed-run
 	trap 'kill $$page $$node 2>/dev/null; wait; exit 130' HUP INT TERM; \
 	  $(BIN)/view --port $(PORT) & page=$$!; \
 	  $(VENV)/lib/procphys_ros/sim --ros-args --params-file $(SCENE) & node=$$!; \
@@ -52,6 +53,9 @@ bench: $(VENV)/.installed-test
 	for file in bench/*.py; do echo "== $$file"; $(BIN)/python $$file || exit 1; done
 
 $(BIN)/python:
+	@echo 'procphys_ros: the first time this installs packages from PyPI into $(VENV): 2 to 10 minutes, 1.5 GB of'
+	@echo 'disk, 2.5 GB for make test. It may install system packages (venv for Python, OpenGL) with apt-get, as'
+	@echo 'root or where sudo asks for no password. Compiled kernels: 0.1 GB in the cache folder. Ctrl-C stops.'
 	./.ci/system-packages $(PYTHON)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --upgrade pip

@@ -40,6 +40,8 @@ SCENES = {  # name: wind [m/s], when to begin [s]
 class Replay:
     """A source that shows frames that were taken before, so that only the page is measured."""
 
+    can_undo = False
+
     def __init__(self, frames: list[Frame]):
         self.watched, self.frames, self.turn = True, frames, 0
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`make run`: whatever ends it, node and page end with it."""
+"""`make run`: what it says before it installs, and that node and page end with it."""
 
 import os
 from pathlib import Path
@@ -94,3 +94,34 @@ def test_the_node_outlives_the_page(tmp_path):
     assert is_there(node)
     os.killpg(make.pid, signal.SIGTERM)
     make.wait(PATIENCE)
+
+
+def test_what_is_installed_is_said_before(tmp_path):
+    """Say how long it takes, how much disk, and that the system may change, before it does."""
+    plan = subprocess.run(['make', '-C', str(ROOT), '-n', 'run', f'VENV={tmp_path / "new"}'],
+                          check=True, capture_output=True, text=True).stdout
+    notice, _, work = plan.partition('./.ci/system-packages')
+    for word in ('minutes', 'GB', 'system packages', 'apt-get'):
+        assert word in notice
+    assert 'pip install' in work and 'pip install' not in notice
+
+
+def test_the_node_waits_for_no_kernel_that_it_does_not_need(tmp_path):
+    """Start the node without compiling everything first; it compiles what it needs itself."""
+    plan = subprocess.run(['make', '-C', str(ROOT), '-n', 'run', f'VENV={tmp_path / "new"}'],
+                          check=True, capture_output=True, text=True).stdout
+    assert 'procphys_ros/sim' in plan and 'procphys_ros.warm' not in plan
+
+
+def test_system_packages_are_named_before_they_are_installed(tmp_path):
+    """Name them, and the program that installs them."""
+    for name, act in {'python': 'case "$2" in *ensurepip*) exit 1;; esac; echo 3.12',
+                      'apt-get': 'echo apt-get "$@"', 'id': 'echo 0'}.items():
+        (tmp_path / name).write_text(f'#!/bin/sh\n{act}\n', 'utf-8')
+        (tmp_path / name).chmod(0o755)
+    said = subprocess.run(
+        [ROOT / '.ci' / 'system-packages', tmp_path / 'python'], check=True, capture_output=True,
+        text=True, env={**os.environ, 'PATH': f'{tmp_path}:{os.environ["PATH"]}'}).stdout
+    notice, _, done = said.partition('apt-get update')
+    assert 'python3.12-venv' in notice and 'apt-get' in notice
+    assert 'python3.12-venv' in done

@@ -23,20 +23,26 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from view_scene import DOWN, frame_of, free_port, simulation_at_rest
+from view_scene import DOWN, frame_of, free_port, NORTH, simulation_at_rest
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.dust import Puffs
+from procphys_ros.physics.wind import FASTEST, WindSettings
 from procphys_ros.ros import view
+from procphys_ros.scene.named import shipped_scenes, shown_name
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.batches import Batches
+from procphys_ros.view.clicks import Tool
 from procphys_ros.view.commands import (
     Inspect,
     LoadScene,
     SetPause,
 )
 from procphys_ros.view.cracks import seams
+from procphys_ros.view.mortar import Mortar
+from procphys_ros.view.outlook import ALL, at_parts, from_side, SIDES
 from procphys_ros.view.page import Page
 from procphys_ros.view.player import Player
 from procphys_ros.view.source import Status
@@ -86,7 +92,8 @@ class Scripted:
 
     def __init__(self, frame):
         self.watched, self.shown, self.said = False, frame, []
-        self.state = Status(True, 'fine', wind=(3.0, 4.0, 0.0))
+        self.can_undo = True
+        self.state = Status(True, 'fine', wind=(3.0, 4.0, 0.0), scene='mine')
 
     def frame(self):
         return self.shown
@@ -181,6 +188,52 @@ def test_leaves_are_single_where_they_are_near(simulation):
         assert shown[1:] in (([], [0]) if not single else ([1],))
 
 
+def daylight(frame, drawing, unit):
+    """Give the share of random points in the face of the wall that nothing drawn covers."""
+    wall = frame.poses[frame.content.shape == Shape.BOX, :3]
+    low, high = wall.min(axis=0), wall.max(axis=0)
+    points = np.random.default_rng(1).uniform(low, high, (2000, 3))
+    covered = np.zeros(len(points), bool)
+    for name, handle in drawing.handles.items():
+        if not name.startswith(('/parts/', '/mortar/')):
+            continue
+        for place, turn, size in zip(handle.batched_positions, handle.batched_wxyzs,
+                                     handle.batched_scales):
+            away = rotation.rotate(rotation.conjugate(turn[[1, 2, 3, 0]]), points - place / unit)
+            covered |= (np.abs(away) <= 0.5 * size / unit + 1e-3).all(axis=1)
+    return 1.0 - covered.mean()
+
+
+def test_no_daylight_shows_through_joints(frame):
+    """Draw mortar in bed and head joints: a wall without it is open at every eighth point."""
+    drawing, unit = Drawing(), 0.5
+    Batches(drawing, unit).update(frame)
+    assert daylight(frame, drawing, unit) > 0.1
+    Mortar(drawing, unit).update(frame)
+    assert daylight(frame, drawing, unit) == 0.0
+
+
+def test_mortar_follows_bricks_until_they_part(frame):
+    """Send joints whose bricks move, and drop those that open; a brick has up to six."""
+    drawing = Drawing()
+    mortar = Mortar(drawing, 1.0)
+    mortar.update(frame)
+    first = drawing.positions('mortar')
+    bricks = np.flatnonzero(frame.content.shape == Shape.BOX)
+    together = frame.poses.copy()
+    together[bricks] += [0.3, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0]
+    mortar.update(replace(frame, poses=together))
+    np.testing.assert_allclose(drawing.positions('mortar'), first + [0.3, 0.0, 0.1], atol=1e-5)
+    for missing in (together + 0.0, together + 0.0):
+        missing[bricks[12]] = np.nan
+        mortar.update(replace(frame, poses=missing))
+        assert 3 <= np.count_nonzero(drawing.positions('mortar')[:, 2] < -100.0) <= 6
+    mortar.update(frame)
+    np.testing.assert_allclose(drawing.positions('mortar'), first, atol=1e-5)
+    mortar.close()
+    assert not drawing.handles
+
+
 def test_what_is_gone_leaves_the_page(frame):
     """Put what was pulverised out of sight."""
     drawing = Drawing()
@@ -240,33 +293,178 @@ def test_sliders_and_clicks_of_a_client_become_commands(page, source, client):
     page.update(0.0)
     client.change('speed [m/s]', 8.0)
     client.change('pause', True)
+    client.change('scene', 'a')
     client.change('load', True)
-    client.click((0.0, -50.0 * page.unit, 1.0 * page.unit), (0.0, -1.0, -1.0))
+    client.change('tool', str(Tool.CHARGE))
+    client.click((0.0, -2.0 * page.unit, 1.0 * page.unit), (0.0, -1.0, -1.0))
     client.wait_until(lambda: len(source.said) >= 4)
     kinds = {type(command): command for command in source.said}
     np.testing.assert_allclose(kinds[SetWind].velocity, [4.8, 6.4, 0.0], atol=0.1)
     assert kinds[SetPause] == SetPause(True)
     assert kinds[LoadScene] == LoadScene(Path('a.yaml'))
-    np.testing.assert_allclose(kinds[Explosion].position, [0.0, -51.0, 0.0], atol=1e-5)
+    np.testing.assert_allclose(kinds[Explosion].position, [0.0, -3.0, 0.0], atol=1e-5)
+
+
+BRANCH, BRICK = (np.array([0.0, -5.0, 0.5]), NORTH), (np.array([5.0, -5.0, 0.15]), NORTH)
+NEAR, FAR = (np.array([0.0, -3.0, 1.0]), DOWN), (np.array([0.0, -900.0, 1.0]), DOWN)
+
+
+@pytest.mark.parametrize('where', [BRANCH, BRICK, NEAR, FAR])
+def test_the_first_click_changes_nothing(page, source, where):
+    """Look only, wherever it is, until another tool is chosen."""
+    page.update(0.0)
+    page.click(*where)
+    assert all(isinstance(command, Inspect) for command in source.said)
+
+
+@pytest.mark.parametrize('tool', [tool for tool in Tool if tool is not Tool.LOOK])
+def test_tools_do_not_reach_the_horizon(page, source, client, tool):
+    """Refuse what is far from the scene, at the place itself."""
+    page.update(0.0)
+    page.controls.tool.value = str(tool)
+    page.click(*FAR)
+    assert not source.said
+    page.update(1.0)
+    client.wait_for(lambda m: 'too far away' in str(m.get('props', {}).get('text')))
+
+
+def test_a_command_leaves_a_mark_that_fades(page, source, client):
+    """Flash where a charge goes off, say what it is, and take both away."""
+    page.update(0.0)
+    page.controls.tool.value = str(Tool.CHARGE)
+    page.click(*NEAR)
+    page.update(1.0)
+    flash = client.wait_for(lambda m: m.get('name') == '/marks/1/flash')
+    np.testing.assert_allclose(flash['props'].get('position', [0.0, -3.0 * page.unit, 0.0]),
+                               [0.0, -3.0 * page.unit, 0.0], atol=1e-6)
+    client.wait_for(lambda m: m.get('props', {}).get('text') == '10 kg TNT')
+    page.update(1.5)
+    client.wait_for(lambda m: m.get('name') == flash['name'] and 'opacity' in m.get('updates', ''))
+    page.update(60.0)
+    client.wait_for(lambda m: m['type'] == 'RemoveSceneNodeMessage'
+                    and m['name'].startswith('/marks/1'))
+
+
+def test_only_the_sliders_of_the_tool_are_shown(page):
+    """Show what a click will do, and the sliders that matter for it."""
+    controls = page.controls
+    for tool, sliders in ((Tool.LOOK, set()), (Tool.PULL, {'push [m/s]'}),
+                          (Tool.BALL, {'ball [kg]', 'ball [m]', 'ball [m/s]'}),
+                          (Tool.CHARGE, {'charge [kg]'})):
+        controls.tool.value = str(tool)
+        assert sliders == {slider.label for slider in (
+            controls.push, controls.ball_mass, controls.ball_size, controls.ball_speed,
+            controls.charge) if slider.visible}
+    assert '10 kg TNT' in controls.effect.content
+    controls.charge.value = 2.5
+    assert '2.5 kg TNT' in controls.effect.content
 
 
 def test_a_click_asks_what_the_part_carries(page, source, frame):
     """Pull the trunk, and ask for its load."""
     page.update(0.0)
-    page.click(np.array([0.0, -5.0, 0.5]), np.array([0.0, 1.0, 0.0]))
+    page.controls.tool.value = str(Tool.PULL)
+    page.click(*BRANCH)
     pull, question = source.said
     assert isinstance(pull, Impulse)
     assert question == Inspect(pull.part)
     assert frame.content.name(pull.part) in page.controls.selected.content
 
 
-def test_clicks_may_be_told_to_show_only(page, source):
-    """Show what was clicked and leave it alone."""
+def test_the_scene_box_says_what_runs(page, source, client):
+    """Show the name of what runs, whatever may be loaded, also after another was loaded."""
     page.update(0.0)
-    page.controls.acts.value = False
-    page.click(np.array([0.0, -50.0, 1.0]), DOWN)
+    assert page.controls.scene.value == 'mine'
+    client.change('load', True)  # which is none that may be loaded
+    source.state = replace(source.state, scene='a')
+    page.update(1.0)
+    assert page.controls.scene.value == 'a' and page.controls.scene.options == ('a',)
     assert not source.said
-    assert 'ground' in page.controls.selected.content
+
+
+def test_a_shipped_scene_has_its_name_also_by_its_path(tmp_path):
+    """Tell a shipped scene from one of the same name, and from grammars."""
+    garden = shipped_scenes()['garden']
+    own = tmp_path / 'garden.yaml'
+    own.write_bytes(garden.read_bytes())
+    assert [shown_name(word) for word in ('garden', str(garden), 'oak.lsys', str(own))] == [
+        'garden', 'garden', 'oak.lsys', str(own)]
+
+
+def test_sliders_reach_as_far_as_the_source(page, source, client):
+    """Set the strongest wind that there may be, and show a pace beyond the usual."""
+    source.state = replace(source.state, wind=(0.0, 100.0, 1.0), factor=9.0)
+    page.update(0.0)
+    assert page.controls.wind.value == 100.0 and page.controls.factor.value == 9.0
+    client.change('speed [m/s]', page.controls.wind.max)
+    for direction in range(1, 360, 7):
+        client.change('to [°]', direction)
+    client.wait_until(lambda: len(source.said) == 53)
+    for command in source.said:
+        assert WindSettings(velocity=command.velocity) and command.velocity[2] == 1.0
+        np.testing.assert_allclose(np.linalg.norm(command.velocity), FASTEST, rtol=1e-4)
+
+
+def test_the_wind_is_an_arrow_over_the_scene(page, source, client, frame):
+    """Point to where the wind blows to, above everything, and vanish with the wind."""
+    page.update(0.0)
+    page.update(1.0)
+    (tail, tip), = page.server.scene.get_handle_by_name('/wind/arrow').points
+    np.testing.assert_allclose((tip - tail) / np.linalg.norm(tip - tail), [0.6, 0.8, 0.0],
+                               atol=1e-5)
+    assert tail[2] > page.unit * frame.poses[:, 2].max()
+    source.state = replace(source.state, wind=(0.0, 0.0, 0.0))
+    page.update(2.0)
+    client.wait_for(lambda m: m['type'] == 'RemoveSceneNodeMessage' and m['name'] == '/wind/arrow')
+
+
+def looks(client, page, eye, target):
+    """Wait until a client is told to look from a place to another [m]."""
+    def tells(message, field, place):
+        return field in message and np.allclose(np.array(message[field]) / page.unit, place)
+    client.wait_for(lambda m: m['type'] == 'SetCameraPositionMessage'
+                    and tells(m, 'position', eye))
+    client.wait_for(lambda m: tells(m, 'look_at', target))
+
+
+@pytest.mark.parametrize('side', [ALL, *SIDES])
+def test_the_eye_goes_where_the_button_says(page, client, frame, side):
+    """Look at the scene from each side, all of it before the eye."""
+    page.update(0.0)
+    client.change('from', side)
+    eye, target = from_side(frame, side)
+    looks(client, page, eye, target)
+    sight, away = target - eye, frame.poses[:, :3] - eye
+    cosine = away @ sight / np.linalg.norm(away, axis=1) / np.linalg.norm(sight)
+    assert cosine.min() > np.cos(np.radians(20.0)) and eye[2] > 0.5
+    main = {'above': (2, 1), 'south': (1, -1), 'west': (0, -1), 'north': (1, 1), 'east': (0, 1)}
+    if side in main:
+        axis, sign = main[side]
+        assert np.abs(sight).argmax() == axis and -sign * sight[axis] > 0.0
+
+
+def test_objects_are_listed_and_looked_at(page, source, client, frame):
+    """Name all objects, and look at the one that is chosen from where all of it is seen."""
+    page.update(0.0)
+    assert page.outlook.object.options[1:] == ('tree', 'wall')
+    client.change('object', 'wall')
+    bricks = np.flatnonzero(frame.content.shape == Shape.BOX)
+    eye, target = at_parts(frame, bricks)
+    looks(client, page, eye, target)
+    wall = frame.poses[bricks, :3]
+    assert (wall.min(axis=0) - 0.1 < target).all() and (target < wall.max(axis=0) + 0.1).all()
+
+
+def test_objects_that_join_are_listed(page, simulation):
+    """Name a ball that is thrown, and look at nothing where it is gone."""
+    player = Player(simulation)
+    page.draw(player.frame())
+    player.say(Projectile(size=0.4, position=(0.0, -5.0, 2.0), velocity=(0.0, 1.0, 0.0)))
+    player.turn(0.0)
+    page.draw(player.frame())
+    assert page.outlook.object.options[1:] == ('tree', 'wall', 'projectile_0')
+    gone = replace(player.frame(), poses=np.full_like(player.frame().poses, np.nan))
+    assert at_parts(gone, np.array([0])) is None
 
 
 def test_what_others_change_moves_the_sliders(page, source):

@@ -21,6 +21,7 @@ from threading import Thread
 from time import sleep
 
 from node_process import NodeProcess, PATIENCE, SAPLING, wait_until
+from PIL import Image
 import pytest
 import rclpy
 from view_scene import free_port
@@ -128,11 +129,38 @@ def test_a_slider_reaches_the_node(browser, followed):
     wait_until(lambda: sum(v ** 2 for v in followed.status().wind) ** 0.5 > 19.5, 'the wind')
 
 
-def test_a_click_reaches_the_node(browser, followed):
-    """Click the ground, and hear of a charge."""
+def choose(browser, label, option):
+    """Choose from a list."""
+    browser.locator(f'xpath=//label[normalize-space(.)="{label}"]/following::input[1]'
+                    ).first.click()
+    browser.get_by_role('option', name=option, exact=True).click()
+
+
+def test_a_first_click_only_looks(browser, followed):
+    """Click the ground, and read what it is."""
+    before = followed.answer()
+    browser.mouse.click(110, 400)
+    wait_until(lambda: '>ground</' in browser.content(), 'what was clicked')
+    assert followed.answer() == before
+
+
+def test_a_click_with_a_tool_reaches_the_node(browser, followed):
+    """Take the charges, click the ground, and hear of a charge."""
+    choose(browser, 'tool', 'set off a charge')
+    browser.get_by_text('A click sets off 10 kg TNT there.').wait_for()
     browser.mouse.click(110, 400)
     wait_until(lambda: 'kg TNT' in followed.answer(), 'the charge')
-    wait_until(lambda: '>ground</' in browser.content(), 'what was clicked')
+
+
+def test_what_is_seen_can_be_saved(browser):
+    """Download a picture as large as the view, without the panel."""
+    browser.get_by_text('View', exact=True).click()
+    with browser.expect_download() as coming:
+        browser.get_by_role('button', name='save picture', include_hidden=True
+                            ).dispatch_event('click')
+    with Image.open(coming.value.path()) as saved:
+        assert saved.size == (SIZE['width'], SIZE['height'])
+        assert len(saved.convert('RGB').resize((56, 42)).getcolors(9999)) > 20
 
 
 def test_nothing_is_asked_of_other_machines(browser, page, requests):

@@ -24,18 +24,26 @@ from view_scene import DOWN, frame_of, NORTH, simulation_at_rest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.errors import CommandError
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.commands import Impulse
-from procphys_ros.view.clicks import command_of, describe, Strength
-from procphys_ros.view.picking import GROUND, pick
+from procphys_ros.view.clicks import command_of, describe, Strength, Tool
+from procphys_ros.view.picking import GROUND, Hit, pick
+from procphys_ros.view.surroundings import Vicinity
 
 
 @pytest.fixture(scope='module')
 def frame():
     """Take a frame of the scene at rest."""
     return frame_of(simulation_at_rest())
+
+
+def used(tool, hit, frame, direction, **strength):
+    """Give the command of a tool."""
+    return command_of(tool, hit, frame.content, direction, Strength(**strength),
+                      Vicinity.of(frame))
 
 
 def middle_of_wall(frame):
@@ -83,16 +91,16 @@ def test_clicks_on_a_hillside_meet_its_surface():
     simulation = Simulation(scene)
     frame = frame_of(simulation)
     terrain = simulation.model.terrain
-    hit = pick(frame, np.array([-8.0, 3.0, 30.0]), DOWN)
-    height = terrain.height(np.array([[-8.0, 3.0]]))[0]
+    hit = pick(frame, np.array([-1.0, 3.0, 30.0]), DOWN)
+    height = terrain.height(np.array([[-1.0, 3.0]]))[0]
     assert hit.part == GROUND and hit.point[2] == pytest.approx(height) and height > 0.5
-    charge = command_of(hit, frame.content, DOWN, Strength())
-    np.testing.assert_allclose(charge.position, [-8.0, 3.0, height])
+    charge = used(Tool.CHARGE, hit, frame, DOWN)
+    np.testing.assert_allclose(charge.position, [-1.0, 3.0, height])
     simulation.apply(charge)
     brick = middle_of_wall(frame)
     up = np.array([0.0, 0.6, 0.8])
     hit = pick(frame, frame.poses[brick, :3] - 2.0 * up, up)
-    ball = command_of(hit, frame.content, up, Strength())
+    ball = used(Tool.BALL, hit, frame, up)
     over = ball.position[2] - terrain.height(np.array([ball.position]))[0]
     assert over >= 0.5 * Strength().ball_size
 
@@ -119,7 +127,7 @@ def test_what_is_gone_is_not_met(frame):
 def test_a_click_on_a_branch_pulls_it_towards_the_eye(frame):
     """Give the branch the speed of the slider, against the line of sight."""
     hit = pick(frame, np.array([0.0, -5.0, 0.5]), NORTH)
-    command = command_of(hit, frame.content, NORTH, Strength(pull=4.0))
+    command = used(Tool.PULL, hit, frame, NORTH, push=4.0)
     assert isinstance(command, Impulse)
     assert frame.content.shape[command.part] == Shape.CAPSULE
     np.testing.assert_allclose(command.linear,
@@ -132,7 +140,7 @@ def test_a_click_on_a_wall_throws_a_ball_that_hits_it(frame):
     eye = place + np.array([0.0, -20.0, 8.0])
     sight = (place - eye) / np.linalg.norm(place - eye)
     hit = pick(frame, eye, sight)
-    ball = command_of(hit, frame.content, sight, Strength(ball_speed=30.0, ball_size=0.4))
+    ball = used(Tool.BALL, hit, frame, sight, ball_speed=30.0, ball_size=0.4)
     assert isinstance(ball, Projectile)
     velocity, start = np.array(ball.velocity), np.array(ball.position)
     np.testing.assert_allclose(np.linalg.norm(velocity), 30.0)
@@ -146,15 +154,48 @@ def test_a_ball_from_a_worm_s_eye_starts_above_the_ground(frame):
     place = frame.poses[middle_of_wall(frame), :3]
     eye = np.array([place[0], -10.0, 0.05])
     sight = (place - eye) / np.linalg.norm(place - eye)
-    ball = command_of(pick(frame, eye, sight), frame.content, sight, Strength(ball_size=1.0))
+    ball = used(Tool.BALL, pick(frame, eye, sight), frame, sight, ball_size=1.0)
     assert ball.position[2] > 0.5
 
 
 def test_a_click_on_the_ground_sets_off_a_charge(frame):
     """Set the charge of the slider off where the ground was clicked."""
-    hit = pick(frame, np.array([-9.0, 3.0, 5.0]), DOWN)
-    command = command_of(hit, frame.content, DOWN, Strength(charge=2.5))
-    assert command == Explosion([-9.0, 3.0, 0.0], 2.5)
+    hit = pick(frame, np.array([-2.0, 3.0, 5.0]), DOWN)
+    assert used(Tool.LOOK, hit, frame, DOWN) is None
+    assert used(Tool.CHARGE, hit, frame, DOWN, charge=2.5) == Explosion([-2.0, 3.0, 0.0], 2.5)
+
+
+def test_a_charge_can_be_laid_at_a_wall(frame):
+    """Set it off on the face that was clicked."""
+    place = frame.poses[middle_of_wall(frame), :3]
+    hit = pick(frame, place - 3.0 * NORTH, NORTH)
+    charge = used(Tool.CHARGE, hit, frame, NORTH)
+    np.testing.assert_allclose(charge.position, hit.point)
+
+
+def test_pushes_are_pulls_the_other_way(frame):
+    """Push bricks as branches, and leave the ground where it is."""
+    hit = pick(frame, frame.poses[middle_of_wall(frame), :3] - 3.0 * NORTH, NORTH)
+    push, pull = (used(tool, hit, frame, NORTH) for tool in (Tool.PUSH, Tool.PULL))
+    assert push.part == pull.part == hit.part and push.linear[1] > 0.0
+    np.testing.assert_allclose(push.linear, np.negative(pull.linear))
+    with pytest.raises(CommandError, match='the ground'):
+        used(Tool.PUSH, pick(frame, np.array([-2.0, 3.0, 5.0]), DOWN), frame, DOWN)
+
+
+@pytest.mark.parametrize('away', [1.05, 3.0, 1e4])
+def test_tools_act_around_the_scene_only(frame, away):
+    """Refuse the ground that is further from the scene than the scene is large."""
+    vicinity = Vicinity.of(frame)
+    for side in (-1.0, 1.0):
+        edge = np.where(side < 0.0, vicinity.low, vicinity.high)
+        for axis in range(2):
+            inner, outer = vicinity.middle, vicinity.middle
+            inner[axis] = edge[axis] + 0.95 * side * vicinity.margin
+            outer[axis] = edge[axis] + away * side * vicinity.margin
+            assert used(Tool.CHARGE, Hit(GROUND, inner, 9.0), frame, DOWN)
+            with pytest.raises(CommandError, match='too far away'):
+                used(Tool.CHARGE, Hit(GROUND, outer, 9.0), frame, DOWN)
 
 
 def test_what_was_clicked_is_named(frame):

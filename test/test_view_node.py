@@ -24,12 +24,15 @@ import numpy as np
 import pytest
 import rclpy
 
-from procphys_ros.messages import pose_array
+from procphys_ros.blueprint import Leaves
+from procphys_ros.messages import pose_array, SceneDescription
 from procphys_ros.messages.leaves import leaf_rows, leaves_of
 from procphys_ros.messages.poses import read_pose_array
+from procphys_ros.render.joints import seats
 from procphys_ros.ros import page_commands
-from procphys_ros.ros.followed_node import FollowedNode
-from procphys_ros.ros.page_commands import carry_out, PageCommands
+from procphys_ros.ros.followed_node import content_of, FollowedNode
+from procphys_ros.ros.page_commands import carry_out, PageCommands, scene_of
+from procphys_ros.scene.named import open_scene, shipped_scenes
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.commands import (
@@ -41,6 +44,7 @@ from procphys_ros.view.commands import (
     StartGust,
     Step,
 )
+from procphys_ros.view.source import shortened
 
 LEAFY = SAPLING.strip() + ' Leaf(0.3) Leaf(0.2)'
 SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': LEAFY, 'count': 3,
@@ -165,6 +169,7 @@ def test_another_scene_is_loaded_into_the_node(node, followed, tmp_path):
     assert '1 objects, 4 parts' in says(followed, LoadScene(path))
     wait_until(lambda: len(followed.frame().content) == 4, 'the other scene')
     assert followed.frame().content.scene > before
+    wait_until(lambda: followed.status().scene == 'post', 'its name')
     assert np.isfinite(followed.frame().poses).all()
     assert says(followed, SetPause(False)).startswith('running')
     wait_until(lambda: followed.status().wind == (0.0, 0.0, 0.0), 'the wind to die down')
@@ -182,6 +187,36 @@ def test_a_scene_brings_what_its_cues_take(tmp_path):
     assert given['impulse.target'] == 'post/1' and 'camera.part' not in given
 
 
+@pytest.mark.parametrize('word', ['garden', 'church', 'oak.lsys'])
+def test_a_node_tells_where_mortar_is(word):
+    """Read the joints of walls from the description, as the library finds them."""
+    scene = open_scene(word)
+    whole = scene.blueprint
+    described = json.loads(SceneDescription('world', seats=seats).write(whole, scene.objects))
+    shown, own = content_of(described, Leaves(), 0).mortar, seats(whole)
+    for field in ('bond', 'first', 'second'):
+        np.testing.assert_array_equal(getattr(shown, field), getattr(own, field))
+    every = np.arange(len(own.bond))
+    exists = np.ones(len(whole), bool)
+    np.testing.assert_allclose(shown.boxes(whole.poses, exists, every),
+                               own.boxes(whole.poses, exists, every), atol=1e-3)
+    np.testing.assert_allclose(shown.size, own.size, atol=1e-4)
+
+
+@pytest.mark.parametrize('name, path', sorted(shipped_scenes().items()))
+def test_a_shipped_scene_of_a_node_is_known_by_its_parameters(name, path):
+    """Name what a node runs from all that it has, and no scene when one thing differs."""
+    node = SimpleNamespace(**{name: {}})
+    remote = SimpleNamespace(change=node.__dict__.update, trigger=lambda _: 'done',
+                             values=lambda names: [node.__dict__[key] for key in names])
+    carry_out(remote, LoadScene(path))
+    objects = node.__dict__['scene.objects']
+    assert scene_of(remote, objects) == name
+    key = next(key for key in node.__dict__ if key.startswith(f'{objects[-1]}.grammar'))
+    node.__dict__.update({f'{owner}.{key.partition(".")[2]}': 'mine' for owner in objects})
+    assert scene_of(remote, objects) == shortened(objects)
+
+
 def test_clicks_while_a_node_loads_are_not_for_its_scene(tmp_path, monkeypatch):
     """Set off no charge in a scene that nobody has seen yet; a pause holds for it, too."""
     path, said = tmp_path / 'post.yaml', []
@@ -195,7 +230,7 @@ def test_clicks_while_a_node_loads_are_not_for_its_scene(tmp_path, monkeypatch):
             page.put(Reset())
     remote = SimpleNamespace(trigger=trigger, switch=lambda name, on: said.append(name),
                              change=lambda values: None, push=lambda *values: said.append(values),
-                             values=lambda names: [(0.0, 0.0, 0.0)], close=lambda: None)
+                             values=lambda names: [(0.0, 0.0, 0.0), []], close=lambda: None)
     monkeypatch.setattr(page_commands, 'Remote', lambda *_: remote)
     for command in (LoadScene(path), Impulse(0, (5.0, 0.0, 0.0)), SetPause(True)):
         page.put(command)

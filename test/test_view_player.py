@@ -33,6 +33,7 @@ from procphys_ros.view.commands import (
     SetSpeed,
     StartGust,
     Step,
+    Undo,
 )
 from procphys_ros.view.player import Player
 
@@ -198,6 +199,57 @@ def test_what_is_thrown_after_a_reset_is_drawn_anew(simulation):
     shown = player.frame().content
     np.testing.assert_allclose(shown.size[-1], [0.9, 0.5, 0.3])
     assert not shown.ball[-1] and shown.scene != first.scene
+
+
+@pytest.mark.parametrize('click', [
+    Projectile(size=0.3, mass=20.0, position=(5.5, -0.6, 0.2), velocity=(0.0, 30.0, 0.0)),
+    Explosion((5.5, -1.0, 0.0), 2.0), Impulse(0, (900.0, 0.0, 0.0)), StartGust(30.0), Reset()])
+def test_a_click_can_be_undone(simulation, click):
+    """Go back to the bit to the moment before it, in the same simulation, and once."""
+    player = Player(simulation)
+    simulation.set_wind((3.0, 0.0, 0.0))
+    for now in (0.0, 0.1):
+        player.turn(now)
+    time, poses = simulation.time, simulation.poses.copy()
+    shown = len(player.frame().content)
+    player.say(click)
+    for now in np.arange(0.2, 0.8, 0.06):
+        player.turn(now)
+    for command in (SetPause(True), Undo()):
+        player.say(command)
+    player.turn(0.9)
+    assert player.answer() == f'back at {time:.1f} s' and simulation.time == time
+    np.testing.assert_array_equal(simulation.poses, poses)
+    assert len(player.frame().content) == len(player.frame().poses) == shown
+    assert not len(player.frame().broken)
+    player.say(Undo())
+    player.turn(1.0)
+    assert player.answer() == 'nothing to undo'
+
+
+def test_a_refused_click_leaves_the_undo_of_the_last(simulation):
+    """Undo the click before one that had no effect."""
+    player = Player(simulation)
+    player.say(SetPause(True))
+    player.say(Projectile(size=0.4, position=(0.0, -5.0, 2.0), velocity=(0.0, 1.0, 0.0)))
+    player.say(Impulse('oak', (1.0, 0.0, 0.0)))
+    player.turn(0.0)
+    count = len(simulation.poses)
+    player.say(Undo())
+    player.turn(1.0)
+    assert len(simulation.poses) == count - 1
+
+
+def test_what_runs_is_named(simulation, tmp_path):
+    """Call a scene as it was given, or by its objects, and by its file after a load."""
+    assert Player(simulation).status().scene == 'tree, wall'
+    player = Player(simulation, 'mine')
+    assert player.status().scene == 'mine'
+    path = tmp_path / 'one.yaml'
+    path.write_text('/**: {ros__parameters: {scene: {objects: []}}}', 'utf-8')
+    player.say(LoadScene(path))
+    player.turn(0.0)
+    assert player.status().scene == 'one'
 
 
 def test_a_page_that_is_closed_ends_what_plays(simulation):

@@ -15,9 +15,11 @@
 
 """Scene description: what stands in a scene, as JSON that is published when it changes."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 import json
 from typing import Any
+
+import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Law, Shape
 from procphys_ros.cut_bricks import first_pieces
@@ -27,6 +29,7 @@ from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import FLAT, Terrain
 
 _DIGITS = 6  # of sizes and masses; micrometres and milligrams are enough
+_MORTAR_DIGITS = 4  # of boxes of mortar: tenths of a millimetre look alike
 
 
 class SceneDescription:
@@ -38,10 +41,13 @@ class SceneDescription:
     :param frame_id: frame of the poses that are published.
     :param terrain: the surface of the ground.
     :param paving: what covers it.
+    :param seats: finds where mortar belongs, from a bond on (`render.joints.seats`); None = no
+        mortar is described.
     :ivar parts: number of parts described so far.
     """
 
-    def __init__(self, frame_id: str, terrain: Terrain = FLAT, paving: Sequence[Paving] = ()):
+    def __init__(self, frame_id: str, terrain: Terrain = FLAT, paving: Sequence[Paving] = (),
+                 seats: Callable[[Blueprint, int], Any] | None = None):
         self._frame = frame_id
         ground = json.dumps(describe_ground(terrain, paving), separators=(',', ':'))[1:-1]
         self._ground = f',{ground}' if ground else ''
@@ -50,7 +56,10 @@ class SceneDescription:
             'parts': {name: [] for name in ('name', 'kind', 'shape', 'size', 'visual_size', 'mass',
                                             'material', 'texture')},
             'hexahedra': {name: [] for name in ('part', 'corners', 'first_piece')},
-            'bonds': {name: [] for name in ('parts', 'law')}}
+            'bonds': {name: [] for name in ('parts', 'law')},
+            'mortar': {name: [] for name in ('bond', 'form', 'forms')}}
+        self._seats = seats
+        self._forms: dict[tuple[float, ...], int] = {}
         self._owners: list[dict[str, Any]] = []
 
     def write(self, blueprint: Blueprint, objects: Sequence[PlacedObject],
@@ -99,6 +108,18 @@ class SceneDescription:
         new = slice(self._bonds, None)
         self._add('bonds', parts=blueprint.bonds[new].tolist(),
                   law=[Law(law).name.lower() for law in blueprint.bond_law[new]])
+        if self._seats is not None:
+            self._add_mortar(self._seats(blueprint, self._bonds))
+
+    def _add_mortar(self, seats: Any) -> None:
+        """Add joints with mortar; most walls have few forms of them."""
+        rows = np.column_stack([seats.box, seats.size, *seats.ends]).round(_MORTAR_DIGITS) + 0.0
+        forms, place = np.unique(rows, axis=0, return_inverse=True)
+        known = len(self._forms)
+        number = np.array([self._forms.setdefault(tuple(form), len(self._forms))
+                           for form in forms.tolist()], int)
+        self._add('mortar', bond=seats.bond.tolist(), form=number[place.ravel()].tolist(),
+                  forms=[list(form) for form in self._forms][known:])
 
     def _add(self, group: str, **lists: list) -> None:
         for name, values in lists.items():

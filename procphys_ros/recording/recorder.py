@@ -27,6 +27,7 @@ from procphys_ros.messages.markers import MarkerStyle, SceneMarkers
 from procphys_ros.messages.scene_description import SceneDescription
 from procphys_ros.recording.recording import FULL_EVERY
 from procphys_ros.recording.writer import Writer
+from procphys_ros.render.joints import seats
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.schema import short
 from procphys_ros.simulation import Simulation
@@ -61,7 +62,7 @@ class Recorder:
         self._events = simulation.log.total
         self._markers: SceneMarkers | None = None
         self._terrain, self._paving = simulation.model.terrain, simulation.scene.paving
-        self._description = SceneDescription(frame, self._terrain, self._paving)
+        self._description = SceneDescription(frame, self._terrain, self._paving, seats)
         self._described: tuple[int, int] | None = None
         self._added: tuple[str, ...] = ()
         self._had_dust = False

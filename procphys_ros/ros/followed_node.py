@@ -40,6 +40,7 @@ from procphys_ros.messages.points import BREAK, DUST
 from procphys_ros.messages.poses import read_pose_array
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.dust import Puffs
+from procphys_ros.render.joints import Seats
 from procphys_ros.ros import qos
 from procphys_ros.ros.page_commands import PageCommands
 from procphys_ros.torn_wood import BrokenWood
@@ -57,6 +58,8 @@ class FollowedNode:
     :param patience: how long to wait for its answer to a command [s].
     :ivar watched: whether poses are wanted; without, only the description and the status come.
     """
+
+    can_undo = False  # states of a node go through files, and others act on it, too
 
     def __init__(self, name: str, patience: float = 5.0):
         self.name = '/' + name.strip('/')
@@ -102,7 +105,7 @@ class FollowedNode:
             return Status(False, f'{self.name} does not answer{since}')
         known = self._commands.known
         return Status(True, self._diagnosis.text, self._diagnosis.time, self._diagnosis.paused,
-                      self._diagnosis.factor, known)
+                      self._diagnosis.factor, known, self._commands.scene)
 
     def say(self, command: Any) -> None:
         """Have a command carried out by the node."""
@@ -140,6 +143,7 @@ class FollowedNode:
 
     def _describe(self, message: String) -> None:
         self._state.describe(message.data)
+        self._commands.find_scene()
 
     def _take_leaves(self, message: PointCloud2) -> None:
         self._state.take_leaves(leaves_of(np.frombuffer(bytes(message.data), LEAF)))
@@ -192,7 +196,7 @@ class _SceneState:
 
     def describe(self, text: str) -> None:
         """Take a description of the scene up; one that goes on where the last ended is no news."""
-        content = _content_of(json.loads(text), self._leaves, self._scene)
+        content = content_of(json.loads(text), self._leaves, self._scene)
         old = self._content
         if old is not None and not _continues(old, content):
             self._begin(content)
@@ -241,8 +245,14 @@ class _SceneState:
         return Frame(replace(content, wood=wood), poses, leaf_poses, self._dust, pairs)
 
 
-def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content:
-    """Read a scene description."""
+def content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content:
+    """
+    Read a scene description.
+
+    :param described: what `~/scene_description` holds.
+    :param leaves: on its parts.
+    :param scene: number of the scene.
+    """
     parts, solids = described['parts'], described.get('hexahedra', {})
     shape = np.array([Shape[name.upper()] for name in parts['shape']], np.uint8)
     size = np.array(parts['size'], float).reshape(-1, 3)
@@ -263,7 +273,19 @@ def _content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Conten
                    np.where(ball[:, None], size, drawn), np.array(parts['mass'], float), ball,
                    texture, parts['material'].__getitem__, textures or [''], leaves, first_piece,
                    Hexahedra(cut, np.array(solids.get('corners', ()), float).reshape(-1, 24)),
-                   terrain, paving)
+                   terrain, paving, mortar=_mortar_of(described))
+
+
+def _mortar_of(described: dict[str, Any]) -> Seats | None:
+    """Read where mortar is; nodes of earlier versions do not say."""
+    if 'mortar' not in described:
+        return None
+    bond = np.array(described['mortar']['bond'], int)
+    pairs = np.array(described['bonds']['parts'], int).reshape(-1, 2)[bond]
+    forms = np.array(described['mortar']['forms'], float).reshape(-1, 16)
+    box, size, first, second = np.split(
+        forms[np.array(described['mortar']['form'], int)], [7, 10, 13], axis=1)
+    return Seats(bond, pairs[:, 0], pairs[:, 1], box, np.stack([first, second]), size)
 
 
 def _continues(old: Content, new: Content) -> bool:

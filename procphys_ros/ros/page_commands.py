@@ -15,7 +15,8 @@
 
 """Page commands: send what is done on a page to the node, in order."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from queue import Empty, Queue
 from threading import Event, Thread
 from time import monotonic
@@ -25,6 +26,7 @@ from rclpy.executors import ExternalShutdownException
 
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.ros.remote import NoNodeError, Remote
+from procphys_ros.scene.named import shipped_scenes
 from procphys_ros.scene.parameter_table import GLOBAL, OBJECT
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.scene.unused import flat
@@ -41,6 +43,7 @@ from procphys_ros.view.commands import (
     StartGust,
     Step,
 )
+from procphys_ros.view.source import shortened
 
 _TURN = 0.1      # [s] between looks at whether it is to end
 _TIMEOUT = 3.0   # [s] to look for the node
@@ -58,12 +61,15 @@ class PageCommands:
     :param patience: how long to wait for an answer [s]; a node that dies gives none.
     :ivar answer: to the last command.
     :ivar known: mean wind that the node was last found to have [m/s], (3,).
+    :ivar scene: what the node runs; '' = not known yet.
     """
 
     def __init__(self, name: str, patience: float):
         self._name, self._patience = name, patience
         self.answer = ''
         self.known: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self.scene = ''
+        self._is_new = True  # the scene, so that its name has to be found
         self._queue: Queue[Any] = Queue()
         self._ended = Event()
         self._thread = Thread(target=self._work, name='commands', daemon=True)
@@ -83,6 +89,10 @@ class PageCommands:
     def put(self, command: Any) -> None:
         """Have a command carried out."""
         self._queue.put(command)
+
+    def find_scene(self) -> None:
+        """Find out what the node runs, at the next look at it."""
+        self._is_new = True
 
     def _work(self) -> None:
         try:
@@ -104,8 +114,11 @@ class PageCommands:
             if monotonic() > self._next_look:
                 self._next_look = monotonic() + _LOOK
                 self._remote.patience = self._patience
-                x, y, z = self._remote.values(['wind.velocity'])[0]
+                (x, y, z), objects = self._remote.values(['wind.velocity', 'scene.objects'])
                 self.known = (x, y, z)
+                if self._is_new:
+                    self._is_new = False
+                    self.scene = scene_of(self._remote, objects or [])
         except NoNodeError as error:
             self.answer = str(error) if waiting else self.answer
             if self._remote is not None:
@@ -158,6 +171,28 @@ def carry_out(remote: Remote, command: Any) -> str:
     :raises NoNodeError: when it does not answer.
     """
     return _ACTIONS[type(command)](remote, command) or ''
+
+
+def scene_of(remote: Remote, objects: Sequence[str]) -> str:
+    """
+    Name the shipped scene that a node has the objects of, with the same parameters.
+
+    :param remote: the node.
+    :param objects: their names.
+    :returns: the names of the objects where it is none of them.
+    """
+    for name, given in _shipped().items():
+        own = [key for key in given if key.partition('.')[0] in objects]
+        if list(given.get('scene.objects', [])) == list(objects) and (
+                remote.values(own) == [given[key] for key in own]):
+            return name
+    return shortened(objects)
+
+
+@cache
+def _shipped() -> Mapping[str, Mapping[str, Any]]:
+    """Read the parameters of the shipped scenes, by their names."""
+    return {name: dict(flat(read_yaml(path))) for name, path in shipped_scenes().items()}
 
 
 def _launch(remote: Remote, ball: Projectile) -> str:

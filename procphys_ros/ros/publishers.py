@@ -31,6 +31,7 @@ from procphys_ros.compilation.threads import beside
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.messages.ground import thinned
 from procphys_ros.physics.terrain import FLAT
+from procphys_ros.render.joints import seats
 from procphys_ros.ros import qos
 from procphys_ros.ros.late_joiners import LateJoinerTracker
 from procphys_ros.ros.leaf_publisher import LeafPublisher
@@ -205,7 +206,7 @@ class Publishers:
     def _describe(self, simulation: Simulation) -> None:
         if self._describer is None:
             self._describer = SceneDescription(self._frame, simulation.model.terrain,
-                                               simulation.scene.paving)
+                                               simulation.scene.paving, seats)
         text = self._describer.write(simulation.blueprint, simulation.objects, simulation.removed)
         self._description.publish(String(data=text))
         self._leaves.describe(simulation)

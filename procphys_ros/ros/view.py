@@ -82,11 +82,12 @@ def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
 
 def _played(said: argparse.Namespace) -> Any:
     # Late, because kernels and engines take seconds that help and mistakes need not wait for.
-    from procphys_ros.scene.named import open_scene
+    from procphys_ros.scene.named import open_scene, shown_name
     from procphys_ros.simulation import Simulation
     from procphys_ros.view.player import Player
 
-    return Player(Simulation(open_scene(said.scene, said.seed, dict(said.define))))
+    simulation = Simulation(open_scene(said.scene, said.seed, dict(said.define)))
+    return Player(simulation, shown_name(said.scene))
 
 
 @contextmanager

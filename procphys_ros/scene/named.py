@@ -49,6 +49,12 @@ def scene_file(word: str) -> Path:
     return path
 
 
+def shown_name(word: str) -> str:
+    """Return what to call a scene: the name of a shipped one, also by its path, or the word."""
+    path = Path(word).resolve()
+    return next((name for name, file in shipped_scenes().items() if file.resolve() == path), word)
+
+
 def open_scene(word: str, seed: int | None = None,
                defines: Mapping[str, float] | None = None) -> Scene:
     """

@@ -26,9 +26,9 @@ from procphys_ros.view import shapes
 from procphys_ros.view.near_leaves import NearLeaves
 from procphys_ros.view.source import Content, Frame
 
-_MOST_BOXES = 512    # copies in a batch: one brick that moves is sent with its whole batch
+MOST_BOXES = 512    # copies in a batch: one brick that moves is sent with its whole batch
 _MOST_OTHERS = 8192  # the same for branches and leaves, which move all at once or not at all
-_VISIBLE = 5e-4      # [m] and [-]: moves of parts below this are not sent
+VISIBLE = 5e-4       # [m] and [-]: moves of parts below this are not sent
 _VISIBLE_LEAF = 4e-3  # the same for leaves, which nobody looks at one by one
 _AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where parts go that are no more
 # Kinds of meshes: boxes, balls, and a kind for each form of hexahedra, counted down; others are
@@ -39,7 +39,7 @@ _DIGITS = 4  # of the corners of hexahedra [m]: tenths of a millimetre look alik
 _COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
 
 
-class _Group:
+class Group:
     """
     Copies of many meshes whose poses come in one array.
 
@@ -71,19 +71,25 @@ class _Group:
         self._rows = np.append(self._rows, rows)
         self._sent = np.concatenate([self._sent, now])
 
-    def send(self, poses: np.ndarray) -> int:
-        """Send the batches of which anything has moved; give their number."""
-        if not len(self):
-            return 0
-        now = self._placed(poses, self._rows)
-        moved = (np.abs(now - self._sent) > self._limit).any(axis=1)
-        chosen = np.flatnonzero(np.logical_or.reduceat(moved, self._starts))
+    def send(self, poses: np.ndarray, places: np.ndarray | None = None) -> int:
+        """
+        Send the batches of which anything has moved; give their number.
+
+        :param poses: world, (N, 7).
+        :param places: of the copies that can have moved, (K,); None = all.
+        """
+        if places is None:
+            places = np.arange(len(self))
+        now = self._placed(poses, self._rows[places])
+        moved = (np.abs(now - self._sent[places]) > self._limit).any(axis=1)
+        places = places[moved]
+        self._sent[places] = now[moved]
+        chosen = np.unique(np.searchsorted(self._starts, places, 'right') - 1)
         for i in chosen:
             end = self._starts[i + 1] if i + 1 < len(self._starts) else len(self)
-            mine = slice(self._starts[i], end)
-            self._sent[mine] = now[mine]
-            self._handles[i].batched_positions = now[mine, :3]
-            self._handles[i].batched_wxyzs = now[mine, 3:]
+            mine = self._sent[self._starts[i]:end].copy()
+            self._handles[i].batched_positions = mine[:, :3]
+            self._handles[i].batched_wxyzs = mine[:, 3:]
         return len(chosen)
 
     def close(self) -> None:
@@ -92,7 +98,7 @@ class _Group:
             handle.remove()
 
     def _placed(self, poses: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        return poses.astype(np.float32)[:, _COLUMNS][rows] * self._scale
+        return poses[rows][:, _COLUMNS].astype(np.float32) * self._scale
 
 
 class Batches:
@@ -105,8 +111,8 @@ class Batches:
     """
 
     def __init__(self, scene: Any, unit: float):
-        self._parts = _Group(scene, 'parts', unit, _VISIBLE)
-        self._leaves = _Group(scene, 'leaves', unit, _VISIBLE_LEAF)
+        self._parts = Group(scene, 'parts', unit, VISIBLE)
+        self._leaves = Group(scene, 'leaves', unit, _VISIBLE_LEAF)
         self._near = NearLeaves(scene, unit)
         self.sent = 0
 
@@ -117,7 +123,7 @@ class Batches:
         :param frame: the moment.
         :param eyes: from where people look, world [m], (K, 3).
         """
-        poses, leaves = _present(frame.poses), _present(frame.leaf_poses)
+        poses, leaves = present(frame.poses), present(frame.leaf_poses)
         single = self._near.update(frame.content, leaves, eyes)
         if len(single):
             leaves = leaves.copy()
@@ -139,7 +145,7 @@ class Batches:
         self._near.close()
 
 
-def _present(poses: np.ndarray) -> np.ndarray:
+def present(poses: np.ndarray) -> np.ndarray:
     """Put away what is gone."""
     gone = ~np.isfinite(poses[:, 0])
     return np.where(gone[:, None], _AWAY, poses) if gone.any() else poses
@@ -187,6 +193,6 @@ def _groups(content: Content, rows: np.ndarray, texture: np.ndarray, kind: np.nd
     distinct, place = np.unique(keys, axis=0, return_inverse=True)
     for number, (index, tone, which) in enumerate(distinct.tolist()):
         mine = rows[place.ravel() == number]
-        most = _MOST_BOXES if which == _BOX else _MOST_OTHERS
+        most = MOST_BOXES if which == _BOX else _MOST_OTHERS
         for start in range(0, len(mine), most):
             yield mine[start:start + most], names[index], tone, which

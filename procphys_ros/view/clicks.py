@@ -13,57 +13,106 @@
 # limitations under the License.
 
 
-"""Clicks: actions of clicks on parts."""
+"""Clicks: tools, and the commands of clicks with them."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
-from procphys_ros.blueprint import Shape
+from procphys_ros.errors import CommandError
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse
 from procphys_ros.view.picking import GROUND, Hit
 from procphys_ros.view.source import Content
+from procphys_ros.view.surroundings import Vicinity
 
-_RUN_UP = 6.0  # [m] before the wall that a ball starts, unless the eye is closer
+_RUN_UP = 6.0  # [m] before its target that a ball starts, unless the eye is closer
 _CLEARANCE = 0.01  # [m] between a ball that starts and the ground
+
+
+class Tool(StrEnum):
+    """What a click does."""
+
+    LOOK = 'look'
+    PUSH = 'push'
+    PULL = 'pull'
+    BALL = 'throw a ball'
+    CHARGE = 'set off a charge'
 
 
 @dataclass(frozen=True)
 class Strength:
     """
-    How strong clicks are.
+    How strong tools are.
 
-    :ivar pull: speed that a branch is pulled with [m/s].
+    :ivar push: speed whose momentum a part gets by a push or a pull [m/s].
     :ivar ball_mass: [kg].
     :ivar ball_size: diameter [m].
     :ivar ball_speed: [m/s].
     :ivar charge: TNT [kg].
     """
 
-    pull: float = 10.0
+    push: float = 10.0
     ball_mass: float = 30.0
     ball_size: float = 0.3
     ball_speed: float = 25.0
     charge: float = 10.0
 
 
-def command_of(hit: Hit, content: Content, direction: np.ndarray, strength: Strength) -> Any:
-    """
-    Turn a click into a command: pull a branch, throw a ball at a wall, set off a charge.
+def effect(tool: Tool, strength: Strength) -> str:
+    """Describe what a click will do."""
+    momentum = strength.ball_mass * strength.ball_speed
+    energy = 0.5e-3 * momentum * strength.ball_speed
+    return {
+        Tool.LOOK: 'A click shows what it is and what it carries.',
+        Tool.PUSH: f'A click pushes a part away: {strength.push:g} m/s times its mass.',
+        Tool.PULL: f'A click pulls a part closer: {strength.push:g} m/s times its mass.',
+        Tool.BALL: f'A click throws a ball there: {momentum:,.0f} N·s, {energy:,.1f} kJ.',
+        Tool.CHARGE: f'A click sets off {strength.charge:g} kg TNT there.'}[tool]
 
+
+def command_of(tool: Tool, hit: Hit, content: Content, direction: np.ndarray, strength: Strength,
+               vicinity: Vicinity) -> Any:
+    """
+    Turn a click into a command; None = a look.
+
+    :param tool: in hand.
     :param hit: what was clicked.
     :param content: what there is.
     :param direction: of sight, unit, world, (3,).
     :param strength: how strong.
+    :param vicinity: where tools act on the ground.
+    :raises CommandError: when the tool has no effect there.
     """
+    if tool is Tool.LOOK:
+        return None
+    if hit.part == GROUND and not vicinity.holds(hit.point):
+        raise CommandError('too far away: tools reach the ground '
+                           f'up to {vicinity.margin:.0f} m around the scene')
+    if tool is Tool.CHARGE:
+        place = hit.point.tolist()
+        if hit.part == GROUND:
+            place[2] = _ground(content, hit.point)
+        return Explosion(place, strength.charge)
+    if tool is Tool.BALL:
+        return _ball(hit, content, direction, strength)
     if hit.part == GROUND:
-        return Explosion([*hit.point[:2].tolist(), _ground(content, hit.point)], strength.charge)
-    if content.shape[hit.part] == Shape.CAPSULE:  # branches, and balls that lie around
-        pull = -direction * strength.pull * content.mass[hit.part]
-        return Impulse(hit.part, pull.tolist())
-    return _ball(hit, content, direction, strength)
+        raise CommandError(f'the ground cannot be moved: {tool} a part')
+    way = direction if tool is Tool.PUSH else -direction
+    return Impulse(hit.part, (way * strength.push * content.mass[hit.part]).tolist())
+
+
+def mark_of(command: Any) -> tuple[str, np.ndarray]:
+    """Describe a command in a few words, and give the way it acts, world, (3,); 0 = all ways."""
+    if isinstance(command, Explosion):
+        return f'{command.charge:g} kg TNT', np.zeros(3)
+    if isinstance(command, Projectile):
+        way = np.array(command.velocity)
+        return f'{command.mass:g} kg at {np.linalg.norm(way):.3g} m/s', way
+    way = np.array(command.linear)
+    return f'{np.linalg.norm(way):.3g} N·s', way
 
 
 def _ground(content: Content, point: np.ndarray) -> float:
@@ -81,8 +130,13 @@ def _ball(hit: Hit, content: Content, direction: np.ndarray, strength: Strength)
 
 
 def describe(hit: Hit, content: Content) -> str:
-    """Say in few lines what was clicked."""
+    """Describe in few lines what was clicked."""
     if hit.part == GROUND:
         return f'**ground** at {hit.point[0]:.1f}, {hit.point[1]:.1f} m'
     return (f'**{content.name(hit.part)}**  \n{content.material(hit.part)}, '
             f'{content.mass[hit.part]:.3g} kg')
+
+
+def title(hit: Hit, content: Content) -> str:
+    """Name what was clicked."""
+    return 'ground' if hit.part == GROUND else content.name(hit.part)

@@ -42,6 +42,11 @@ class Reset:
 
 
 @dataclass(frozen=True)
+class Undo:
+    """Go back to the moment before the last click, gust or reset."""
+
+
+@dataclass(frozen=True)
 class SetSpeed:
     """Ask for a real-time factor; 0 = as fast as possible."""
 
@@ -69,7 +74,8 @@ class LoadScene:
     path: Path
 
 
-CLICKS = (Inspect, Impulse, Projectile, Explosion)  # what is done to what a page shows
+CLICKS = (Inspect, Undo, Impulse, Projectile, Explosion)  # what is done to what a page shows
+UNDONE = (Impulse, Projectile, Explosion, StartGust, Reset)  # what `Undo` takes back
 
 
 def drop_clicks(waiting: Queue[Any]) -> None:

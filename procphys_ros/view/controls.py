@@ -20,14 +20,15 @@ import math
 from pathlib import Path
 from typing import Any
 
+from procphys_ros.physics.wind import FASTEST
 from procphys_ros.simulation.commands import SetWind
-from procphys_ros.view.clicks import Strength
-from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step
+from procphys_ros.view.clicks import effect, Strength, Tool
+from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step, Undo
 from procphys_ros.view.source import Status
 
-_STRONGEST_WIND = 40.0  # [m/s] of the slider, a hurricane
-_FASTEST = 4.0  # real-time factor of the slider
-_HELP = 'Click a branch to pull it, a wall to throw a ball at it, the ground to set off a charge.'
+_USUAL_FACTOR = 4.0  # largest real-time factor of the slider, unless the source has a larger one
+_FASTEST = (1.0 - 1e-12) * FASTEST  # [m/s] that no rounding makes more than is allowed
+_STEP, _RESET, _UNDO, _GUST = 'step', 'reset', 'undo', 'gust'
 
 
 class Controls:
@@ -37,29 +38,31 @@ class Controls:
     :param gui: `ViserServer.gui`.
     :param say: takes commands.
     :param scenes: files that may be loaded, by name; none = no choice of scenes.
+    :param can_undo: whether there is a button for it.
     """
 
-    def __init__(self, gui: Any, say: Callable[[Any], None], scenes: Mapping[str, Path]):
+    def __init__(self, gui: Any, say: Callable[[Any], None], scenes: Mapping[str, Path],
+                 can_undo: bool):
         self._say = say
         self._shown: Status | None = None
+        self._scenes = scenes
         self._state = gui.add_markdown('')
-        self._add_time(gui)
+        self._add_tools(gui)
+        self._add_time(gui, [_STEP, _RESET, *[_UNDO] * can_undo])
         self._add_wind(gui)
-        self._add_clicks(gui)
         if scenes:
-            self._add_scenes(gui, scenes)
+            self._add_scenes(gui)
 
     @property
-    def strength(self) -> Strength | None:
-        """Say how strong clicks are; None = they only show what was clicked."""
-        if not self.acts.value:
-            return None
-        return Strength(self.pull.value, self.ball_mass.value, self.ball_size.value,
+    def strength(self) -> Strength:
+        """Return how strong the tools are."""
+        return Strength(self.push.value, self.ball_mass.value, self.ball_size.value,
                         self.ball_speed.value, self.charge.value)
 
     def show(self, status: Status, answer: str) -> None:
         """Show how the source is; what others have changed moves the sliders."""
         text = status.text if status.alive else f'**{status.text or "no answer"}**'
+        text = f'**{status.scene}**  \n{text}' if status.scene else text
         text += f'  \n{answer}' if answer else ''
         if self._state.content != text:
             self._state.content = text
@@ -69,62 +72,85 @@ class Controls:
         if old is None or old.paused != status.paused:
             self.pause.value = status.paused
         if old is None or old.factor != status.factor:
-            self.factor.value = min(status.factor, _FASTEST)
+            self.factor.max = max(_USUAL_FACTOR, status.factor)
+            self.factor.value = status.factor
         if old is None or old.wind != status.wind:
             x, y, _ = status.wind
             speed = math.hypot(x, y)
-            self.wind.value = min(round(speed, 1), _STRONGEST_WIND)
+            self.wind.value = round(speed, 1)
             if speed:
                 self.direction.value = round(math.degrees(math.atan2(y, x))) % 360
+        if self._scenes and (old is None or old.scene != status.scene):
+            other = [status.scene] * (status.scene not in self._scenes)
+            self.scene.options = (*other, *self._scenes)
+            self.scene.value = status.scene
 
     def show_selected(self, text: str) -> None:
         """Show what was clicked."""
         self.selected.content = text
 
-    def _add_time(self, gui: Any) -> None:
+    def _add_tools(self, gui: Any) -> None:
+        usual = Strength()
+        self.tool = gui.add_dropdown('tool', [str(tool) for tool in Tool],
+                                     hint='what a click into the scene does')
+        self.push = gui.add_slider('push [m/s]', 0.5, 50.0, 0.5, usual.push)
+        self.ball_mass = gui.add_slider('ball [kg]', 0.5, 500.0, 0.5, usual.ball_mass)
+        self.ball_size = gui.add_slider('ball [m]', 0.05, 1.5, 0.05, usual.ball_size)
+        self.ball_speed = gui.add_slider('ball [m/s]', 1.0, 100.0, 1.0, usual.ball_speed)
+        self.charge = gui.add_slider('charge [kg]', 0.1, 100.0, 0.1, usual.charge)
+        self.effect = gui.add_markdown('')
+        self.selected = gui.add_markdown('')
+        balls = self.ball_mass, self.ball_size, self.ball_speed
+        self._users = [(self.push, (Tool.PUSH, Tool.PULL)), (self.charge, (Tool.CHARGE,)),
+                       *((handle, (Tool.BALL,)) for handle in balls)]
+        for handle in (self.tool, self.push, *balls, self.charge):
+            handle.on_update(lambda _: self._show_tool())
+        self._show_tool()
+
+    def _show_tool(self) -> None:
+        """Show the sliders of the tool in hand, and what a click will do."""
+        tool = Tool(self.tool.value)
+        for slider, tools in self._users:
+            slider.visible = tool in tools
+        self.effect.content = effect(tool, self.strength)
+
+    def _add_time(self, gui: Any, buttons: list[str]) -> None:
         with gui.add_folder('Time'):
             self.pause = gui.add_checkbox('pause', False)
-            self.factor = gui.add_slider('speed', 0.0, _FASTEST, 0.05, 1.0,
+            self.factor = gui.add_slider('speed', 0.0, _USUAL_FACTOR, 0.05, 1.0,
                                          hint='simulated over real time; 0 = as fast as it goes')
-            self.step = gui.add_button('step')
-            self.reset = gui.add_button('reset')
+            self.time = gui.add_button_group('', buttons)
+        commands = {_STEP: Step(), _RESET: Reset(), _UNDO: Undo()}
         _on_user(self.pause.on_update, lambda: self._say(SetPause(self.pause.value)))
         _on_user(self.factor.on_update, lambda: self._say(SetSpeed(self.factor.value)))
-        _on_user(self.step.on_click, lambda: self._say(Step()))
-        _on_user(self.reset.on_click, lambda: self._say(Reset()))
+        _on_user(self.time.on_click, lambda: self._say(commands[self.time.value]))
 
     def _add_wind(self, gui: Any) -> None:
         with gui.add_folder('Wind'):
-            self.wind = gui.add_slider('speed [m/s]', 0.0, _STRONGEST_WIND, 0.1, 0.0)
+            self.wind = gui.add_slider('speed [m/s]', 0.0, FASTEST, 0.1, 0.0)
             self.direction = gui.add_slider('to [°]', 0, 359, 1, 0,
                                             hint='the way it blows to; 0 = x, 90 = y')
-            self.gust_speed = gui.add_slider('gust [m/s]', 1.0, _STRONGEST_WIND, 1.0, 15.0)
-            self.gust = gui.add_button('gust')
+            self.gust_speed = gui.add_slider('gust [m/s]', 1.0, FASTEST, 1.0, 15.0)
+            self.gust = gui.add_button_group('', [_GUST])
         _on_user(self.wind.on_update, self._blow)
         _on_user(self.direction.on_update, self._blow)
         _on_user(self.gust.on_click, lambda: self._say(StartGust(self.gust_speed.value)))
 
     def _blow(self) -> None:
         angle = math.radians(self.direction.value)
-        self._say(SetWind((self.wind.value * math.cos(angle), self.wind.value * math.sin(angle),
-                           0.0)))
+        rising = self._shown.wind[2] if self._shown is not None else 0.0
+        speed = min(self.wind.value, math.sqrt(max(_FASTEST ** 2 - rising ** 2, 0.0)))
+        self._say(SetWind((speed * math.cos(angle), speed * math.sin(angle), rising)))
 
-    def _add_clicks(self, gui: Any) -> None:
-        usual = Strength()
-        with gui.add_folder('Click'):
-            self.acts = gui.add_checkbox('clicks act', True, hint=_HELP)
-            self.pull = gui.add_slider('pull [m/s]', 0.5, 50.0, 0.5, usual.pull)
-            self.ball_mass = gui.add_slider('ball [kg]', 0.5, 500.0, 0.5, usual.ball_mass)
-            self.ball_size = gui.add_slider('ball [m]', 0.05, 1.5, 0.05, usual.ball_size)
-            self.ball_speed = gui.add_slider('ball [m/s]', 1.0, 100.0, 1.0, usual.ball_speed)
-            self.charge = gui.add_slider('charge [kg]', 0.1, 100.0, 0.1, usual.charge)
-            self.selected = gui.add_markdown(_HELP)
-
-    def _add_scenes(self, gui: Any, scenes: Mapping[str, Path]) -> None:
-        with gui.add_folder('Scene'):
-            self.scene = gui.add_dropdown('scene', list(scenes))
+    def _add_scenes(self, gui: Any) -> None:
+        with gui.add_folder('Scene', expand_by_default=False):
+            self.scene = gui.add_dropdown('scene', list(self._scenes))
             self.load = gui.add_button('load')
-        _on_user(self.load.on_click, lambda: self._say(LoadScene(scenes[self.scene.value])))
+        _on_user(self.load.on_click, self._load)
+
+    def _load(self) -> None:
+        if self.scene.value in self._scenes:  # what runs may be none of them
+            self._say(LoadScene(self._scenes[self.scene.value]))
 
 
 def _on_user(register: Callable, act: Callable[[], None]) -> None:

@@ -27,18 +27,24 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros.errors import CommandError
 from procphys_ros.view import surroundings
 from procphys_ros.view.batches import Batches
-from procphys_ros.view.clicks import command_of, describe
+from procphys_ros.view.clicks import command_of, describe, mark_of, title, Tool
 from procphys_ros.view.commands import Inspect
 from procphys_ros.view.controls import Controls
 from procphys_ros.view.cracks import Cracks
 from procphys_ros.view.dust import DustCloud
 from procphys_ros.view.guard import Guard
 from procphys_ros.view.library import load_viser, ViewError
+from procphys_ros.view.marks import Marks
+from procphys_ros.view.mortar import Mortar
+from procphys_ros.view.outlook import Outlook
 from procphys_ros.view.picking import GROUND, pick
 from procphys_ros.view.source import Frame, Source
+from procphys_ros.view.surroundings import Vicinity
 from procphys_ros.view.torn_meshes import TornMeshes
+from procphys_ros.view.wind_arrow import WindArrow
 
 HOST, PORT = 'localhost', 8080
 RATE = 20.0  # [Hz] at which what moves is sent at most
@@ -66,12 +72,17 @@ class Page:
         guard = Guard(host, names)
         self.server = _serve(host, port, guard)
         self.address = guard.address(self.server.get_port())
-        self.server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self.server.gui.configure_theme(show_logo=False, show_share_button=False,
+                                        control_width='small')
         surroundings.light_up(self.server)
-        self.controls = Controls(self.server.gui, source.say, scenes or {})
+        self.controls = Controls(self.server.gui, source.say, scenes or {}, source.can_undo)
+        self.outlook = Outlook(self.server.gui, lambda: (self._frame, self.unit))
         self.server.scene.on_click()(self._clicked)
+        self._marks = Marks(self.server.scene)
         self._frame: Frame | None = None
-        self._drawn: tuple[Batches, DustCloud, Cracks, TornMeshes] | None = None
+        self._vicinity: Vicinity | None = None
+        self._arrow: WindArrow | None = None
+        self._drawn: tuple[Batches, Mortar, DustCloud, Cracks, TornMeshes] | None = None
         self._eyes = np.zeros((0, 3))
         self.unit = 1.0
         self._status_due = 0.0
@@ -98,7 +109,8 @@ class Page:
         self._source.watched = bool(self.server.get_clients())
         if now >= self._status_due:
             self._status_due = now + _STATUS_PERIOD
-            self.controls.show(self._source.status(), self._source.answer())
+            self._show_status()
+        self._marks.update(now)
         frame = self._source.frame()
         eyes = self._seen_from()
         still = frame is self._frame and np.array_equal(eyes, self._eyes)
@@ -110,13 +122,15 @@ class Page:
 
     def draw(self, frame: Frame) -> None:
         """Draw a frame, whatever the source shows."""
-        if not self._continues(frame):
+        is_new = not self._continues(frame)
+        if is_new:
             self._begin(frame)
+        self.outlook.list_objects(frame.content, is_new)
         self._frame = frame
         assert self._drawn is not None
-        batches, dust, cracks, torn = self._drawn
+        batches, mortar, dust, cracks, torn = self._drawn
         batches.update(frame, self._eyes)
-        for drawn in (dust, cracks, torn):
+        for drawn in (mortar, dust, cracks, torn):
             drawn.update(frame)
 
     def close(self) -> None:
@@ -134,14 +148,21 @@ class Page:
         :param origin: the eye, world [m], (3,).
         :param direction: of the ray, world, (3,).
         """
-        frame, strength = self._frame, self.controls.strength
+        frame, vicinity = self._frame, self._vicinity
         hit = pick(frame, origin, direction) if frame is not None else None
-        if frame is None or hit is None:
+        if frame is None or vicinity is None or hit is None:
             return
+        text, way, tool = title(hit, frame.content), None, Tool(self.controls.tool.value)
+        sight = np.asarray(direction, float) / np.linalg.norm(direction)
+        try:
+            command = command_of(tool, hit, frame.content, sight, self.controls.strength, vicinity)
+        except CommandError as error:
+            text, command = str(error), None
+        if command is not None:
+            text, way = mark_of(command)
+            self._source.say(command)
+        self._marks.put(self.unit * hit.point, self.unit * hit.distance, text, way)
         self.controls.show_selected(describe(hit, frame.content))
-        if strength is not None:
-            sight = np.asarray(direction, float) / np.linalg.norm(direction)
-            self._source.say(command_of(hit, frame.content, sight, strength))
         if hit.part != GROUND:
             self._source.say(Inspect(hit.part))
 
@@ -158,17 +179,27 @@ class Page:
         return np.array([camera.position / self.unit for camera in cameras
                          if camera.update_timestamp != 0.0]).reshape(-1, 3)
 
+    def _show_status(self) -> None:
+        status = self._source.status()
+        self.controls.show(status, self._source.answer())
+        if self._arrow is not None and status.alive:
+            self._arrow.show(status.wind)
+
     def _continues(self, frame: Frame) -> bool:
         return self._frame is not None and frame.content.scene == self._frame.content.scene
 
     def _begin(self, frame: Frame) -> None:
-        for drawn in self._drawn or ():
-            drawn.close()
+        for drawn in (self._marks, self._arrow, *(self._drawn or ())):
+            if drawn is not None:
+                drawn.close()
         self.unit = surroundings.unit_of(frame)
         surroundings.arrange(self.server, frame, self.unit)
         scene = self.server.scene
-        self._drawn = (Batches(scene, self.unit), DustCloud(scene, self.unit),
-                       Cracks(scene, self.unit), TornMeshes(scene, self.unit))
+        self._vicinity = Vicinity.of(frame)
+        self._arrow = WindArrow(scene, self.unit, self._vicinity)
+        self._drawn = (Batches(scene, self.unit), Mortar(scene, self.unit),
+                       DustCloud(scene, self.unit), Cracks(scene, self.unit),
+                       TornMeshes(scene, self.unit))
 
 
 def _serve(host: str, port: int, guard: Guard) -> Any:

@@ -36,8 +36,10 @@ from procphys_ros.view.commands import (
     SetSpeed,
     StartGust,
     Step,
+    Undo,
+    UNDONE,
 )
-from procphys_ros.view.source import Content, Frame, Status
+from procphys_ros.view.source import Content, Frame, shortened, Status
 
 _TURN = 0.01        # [s] between looks at the clock
 _LONGEST = 0.05     # [s] of steps before commands and frames get a turn
@@ -51,18 +53,24 @@ class Player:
     Plays a simulation and carries commands out between its steps.
 
     :param simulation: nobody else may touch it while it is played.
+    :param name: of its scene; '' = the names of its objects.
     :ivar simulation: the one that is played now.
     :ivar watched: whether frames are wanted.
     """
 
-    def __init__(self, simulation: Simulation):
+    can_undo = True
+
+    def __init__(self, simulation: Simulation, name: str = ''):
         self.simulation = simulation
         self.watched = True
+        self._name = name or shortened(placed.name for placed in simulation.objects)
+        self._before: bytes | None = None  # the state that `Undo` goes back to
         self._queue: Queue[Any] = Queue()
         self._ended = Event()
         self._paused, self._factor, self._scene = False, 1.0, 0
         self._answer, self._activity = '', ''
         self._known_breaks, self._broken = 0, _NONE_BROKEN
+        self._bonds = 0  # of the content
         self._content = self._describe()
         self._frame = self._take_frame()
         self._last_frame, self._last_turn = -np.inf, np.nan
@@ -71,8 +79,8 @@ class Player:
         self._thread = Thread(target=self._play, name='player', daemon=True)
         self._actions: dict[type, Callable[[Any], str]] = {
             SetPause: self._set_pause, Step: self._step_once, Reset: self._reset,
-            SetSpeed: self._set_speed, StartGust: self._gust, Inspect: self._inspect,
-            LoadScene: self._load}
+            Undo: self._undo, SetSpeed: self._set_speed, StartGust: self._gust,
+            Inspect: self._inspect, LoadScene: self._load}
 
     def start(self) -> None:
         """Begin to play."""
@@ -95,7 +103,7 @@ class Player:
                                   f'{simulation.bonds_broken} bonds broken')
         wind = simulation.wind.mean_velocity(simulation.time)
         return Status(True, text, simulation.time, self._paused, self._factor,
-                      (float(wind[0]), float(wind[1]), float(wind[2])))
+                      (float(wind[0]), float(wind[1]), float(wind[2])), self._name)
 
     def say(self, command: Any) -> None:
         """Have a command carried out between two steps."""
@@ -146,6 +154,7 @@ class Player:
             self._behind -= step if self._factor else 0.0
 
     def _carry_out(self, command: Any) -> None:
+        before = self.simulation.save() if isinstance(command, UNDONE) else None
         try:
             action = self._actions.get(type(command))
             if action is None:
@@ -154,6 +163,8 @@ class Player:
             else:
                 self._answer = action(command)
             self._has_news = True
+            if isinstance(command, UNDONE):
+                self._before = before
         except ProcPhysError as error:
             self._answer = str(error)
 
@@ -172,6 +183,15 @@ class Player:
         self._follow()  # before as many parts may have joined again
         self._known_breaks, self._broken = 0, _NONE_BROKEN
         return ''
+
+    def _undo(self, command: Undo) -> str:
+        if self._before is None:
+            return 'nothing to undo'
+        self.simulation.restore(self._before)
+        self._before = None
+        self._follow()
+        self._known_breaks, self._broken = 0, _NONE_BROKEN
+        return f'back at {self.simulation.time:.1f} s'
 
     def _set_speed(self, command: SetSpeed) -> str:
         self._factor, self._behind = command.factor, 0.0
@@ -193,6 +213,7 @@ class Player:
             self.simulation.close()
             self.simulation = simulation
             self._scene += 1
+            self._name, self._before = command.path.stem, None
             self._known_breaks, self._broken = 0, _NONE_BROKEN
             self._content = self._describe()
             drop_clicks(self._queue)
@@ -200,17 +221,20 @@ class Player:
             self._activity = ''
         return ''
 
-    def _describe(self) -> Content:
-        return Content.of(self.simulation.blueprint, self.simulation.names.name, self._scene,
-                          self.simulation.model.terrain, self.simulation.scene.paving)
+    def _describe(self, before: Content | None = None) -> Content:
+        blueprint = self.simulation.blueprint
+        bonds, self._bonds = self._bonds, len(blueprint.bonds)
+        return Content.of(blueprint, self.simulation.names.name, self._scene,
+                          self.simulation.model.terrain, self.simulation.scene.paving,
+                          before if self._bonds == bonds else None)
 
     def _follow(self) -> None:
         """Describe the scene again when parts have joined, or went with a reset."""
-        count = len(self.simulation.blueprint)
-        if count < len(self._content):
+        count, before = len(self.simulation.blueprint), self._content
+        if count < len(before):
             self._scene += 1
-        if count != len(self._content):
-            self._content = self._describe()
+        if count != len(before):
+            self._content = self._describe(before if self._scene == before.scene else None)
 
     def _take_frame(self) -> Frame:
         simulation = self.simulation

@@ -15,7 +15,7 @@
 
 """Source: what a page shows, and where it sends commands."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -26,7 +26,10 @@ from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
+from procphys_ros.render.joints import Seats, seats
 from procphys_ros.torn_wood import Wood, WoodJoints
+
+_NAMED = 3  # objects that a line has room for
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,7 @@ class Content:
     :ivar terrain: the surface of the ground.
     :ivar paving: what covers it.
     :ivar wood: where trees have come apart; None = not known.
+    :ivar mortar: where it is between parts; None = not known.
     """
 
     scene: int
@@ -66,13 +70,15 @@ class Content:
     terrain: Terrain = FLAT
     paving: Sequence[Paving] = ()
     wood: Wood | None = None
+    mortar: Seats | None = None
 
     def __len__(self) -> int:
         return len(self.shape)
 
     @classmethod
     def of(cls, blueprint: Blueprint, name: Callable[[int], str], scene: int,
-           terrain: Terrain = FLAT, paving: Sequence[Paving] = ()) -> 'Content':
+           terrain: Terrain = FLAT, paving: Sequence[Paving] = (),
+           before: 'Content | None' = None) -> 'Content':
         """
         Describe a blueprint.
 
@@ -81,6 +87,7 @@ class Content:
         :param scene: number of the scene.
         :param terrain: the surface of the ground.
         :param paving: what covers it.
+        :param before: an earlier content of the same scene, with the same bonds.
         """
         launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
                                             if kind == 'projectile'])
@@ -90,7 +97,8 @@ class Content:
                    blueprint.mass, ball, blueprint.texture,
                    lambda part: blueprint.materials[blueprint.material[part]],
                    blueprint.textures, blueprint.leaves, first_pieces(blueprint),
-                   blueprint.hexahedra, terrain, paving, WoodJoints(blueprint))
+                   blueprint.hexahedra, terrain, paving, WoodJoints(blueprint),
+                   seats(blueprint) if before is None else before.mortar)
 
 
 @dataclass(frozen=True)
@@ -123,6 +131,7 @@ class Status:
     :ivar paused: whether time stands still.
     :ivar factor: real-time factor asked for; 0 = as fast as possible.
     :ivar wind: mean wind at the reference height [m/s], (3,).
+    :ivar scene: what runs: the name of a scene, or of its objects.
     """
 
     alive: bool = False
@@ -131,6 +140,13 @@ class Status:
     paused: bool = False
     factor: float = 1.0
     wind: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    scene: str = ''
+
+
+def shortened(names: Iterable[str]) -> str:
+    """Name the objects of a scene in a line, the first ones of many."""
+    known = list(names)
+    return ', '.join([*known[:_NAMED], *['…'] * (len(known) > _NAMED)]) or 'an empty scene'
 
 
 class Source(Protocol):
@@ -138,9 +154,11 @@ class Source(Protocol):
     A running scene: a simulation of this process, or a node.
 
     :ivar watched: set by the page: whether anybody looks, so that frames are wanted.
+    :ivar can_undo: whether it takes an `Undo`.
     """
 
     watched: bool
+    can_undo: bool
 
     def frame(self) -> Frame | None:
         """Give the newest moment, the same object while nothing new has come."""

@@ -16,6 +16,7 @@
 """Surroundings: ground, sun with shadows, sky light, and where the eye stands first."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,46 @@ _LIT = (3.2, 1.6)     # intensity of sun and sky, by eye beside `render`
 _WINDOW = (16, 10)    # width and height of a usual browser window
 _ROOM = 1.3           # by so much further away, because a panel covers a part
 _LIFT = 0.004         # [m] of the grid above the ground
+_SMALLEST = 2.0       # [m] radius of a scene, whatever is in it
 _ROWS = 64            # of the picture of the sky
+
+
+@dataclass(frozen=True)
+class Vicinity:
+    """
+    A scene and the ground around it, up to where all of the scene is in view from.
+
+    :ivar low, high: corners of a box around all parts and leaves, world [m], (3,).
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def of(cls, frame: Frame) -> 'Vicinity':
+        """Find it for a scene, without the balls that fly or lie around."""
+        points = _points(frame)
+        return cls(points.min(axis=0), points.max(axis=0))
+
+    @property
+    def radius(self) -> float:
+        """Return the radius of a ball around the box [m]."""
+        return max(_SMALLEST, 0.5 * float(np.linalg.norm(self.high - self.low)))
+
+    @property
+    def margin(self) -> float:
+        """Return how far it reaches around the box [m]."""
+        return self.radius / float(np.sin(0.5 * np.radians(camera.FIELD_OF_VIEW)))
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Return the middle of the box, world [m], (3,)."""
+        return 0.5 * (self.low + self.high)
+
+    def holds(self, point: np.ndarray) -> bool:
+        """Return whether a point, world [m], (3,), lies in it, seen from above."""
+        inside = (self.low - self.margin <= point) & (point <= self.high + self.margin)
+        return bool(inside[:2].all())
 
 
 def unit_of(frame: Frame) -> float:
@@ -41,9 +81,9 @@ def unit_of(frame: Frame) -> float:
 
     :param frame: the scene at first.
     """
-    eye, target = _view(frame)
+    eye, target = standpoint(frame)
     away = float(np.linalg.norm(np.subtract(eye, target)))
-    return min(1.0, _SHADOW_REACH / (away + _radius(frame)))
+    return min(1.0, _SHADOW_REACH / (away + Vicinity.of(frame).radius))
 
 
 def arrange(server: Any, frame: Frame, unit: float) -> None:
@@ -55,7 +95,7 @@ def arrange(server: Any, frame: Frame, unit: float) -> None:
     :param unit: length of the page [1/m].
     """
     points = _points(frame)
-    middle, span = points.mean(axis=0), _SPAN * _radius(frame) * unit
+    middle, span = points.mean(axis=0), _SPAN * Vicinity.of(frame).radius * unit
     ground, line = (_bytes(tone * np.array(rgba('ground')[:3])) for tone in (1.0, 0.85))
     place = float(middle[0]) * unit, float(middle[1]) * unit
     # A mesh, because a grid is drawn with what is translucent, and would be hidden by dust.
@@ -72,7 +112,7 @@ def arrange(server: Any, frame: Frame, unit: float) -> None:
         section_size=10.0 * unit, cell_color=line, section_color=line, shadow_opacity=0.0,
         fade_distance=span, visible=frame.content.terrain.is_flat)
     server.scene.configure_fog(0.5 * _HAZE * span, 0.5 * span, color=_bytes(light.SKY_LOW))
-    eye, target = _view(frame)
+    eye, target = standpoint(frame)
     for view in (server.initial_camera, *(c.camera for c in server.get_clients().values())):
         view.fov = np.radians(camera.FIELD_OF_VIEW)
         view.position, view.look_at = unit * eye, unit * target
@@ -101,9 +141,14 @@ def light_up(server: Any) -> None:
     scene.set_background_image((255.0 * np.repeat(sky, 2, axis=1)).astype(np.uint8))
 
 
-def _view(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Give eye and target [m] that show the whole scene, with room for the panel."""
-    view = camera.frame(_points(frame), _WINDOW)
+def standpoint(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Return eye and target [m] that show the whole scene."""
+    return look_at(_points(frame))
+
+
+def look_at(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return eye and target [m] that show points [m], (V, 3), with room for the panel."""
+    view = camera.frame(points, _WINDOW)
     return view.target + _ROOM * (view.eye - view.target), view.target
 
 
@@ -113,11 +158,6 @@ def _bytes(colour: Sequence[float] | np.ndarray) -> tuple[int, int, int]:
 
 
 def _points(frame: Frame) -> np.ndarray:
-    points = np.concatenate([frame.poses[:, :3], frame.leaf_poses[:, :3]])
+    points = np.concatenate([frame.poses[~frame.content.ball, :3], frame.leaf_poses[:, :3]])
     points = points[np.isfinite(points[:, 0])]
     return points if len(points) else np.array([[-2.0, -2.0, 0.0], [2.0, 2.0, 2.0]])
-
-
-def _radius(frame: Frame) -> float:
-    points = _points(frame)
-    return max(2.0, 0.5 * float(np.linalg.norm(points.max(axis=0) - points.min(axis=0))))
