@@ -169,7 +169,7 @@ def test_watch_tells_time_and_breaks_until_it_is_stopped(node, say):
 def test_a_message_that_nobody_has_taken_is_told():
     """Raise what ends the command with 3 when the node has gone before it had the message."""
     remote, sent = Remote.__new__(Remote), []
-    remote.name, remote.patience = '/sim', 1.0
+    remote.name, remote.patience, remote._search = '/sim', 1.0, 10.0
     remote._node = SimpleNamespace(create_publisher=lambda *_: SimpleNamespace(
         publish=sent.append, get_subscription_count=lambda: 1,
         wait_for_all_acked=lambda _: False))

@@ -65,10 +65,10 @@ def test_memory_is_given_back_once_another_scene_has_been_taken_over(monkeypatch
     """Do so after the old scene was let go, not before."""
     done, queued = [], []
     monkeypatch.setattr(loading, 'return_free_memory', lambda: done.append('given back'))
-    builder = SimpleNamespace(build=lambda parameters, built, failed: built('new'))
+    builder = SimpleNamespace(build=lambda parameters, bounds, built, failed: built('new'))
     session = SimpleNamespace(has_scene=True, adopt=lambda scene: done.append(scene) or 'adopted')
     loads = loading.Loading(builder, SimpleNamespace(call=queued.append),
-                            SimpleNamespace(nested=dict), session)
+                            SimpleNamespace(nested=dict, bounds=None), session)
     loads.reload(lambda *_: None)
     assert not done
     assert queued[0].carry_out() == 'adopted' and done == ['new', 'given back']

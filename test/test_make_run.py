@@ -41,7 +41,8 @@ def started(folder, node='exec sleep 600', page='exec sleep 600'):
     os.utime(folder / '.installed-run', (time() + 3600, time() + 3600))  # newer than all sources
     make = subprocess.Popen(['make', '-C', str(ROOT), 'run', f'VENV={folder}'],
                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                            start_new_session=True)
+                            start_new_session=True,
+                            preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
     pids = [folder / name for name in ('view', 'sim')]
     wait_until(lambda: all(path.exists() for path in pids))
     return make, [int(path.read_text('utf-8')) for path in pids]
@@ -58,10 +59,10 @@ def wait_until(done):
 def is_there(number):
     """Say whether a process runs."""
     try:
-        os.kill(number, 0)
-    except ProcessLookupError:
+        state = Path(f'/proc/{number}/stat').read_text('utf-8').rpartition(')')[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):  # the latter where it ends meanwhile
         return False
-    return Path(f'/proc/{number}/stat').read_text('utf-8').rpartition(')')[2].split()[0] != 'Z'
+    return state != 'Z'
 
 
 @pytest.mark.parametrize('send, number', [
