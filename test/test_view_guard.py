@@ -36,6 +36,8 @@ EVIL = 'http://evil.example'
 class Still:
     """A source that shows one frame and hears nothing."""
 
+    can_undo = False
+
     def __init__(self):
         self.watched, self.moment = False, frame_of(simulation_at_rest())
 
