@@ -66,9 +66,9 @@ def two_pieces(kinds, sizes, poses):
 
 def touching(pieces, table):
     """Find the contacts of two pieces."""
+    no_points = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64)
     rows, count = find(np.array([0]), np.ones(1, bool), np.array([[0], [1]]), pieces, table,
-                       np.zeros((3, 6)), (np.zeros(0, np.int64), np.zeros((0, 3))), FLAT, 0.0,
-                       no_contacts(0))
+                       np.zeros((3, 6)), no_points, FLAT, 0.0, no_contacts(0))
     return rows.head(count)
 
 
@@ -230,3 +230,25 @@ def test_a_heap_falls_lands_and_keeps_its_books():
     assert np.mean(carried[-60:]) == pytest.approx(count * 2.6 * 9.81, rel=0.02)
     assert engine.contacts()[:, 8].min() > -3e-3
     assert np.sqrt(np.square(table.velocities[ids, :3]).sum(axis=1).mean()) < 0.02
+
+
+def test_what_was_removed_leaves_no_rows_and_others_go_on():
+    """Remove and add bodies beside a column for a while: it stands to the bit, rows stay few."""
+    def column(busy):
+        places = [(0.0, 0.0, BRICK[2] * (n + 0.5)) for n in range(6)]
+        table, ids, engine = bodies(places, BRICK, np.full(6, 2.6))
+        most = 0
+        for step in range(120):
+            engine.step(DT)
+            if busy:
+                pose = np.array([5.0, 0.0, 3.0, 0.0, 0.0, 0.0, 1.0])
+                more = table.add_bodies(BodyState.AWAKE, [plain(Shape.BOX, BRICK, 2.6, pose)] * 4)
+                engine.add(table, more)
+                engine.remove(more[:3] if step % 40 else more)
+                table.remove(more[:3] if step % 40 else more)
+            most = max(most, len(engine._pieces.body))
+        return table.poses[ids], most, len(table.ids)
+    alone, _, _ = column(False)
+    beside, rows, count = column(True)
+    np.testing.assert_array_equal(beside, alone)
+    assert rows < 3 * count

@@ -25,9 +25,19 @@ from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_
 from procphys_ros.physics.rigid.vectors import at, dot, length, less
 from procphys_ros.physics.terrain import height_at, normal_at
 
-GROUND_KEY = (1 << 31) - 1  # in the place of a second piece
+_GROUND = (1 << 31) - 1  # in the place of a second piece, and of what only the ground meets
 _SAME = 0.02  # [m] by which a point may wander over a body within a step and be the same
 _CORNERS = 8  # of a piece that may touch the ground
+
+
+def split_key(key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give the two pieces that keys stand for; numbers beyond all pieces stand for the ground."""
+    return key >> 32, key & 0xffffffff
+
+
+def join_key(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Give the keys of pairs of pieces; they sort as the pairs do."""
+    return (first << 32) | second
 
 
 class ContactRows(NamedTuple):
@@ -78,8 +88,8 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
     :param is_free: whether they move freely; others pass through the ground, (M,) bool.
     :param pairs: places in `rows` and other pieces, sorted, (2, K).
     :param poses: of bodies, (B, 7); `velocities` (B, 6) likewise.
-    :param extra: further points that only the ground meets: bodies, (E,), and places in their
-        frames [m], (E, 3).
+    :param extra: further points that only the ground meets: bodies, (E,), places in their frames
+        [m], (E, 3), and numbers that name them, (E,).
     :param before: contacts of the step before.
     """
     out = no_contacts(MOST * pairs.shape[1] + _CORNERS * len(rows) + len(extra[0]))
@@ -103,24 +113,24 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
         if not is_free[m]:
             continue
         found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
-        old = _write(out, count, found, p, GROUND_KEY, pieces.body[p], 0, points, normals, poses,
+        old = _write(out, count, found, p, _GROUND, pieces.body[p], 0, points, normals, poses,
                      before, old)
         out.radius[count:count + found, 0] = pieces.radius[p]
         count += found
-    count = _find_corners(extra, len(pieces.body), out, count, old, poses, velocities, terrain,
-                          time_step, points, normals, before)
+    count = _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points,
+                          normals, before)
     return out, count
 
 
 @subroutine
-def _find_corners(extra, key, out, count, old, poses, velocities, terrain, time_step, points,
-                  normals, before):
+def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points, normals,
+                  before):
     """Find further points that touch the ground, and give the number of all contacts."""
     for e in range(len(extra[0])):
         found = _corner_on_ground(extra[0][e], extra[1][e], poses, velocities, terrain, time_step,
                                   points, normals)
-        old = _write(out, count, found, key, e, extra[0][e], 0, points, normals, poses, before,
-                     old)
+        old = _write(out, count, found, _GROUND, extra[2][e], extra[0][e], 0, points, normals,
+                     poses, before, old)
         count += found
     return count
 

@@ -15,6 +15,8 @@
 
 """Manifolds: the few points at which two convex pieces touch, or will within a step."""
 
+import math
+
 import numpy as np
 
 from procphys_ros.compilation import subroutine
@@ -30,7 +32,8 @@ from procphys_ros.physics.rigid.separation import (
 from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plus, scaled
 
 MOST = 4  # points of two pieces
-_ALONG = 0.9995  # cosine between the normal of what is round and that of a face it lies on
+_TILT = 0.03  # sine of the angle up to which what is round lies along a face, or another round one
+_ALONG = math.sqrt(1.0 - _TILT * _TILT)
 
 
 @subroutine
@@ -195,7 +198,7 @@ def _of_round(p, q, pieces, margin, points, normal):
     if dot(axis, axis) > 1e-12:
         lies = _opposite(normals, scaled(-1.0, n)) if face == EDGE else face
         flat = at(normals, lies)
-        level = abs(dot(axis, flat)) < 0.03 * length(axis)
+        level = abs(dot(axis, flat)) < _TILT * length(axis)
         if level and dot(flat, n) > _ALONG:
             count = _of_lying(a, b, radius, corners, lies, flat, margin, points)
             if count > 0:

@@ -19,7 +19,13 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.linear import product
-from procphys_ros.physics.rigid.contacts import ContactRows, find, no_contacts
+from procphys_ros.physics.rigid.contacts import (
+    ContactRows,
+    find,
+    join_key,
+    no_contacts,
+    split_key,
+)
 from procphys_ros.physics.rigid.islands import islands
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, Pieces, place, ROUND
 from procphys_ros.physics.rigid.solver import MovingBodies, solve
@@ -81,6 +87,8 @@ class NativeEngine:
 
     def _new_rows(self, ids: np.ndarray, count: np.ndarray) -> np.ndarray:
         """Give rows to the pieces of bodies, one after the other."""
+        if self._used + int(count.sum()) > len(self._pieces.body):
+            self._drop_removed()
         need = self._used + int(count.sum())
         if need > len(self._pieces.body):
             room = no_pieces(need)
@@ -95,6 +103,23 @@ class NativeEngine:
         rows = np.arange(self._used, need)
         self._used = need
         return rows
+
+    def _drop_removed(self) -> None:
+        """Close the gaps that removed bodies have left; contacts keep their forces."""
+        alive = self._pieces.body[:self._used] >= 0
+        kept, place = np.flatnonzero(alive), np.cumsum(alive) - 1
+        for column in self._pieces:
+            column[:len(kept)] = column[kept]
+        body = self._pieces.body[:len(kept)]
+        first = np.flatnonzero(np.diff(body, prepend=-1))
+        self._first[body[first]] = first
+        ends = np.stack(split_key(self._contacts.key))
+        is_piece = ends < self._used
+        row = np.where(is_piece, ends, 0)
+        there = (alive[row] | ~is_piece).all(axis=0)
+        self._contacts = ContactRows(*(column[there] for column in self._contacts))
+        self._contacts.key[:] = join_key(*np.where(is_piece, place[row], ends)[:, there])
+        self._used = len(kept)
 
     def _rows(self, ids: np.ndarray) -> np.ndarray:
         """Give the pieces of bodies, ascending."""
@@ -202,14 +227,16 @@ class NativeEngine:
             meet &= ~np.isin((low << 32) | high, known)
         return np.stack([one[meet], other[meet]])
 
-    def _extra_points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give points that only the ground meets: bodies, and places in their frames."""
+    def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Give points that only the ground meets: bodies, places in their frames, and rows."""
         table = self._table
         ids = table.awake
         count = table.point_count[ids]
         source = np.repeat(table.first_point[ids] - np.cumsum(count) + count, count)
         source += np.arange(count.sum())
-        return np.repeat(ids, count), table.ground_point[source]
+        order = np.argsort(source, kind='stable')
+        source = source[order]
+        return np.repeat(ids, count)[order], table.ground_point[source], source
 
     def _of_pairs(self, column: np.ndarray, contacts: ContactRows) -> np.ndarray:
         """Combine what two bodies have as their geometric mean."""
