@@ -24,7 +24,7 @@ from procphys_ros.linear import norm
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import resistances
 from procphys_ros.physics.touch import overlaps
-from procphys_ros.physics.world import BodyState, Contacts
+from procphys_ros.physics.world import Contacts
 from procphys_ros.simulation import fragments
 from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.model import Model
@@ -38,7 +38,6 @@ _CHANGE = 0.05    # of the largest load: smaller changes are not worth new stres
 _LEAST = 100.0    # [N] ... nor are those far below the strength of a brick's joints, some kN
 _MOST = 20        # bricks knocked out in one step at most, the hardest hit first
 _GRAIN = 1e-9     # [N·s] keeps directions finite
-_DEEPEST = 30     # bodies on top of each other through which weight is followed
 _ROOM = 0.1       # [m] around bodies, more than they move in a contact
 LAYER = 'debris'
 
@@ -67,12 +66,12 @@ def update(model: Model, state: State, dt: float) -> None:
     own.moving *= exp(-dt / _SMOOTHING)
     if may_touch(model, state):
         share = -expm1(-dt / _SMOOTHING) / dt
-        _add_contacts(state, state.world.contacts(), share)
+        _press(state, state.world.contacts(), share, own.moving)
     own.since += dt
     if own.since < _INTERVAL - 1e-9:
         return
     own.since = 0.0
-    total = own.moving + _resting(model, state)
+    total = own.moving + _resting(state)
     largest = np.abs(total[:, :3]).max(initial=0.0)
     change = np.abs(total[:, :3] - own.given[:, :3]).max(initial=0.0)
     quiet = not len(state.world.awake) and np.abs(own.moving).max() < 1.0
@@ -151,8 +150,8 @@ def _part_of_body(state: State) -> np.ndarray:
     return out
 
 
-def _add_contacts(state: State, contacts: Contacts, rate: float) -> None:
-    """Add impulses times a rate to what moving bodies press with."""
+def _press(state: State, contacts: Contacts, rate: float, out: np.ndarray) -> None:
+    """Add impulses on standing parts, times a rate [1/s], to forces and moments, (N, 6)."""
     standing = _part_of_body(state)
     side = standing[contacts.body_a]
     part = np.maximum(side, standing[contacts.body_b])
@@ -160,34 +159,11 @@ def _add_contacts(state: State, contacts: Contacts, rate: float) -> None:
     sign = np.where(side[rows] >= 0, rate, -rate)
     force = sign[:, None] * contacts.impulse[rows]
     arm = contacts.point[rows] - state.parts.poses[part[rows], :3]
-    np.add.at(state.rubble.moving, part[rows], np.hstack([force, np.cross(arm, force)]))
-
-
-def _resting(model: Model, state: State) -> np.ndarray:
-    """
-    Give what lies on standing parts, (N, 6).
-
-    Weight goes from body to body along the contacts on which they came to rest, in the shares
-    that these had then.
-    """
-    out = np.zeros_like(state.rubble.given)
-    supports, bodies = state.world.supports, state.world.bodies
-    part = _part_of_body(state)[supports.support]
-    rows = np.flatnonzero(part >= 0)
-    if not len(rows):
-        return out
-    weight = np.where(bodies.state == BodyState.RESTING, bodies.mass * model.gravity, 0.0)
-    load = weight.copy()
-    for _ in range(_DEEPEST):
-        arriving = np.bincount(supports.support, supports.share * load[supports.resting],
-                               len(weight))
-        passed = np.where(bodies.state == BodyState.RESTING, weight + arriving, 0.0)
-        if np.allclose(passed, load, rtol=1e-3, atol=1.0):
-            break
-        load = passed
-    down = -supports.share[rows] * load[supports.resting[rows]]
-    force = np.zeros((len(rows), 3))
-    force[:, 2] = down
-    arm = supports.point[rows] - state.parts.poses[part[rows], :3]
     np.add.at(out, part[rows], np.hstack([force, np.cross(arm, force)]))
+
+
+def _resting(state: State) -> np.ndarray:
+    """Give what lies on standing parts, (N, 6)."""
+    out = np.zeros_like(state.rubble.given)
+    _press(state, state.world.asleep, 1.0, out)
     return out

@@ -180,19 +180,12 @@ def _grain(state: State) -> float:
 
 
 def _jump(model: Model, state: State, dt: float) -> np.ndarray:
-    """
-    Give the change of velocity by contacts of all awake bodies, (K, 6).
-
-    What is put back onto the ground pays for its height with speed: that is no contact.
-    """
-    awake, bodies, lifts = state.world.awake, state.world.bodies, state.world.lifts()
+    """Give the change of velocity by contacts of all awake bodies, (K, 6)."""
+    awake, bodies = state.world.awake, state.world.bodies
     before = np.zeros((len(awake), 6))
     known = awake < len(state.rubble.velocities)
     before[known] = state.rubble.velocities[awake[known]]
     before[:, 2] -= model.gravity * dt
-    lifted = np.zeros((len(bodies.state), 3))
-    lifted[lifts.body_a] = lifts.impulse / bodies.mass[lifts.body_a, None]
-    before[:, :3] += lifted[awake]
     return bodies.velocities[awake] - before
 
 

@@ -25,7 +25,7 @@ from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.world.body_table import BodyTable
 from procphys_ros.physics.world.engine import Engine
 from procphys_ros.physics.world.extents import bounds
-from procphys_ros.physics.world.waking import rim_speed
+from procphys_ros.physics.world.sleeping import rim_speed
 
 _ROOM = 0.5  # [m] from what moves, beyond its way; engines look for contacts within 2 cm
 _WAYS = 2.0  # steps that it is looked ahead

@@ -40,9 +40,8 @@ class BodyState(IntEnum):
 _COLUMNS: dict[str, tuple[type, int]] = {  # type and width; 0 = a single value per body
     'state': (np.uint8, 0), 'mass': (float, 0), 'inertia': (float, 3), 'friction': (float, 0),
     'restitution': (float, 0), 'radius': (float, 0), 'least': (float, 0),
-    'swept_radius': (float, 0), 'pushed': (bool, 0), 'poses': (float, 7), 'velocities': (float, 6),
-    'target': (float, 7), 'quiet': (float, 0), 'mark': (float, 7), 'anchor': (float, 7),
-    'stay': (float, 0), 'stirred': (np.uint8, 0), 'bounds': (float, 6),
+    'poses': (float, 7), 'velocities': (float, 6), 'target': (float, 7), 'quiet': (float, 0),
+    'bounds': (float, 6),
     'first_piece': (np.int64, 0), 'piece_count': (np.int64, 0), 'first_point': (np.int64, 0),
     'point_count': (np.int64, 0), 'first_hexahedron': (np.int64, 0),
     'hexahedron_count': (np.int64, 0)}
@@ -69,16 +68,10 @@ class BodyTable:
     :ivar restitution: coefficient of restitution between two such bodies, (B,).
     :ivar radius: of the bounding sphere about the centre of mass [m], (B,).
     :ivar least: least extent of a plain body [m], 0 for compounds, (B,).
-    :ivar swept_radius: of a sphere that is swept along each step [m], 0 = none, (B,).
-    :ivar pushed: whether more than gravity has acted on it since the last step, (B,) bool.
     :ivar poses: centre of mass and principal axes, world, (B, 7).
     :ivar velocities: linear and angular, world axes, (B, 6).
     :ivar target: pose of a kinematic body at the end of the next step, (B, 7).
-    :ivar quiet: how long the body has been slow [s], (B,).
-    :ivar mark: pose in which it began to be slow, (B, 7).
-    :ivar anchor: pose that the body has stayed near, (B, 7).
-    :ivar stay: how long it has [s], (B,).
-    :ivar stirred: how often it has been kept from rest since it was jammed, (B,) uint8.
+    :ivar quiet: how long the body has lain still [s], (B,).
     :ivar bounds: axis-aligned bounds of immovable bodies [m], (B, 6).
     :ivar first_piece: row of its first collision shape, (B,).
     :ivar piece_count: number of its collision shapes, (B,).
@@ -101,16 +94,10 @@ class BodyTable:
     restitution: np.ndarray
     radius: np.ndarray
     least: np.ndarray
-    swept_radius: np.ndarray
-    pushed: np.ndarray
     poses: np.ndarray
     velocities: np.ndarray
     target: np.ndarray
     quiet: np.ndarray
-    mark: np.ndarray
-    anchor: np.ndarray
-    stay: np.ndarray
-    stirred: np.ndarray
     bounds: np.ndarray
     first_piece: np.ndarray
     piece_count: np.ndarray
@@ -174,7 +161,6 @@ class BodyTable:
         self.poses[ids] = self.target[ids] = [body.pose for body in bodies]
         self.velocities[ids] = [np.zeros(6) if body.velocity is None else body.velocity
                                 for body in bodies]
-        self.restart_clocks(ids, 0.0)
         return ids
 
     def _append_all(self, kind: str, ids: np.ndarray, *rows: Sequence[np.ndarray]) -> None:
@@ -217,7 +203,6 @@ class BodyTable:
         self.inertia[ids] = box_inertia(self.mass[ids], sizes) if inertia is None else inertia
         self.friction[ids], self.restitution[ids] = friction, restitution
         self.poses[ids] = poses
-        self.restart_clocks(ids, 0.0)
         return ids
 
     def remove(self, ids: np.ndarray) -> None:
@@ -256,12 +241,6 @@ class BodyTable:
         spin = rotation.rotate(rotation.conjugate(attitude), turn) / self.inertia[body]
         return np.concatenate([np.asarray(impulse) / self.mass[body],
                                rotation.rotate(attitude, spin)])
-
-    def restart_clocks(self, ids: np.ndarray, stay: float) -> None:
-        """Start the clocks that tell when bodies have come to rest, see `stay` [s]."""
-        self.quiet[ids] = 0.0
-        self.stay[ids] = stay
-        self.mark[ids] = self.anchor[ids] = self.poses[ids]
 
     def copied(self, name: str, kept: np.ndarray) -> np.ndarray:
         """

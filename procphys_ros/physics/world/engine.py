@@ -29,7 +29,7 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 _LOG = logging.getLogger(__name__)
 
 # Engines, and the libraries that they need.
-ENGINES = {'bullet': 'pybullet', 'rapier': 'rapier3d', 'native': 'numba'}
+ENGINES = {'bullet': 'pybullet', 'native': 'numba'}
 DEFAULT_ENGINE = 'auto'  # the first of them that is installed
 
 TERRAIN_MARGIN = 50.0  # [m] of ground beyond the grid of a terrain that bodies collide with
@@ -60,7 +60,6 @@ class Engine(Protocol):
     """
 
     name: str
-    integrations: float  # steps of semi-implicit Euler that it takes in one `step`
 
     def clear(self) -> None:
         """Remove everything."""
@@ -86,24 +85,11 @@ class Engine(Protocol):
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set linear [m/s] and angular velocities [rad/s], world axes, (K, 6)."""
 
-    def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
-        """Sweep spheres of these radii [m] along the steps of plain bodies, (K,); 0 = do not."""
-
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
 
     def use_threads(self, count: int) -> None:
         """Step on so many threads at most, with results that are the same for any number."""
-
-    def refine(self, moving: int, dense: bool) -> int:
-        """
-        Choose how finely the next steps solve contacts.
-
-        :param moving: number of bodies that move freely.
-        :param dense: whether few bodies lean on each other, so that it can be afforded.
-        :returns: into how many substeps `World` is to divide a step.
-        """
-        raise NotImplementedError
 
     def step(self, time_step: float) -> None:
         """Advance time [s]."""
@@ -117,12 +103,8 @@ class Engine(Protocol):
         Read the contact points of the last step; what is near without force may be left out.
 
         :returns: (C, 13): two ids, point on the second, unit normal towards the first, distance,
-            force on the first in world axes [N], (3,), and its normal part [N].
+            mean force of the step on the first in world axes [N], (3,), its normal part [N].
         """
-        raise NotImplementedError
-
-    def touched(self, body: int) -> list[int]:
-        """List the ids that a body has a contact with in `contacts`, in any order, or twice."""
         raise NotImplementedError
 
 

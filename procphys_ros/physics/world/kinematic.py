@@ -36,20 +36,6 @@ def set_out(table: BodyTable, time_step: float) -> None:
                                                   time_step)
 
 
-def keep_course(engine: Engine, table: BodyTable, gravity: np.ndarray, time_step: float) -> None:
-    """
-    Set the velocities of kinematic bodies for the next step of the engine.
-
-    :param gravity: [m/s²], (3,); what the engine adds to the velocity of a body in a step.
-    :param time_step: of the engine [s].
-    """
-    ids = np.flatnonzero(table.state == BodyState.KINEMATIC)
-    if len(ids):
-        velocities = table.velocities[ids]
-        velocities[:, :3] -= gravity * time_step
-        engine.set_velocities(ids, velocities)
-
-
 def arrive(engine: Engine, table: BodyTable) -> None:
     """Set kinematic bodies exactly to their targets."""
     ids = np.flatnonzero(table.state == BodyState.KINEMATIC)

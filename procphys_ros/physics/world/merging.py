@@ -18,12 +18,13 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.world.assembly import aligned_extents, relative_rows
-from procphys_ros.rotation_kernels import matrix_rows
+from procphys_ros.rotation_kernels import matrix, matrix_rows
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
 LEVEL = 0.03   # [m], ends of courses that are less apart are one, more than that are teeth
 _FLUSH = 2e-3  # [m], faces less apart are one
 _ALIKE = 0.3  # largest difference of the extents across of boxes that are joined
+_OUT = 0.01  # [m] by which a corner must stick out of merged boxes to count
 _ALIGNED = 1e-3  # largest deviation of a rotation matrix from a quarter turn
 
 
@@ -193,3 +194,76 @@ def _clusters(values, tolerance):
             current, least = current + 1, values[i]
         label[i] = current
     return label
+
+
+def corners_outside(poses: np.ndarray, sizes: np.ndarray, merged_poses: np.ndarray,
+                    merged_sizes: np.ndarray) -> np.ndarray:
+    """
+    List the corners of boxes that lie outside of the merged boxes.
+
+    :param poses: (P, 7), in the body's frame.
+    :param sizes: full extents [m], (P, 3).
+    :param merged_poses: (K, 7).
+    :param merged_sizes: (K, 3).
+    :returns: points in the body's frame [m], (T, 3).
+    """
+    found = np.empty((8 * len(poses), 3))
+    return found[:_corners_outside(poses, sizes, merged_poses, merged_sizes, found)].copy()
+
+
+@kernel
+def _corners_outside(poses, sizes, merged_poses, merged_sizes, found):
+    axes = np.empty((len(merged_poses), 3, 3))
+    reach = np.empty(len(merged_poses))
+    for k in range(len(merged_poses)):
+        axes[k] = matrix(merged_poses[k, 3:])
+        reach[k] = _diagonal(merged_sizes[k]) + 2.0 * _OUT
+    near = np.empty(len(merged_poses), np.int64)
+    point = np.empty(3)
+    count = 0
+    for p in range(len(poses)):
+        own = matrix_rows(poses[p, 3:])
+        far = _diagonal(sizes[p])
+        many = 0
+        for k in range(len(merged_poses)):
+            x = poses[p, 0] - merged_poses[k, 0]
+            y = poses[p, 1] - merged_poses[k, 1]
+            z = poses[p, 2] - merged_poses[k, 2]
+            if x * x + y * y + z * z < (reach[k] + far) ** 2:
+                near[many] = k
+                many += 1
+        for corner in range(8):
+            x = sizes[p, 0] * (0.5 - (corner & 1))
+            y = sizes[p, 1] * (0.5 - ((corner >> 1) & 1))
+            z = sizes[p, 2] * (0.5 - ((corner >> 2) & 1))
+            for c in range(3):
+                point[c] = poses[p, c] + own[c][0] * x + own[c][1] * y + own[c][2] * z
+            if not _is_inside(point, near, many, merged_poses, merged_sizes, axes):
+                found[count] = point
+                count += 1
+    return count
+
+
+@kernel
+def _diagonal(size):
+    """Give half of the diagonal of a box [m]."""
+    return 0.5 * np.sqrt(size[0] ** 2 + size[1] ** 2 + size[2] ** 2)
+
+
+@kernel
+def _is_inside(point, near, many, poses, sizes, axes):
+    """Return whether a point is in one of the boxes; that box is tried first from now on."""
+    for n in range(many):
+        k = near[n]
+        inside = True
+        for c in range(3):
+            arm = 0.0
+            for d in range(3):
+                arm += (point[d] - poses[k, d]) * axes[k, d, c]
+            if abs(arm) >= 0.5 * sizes[k, c] + _OUT:
+                inside = False
+                break
+        if inside:
+            near[n], near[0] = near[0], k
+            return True
+    return False

@@ -47,7 +47,6 @@ class NativeEngine:
     """
 
     name = 'native'
-    integrations = np.inf  # what flies is on its parabola already
 
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
         self._gravity, self._terrain = np.array(gravity, float), terrain
@@ -154,9 +153,6 @@ class NativeEngine:
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Take in the velocities of the table, (K, 6): they are read there."""
 
-    def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
-        """Do nothing: contacts are found as far ahead as a step goes."""
-
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
         found = {tuple(pair) for pair in pairs.tolist()}
@@ -164,10 +160,6 @@ class NativeEngine:
 
     def use_threads(self, count: int) -> None:
         """Step on one thread, whatever is allowed."""
-
-    def refine(self, moving: int, dense: bool) -> int:
-        """Leave substeps to the solver, which has its own."""
-        return 1
 
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""
@@ -249,8 +241,3 @@ class NativeEngine:
     def contacts(self) -> np.ndarray:
         """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""
         return self._told.copy()
-
-    def touched(self, body: int) -> list[int]:
-        """List the ids that a body has a contact with."""
-        first, second = self._told[:, 0], self._told[:, 1]
-        return np.concatenate([second[first == body], first[second == body]]).astype(int).tolist()

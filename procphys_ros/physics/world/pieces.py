@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pieces: the collision shapes of a body, and its lowest point."""
+"""Pieces: the collision shapes of a body."""
 
 from dataclasses import dataclass, field
 
@@ -20,10 +20,7 @@ import numpy as np
 
 from procphys_ros.blueprint import box_inertia, cylinder_inertia, Hexahedra, Shape
 from procphys_ros.linear import norm
-from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.world.clearance import clearance
-from procphys_ros.physics.world.ground_points import corners_outside
-from procphys_ros.physics.world.merging import merge_boxes
+from procphys_ros.physics.world.merging import corners_outside, merge_boxes
 
 
 @dataclass(frozen=True)
@@ -51,20 +48,6 @@ class Pieces:
                        0.5 * self.sizes[:, [0, 2]].max(axis=1))
         bulk = float((norm(self.local_poses[:, :3], axis=1) + own).max())
         return max(bulk, norm(self.ground_points, axis=1).max(initial=0.0))
-
-    def lowest(self, pose: np.ndarray, terrain: Terrain = FLAT) -> float:
-        """
-        Give the height over the ground of the lowest point [m].
-
-        Over a terrain, corners of boxes, ends of capsules and the middles of all are looked at.
-
-        PyBullet's bounds will not do: those of a turned compound are larger than the compound.
-
-        :param pose: of the body in the world, (7,).
-        :param terrain: the surface of the ground.
-        """
-        return clearance(terrain, pose, self.shapes, self.sizes, self.local_poses,
-                         self.ground_points, self.hexahedra.part, self.hexahedra.corners)
 
     @property
     def are_hexahedra(self) -> np.ndarray:

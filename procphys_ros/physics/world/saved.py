@@ -21,14 +21,12 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
-from procphys_ros.physics.world.contacts import Contacts
-from procphys_ros.physics.world.settling import Supports
 
 _CONTACT = np.zeros((0, 13))  # row of a contact as engines give it
 _TERRAIN = {'heights': np.zeros((0, 0)), 'low': np.zeros(2), 'edge': np.zeros(())}
-_SINGLE = {'gravity': np.zeros(3), 'lifts': _CONTACT, 'point_contacts': _CONTACT,
+_SINGLE = {'gravity': np.zeros(3), 'contacts': _CONTACT, 'asleep': _CONTACT,
            'places': np.zeros((0, 3)), 'excluded': np.zeros((0, 2), np.intp),
-           'clocks': np.zeros(2)}
+           'time_step': np.zeros(())}
 
 
 def check_saved(arrays: Mapping[str, np.ndarray]) -> None:
@@ -44,16 +42,13 @@ def check_saved(arrays: Mapping[str, np.ndarray]) -> None:
                 if not name.startswith(('piece_', 'ground_', 'hexahedron_')) or
                 name.endswith('_count')}
     del per_body['free'], per_body['capacity']
-    tables = {'bodies': bodies, 'supports': vars(Supports()),
-              'contacts': vars(Contacts.of(_CONTACT, 1.0)), 'terrain': _TERRAIN}
+    tables = {'bodies': bodies, 'terrain': _TERRAIN}
     layout = _SINGLE | {f'{table}.{name}': column for table, columns in tables.items()
                         for name, column in columns.items()}
     for name, pattern in layout.items():
         _check_column(name, arrays.get(name), pattern)
     used = len(arrays['bodies.state'])
     for names in ([f'bodies.{name}' for name in per_body],
-                  [f'supports.{name}' for name in tables['supports']],
-                  [f'contacts.{name}' for name in tables['contacts']],
                   ['bodies.piece_shape', 'bodies.piece_size', 'bodies.piece_pose'],
                   ['bodies.hexahedron_piece', 'bodies.hexahedron_corners']):
         if len({len(arrays[name]) for name in names}) > 1:
@@ -68,11 +63,11 @@ def _check_column(name: str, column: np.ndarray | None, pattern: np.ndarray) -> 
 
 
 def _check_ids(arrays: Mapping[str, np.ndarray], used: int) -> None:
-    limits = {'supports.support': used, 'supports.resting': used, 'contacts.body_a': used,
-              'contacts.body_b': used, 'excluded': used, 'bodies.free': used,
-              'bodies.state': max(BodyState) + 1, 'bodies.piece_shape': max(Shape) + 1}
-    for name, most in limits.items():
-        column = arrays[name]
+    limits = {'excluded': used, 'bodies.free': used, 'bodies.state': max(BodyState) + 1,
+              'bodies.piece_shape': max(Shape) + 1}
+    named = [(name, arrays[name], most) for name, most in limits.items()]
+    named += [(name, arrays[name][:, :2], used) for name in ('contacts', 'asleep')]
+    for name, column, most in named:
         if column.size and not 0 <= column.min() <= column.max() < most:
             raise ValueError(f'{name} names what there is not')
     for kind, rows in (('piece', 'piece_shape'), ('point', 'ground_point'),

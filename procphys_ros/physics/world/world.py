@@ -14,32 +14,22 @@
 
 """World: rigid bodies that collide, fall and come to rest."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Self
 
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.world import admission, extents, kinematic, settling
+from procphys_ros.physics.world import admission, extents, kinematic, sleeping
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, make_engine
-from procphys_ros.physics.world.gain import limit_gain, pairs_around
-from procphys_ros.physics.world.ground import (
-    Correction,
-    lift_fallen,
-    lift_settled,
-    touch_with_points,
-)
 from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
 from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.rolling import resist_rolling
 from procphys_ros.physics.world.saved import check_saved
-from procphys_ros.physics.world.spin import limit_spin
-from procphys_ros.physics.world.substeps import move
-from procphys_ros.physics.world.waking import about_to_be_hit, sweep_fast
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
 
@@ -48,9 +38,9 @@ class World:
     """
     Rigid bodies over the ground, named by small integers.
 
-    Bodies at rest cost next to nothing: their poses are known without being read, and they do not
-    meet each other. All that changes is in a `BodyTable` and a few arrays beside it, see
-    `save_state`; the engine can be rebuilt from them. Several worlds may live side by side.
+    Bodies that lie still sleep and cost next to nothing, see `sleeping`. All that changes is in a
+    `BodyTable` and a few arrays beside it, see `save_state`; the engine can be rebuilt from them.
+    Several worlds may live side by side.
 
     :param gravity: [m/s²], (3,).
     :param friction: of the ground (as between two bodies that have this value).
@@ -68,13 +58,9 @@ class World:
         self._engine = make_engine(engine, self._gravity, terrain)
         self._bodies = BodyTable()
         self._queue = admission.Queue(self._engine, self._bodies)
-        self._supports = settling.Supports()
-        self._contacts: Contacts | None = None
-        self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
+        self._table = self._asleep = np.zeros((0, 13))  # rows of `Engine.contacts`
         self._places, self._excluded = np.zeros((0, 3)), np.zeros((0, 2), np.intp)
-        self._late_contacts: Callable[[], np.ndarray] = _nothing
-        self._time_step, self._since_check = 1.0 / 60.0, 0.0
-        self._asked, self._steps_asked = False, 0  # see `_touching`
+        self._time_step = 1.0 / 60.0
         self._engine.add(self._bodies, self._bodies.add_ground(friction))
 
     def __enter__(self) -> Self:
@@ -107,9 +93,9 @@ class World:
         return self._bodies
 
     @property
-    def supports(self) -> settling.Supports:
-        """Who rests on whom; to be read, not written."""
-        return self._supports
+    def asleep(self) -> Contacts:
+        """Contacts with which bodies fell asleep; their impulses are those of one second."""
+        return Contacts.of(self._asleep, 1.0)
 
     def bounds(self, ids: np.ndarray) -> np.ndarray:
         """Give axis-aligned bounds, three minima, three maxima [m], (K, 6); hexahedra as boxes."""
@@ -201,12 +187,12 @@ class World:
         ids = np.atleast_1d(ids)
         if not len(ids):
             return
-        carried = self._supports.carried_by(ids)
+        carried = sleeping.sleepers_on(self._asleep, ids, self._bodies)
         if len(self._excluded):
             self.exclude_contacts(self._excluded[~np.isin(self._excluded, ids).any(axis=1)])
         self._bodies.remove(ids)
-        self._supports.drop(self._bodies.state)
         self._engine.remove(self._queue.drop(ids))
+        self._asleep = self._asleep[~np.isin(self._asleep[:, :2], ids).any(axis=1)]
         self.thaw(carried[self._bodies.state[carried] == BodyState.RESTING])
 
     def drive(self, body: int, pose: np.ndarray) -> None:
@@ -224,12 +210,11 @@ class World:
         if not len(ids):
             return
         self._bodies.set_state(ids, BodyState.AWAKE)
-        self._bodies.restart_clocks(ids, settling.TREMBLE_TIME)
+        self._bodies.quiet[ids] = 0.0
         self._engine.thaw(self._bodies, self._queue.admit_among(ids))
-        self._supports.drop(self._bodies.state)
+        self._asleep = sleeping.without_sleepers(self._asleep, self._bodies)
         if velocities is not None:
             self.set_velocities(ids, velocities)
-            self._bodies.pushed[ids] = False
 
     def freeze(self, ids: np.ndarray) -> None:
         """Hold bodies where they are until they are thawed, (K,) ids."""
@@ -249,8 +234,6 @@ class World:
         ids = np.atleast_1d(ids)
         if not len(ids):
             return
-        change = np.abs(self._bodies.velocities[ids] - velocities)[:, :3].max(axis=1, initial=0.0)
-        self._bodies.pushed[ids] |= change > 0.5 * np.abs(self._gravity).max() * self._time_step
         self._bodies.velocities[ids] = velocities
         self._engine.set_velocities(ids, self._bodies.velocities[ids])
 
@@ -292,32 +275,8 @@ class World:
         self._excluded = np.array(pairs, np.intp).reshape(-1, 2)
 
     def contacts(self) -> Contacts:
-        """Give the contacts of the last step; ask before bodies are changed."""
-        self._asked = True
-        return self._read_contacts()
-
-    def _read_contacts(self) -> Contacts:
-        if self._contacts is None:
-            tables = [self._early_contacts, self._point_contacts]
-            if (self._bodies.state >= BodyState.AWAKE).any():
-                tables.insert(1, self._late_contacts())
-            self._contacts = Contacts.of(np.concatenate(tables), self._time_step)
-        return self._contacts
-
-    def _touching(self, ids: np.ndarray) -> np.ndarray:
-        """
-        Give pairs of bodies that touched in the step, of all islands that some are in, (C, 2).
-
-        Where all contacts were wanted twice in a row, they will probably be read anyway.
-        """
-        early, pairs = self._early_contacts, None
-        if self._steps_asked < 2 and not len(early):
-            pairs = pairs_around(self._engine, self._bodies, ids)
-        return np.vstack([early, self._late_contacts()])[:, :2] if pairs is None else pairs
-
-    def lifts(self) -> Contacts:
-        """Give what the ground did in the last step to bodies that were put back onto it."""
-        return Contacts.of(self._lifts, self._time_step)
+        """Give the contacts of the last step; what sleeps has none with what else sleeps."""
+        return Contacts.of(self._table, self._time_step)
 
     def wrench(self, body: int) -> np.ndarray:
         """
@@ -329,8 +288,7 @@ class World:
         """
         if body >= len(self._places):  # it has joined since
             return np.zeros(6)
-        return total_impulse(body, self._places[body], self.contacts(),
-                             self.lifts()) / self._time_step
+        return total_impulse(body, self._places[body], self.contacts()) / self._time_step
 
     def step(self, time_step: float, threads: int = 1) -> None:
         """
@@ -340,75 +298,33 @@ class World:
         :param threads: of the engine at most; results are the same to the bit for any number.
         """
         self._engine.use_threads(threads)
-        bodies = self._bodies
-        self._time_step = time_step
-        self._contacts = None
-        self._steps_asked = self._steps_asked + 1 if self._asked else 0
-        self._asked = False
-        if not (bodies.state >= BodyState.AWAKE).any():
-            self._pass_time(time_step)
-            return
-        self.thaw(about_to_be_hit(bodies, time_step))
-        sweep_fast(self._engine, bodies, self.awake, time_step)
-        self._queue.advance(self.awake, time_step)
+        bodies, self._time_step = self._bodies, time_step
+        self._table = self._table[:0]
+        if (bodies.state >= BodyState.AWAKE).any():
+            self.thaw(sleeping.struck(bodies, self._asleep, time_step))
+            self._queue.advance(self.awake, time_step)
         self._places = bodies.copied('poses', self._places)
+        if not (bodies.state >= BodyState.AWAKE).any():
+            return
         kinematic.set_out(bodies, time_step)
         awake = self.awake
-        poses, before = bodies.poses[awake], bodies.velocities[awake]
-        self._early_contacts, self._late_contacts = move(
-            self._engine, bodies, awake, self._gravity, time_step)
+        before = bodies.velocities[awake]
+        self._engine.step(time_step)
+        bodies.poses[awake], bodies.velocities[awake] = self._engine.read(awake)
+        self._table = self._engine.contacts()
         kinematic.arrive(self._engine, bodies)
-        if len(awake):
-            self.set_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
-            self.set_velocities(*limit_spin(bodies, awake, poses, before, time_step))
-            self.set_velocities(*limit_gain(
-                bodies, awake, poses, before, time_step, np.asarray(self._gravity),
-                self._touching))
-        self._lifts = self._correct(lift_fallen(
-            bodies, awake, self._places[awake], self._gravity, time_step, self._terrain))
-        self._point_contacts = self._correct(touch_with_points(
-            bodies, awake, time_step, self._terrain))
+        self.set_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
         self._settle(time_step)
 
-    def _pass_time(self, time_step: float) -> None:
-        """Advance time while nothing moves, without the engine: it visits even what sleeps."""
-        self._places = self._bodies.copied('poses', self._places)
-        self._lifts = self._point_contacts = self._early_contacts = np.zeros((0, 13))
-        self._late_contacts = _nothing
-        self._since_check += time_step
-        if self._since_check > settling.CHECK_INTERVAL - 1e-9:
-            self._since_check = 0.0
-
-    def _correct(self, correction: Correction) -> np.ndarray:
-        """Move bodies as the ground does, and give its contacts with them."""
-        if len(correction.ids):
-            self.set_poses(correction.ids, correction.poses)
-            self.set_velocities(correction.ids, correction.velocities)
-        return correction.contacts
-
     def _settle(self, time_step: float) -> None:
-        bodies = self._bodies
-        candidates = settling.count_quiet(bodies, self.awake, time_step)
-        self._since_check += time_step
-        if self._since_check > settling.CHECK_INTERVAL - 1e-9:
-            self._since_check = 0.0
-            if len(candidates):
-                contacts = self._read_contacts().both_ways()
-                rests, jammed = settling.at_rest(bodies, candidates, contacts)
-                self._take_out(rests)
-                self._supports.add(bodies, contacts, rests)
-                self._hold(rests, BodyState.RESTING)
-                self.thaw(jammed)
-        lost = self._supports.lost(bodies)
-        if len(lost):
-            self._late_contacts()  # Bullet forgets those of bodies that are set free
-        self.thaw(lost)
-
-    def _take_out(self, rests: np.ndarray) -> None:
-        """Lift bodies that come to rest out of the ground; what lies on them settles anew."""
-        ids, poses = lift_settled(self._bodies, rests, self._terrain)
-        self.set_poses(ids, poses)
-        self.thaw(self._supports.carried_by(ids))
+        """Let lie what lies still, and wake on what something presses otherwise."""
+        bodies, table = self._bodies, self._table
+        woken = sleeping.disturbed(bodies, self._asleep, table, self._gravity)
+        falls = sleeping.calm(bodies, self.awake, table, time_step)
+        if len(falls):
+            self._asleep = sleeping.join(self._asleep, table, falls, bodies)
+            self._hold(falls, BodyState.RESTING)
+        self.thaw(woken)
 
     def save_state(self) -> dict[str, np.ndarray]:
         """
@@ -417,19 +333,14 @@ class World:
         An engine holds caches that cannot be read, so a world goes on from here like one that was
         restored only after `rebuild`.
         """
-        contacts = self.contacts()
         arrays = {f'bodies.{name}': column for name, column in self._bodies.save().items()}
-        arrays |= {f'supports.{name}': column.copy()
-                   for name, column in vars(self._supports).items()}
-        arrays |= {f'contacts.{name}': column.copy() for name, column in vars(contacts).items()}
         used = len(arrays['bodies.state'])
         return arrays | {
             **{f'terrain.{name}': np.array(column)
                for name, column in self._terrain._asdict().items()},
-            'gravity': self._gravity.copy(), 'lifts': self._lifts.copy(),
-            'point_contacts': self._point_contacts.copy(), 'places': self._places[:used].copy(),
-            'excluded': self._excluded.copy(),
-            'clocks': np.array([self._time_step, self._since_check])}
+            'gravity': self._gravity.copy(), 'contacts': self._table.copy(),
+            'asleep': self._asleep.copy(), 'places': self._places[:used].copy(),
+            'excluded': self._excluded.copy(), 'time_step': np.array(self._time_step)}
 
     @classmethod
     def restore(cls, arrays: Mapping[str, np.ndarray], engine: str = DEFAULT_ENGINE) -> Self:
@@ -446,18 +357,14 @@ class World:
         terrain = Terrain(ground['heights'], ground['low'], float(ground['edge']))
         world = cls(arrays['gravity'].tolist(), engine=engine, terrain=terrain)
         world._bodies = BodyTable.restore(_group(arrays, 'bodies.'))
-        vars(world._supports).update(_group(arrays, 'supports.'))
-        world._contacts = Contacts(**_group(arrays, 'contacts.'))
-        world._lifts, world._places = arrays['lifts'].copy(), arrays['places'].copy()
-        world._point_contacts = arrays['point_contacts'].copy()
-        world._excluded = arrays['excluded'].copy()
-        world._time_step, world._since_check = arrays['clocks'].tolist()
+        world._table, world._asleep = arrays['contacts'].copy(), arrays['asleep'].copy()
+        world._places, world._excluded = arrays['places'].copy(), arrays['excluded'].copy()
+        world._time_step = float(arrays['time_step'])
         world.rebuild()
         return world
 
     def rebuild(self) -> None:
         """Rebuild the engine from the table: it then goes on as in any world restored from it."""
-        self.contacts()  # the engine forgets those of the last step
         self._engine.clear()
         ids = self._bodies.ids
         waits = (self._bodies.state[ids] == BodyState.FIXED) & (self._bodies.least[ids] > 0.0)
@@ -472,8 +379,3 @@ def _group(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarra
     """Copy the arrays whose names begin so, under the rest of their names."""
     return {name.removeprefix(prefix): column.copy() for name, column in arrays.items()
             if name.startswith(prefix)}
-
-
-def _nothing() -> np.ndarray:
-    """Give the contacts of a step in which nothing moves, (0, 13)."""
-    return np.zeros((0, 13))

@@ -1,0 +1,325 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Sleep: bodies that lie still with all they touch, until something else presses on them.
+
+What sleeps is immovable and costs nothing. It wakes before something hits it that could move it,
+and when what has pressed on it presses otherwise.
+"""
+
+import numpy as np
+
+from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.linear import norm
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.extents import are_near, bounds
+
+SLEEP_SPEED = 0.02  # [m/s] at the rim, below which a body lies still; a slide at one percent more
+#                     than friction holds is faster within ...
+SLEEP_TIME = 0.5  # [s] (box2d's value), after which bodies fall asleep
+_CHANGE = 0.1  # share of what presses on a sleeping body by which that may change
+_NEAR = 0.02  # [m] gap at which engines make contacts, beyond the motion of one step
+
+_AWAKE, _RESTING, _GONE, _DRIVEN = (int(state) for state in (
+    BodyState.AWAKE, BodyState.RESTING, BodyState.GONE, BodyState.KINEMATIC))
+
+
+def calm(bodies: BodyTable, awake: np.ndarray, table: np.ndarray,
+         time_step: float) -> np.ndarray:
+    """
+    Keep the clocks of loose bodies, and list those that have lain still with all they touch.
+
+    :param awake: ids, (K,).
+    :param table: contacts of the last step as of `Engine.contacts`, (C, 13).
+    :param time_step: [s].
+    :returns: ids, ascending, (M,).
+    """
+    _keep_clocks(awake, bodies.velocities, bodies.radius, bodies.quiet, time_step)
+    return _calm(awake, bodies.quiet, bodies.state, table)
+
+
+@kernel
+def _keep_clocks(awake, velocities, radius, quiet, time_step):
+    for k in range(len(awake)):
+        b = awake[k]
+        still = max(_speed(velocities[b]), _spin(velocities[b]) * radius[b]) < SLEEP_SPEED
+        quiet[b] = quiet[b] + time_step if still else 0.0
+
+
+@subroutine
+def _speed(velocity):
+    return np.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1]
+                   + velocity[2] * velocity[2])
+
+
+@subroutine
+def _spin(velocity):
+    return np.sqrt(velocity[3] * velocity[3] + velocity[4] * velocity[4]
+                   + velocity[5] * velocity[5])
+
+
+@kernel
+def _calm(awake, quiet, state, table):
+    still = np.zeros(len(state), np.bool_)
+    for k in range(len(awake)):
+        still[awake[k]] = quiet[awake[k]] > SLEEP_TIME - 1e-9
+    found = still.copy()
+    for c in range(len(table)):
+        a, b = int(table[c, 0]), int(table[c, 1])
+        if table[c, 12] > 0.0:
+            found[a] &= still[b] or state[b] != _AWAKE
+            found[b] &= still[a] or state[a] != _AWAKE
+    return awake[found[awake]]
+
+
+def join(rows: np.ndarray, table: np.ndarray, ids: np.ndarray, bodies: BodyTable) -> np.ndarray:
+    """
+    Keep the contacts with which bodies fall asleep.
+
+    :param rows: kept so far, as of `Engine.contacts`, (E, 13).
+    :param table: contacts of the last step, (C, 13).
+    :param ids: bodies that fall asleep, (K,).
+    """
+    falls = np.zeros(len(bodies.state), bool)
+    falls[ids] = True
+    old = ~falls[rows[:, :2].astype(np.intp)].any(axis=1)
+    new = falls[table[:, :2].astype(np.intp)].any(axis=1) & (table[:, 12] > 0.0)
+    return np.concatenate([rows[old], table[new]])
+
+
+def without_sleepers(rows: np.ndarray, bodies: BodyTable) -> np.ndarray:
+    """Drop the contacts none of whose bodies sleeps, (E, 13)."""
+    sleeps = (bodies.state[rows[:, :2].astype(np.intp)] == BodyState.RESTING).any(axis=1)
+    return rows if sleeps.all() else rows[sleeps]
+
+
+def sleepers_on(rows: np.ndarray, ids: np.ndarray, bodies: BodyTable) -> np.ndarray:
+    """List the sleeping bodies that touched some bodies when they fell asleep, (M,)."""
+    chosen = np.zeros(len(bodies.state), bool)
+    chosen[ids] = True
+    pairs = rows[:, :2].astype(np.intp)
+    found = np.unique(pairs[chosen[pairs][:, ::-1]])
+    return found[bodies.state[found] == BodyState.RESTING]
+
+
+def disturbed(bodies: BodyTable, rows: np.ndarray, table: np.ndarray,
+              gravity: np.ndarray) -> np.ndarray:
+    """
+    List the sleeping bodies on which what is awake presses otherwise than when they fell asleep.
+
+    A tenth of what presses on a body may come, go or move before it wakes; of its weight, where
+    nothing else does.
+
+    :param rows: contacts with which bodies fell asleep, (E, 13).
+    :param table: contacts of the last step, (C, 13).
+    :param gravity: [m/s²], (3,).
+    """
+    if not len(rows):
+        return np.zeros(0, np.intp)
+    return _disturbed(rows, table, bodies.state, bodies.velocities, bodies.poses, bodies.mass,
+                      bodies.radius, float(norm(gravity)))
+
+
+@kernel
+def _disturbed(rows, table, state, velocities, poses, mass, radius, gravity):
+    change, pressed = np.zeros((len(state), 6)), mass * gravity
+    for e in range(len(rows)):
+        _add(rows[e], -1.0, state, velocities, poses, change, pressed)
+    weight = np.empty(0)
+    for c in range(len(table)):
+        _add(table[c], 1.0, state, velocities, poses, change, weight)
+    found = np.zeros(len(state), np.bool_)
+    for b in range(len(state)):
+        if state[b] == _RESTING:
+            most = _CHANGE * pressed[b]
+            found[b] = _speed(change[b]) > most or _spin(change[b]) > most * radius[b]
+    return np.flatnonzero(found)
+
+
+@subroutine
+def _add(row, sign, state, velocities, poses, change, pressed):
+    """Add what a contact does to sleeping bodies, if the other body is or may become loose."""
+    size = np.sqrt(row[9] * row[9] + row[10] * row[10] + row[11] * row[11])
+    for side in range(2):
+        own, other = int(row[side]), int(row[1 - side])
+        if state[own] != _RESTING:
+            continue
+        if len(pressed):
+            pressed[own] += size
+        doing = state[other]
+        if not (doing in (_AWAKE, _GONE) or doing == _DRIVEN and velocities[other].any()):
+            continue
+        s = sign if side == 0 else -sign
+        x, y, z = s * row[9], s * row[10], s * row[11]
+        i, j, k = row[2] - poses[own, 0], row[3] - poses[own, 1], row[4] - poses[own, 2]
+        change[own, 0] += x
+        change[own, 1] += y
+        change[own, 2] += z
+        change[own, 3] += j * z - k * y
+        change[own, 4] += k * x - i * z
+        change[own, 5] += i * y - j * x
+
+
+def struck(bodies: BodyTable, rows: np.ndarray, time_step: float) -> np.ndarray:
+    """
+    List the sleeping bodies that a blow in this step may move, with what they touch.
+
+    They wake *before* the step, so that the contact solver shares the momentum. A blow wakes as
+    much of what lies around as it could still move at `SLEEP_SPEED`.
+
+    :param rows: contacts with which bodies fell asleep, (E, 13).
+    :param time_step: [s].
+    """
+    sleeping = np.flatnonzero(bodies.state == BodyState.RESTING)
+    moving = np.flatnonzero(bodies.state >= BodyState.AWAKE)
+    moving = moving[rim_speed(bodies, moving) > SLEEP_SPEED]
+    if not len(sleeping) or not len(moving):
+        return np.zeros(0, np.intp)
+    pairs = _reached_pairs(bodies, sleeping, moving, bounds(bodies, moving), time_step)
+    speed, least = _local_speed(bodies, pairs), _least_hit(bodies, pairs)
+    pairs, speed = pairs[speed > least], speed[speed > least]
+    reach = rim_speed(bodies, pairs[:, 1]) * time_step + _NEAR
+    near = are_near(bodies, pairs, reach)
+    hit, by = pairs[near].T
+    mass = np.where(bodies.state[by] == BodyState.KINEMATIC, bodies.mass[hit], bodies.mass[by])
+    momentum = mass * speed[near]
+    hardest = np.argsort(-momentum, kind='stable')
+    return _spread(hit[hardest], momentum[hardest], rows, bodies.state, bodies.mass)
+
+
+@kernel
+def _spread(hit, momentum, rows, state, mass):
+    """Follow contacts of sleepers from each that is hit, as far as its blow could move them."""
+    start, other = _neighbours(rows, state)
+    woken, queue = np.zeros(len(state), np.bool_), np.empty(len(state), np.int64)
+    for h in range(len(hit)):
+        if woken[hit[h]]:
+            continue
+        queue[0], read, written, total = hit[h], 0, 1, 0.0
+        woken[hit[h]] = True
+        while read < written:
+            b = queue[read]
+            read += 1
+            total += mass[b]
+            if momentum[h] < SLEEP_SPEED * total:
+                break
+            for k in range(start[b], start[b + 1]):
+                if not woken[other[k]]:
+                    woken[other[k]] = True
+                    queue[written] = other[k]
+                    written += 1
+    return np.flatnonzero(woken)
+
+
+@subroutine
+def _neighbours(rows, state):
+    """Give the sleepers that touch each body, and where those of each begin."""
+    start = np.zeros(len(state) + 1, np.int64)
+    for side in range(2):
+        for e in range(len(rows)):
+            if state[int(rows[e, 1 - side])] == _RESTING:
+                start[int(rows[e, side]) + 1] += 1
+    for b in range(len(state)):
+        start[b + 1] += start[b]
+    other, fill = np.empty(start[-1], np.int64), start[:-1].copy()
+    for side in range(2):
+        for e in range(len(rows)):
+            if state[int(rows[e, 1 - side])] == _RESTING:
+                b = int(rows[e, side])
+                other[fill[b]] = int(rows[e, 1 - side])
+                fill[b] += 1
+    return start, other
+
+
+def _reached_pairs(bodies: BodyTable, sleeping: np.ndarray, moving: np.ndarray,
+                  moving_bounds: np.ndarray, time_step: float) -> np.ndarray:
+    """
+    List the sleeping bodies that a moving one may reach in this step and hit hard enough.
+
+    Bounds of branches are mostly air: look closer at each pair.
+
+    :param moving: ids, (K,).
+    :param moving_bounds: their axis-aligned bounds now [m], (K, 6).
+    :param time_step: [s].
+    :returns: ids of a sleeping and of a moving body each, ascending, (P, 2).
+    """
+    velocity = bodies.velocities[moving]
+    shift = velocity[:, :3] * time_step
+    low = moving_bounds[:, :3] + np.minimum(shift, 0.0)
+    high = moving_bounds[:, 3:] + np.maximum(shift, 0.0)
+    mass = np.where(bodies.state[moving] == BodyState.KINEMATIC, np.inf, bodies.mass[moving])
+    order = np.argsort(low[:, 0], kind='stable')
+    pairs = _reached(low[order], high[order], rim_speed(bodies, moving)[order], mass[order],
+                     bodies.bounds[sleeping], bodies.mass[sleeping])
+    return np.column_stack([sleeping[pairs[:, 0]], moving[order][pairs[:, 1]]])
+
+
+def rim_speed(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
+    """Give the speed that no point of a body exceeds [m/s], (K,)."""
+    return _rim_speed(ids, bodies.velocities, bodies.radius)
+
+
+@kernel
+def _rim_speed(ids, velocities, radius):
+    out = np.empty(len(ids))
+    for k in range(len(ids)):
+        v = velocities[ids[k]]
+        out[k] = (np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
+                  + np.sqrt(v[3] ** 2 + v[4] ** 2 + v[5] ** 2) * radius[ids[k]])
+    return out
+
+
+def _local_speed(bodies: BodyTable, pairs: np.ndarray) -> np.ndarray:
+    """Give the speed that no point of a moving body exceeds next to a sleeping one [m/s], (P,)."""
+    sleeping, moving = pairs.T
+    velocity = bodies.velocities[moving]
+    arm = bodies.poses[sleeping, :3] - bodies.poses[moving, :3]
+    there = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
+    near = (norm(there, axis=1)
+            + norm(velocity[:, 3:], axis=1) * (bodies.radius[sleeping] + _NEAR))
+    return np.minimum(near, rim_speed(bodies, moving))
+
+
+def _least_hit(bodies: BodyTable, pairs: np.ndarray) -> np.ndarray:
+    """Give the speed of the moving body at which a hit changes the other's by `SLEEP_SPEED`."""
+    sleeping, moving = pairs.T
+    mass = np.where(bodies.state[moving] == BodyState.KINEMATIC, np.inf, bodies.mass[moving])
+    return SLEEP_SPEED * (1.0 + bodies.mass[sleeping] / mass)
+
+
+@kernel
+def _reached(low, high, speed, mass, bounds, sleeping_mass):
+    """Pair sleeping boxes with the moving ones, sorted by their least x, that reach them."""
+    pairs = np.empty((64, 2), np.int64)
+    found = 0
+    width = 0.0
+    for m in range(len(low)):
+        width = max(width, high[m, 0] - low[m, 0])
+    for r in range(len(bounds)):
+        first = np.searchsorted(low[:, 0], bounds[r, 0] - width)
+        for m in range(first, len(low)):
+            if low[m, 0] > bounds[r, 3]:
+                break
+            if (high[m, 0] >= bounds[r, 0]
+                    and low[m, 1] <= bounds[r, 4] and high[m, 1] >= bounds[r, 1]
+                    and low[m, 2] <= bounds[r, 5] and high[m, 2] >= bounds[r, 2]
+                    and speed[m] > SLEEP_SPEED * (1.0 + sleeping_mass[r] / mass[m])):
+                if found == len(pairs):
+                    more = np.empty((2 * found, 2), np.int64)
+                    more[:found] = pairs
+                    pairs = more
+                pairs[found, 0], pairs[found, 1] = r, m
+                found += 1
+    return pairs[:found]
