@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Time the world of loose bodies, with each engine, side by side with a joint per mortar bond.
+Time bricks that stand, with each engine, side by side with a joint per mortar bond.
 
 The baseline is the way of Baxter et al. (2010) in PyBullet: one fixed constraint per bond.
 Run with `python bench/world.py`.
@@ -23,11 +23,8 @@ import time
 
 import numpy as np
 import pybullet
-from scipy.spatial import cKDTree
 
-from procphys_ros import rotation
-from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.world import installed_engines, rigid_sum, World
+from procphys_ros.physics.world import installed_engines, World
 
 DT = 1.0 / 60.0
 BRICK = np.array([0.215, 0.1025, 0.065])
@@ -101,75 +98,11 @@ def jointed(columns, rows, iterations, seconds=2.0):
     return float(np.median(times)), float((poses[:, 2] - heights).max())
 
 
-def settle(world, seconds):
-    """Step; give real-time factors overall and in the worst second, and how many still move."""
-    times = np.array([timed(world.step, DT) for _ in range(round(seconds / DT))]) * 1e-3
-    worst = max(times[i:i + 60].sum() for i in range(0, len(times) - 59, 10))
-    return seconds / times.sum(), 1.0 / worst, len(world.awake)
-
-
-def loose_bricks(count, engine, seconds=8.0):
-    """Drop single bricks on a heap."""
-    rng = np.random.default_rng(0)
-    side = int(np.sqrt(count / 10)) + 1
-    with World(engine=engine) as world:
-        for i in range(count):
-            spot = [i % side * 0.25 + rng.uniform(0, 0.02), i // side % side * 0.15,
-                    0.2 + i // side ** 2 * 0.12]
-            world.add_body(Shape.BOX, BRICK, MASS, np.array([*spot, 0, 0, 0, 1.0]))
-        return settle(world, seconds)
-
-
-def building(columns, rows):
-    """Give the poses of four walls round a square, (K, 7)."""
-    side = wall(columns, rows)
-    side[:, :2] += [0.05 - 0.5 * columns * PITCH[0], -0.5 * columns * PITCH[0]]
-    corners = [np.array([0, 0, 0, *rotation.from_yaw(0.5 * np.pi * i)]) for i in range(4)]
-    return np.concatenate([rotation.compose(corner, side) for corner in corners])
-
-
-def demolition(columns, rows, count, engine, seconds=8.0):
-    """
-    Let a building fall as cells round random points, all but its eight lowest courses.
-
-    :returns: bricks, real-time factors overall and in the worst second, bodies that still move,
-        ms to make one fragment.
-    """
-    rng = np.random.default_rng(3)
-    poses = building(columns, rows)
-    size, mass = np.tile(BRICK, (len(poses), 1)), np.full(len(poses), MASS)
-    inertia = box_inertia(mass, size)
-    loose = np.flatnonzero(poses[:, 2] > 8 * PITCH[2])
-    foot = np.flatnonzero(poses[:, 2] <= 8 * PITCH[2])
-    cell = cKDTree(poses[rng.choice(loose, count, replace=False), :3]).query(poses[loose, :3])[1]
-    with World(engine=engine) as world:
-        world.add_bricks(poses[foot], size[foot], mass[foot])
-        start = time.perf_counter()
-        for i in range(count):
-            rows = loose[cell == i]
-            total = rigid_sum(mass[rows], inertia[rows], poses[rows])
-            world.add_fragment(np.full(len(rows), Shape.BOX), size[rows], total.local_poses,
-                               total.mass, total.inertia, total.pose,
-                               np.concatenate([rng.normal(0.0, 0.3, 3), np.zeros(3)]))
-        made = (time.perf_counter() - start) / count * 1e3
-        return (len(poses), *settle(world, seconds), made)
-
-
 def report(engine):
     """Print the figures of one engine."""
     standing(10, 10, 1, engine)
-    loose_bricks(20, engine, 1.0)
     step, made = standing(131, 29, 4, engine)
     print(f'{engine}: 15,196 bricks standing: {step:.2f} ms/step, made in {made:.0f} µs each')
-    for count in (500, 1000, 2000):
-        overall, worst, awake = loose_bricks(count, engine)
-        print(f'{engine}: {count} loose bricks fall and settle: real-time factor {overall:.1f} '
-              f'over 8 s, {worst:.2f} in the worst second, {awake} still move', flush=True)
-    for columns, rows, count in ((14, 36, 100), (22, 57, 200), (38, 100, 300)):
-        bricks, overall, worst, awake, made = demolition(columns, rows, count, engine)
-        print(f'{engine}: {bricks} bricks fall as {count} fragments: real-time factor '
-              f'{overall:.1f} over 8 s, {worst:.2f} in the worst second, {awake} still move, '
-              f'made in {made:.2f} ms each', flush=True)
 
 
 def main():
