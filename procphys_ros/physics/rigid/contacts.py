@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.rigid.manifold import MOST, touch
 from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_of
-from procphys_ros.physics.rigid.vectors import at, dot, length, less
+from procphys_ros.physics.rigid.vectors import at, dot, LEAN, length, less
 from procphys_ros.physics.terrain import height_at, normal_at
 
 _GROUND = (1 << 31) - 1  # in the place of a second piece, and of what only the ground meets
@@ -122,7 +122,7 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
     return out, count
 
 
-@subroutine
+@subroutine(**LEAN)
 def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points, normals,
                   before):
     """Find further points that touch the ground, and give the number of all contacts."""
@@ -135,7 +135,7 @@ def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step,
     return count
 
 
-@subroutine
+@subroutine(**LEAN)
 def _approach(p, q, pieces, poses, velocities):
     """Give a speed with which two pieces do not approach each other faster [m/s]."""
     a, b = pieces.body[p], pieces.body[q]
@@ -145,7 +145,7 @@ def _approach(p, q, pieces, poses, velocities):
             + spin_of(velocities[b]) * pieces.reach[q])
 
 
-@subroutine
+@subroutine(**LEAN)
 def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals):
     """Find the corners of a piece that touch the ground, and its normals there."""
     body = pieces.body[p]
@@ -169,7 +169,7 @@ def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals
     return count
 
 
-@subroutine
+@subroutine(**LEAN)
 def _corner_on_ground(body, place, poses, velocities, terrain, time_step, points, normals):
     """Find whether a further point touches the ground."""
     corner = _carried(poses[body], place)
@@ -182,7 +182,7 @@ def _corner_on_ground(body, place, poses, velocities, terrain, time_step, points
     return 1 if gap < SLOP + way else 0
 
 
-@subroutine
+@subroutine(**LEAN)
 def _carried(pose, place):
     x, y, z, w = pose[3], pose[4], pose[5], pose[6]
     u = (y * place[2] - z * place[1], z * place[0] - x * place[2], x * place[1] - y * place[0])
@@ -191,7 +191,7 @@ def _carried(pose, place):
             pose[2] + place[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
 
 
-@subroutine
+@subroutine(**LEAN)
 def _back(pose, place):
     """Express a point of the world in the frame of a pose."""
     x, y, z, w = -pose[3], -pose[4], -pose[5], pose[6]
@@ -202,7 +202,7 @@ def _back(pose, place):
             a[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
 
 
-@subroutine
+@subroutine(**LEAN)
 def _write(out, row, count, p, q, first, second, points, normals, poses, before, old):
     """Write the points of a pair, and what they pressed with; give where its old ones begin."""
     key = (p << 32) | q

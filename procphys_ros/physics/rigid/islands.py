@@ -18,9 +18,10 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.physics.rigid.vectors import LEAN
 
 
-@subroutine
+@subroutine(**LEAN)
 def _root(parent, i):
     while parent[i] != i:
         parent[i] = parent[parent[i]]

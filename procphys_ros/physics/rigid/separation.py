@@ -21,14 +21,24 @@ import numpy as np
 
 from procphys_ros.compilation import subroutine
 from procphys_ros.physics.rigid.pieces import BOX, EDGES, FACES
-from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plus, scaled
+from procphys_ros.physics.rigid.vectors import (
+    at,
+    cross,
+    dot,
+    INLINE,
+    LEAN,
+    length,
+    less,
+    plus,
+    scaled,
+)
 
 EDGE = -1  # in the place of a face: two edges meet
 _CLEARER = 0.001  # [m] by which two edges must be farther apart than faces, lest points jump
 _PARALLEL = 1e-3  # sine of the angle between edges that span no plane
 
 
-@subroutine
+@subroutine(**LEAN)
 def middle_of(corners, f):
     """Give the mean of the corners of a face: a point in it, whether it is flat or not."""
     a, b, c, d = (at(corners, FACES[f, 0]), at(corners, FACES[f, 1]), at(corners, FACES[f, 2]),
@@ -37,7 +47,7 @@ def middle_of(corners, f):
             0.25 * (a[2] + b[2] + c[2] + d[2]))
 
 
-@subroutine
+@subroutine(**INLINE)
 def _least_along(corners, n):
     """Give how far the corners reach against a direction: the least of their shadows."""
     least = np.inf
@@ -46,7 +56,7 @@ def _least_along(corners, n):
     return least
 
 
-@subroutine
+@subroutine(**LEAN)
 def _deepest_face(corners, normals, others):
     """Give the face that keeps the other solid farthest away, and how far."""
     best, face = -np.inf, 0
@@ -60,7 +70,7 @@ def _deepest_face(corners, normals, others):
     return best, face
 
 
-@subroutine
+@subroutine(**INLINE)
 def _edge_axis(corners, others, e, k):
     """
     Give the gap along the axis across two edges, and the axis, from the second to the first.
@@ -82,7 +92,7 @@ def _edge_axis(corners, others, e, k):
     return other, back
 
 
-@subroutine
+@subroutine(**LEAN)
 def of_hexahedra(corners, normals, others, other_normals, margin):
     """
     Find the axis of least overlap of two convex hexahedra.
@@ -109,7 +119,7 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
     return other_gap, at(other_normals, other_face), EDGE, other_face, 0, 0
 
 
-@subroutine
+@subroutine(**LEAN)
 def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosines):
     """
     Find the same for two boxes, from their axes alone (Gottschalk 1996, "OBBTree").
@@ -149,7 +159,7 @@ def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosine
     return best, normal, EDGE, 2 * (which - 3) + side, 0, 0
 
 
-@subroutine
+@subroutine(**LEAN)
 def _widest_edges(way, size, other_size, turn, other, cosines):
     """Give the widest gap across an edge of each box, and the axes of these."""
     best, first, second = -np.inf, 0, 0
@@ -171,7 +181,7 @@ def _widest_edges(way, size, other_size, turn, other, cosines):
     return best, first, second
 
 
-@subroutine
+@subroutine(**LEAN)
 def _edge_towards(axis, turn, n):
     """Give the edge of a box along an axis that lies farthest in a direction."""
     one, two = (axis + 1) % 3, (axis + 2) % 3
@@ -183,7 +193,7 @@ def _edge_towards(axis, turn, n):
     return 4 * axis
 
 
-@subroutine
+@subroutine(**LEAN)
 def of_pieces(p, q, pieces, margin, cosines):
     """Find the axis of least overlap of two pieces with corners, see `of_hexahedra`."""
     if pieces.kind[p] == BOX and pieces.kind[q] == BOX:
@@ -193,7 +203,7 @@ def of_pieces(p, q, pieces, margin, cosines):
                         pieces.normals[q], margin)
 
 
-@subroutine
+@subroutine(**LEAN)
 def between_lines(a, b, c, d):
     """
     Find the points of two segments that are nearest to each other (Ericson 2005, 5.1.9).
@@ -222,14 +232,14 @@ def between_lines(a, b, c, d):
     return plus(a, s, u), plus(c, t, v)
 
 
-@subroutine
+@subroutine(**LEAN)
 def between_edges(corners, e, others, k):
     """Find the nearest points of an edge of one solid and one of another."""
     return between_lines(at(corners, EDGES[e, 0]), at(corners, EDGES[e, 1]),
                          at(others, EDGES[k, 0]), at(others, EDGES[k, 1]))
 
 
-@subroutine
+@subroutine(**LEAN)
 def in_face(corners, f, n, point):
     """Return whether a point lies over a face, seen along its normal."""
     for k in range(4):
@@ -239,7 +249,7 @@ def in_face(corners, f, n, point):
     return True
 
 
-@subroutine
+@subroutine(**LEAN)
 def _enters(a, b, corners, normals):
     """Return whether any of a segment is inside a solid: what all its faces leave of it."""
     first, last = 0.0, 1.0
@@ -255,7 +265,7 @@ def _enters(a, b, corners, normals):
     return first <= last
 
 
-@subroutine
+@subroutine(**LEAN)
 def of_axis(a, b, corners, normals):
     """
     Find the least distance of the axis of what is round from a solid.

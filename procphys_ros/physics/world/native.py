@@ -188,20 +188,16 @@ class NativeEngine:
         first, second = place_of[contacts.first], place_of[contacts.second]
         upwards = np.argsort(-product(contacts.point, self._gravity), kind='stable')
         members, begins, order, start = islands(first[upwards], second[upwards], len(free))
-        order = upwards[order]
-        solved = ContactRows(*(column[order] for column in contacts))
         total = solve(
-            bodies, first[order], second[order], solved.point, solved.normal, solved.gap,
-            solved.radius, self._of_pairs(table.friction, solved),
-            self._of_pairs(table.restitution, solved), solved.force, (members, begins, start),
-            self._gravity, time_step)
-        contacts.force[order] = solved.force
+            bodies, first, second, contacts, upwards[order],
+            self._of_pairs(table.friction, contacts), self._of_pairs(table.restitution, contacts),
+            (members, begins, start), self._gravity, time_step)
         count = len(free)
         table.poses[free], table.velocities[free] = bodies.pose[:count], bodies.velocity[:count]
         self._contacts = contacts
         self._told = np.column_stack([
-            solved.first, solved.second, starts[first[order]] + total[:, 4:], solved.normal,
-            solved.gap, total[:, :4] / time_step])
+            contacts.first, contacts.second, starts[first] + total[:, 4:], contacts.normal,
+            contacts.gap, total[:, :4] / time_step])
 
     def _find(self, rows: np.ndarray, time_step: float) -> ContactRows:
         table, pieces = self._table, self._pieces
