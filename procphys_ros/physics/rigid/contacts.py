@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.rigid.manifold import MOST, touch
 from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_of
-from procphys_ros.physics.rigid.vectors import at, dot, LEAN, length, less
+from procphys_ros.physics.rigid.vectors import at, dot, INLINE, LEAN, length, less
 from procphys_ros.physics.terrain import height_at, normal_at
 
 _GROUND = (1 << 31) - 1  # in the place of a second piece, and of what only the ground meets
@@ -75,8 +75,8 @@ def no_contacts(count):
     """Make room for contacts."""
     return ContactRows(np.empty(count, np.int64), np.empty(count, np.int64),
                        np.empty(count, np.int64), np.empty((count, 3)), np.empty((count, 3)),
-                       np.empty(count), np.zeros((count, 2)), np.empty((count, 3)),
-                       np.zeros((count, 4)))
+                       np.empty(count), np.empty((count, 2)), np.empty((count, 3)),
+                       np.empty((count, 4)))
 
 
 @kernel
@@ -94,7 +94,14 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
     """
     out = no_contacts(MOST * pairs.shape[1] + _CORNERS * len(rows) + len(extra[0]))
     points, normals = np.empty((_CORNERS, 4)), np.empty((_CORNERS, 3))
-    work = np.empty((2, 16, 4))
+    count = _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step,
+                  before, out, points, normals, np.empty((2, 16, 4)))
+    return out, count
+
+
+@subroutine(**LEAN)
+def _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step, before, out,
+          points, normals, work):
     count = k = old = 0
     for m in range(len(rows)):
         p = rows[m]
@@ -103,23 +110,20 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
             margin = SLOP + _approach(p, q, pieces, poses, velocities) * time_step
             found = touch(p, q, pieces, margin, points, normals[0], work)
             for n in range(1, found):
-                normals[n] = normals[0]
+                normals[n, 0], normals[n, 1], normals[n, 2] = at(normals, 0)
             old = _write(out, count, found, p, q, pieces.body[p], pieces.body[q], points,
                          normals, poses, before, old)
-            out.radius[count:count + found, 0] = pieces.radius[p]
-            out.radius[count:count + found, 1] = pieces.radius[q]
+            _roll(out, count, found, pieces.radius[p], pieces.radius[q])
             count += found
             k += 1
-        if not is_free[m]:
-            continue
-        found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
-        old = _write(out, count, found, p, _GROUND, pieces.body[p], 0, points, normals, poses,
-                     before, old)
-        out.radius[count:count + found, 0] = pieces.radius[p]
-        count += found
-    count = _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points,
-                          normals, before)
-    return out, count
+        if is_free[m]:
+            found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
+            old = _write(out, count, found, p, _GROUND, pieces.body[p], 0, points, normals, poses,
+                         before, old)
+            _roll(out, count, found, pieces.radius[p], 0.0)
+            count += found
+    return _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points,
+                         normals, before)
 
 
 @subroutine(**LEAN)
@@ -131,6 +135,7 @@ def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step,
                                   points, normals)
         old = _write(out, count, found, _GROUND, extra[2][e], extra[0][e], 0, points, normals,
                      poses, before, old)
+        _roll(out, count, found, 0.0, 0.0)
         count += found
     return count
 
@@ -148,6 +153,8 @@ def _approach(p, q, pieces, poses, velocities):
 @subroutine(**LEAN)
 def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals):
     """Find the corners of a piece that touch the ground, and its normals there."""
+    if terrain.heights.shape[0] == 0 and pieces.bounds[p, 2] > 0.0:
+        return 0
     body = pieces.body[p]
     speed = (length(point_velocity(poses[body], velocities[body], pieces.centre[p]))
              + spin_of(velocities[body]) * pieces.reach[p])
@@ -202,6 +209,13 @@ def _back(pose, place):
             a[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
 
 
+@subroutine(**INLINE)
+def _roll(out, row, count, radius, other):
+    """Write the radii of what rolls."""
+    for r in range(row, row + count):
+        out.radius[r, 0], out.radius[r, 1] = radius, other
+
+
 @subroutine(**LEAN)
 def _write(out, row, count, p, q, first, second, points, normals, poses, before, old):
     """Write the points of a pair, and what they pressed with; give where its old ones begin."""
@@ -211,12 +225,13 @@ def _write(out, row, count, p, q, first, second, points, normals, poses, before,
     for k in range(count):
         r = row + k
         out.key[r], out.first[r], out.second[r] = key, first, second
-        anchor = _back(poses[first], points[k])
+        anchor = _back(poses[first], at(points, k))
         for i in range(3):
             out.point[r, i], out.normal[r, i] = points[k, i], normals[k, i]
             out.anchor[r, i] = anchor[i]
         out.gap[r] = points[k, 3]
-        out.force[r, :] = 0.0
+        for i in range(4):
+            out.force[r, i] = 0.0
         nearest, same = _SAME * _SAME, -1
         other = old
         while other < len(before.key) and before.key[other] == key:

@@ -46,7 +46,7 @@ _TILT = 0.03  # sine of the angle up to which what is round lies along a face, o
 _ALONG = math.sqrt(1.0 - _TILT * _TILT)
 
 
-@subroutine(**LEAN)
+@subroutine(**INLINE)
 def touch(p, q, pieces, margin, points, normal, work):
     """
     Find the points at which two pieces touch.
@@ -79,7 +79,7 @@ def _turn(normal, n):
     normal[0], normal[1], normal[2] = n[0], n[1], n[2]
 
 
-@subroutine(**LEAN)
+@subroutine(**INLINE)
 def _of_solids(p, q, pieces, margin, points, normal, work):
     gap, n, face, other, edge, edge_other = of_pieces(p, q, pieces, margin, work[1, :3, :3])
     if gap > margin:

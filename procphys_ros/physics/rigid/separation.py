@@ -35,6 +35,7 @@ from procphys_ros.physics.rigid.vectors import (
 
 EDGE = -1  # in the place of a face: two edges meet
 _CLEARER = 0.001  # [m] by which two edges must be farther apart than faces, lest points jump
+_APART = (np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0)  # what is not found to touch
 _PARALLEL = 1e-3  # sine of the angle between edges that span no plane
 
 
@@ -103,7 +104,7 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
     gap, face = _deepest_face(corners, normals, others)
     other_gap, other_face = _deepest_face(others, other_normals, corners)
     if gap > margin or other_gap > margin:
-        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
+        return _APART
     best, first, second, normal = -np.inf, 0, 0, (0.0, 0.0, 1.0)
     for e in range(12):
         for k in range(12):
@@ -111,7 +112,7 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
             if found > best:
                 best, first, second, normal = found, e, k, n
     if best > margin:
-        return np.inf, normal, EDGE, EDGE, 0, 0
+        return _APART
     if best > max(gap, other_gap) + _CLEARER:
         return best, normal, EDGE, EDGE, first, second
     if gap >= other_gap - _CLEARER:
@@ -119,7 +120,7 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
     return other_gap, at(other_normals, other_face), EDGE, other_face, 0, 0
 
 
-@subroutine(**LEAN)
+@subroutine(**INLINE)
 def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosines):
     """
     Find the same for two boxes, from their axes alone (Gottschalk 1996, "OBBTree").
@@ -133,19 +134,21 @@ def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosine
         for j in range(3):
             cosines[i, j] = dot(at(turn, i), at(other, j))
             gap -= 0.5 * other_size[j] * abs(cosines[i, j])
+        if gap > margin:
+            return _APART
         if gap > best:
             best, which = gap, i
     for j in range(3):
         gap = abs(dot(way, at(other, j))) - 0.5 * other_size[j]
         for i in range(3):
             gap -= 0.5 * size[i] * abs(cosines[i, j])
+        if gap > margin:
+            return _APART
         if gap > best + (_CLEARER if which < 3 else 0.0):
             best, which = gap, 3 + j
-    if best > margin:
-        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
     edge, i, j = _widest_edges(way, size, other_size, turn, other, cosines)
     if edge > margin:
-        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
+        return _APART
     if edge > best + _CLEARER:
         n = cross(at(turn, i), at(other, j))
         normal = scaled((1.0 if dot(n, way) > 0.0 else -1.0) / length(n), n)
@@ -193,7 +196,7 @@ def _edge_towards(axis, turn, n):
     return 4 * axis
 
 
-@subroutine(**LEAN)
+@subroutine(**INLINE)
 def of_pieces(p, q, pieces, margin, cosines):
     """Find the axis of least overlap of two pieces with corners, see `of_hexahedra`."""
     if pieces.kind[p] == BOX and pieces.kind[q] == BOX:
