@@ -94,33 +94,36 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
     :param first, second: rows of bodies, (C,).
     :param contacts: their forces of the step before become those at the end of this one.
     :param order: of contacts: by island, (C,).
-    :param friction, restitution: of each contact, (C,).
+    :param friction, restitution: of bodies by id; the geometric mean of two counts, (B,).
     :param groups: from `islands`: bodies in turn, where those of each island begin, and where
         contacts do in `order`.
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
-    :returns: impulses on the first bodies over the step, world, and along the normal [N·s], and
-        where they acted in the mean, seen from the first body's centre [m], (C, 7).
+    :returns: contacts as `Engine.contacts` gives them, (C, 13).
     """
     members, member_start, start = groups
     state, rows = _states(bodies), np.empty((len(order), _CONTACT))
     ends, spots = np.empty((len(order), 2), np.int64), np.zeros((len(order), 3))
-    elastic, radius = np.empty((len(order), 2)), np.empty((len(order), 2))
+    elastic, told = np.empty((len(order), 2)), np.empty((len(order), 13))
     for r in range(len(order)):
         c = order[r]
-        ends[r, 0], ends[r, 1], elastic[r, 0] = first[c], second[c], restitution[c]
-        radius[r, 0], radius[r, 1] = contacts.radius[c, 0], contacts.radius[c, 1]
+        ends[r, 0], ends[r, 1] = first[c], second[c]
+        a, b = contacts.first[c], contacts.second[c]
+        rows[r, _GRIP] = math.sqrt(friction[a] * friction[b])
+        elastic[r, 0] = math.sqrt(restitution[a] * restitution[b])
         _place(r, c, bodies, ends, contacts, rows)
-        rows[r, _GRIP] = friction[c]
-        _aim(r, ends, radius, state, time_step, rows)
+        _aim(r, ends, contacts.radius, order, state, time_step, rows)
+        _tell(c, bodies.pose, first[c], contacts, told)
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
-        _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic, radius,
-                      order, contacts.force, gravity, time_step, state, rows, spots)
+        _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic,
+                      contacts.radius, order, contacts.force, gravity, time_step, state, rows,
+                      spots)
     for i in range(len(members)):
         for w in range(6):
             bodies.velocity[i, w] = state[i, w]
-    return _totals(order, rows, spots)
+    _tell_impulses(order, rows, spots, time_step, told)
+    return told
 
 
 @subroutine
@@ -156,7 +159,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
     h = time_step / substeps
     bounces = False
     for r in contacts:
-        _start(r, force[order[r]], h, rows)
+        _start(r, order[r], force, h, rows)
         bounces = bounces or elastic[r, 0] > 0.0
     for substep in range(substeps):
         anew = substeps == _FINEST or substep == 0
@@ -164,7 +167,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
             for i in own:
                 _ease(i, bodies, state)
             for r in contacts:
-                _aim(r, ends, radius, state, h, rows)
+                _aim(r, ends, radius, order, state, h, rows)
         for i in own:
             _drive(i, gravity, h, anew, state)
         if bounces:
@@ -239,7 +242,7 @@ def _place(r, c, bodies, ends, contacts, rows):
 
 
 @subroutine(**LEAN)
-def _aim(r, ends, radius, state, duration, rows):
+def _aim(r, ends, radius, order, state, duration, rows):
     """
     Write arms of a contact, and what impulses give.
 
@@ -254,7 +257,7 @@ def _aim(r, ends, radius, state, duration, rows):
         place = three(rows, r, _PLACE + 3 * side)
         place = plus(place, 1.0, _bent(place, state, i))
         place = _turned_on(place, state, i, 0.5 * duration)
-        place = plus(place, (2.0 * side - 1.0) * radius[r, side], n)
+        place = plus(place, (2.0 * side - 1.0) * radius[order[r], side], n)
         put(rows, r, _ARM + 3 * side, place)
         one, two, other = cross(place, n), cross(place, t), cross(place, b)
         spin, light = _eased(state, i, one), state[i, _LIGHT]
@@ -267,11 +270,10 @@ def _aim(r, ends, radius, state, duration, rows):
 
 
 @subroutine(**INLINE)
-def _start(r, force, h, rows):
+def _start(r, c, force, h, rows):
     """Write the impulses that the first substep starts from."""
-    n, t, pressed = three(rows, r, _NORMAL), three(rows, r, _TANGENT), (force[1], force[2],
-                                                                        force[3])
-    put(rows, r, _PUSHED, (h * force[0], h * dot(pressed, t), h * dot(pressed, cross(n, t))))
+    n, t, pressed = three(rows, r, _NORMAL), three(rows, r, _TANGENT), three(force, c, 1)
+    put(rows, r, _PUSHED, (h * force[c, 0], h * dot(pressed, t), h * dot(pressed, cross(n, t))))
 
 
 @subroutine(**INLINE)
@@ -399,7 +401,8 @@ def _pass(contacts, ends, state, rows, h, soft, moved):
         pressed = max(before - rows[r, _MASS] * share * lacks - kept * before, 0.0)
         if pressed == 0.0 and before == 0.0:
             continue
-        change = pressed - before, *_rub(rows, r, slip, pressed, pressed - before)
+        u, v = _rub(rows, r, slip, pressed, pressed - before)
+        change = (pressed - before, u, v)
         _push(state, i, j, arm, other, _along(rows, r, change))
         for k in range(3):
             rows[r, _PUSHED + k] += change[k]
@@ -496,14 +499,22 @@ def _keep_forces(contacts, order, rows, h, force):
             force[c, 1 + w] = across[w] / h
 
 
-@subroutine
-def _totals(order, rows, spots):
-    """Give impulses and where they acted in the order of contacts; see `solve`."""
-    total = np.empty((len(order), 7))
+@subroutine(**LEAN)
+def _tell(c, pose, first, contacts, told):
+    """Write what a contact is: bodies, the first one's centre, normal and gap."""
+    told[c, 0], told[c, 1], told[c, 8] = contacts.first[c], contacts.second[c], contacts.gap[c]
+    put(told, c, 2, at(pose, first))
+    put(told, c, 5, at(contacts.normal, c))
+
+
+@subroutine(**LEAN)
+def _tell_impulses(order, rows, spots, time_step, told):
+    """Write where contacts acted in the mean, and their forces, world and along the normal."""
     for r in range(len(order)):
         c, pressed = order[r], rows[r, _SUM]
-        put(total, c, 0, _along(rows, r, three(rows, r, _SUM)))
-        total[c, 3] = pressed
-        for w in range(3):
-            total[c, 4 + w] = spots[r, w] / pressed if pressed > 0.0 else rows[r, _ARM + w]
-    return total
+        spot = three(rows, r, _ARM)
+        if pressed > 0.0:
+            spot = scaled(1.0 / pressed, at(spots, r))
+        put(told, c, 2, plus(three(told, c, 2), 1.0, spot))
+        put(told, c, 9, scaled(1.0 / time_step, _along(rows, r, three(rows, r, _SUM))))
+        told[c, 12] = pressed / time_step
