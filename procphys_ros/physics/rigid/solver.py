@@ -52,13 +52,15 @@ _FINEST, _COARSEST = 32, 8  # substeps of an island; 8 at 60 Hz leave 0.5 mm of 
 _PASSES = 16  # at most: one that lands flat on many corners needs them, what rests takes one
 _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
+_LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
 _TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
 
 # A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass,
-# inverse inertia in the world (xx, xy, xz, yy, yz, zz), how far it has moved and turned in this
-# step, and the motion that it had before contacts acted in the present substep.
-_SPEED, _SPIN, _LIGHT, _EASE, _WAY, _TURNED, _FREE = 0, 3, 6, 7, 13, 16, 19
-_BODY = 25
+# inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion that it had before contacts acted
+# in the present substep, how far it has moved and turned in this step, and the matrix that gives
+# how far a point moves by that turn, right to its second power.
+_SPEED, _SPIN, _LIGHT, _EASE, _FREE, _WAY, _TURNED, _BEND = 0, 3, 6, 7, 13, 19, 22, 25
+_BODY = 34
 # A row per contact: normal, a tangent, arms of both bodies, masses along normal, tangent and the
 # third axis, speed along the last two by a unit impulse along the normal, impulses of the present
 # substep, gap as bodies have moved so far, friction, sums of impulses over the step, the place on
@@ -216,6 +218,7 @@ def _carry(count, time, state):
     for i in range(count, len(state)):
         for w in range(6):
             state[i, _WAY + w] = time * state[i, w]
+        _bend(i, state)
 
 
 @subroutine(**INLINE)
@@ -276,22 +279,31 @@ def _start(r, c, force, h, rows):
     put(rows, r, _PUSHED, (h * force[c, 0], h * dot(pressed, t), h * dot(pressed, cross(n, t))))
 
 
+@subroutine(**LEAN)
+def _bend(i, state):
+    """Write the matrix by which points of a body have moved as it turned."""
+    x, y, z = three(state, i, _TURNED)
+    put(state, i, _BEND, (-0.5 * (y * y + z * z), 0.5 * x * y - z, 0.5 * x * z + y))
+    put(state, i, _BEND + 3, (0.5 * x * y + z, -0.5 * (x * x + z * z), 0.5 * y * z - x))
+    put(state, i, _BEND + 6, (0.5 * x * z - y, 0.5 * y * z + x, -0.5 * (x * x + y * y)))
+
+
 @subroutine(**INLINE)
 def _bent(place, state, i):
-    """Give how far a point turns about a body's centre, right to the second power."""
-    turn = three(state, i, _TURNED)
-    way = cross(turn, place)
-    return plus(way, 0.5, cross(turn, way))
+    """Give how far a point has turned about a body's centre."""
+    return (dot(three(state, i, _BEND), place), dot(three(state, i, _BEND + 3), place),
+            dot(three(state, i, _BEND + 6), place))
 
 
 @subroutine(**INLINE)
 def _turned_on(place, state, i, duration):
     """Turn a place about a body's centre by its spin, for a while; it stays as far away."""
-    far = length(place)
-    if far < 1e-9:
-        return place
-    turned = plus(place, duration, cross(three(state, i, _SPIN), place))
-    return scaled(far / length(turned), turned)
+    turn = scaled(duration, three(state, i, _SPIN))
+    way = cross(turn, place)
+    if dot(turn, turn) < _LITTLE * _LITTLE:
+        return plus(plus(place, 1.0, way), 0.5, cross(turn, way))
+    far, turned = length(place), plus(place, 1.0, way)
+    return scaled(far / length(turned), turned) if far > 1e-9 else place
 
 
 @subroutine(**INLINE)
@@ -307,9 +319,10 @@ def _push(state, i, j, arm, other, impulse):
     """Apply an impulse to the first body, and its opposite to the second."""
     put(state, i, _SPEED, plus(three(state, i, _SPEED), state[i, _LIGHT], impulse))
     put(state, i, _SPIN, plus(three(state, i, _SPIN), 1.0, _eased(state, i, cross(arm, impulse))))
-    put(state, j, _SPEED, plus(three(state, j, _SPEED), -state[j, _LIGHT], impulse))
-    put(state, j, _SPIN,
-        plus(three(state, j, _SPIN), -1.0, _eased(state, j, cross(other, impulse))))
+    if state[j, _LIGHT] > 0.0:
+        put(state, j, _SPEED, plus(three(state, j, _SPEED), -state[j, _LIGHT], impulse))
+        put(state, j, _SPIN,
+            plus(three(state, j, _SPIN), -1.0, _eased(state, j, cross(other, impulse))))
 
 
 @subroutine(**INLINE)
@@ -382,7 +395,7 @@ def _passes(most, contacts, ends, state, rows, h, soft, moved):
 def _pass(contacts, ends, state, rows, h, soft, moved):
     """Solve all contacts of an island once, in turn; return whether any speed has changed."""
     rate, mass_share, impulse_share = soft
-    changed = False
+    often, changed = 1.0 / h, False
     for r in contacts:
         i, j = ends[r, 0], ends[r, 1]
         if moved:
@@ -392,7 +405,7 @@ def _pass(contacts, ends, state, rows, h, soft, moved):
             continue  # what has not struck yet is stopped in the substep in which it does
         bias, share, kept = 0.0, 1.0, 0.0
         if gap > 0.0:
-            bias = gap / h
+            bias = often * gap
         elif rate > 0.0:
             bias, share, kept = max(rate * gap, -_PUSH), mass_share, impulse_share
         arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
@@ -430,7 +443,8 @@ def _advance(i, bodies, gravity, h, flies, state):
     """
     Move a body, and turn it so that its angular momentum stays.
 
-    The spin of the middle of the substep turns it; what touches nothing keeps to its parabola.
+    The spin of the middle of the substep turns it, right to the second power where it is little
+    and contacts act; what touches nothing keeps to its parabola.
     """
     for w in range(3):
         way = h * state[i, w] - (0.5 * h * h * gravity[w] if flies else 0.0)
@@ -442,13 +456,19 @@ def _advance(i, bodies, gravity, h, flies, state):
     q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
     inertia = at(bodies.inertia, i)
     momentum = _stretched(q, inertia, spin)
-    ease = 1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2]
-    middle = _stretched(_rotated(q, spin, 0.5 * h), ease, momentum)
-    q = _rotated(q, middle, h)
-    after = _stretched(q, ease, momentum)
+    if flies or h * h * dot(spin, spin) > _LITTLE * _LITTLE:
+        ease = 1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2]
+        middle = _stretched(_rotated(q, spin, 0.5 * h), ease, momentum)
+        q = _rotated(q, middle, h)
+        after = _stretched(q, ease, momentum)
+    else:
+        after = plus(spin, -h, _eased(state, i, cross(spin, momentum)))
+        middle = plus(scaled(0.5, spin), 0.5, after)
+        q = _rotated(q, middle, h)
     for w in range(4):
         bodies.pose[i, 3 + w] = q[w]
     put(state, i, _TURNED, plus(three(state, i, _TURNED), h, middle))
+    _bend(i, state)
     put(state, i, _SPIN, after)
     put(state, i, _FREE + 3, plus(three(state, i, _FREE + 3), 1.0, less(after, spin)))
 
