@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.rigid.manifold import MOST, touch
 from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_of
-from procphys_ros.physics.rigid.vectors import at, dot, length, less
+from procphys_ros.physics.rigid.vectors import at, dot, INLINE, LEAN, length, less
 from procphys_ros.physics.terrain import height_at, normal_at
 
 _GROUND = (1 << 31) - 1  # in the place of a second piece, and of what only the ground meets
@@ -75,8 +75,38 @@ def no_contacts(count):
     """Make room for contacts."""
     return ContactRows(np.empty(count, np.int64), np.empty(count, np.int64),
                        np.empty(count, np.int64), np.empty((count, 3)), np.empty((count, 3)),
-                       np.empty(count), np.zeros((count, 2)), np.empty((count, 3)),
-                       np.zeros((count, 4)))
+                       np.empty(count), np.empty((count, 2)), np.empty((count, 3)),
+                       np.empty((count, 4)))
+
+
+@kernel
+def meeting(one, other, rows, body, moves, excluded):
+    """
+    Choose the pairs of pieces that may meet, each once.
+
+    :param one, other: places in `rows` and other pieces, sorted, (K,).
+    :param rows: pieces that move, ascending, (M,).
+    :param body: of each piece, (P,).
+    :param moves: of each body: 2 = freely, 1 = as it is driven, 0 = not at all, (B,).
+    :param excluded: pairs of bodies, lower id first, as keys, ascending, (E,).
+    :returns: as `one` and `other`, (2, L).
+    """
+    out, count = np.empty((2, len(one)), np.int64), 0
+    for k in range(len(one)):
+        p, q = rows[one[k]], other[k]
+        a, b = body[p], body[q]
+        if a == b or moves[a] + moves[b] < 2 or (moves[b] > 0 and p > q):
+            continue
+        if moves[a] == 1 and moves[b] == 1:
+            continue
+        if len(excluded):
+            key = (min(a, b) << 32) | max(a, b)
+            place = np.searchsorted(excluded, key)
+            if place < len(excluded) and excluded[place] == key:
+                continue
+        out[0, count], out[1, count] = one[k], q
+        count += 1
+    return out[:, :count].copy()
 
 
 @kernel
@@ -94,7 +124,14 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
     """
     out = no_contacts(MOST * pairs.shape[1] + _CORNERS * len(rows) + len(extra[0]))
     points, normals = np.empty((_CORNERS, 4)), np.empty((_CORNERS, 3))
-    work = np.empty((2, 16, 4))
+    count = _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step,
+                  before, out, points, normals, np.empty((2, 16, 4)))
+    return out, count
+
+
+@subroutine(**LEAN)
+def _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step, before, out,
+          points, normals, work):
     count = k = old = 0
     for m in range(len(rows)):
         p = rows[m]
@@ -103,26 +140,23 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
             margin = SLOP + _approach(p, q, pieces, poses, velocities) * time_step
             found = touch(p, q, pieces, margin, points, normals[0], work)
             for n in range(1, found):
-                normals[n] = normals[0]
+                normals[n, 0], normals[n, 1], normals[n, 2] = at(normals, 0)
             old = _write(out, count, found, p, q, pieces.body[p], pieces.body[q], points,
                          normals, poses, before, old)
-            out.radius[count:count + found, 0] = pieces.radius[p]
-            out.radius[count:count + found, 1] = pieces.radius[q]
+            _roll(out, count, found, pieces.radius[p], pieces.radius[q])
             count += found
             k += 1
-        if not is_free[m]:
-            continue
-        found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
-        old = _write(out, count, found, p, _GROUND, pieces.body[p], 0, points, normals, poses,
-                     before, old)
-        out.radius[count:count + found, 0] = pieces.radius[p]
-        count += found
-    count = _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points,
-                          normals, before)
-    return out, count
+        if is_free[m]:
+            found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
+            old = _write(out, count, found, p, _GROUND, pieces.body[p], 0, points, normals, poses,
+                         before, old)
+            _roll(out, count, found, pieces.radius[p], 0.0)
+            count += found
+    return _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points,
+                         normals, before)
 
 
-@subroutine
+@subroutine(**LEAN)
 def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points, normals,
                   before):
     """Find further points that touch the ground, and give the number of all contacts."""
@@ -131,11 +165,12 @@ def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step,
                                   points, normals)
         old = _write(out, count, found, _GROUND, extra[2][e], extra[0][e], 0, points, normals,
                      poses, before, old)
+        _roll(out, count, found, 0.0, 0.0)
         count += found
     return count
 
 
-@subroutine
+@subroutine(**LEAN)
 def _approach(p, q, pieces, poses, velocities):
     """Give a speed with which two pieces do not approach each other faster [m/s]."""
     a, b = pieces.body[p], pieces.body[q]
@@ -145,9 +180,11 @@ def _approach(p, q, pieces, poses, velocities):
             + spin_of(velocities[b]) * pieces.reach[q])
 
 
-@subroutine
+@subroutine(**LEAN)
 def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals):
     """Find the corners of a piece that touch the ground, and its normals there."""
+    if terrain.heights.shape[0] == 0 and pieces.bounds[p, 2] > 0.0:
+        return 0
     body = pieces.body[p]
     speed = (length(point_velocity(poses[body], velocities[body], pieces.centre[p]))
              + spin_of(velocities[body]) * pieces.reach[p])
@@ -169,7 +206,7 @@ def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals
     return count
 
 
-@subroutine
+@subroutine(**LEAN)
 def _corner_on_ground(body, place, poses, velocities, terrain, time_step, points, normals):
     """Find whether a further point touches the ground."""
     corner = _carried(poses[body], place)
@@ -182,7 +219,7 @@ def _corner_on_ground(body, place, poses, velocities, terrain, time_step, points
     return 1 if gap < SLOP + way else 0
 
 
-@subroutine
+@subroutine(**LEAN)
 def _carried(pose, place):
     x, y, z, w = pose[3], pose[4], pose[5], pose[6]
     u = (y * place[2] - z * place[1], z * place[0] - x * place[2], x * place[1] - y * place[0])
@@ -191,7 +228,7 @@ def _carried(pose, place):
             pose[2] + place[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
 
 
-@subroutine
+@subroutine(**LEAN)
 def _back(pose, place):
     """Express a point of the world in the frame of a pose."""
     x, y, z, w = -pose[3], -pose[4], -pose[5], pose[6]
@@ -202,7 +239,14 @@ def _back(pose, place):
             a[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
 
 
-@subroutine
+@subroutine(**INLINE)
+def _roll(out, row, count, radius, other):
+    """Write the radii of what rolls."""
+    for r in range(row, row + count):
+        out.radius[r, 0], out.radius[r, 1] = radius, other
+
+
+@subroutine(**LEAN)
 def _write(out, row, count, p, q, first, second, points, normals, poses, before, old):
     """Write the points of a pair, and what they pressed with; give where its old ones begin."""
     key = (p << 32) | q
@@ -211,12 +255,13 @@ def _write(out, row, count, p, q, first, second, points, normals, poses, before,
     for k in range(count):
         r = row + k
         out.key[r], out.first[r], out.second[r] = key, first, second
-        anchor = _back(poses[first], points[k])
+        anchor = _back(poses[first], at(points, k))
         for i in range(3):
             out.point[r, i], out.normal[r, i] = points[k, i], normals[k, i]
             out.anchor[r, i] = anchor[i]
         out.gap[r] = points[k, 3]
-        out.force[r, :] = 0.0
+        for i in range(4):
+            out.force[r, i] = 0.0
         nearest, same = _SAME * _SAME, -1
         other = old
         while other < len(before.key) and before.key[other] == key:

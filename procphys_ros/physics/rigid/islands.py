@@ -15,12 +15,18 @@
 
 """Islands: groups of bodies that touch each other, which nothing else moves in a step."""
 
+import math
+
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.physics.rigid.vectors import LEAN
+
+_LEVEL = 1e-6  # [m] of height from which on points count as one above the other
+_DIGIT = 1 << 11  # two of them cover 4 m
 
 
-@subroutine
+@subroutine(**LEAN)
 def _root(parent, i):
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -57,6 +63,32 @@ def islands(first, second, count):
     bodies, body_start = _sorted(number, found)
     rows, start = _sorted(own, found)
     return bodies, body_start, rows, start
+
+
+@kernel
+def upwards(point, gravity):
+    """
+    Sort points from the ground up, in order where they are level.
+
+    :param point: (C, 3).
+    :param gravity: [m/s²], (3,).
+    :returns: rows, those that lie farthest along gravity first, (C,).
+    """
+    count, strength = len(point), math.sqrt(gravity[0] * gravity[0] + gravity[1] * gravity[1]
+                                            + gravity[2] * gravity[2])
+    order, level = np.arange(count), np.zeros(count, np.int64)
+    if strength == 0.0 or count == 0:
+        return order
+    for c in range(count):
+        along = (point[c, 0] * gravity[0] + point[c, 1] * gravity[1] + point[c, 2] * gravity[2])
+        level[c] = -int(along / strength / _LEVEL)
+    level -= level.min()
+    high = level.max()
+    while high > 0:  # digit by digit
+        order = order[_sorted(level[order] % _DIGIT, _DIGIT)[0]]
+        level //= _DIGIT
+        high //= _DIGIT
+    return order
 
 
 @subroutine

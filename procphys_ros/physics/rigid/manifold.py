@@ -29,14 +29,24 @@ from procphys_ros.physics.rigid.separation import (
     of_axis,
     of_pieces,
 )
-from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plus, scaled
+from procphys_ros.physics.rigid.vectors import (
+    at,
+    cross,
+    dot,
+    INLINE,
+    LEAN,
+    length,
+    less,
+    plus,
+    scaled,
+)
 
 MOST = 4  # points of two pieces
 _TILT = 0.03  # sine of the angle up to which what is round lies along a face, or another round one
 _ALONG = math.sqrt(1.0 - _TILT * _TILT)
 
 
-@subroutine
+@subroutine(**INLINE)
 def touch(p, q, pieces, margin, points, normal, work):
     """
     Find the points at which two pieces touch.
@@ -59,17 +69,17 @@ def touch(p, q, pieces, margin, points, normal, work):
     return _of_solids(p, q, pieces, margin, points, normal, work)
 
 
-@subroutine
+@subroutine(**INLINE)
 def _write(points, k, place, gap):
     points[k, 0], points[k, 1], points[k, 2], points[k, 3] = place[0], place[1], place[2], gap
 
 
-@subroutine
+@subroutine(**INLINE)
 def _turn(normal, n):
     normal[0], normal[1], normal[2] = n[0], n[1], n[2]
 
 
-@subroutine
+@subroutine(**INLINE)
 def _of_solids(p, q, pieces, margin, points, normal, work):
     gap, n, face, other, edge, edge_other = of_pieces(p, q, pieces, margin, work[1, :3, :3])
     if gap > margin:
@@ -89,7 +99,7 @@ def _of_solids(p, q, pieces, margin, points, normal, work):
     return _choose(work[0], count, n, points)
 
 
-@subroutine
+@subroutine(**LEAN)
 def _opposite(normals, n):
     """Give the face that looks against a direction most."""
     best, face = np.inf, 0
@@ -100,7 +110,7 @@ def _opposite(normals, n):
     return face
 
 
-@subroutine
+@subroutine(**LEAN)
 def _clip(corners, face, n, others, met, margin, work):
     """
     Cut the face of a solid that meets the face of another by what lies beside that.
@@ -131,7 +141,7 @@ def _clip(corners, face, n, others, met, margin, work):
     return kept
 
 
-@subroutine
+@subroutine(**LEAN)
 def _cut(polygon, count, outwards, corner, out):
     """Keep what of a polygon lies behind a plane, and give the number of its corners."""
     if count == 0:
@@ -152,7 +162,7 @@ def _cut(polygon, count, outwards, corner, out):
     return kept
 
 
-@subroutine
+@subroutine(**LEAN)
 def _choose(found, count, n, points):
     """Keep at most four points: the deepest, the farthest from it, and the widest apart."""
     if count <= MOST:
@@ -185,7 +195,7 @@ def _choose(found, count, n, points):
     return kept
 
 
-@subroutine
+@subroutine(**LEAN)
 def _of_round(p, q, pieces, margin, points, normal):
     """Find the points of what is round and of a solid."""
     radius, corners, normals = pieces.radius[p], pieces.corners[q], pieces.normals[q]
@@ -208,7 +218,7 @@ def _of_round(p, q, pieces, margin, points, normal):
     return 1
 
 
-@subroutine
+@subroutine(**LEAN)
 def _of_lying(a, b, radius, corners, face, n, margin, points):
     """Find the two points of an axis that lies along a face."""
     first, last = 0.0, 1.0
@@ -236,7 +246,7 @@ def _of_lying(a, b, radius, corners, face, n, margin, points):
     return kept
 
 
-@subroutine
+@subroutine(**LEAN)
 def _of_two_round(p, q, pieces, margin, points, normal):
     a, b = at(pieces.corners[p], 0), at(pieces.corners[p], 1)
     c, d = at(pieces.corners[q], 0), at(pieces.corners[q], 1)
@@ -257,7 +267,7 @@ def _of_two_round(p, q, pieces, margin, points, normal):
     return 1
 
 
-@subroutine
+@subroutine(**LEAN)
 def _of_parallel(a, u, c, d, n, radius, other, margin, points):
     """Find the two ends of what two axes side by side share."""
     uu = dot(u, u)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.physics.rigid.vectors import at, cross, length, less, scaled
+from procphys_ros.physics.rigid.vectors import at, cross, INLINE, LEAN, length, less, scaled
 from procphys_ros.rotation_kernels import carried, matrix_rows
 
 ROUND, BOX, HEXAHEDRON = 0, 1, 2
@@ -102,7 +102,7 @@ def place(rows, pieces, poses, velocities, time_step):
         _bound(p, pieces, poses[body], velocities[body], time_step)
 
 
-@subroutine
+@subroutine(**LEAN)
 def _place_ends(p, pieces):
     half = 0.5 * max(pieces.size[p, 2] - pieces.size[p, 0], 0.0)
     pieces.radius[p] = 0.5 * pieces.size[p, 0]
@@ -112,7 +112,7 @@ def _place_ends(p, pieces):
         pieces.corners[p, 1, i] = pieces.centre[p, i] + half * pieces.axes[p, 2, i]
 
 
-@subroutine
+@subroutine(**LEAN)
 def _place_corners(p, pieces):
     far = 0.0
     for c in range(8):
@@ -136,7 +136,7 @@ def _place_corners(p, pieces):
             pieces.normals[p, f, i] = n[i]
 
 
-@subroutine
+@subroutine(**LEAN)
 def _face_normal(corners, f):
     n = cross(less(at(corners, FACES[f, 2]), at(corners, FACES[f, 0])),
               less(at(corners, FACES[f, 3]), at(corners, FACES[f, 1])))
@@ -144,7 +144,7 @@ def _face_normal(corners, f):
     return scaled(1.0 / size if size > 1e-12 else 0.0, n)
 
 
-@subroutine
+@subroutine(**INLINE)
 def point_velocity(pose, velocity, point):
     """Give the velocity of a point of a body, three numbers [m/s]."""
     x, y, z = point[0] - pose[0], point[1] - pose[1], point[2] - pose[2]
@@ -153,14 +153,14 @@ def point_velocity(pose, velocity, point):
             velocity[2] + velocity[3] * y - velocity[4] * x)
 
 
-@subroutine
+@subroutine(**INLINE)
 def spin_of(velocity):
     """Give the angular speed of a body [rad/s]."""
     return math.sqrt(velocity[3] * velocity[3] + velocity[4] * velocity[4]
                      + velocity[5] * velocity[5])
 
 
-@subroutine
+@subroutine(**LEAN)
 def _bound(p, pieces, pose, velocity, time_step):
     last = 2 if pieces.kind[p] == ROUND else 8
     way = point_velocity(pose, velocity, pieces.centre[p])

@@ -21,14 +21,25 @@ import numpy as np
 
 from procphys_ros.compilation import subroutine
 from procphys_ros.physics.rigid.pieces import BOX, EDGES, FACES
-from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plus, scaled
+from procphys_ros.physics.rigid.vectors import (
+    at,
+    cross,
+    dot,
+    INLINE,
+    LEAN,
+    length,
+    less,
+    plus,
+    scaled,
+)
 
 EDGE = -1  # in the place of a face: two edges meet
 _CLEARER = 0.001  # [m] by which two edges must be farther apart than faces, lest points jump
+_APART = (np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0)  # what is not found to touch
 _PARALLEL = 1e-3  # sine of the angle between edges that span no plane
 
 
-@subroutine
+@subroutine(**LEAN)
 def middle_of(corners, f):
     """Give the mean of the corners of a face: a point in it, whether it is flat or not."""
     a, b, c, d = (at(corners, FACES[f, 0]), at(corners, FACES[f, 1]), at(corners, FACES[f, 2]),
@@ -37,7 +48,7 @@ def middle_of(corners, f):
             0.25 * (a[2] + b[2] + c[2] + d[2]))
 
 
-@subroutine
+@subroutine(**INLINE)
 def _least_along(corners, n):
     """Give how far the corners reach against a direction: the least of their shadows."""
     least = np.inf
@@ -46,7 +57,7 @@ def _least_along(corners, n):
     return least
 
 
-@subroutine
+@subroutine(**LEAN)
 def _deepest_face(corners, normals, others):
     """Give the face that keeps the other solid farthest away, and how far."""
     best, face = -np.inf, 0
@@ -60,7 +71,7 @@ def _deepest_face(corners, normals, others):
     return best, face
 
 
-@subroutine
+@subroutine(**INLINE)
 def _edge_axis(corners, others, e, k):
     """
     Give the gap along the axis across two edges, and the axis, from the second to the first.
@@ -82,7 +93,7 @@ def _edge_axis(corners, others, e, k):
     return other, back
 
 
-@subroutine
+@subroutine(**LEAN)
 def of_hexahedra(corners, normals, others, other_normals, margin):
     """
     Find the axis of least overlap of two convex hexahedra.
@@ -93,7 +104,7 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
     gap, face = _deepest_face(corners, normals, others)
     other_gap, other_face = _deepest_face(others, other_normals, corners)
     if gap > margin or other_gap > margin:
-        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
+        return _APART
     best, first, second, normal = -np.inf, 0, 0, (0.0, 0.0, 1.0)
     for e in range(12):
         for k in range(12):
@@ -101,7 +112,7 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
             if found > best:
                 best, first, second, normal = found, e, k, n
     if best > margin:
-        return np.inf, normal, EDGE, EDGE, 0, 0
+        return _APART
     if best > max(gap, other_gap) + _CLEARER:
         return best, normal, EDGE, EDGE, first, second
     if gap >= other_gap - _CLEARER:
@@ -109,7 +120,7 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
     return other_gap, at(other_normals, other_face), EDGE, other_face, 0, 0
 
 
-@subroutine
+@subroutine(**INLINE)
 def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosines):
     """
     Find the same for two boxes, from their axes alone (Gottschalk 1996, "OBBTree").
@@ -123,19 +134,21 @@ def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosine
         for j in range(3):
             cosines[i, j] = dot(at(turn, i), at(other, j))
             gap -= 0.5 * other_size[j] * abs(cosines[i, j])
+        if gap > margin:
+            return _APART
         if gap > best:
             best, which = gap, i
     for j in range(3):
         gap = abs(dot(way, at(other, j))) - 0.5 * other_size[j]
         for i in range(3):
             gap -= 0.5 * size[i] * abs(cosines[i, j])
+        if gap > margin:
+            return _APART
         if gap > best + (_CLEARER if which < 3 else 0.0):
             best, which = gap, 3 + j
-    if best > margin:
-        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
     edge, i, j = _widest_edges(way, size, other_size, turn, other, cosines)
     if edge > margin:
-        return np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0
+        return _APART
     if edge > best + _CLEARER:
         n = cross(at(turn, i), at(other, j))
         normal = scaled((1.0 if dot(n, way) > 0.0 else -1.0) / length(n), n)
@@ -149,7 +162,7 @@ def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosine
     return best, normal, EDGE, 2 * (which - 3) + side, 0, 0
 
 
-@subroutine
+@subroutine(**LEAN)
 def _widest_edges(way, size, other_size, turn, other, cosines):
     """Give the widest gap across an edge of each box, and the axes of these."""
     best, first, second = -np.inf, 0, 0
@@ -171,7 +184,7 @@ def _widest_edges(way, size, other_size, turn, other, cosines):
     return best, first, second
 
 
-@subroutine
+@subroutine(**LEAN)
 def _edge_towards(axis, turn, n):
     """Give the edge of a box along an axis that lies farthest in a direction."""
     one, two = (axis + 1) % 3, (axis + 2) % 3
@@ -183,7 +196,7 @@ def _edge_towards(axis, turn, n):
     return 4 * axis
 
 
-@subroutine
+@subroutine(**INLINE)
 def of_pieces(p, q, pieces, margin, cosines):
     """Find the axis of least overlap of two pieces with corners, see `of_hexahedra`."""
     if pieces.kind[p] == BOX and pieces.kind[q] == BOX:
@@ -193,7 +206,7 @@ def of_pieces(p, q, pieces, margin, cosines):
                         pieces.normals[q], margin)
 
 
-@subroutine
+@subroutine(**LEAN)
 def between_lines(a, b, c, d):
     """
     Find the points of two segments that are nearest to each other (Ericson 2005, 5.1.9).
@@ -222,14 +235,14 @@ def between_lines(a, b, c, d):
     return plus(a, s, u), plus(c, t, v)
 
 
-@subroutine
+@subroutine(**LEAN)
 def between_edges(corners, e, others, k):
     """Find the nearest points of an edge of one solid and one of another."""
     return between_lines(at(corners, EDGES[e, 0]), at(corners, EDGES[e, 1]),
                          at(others, EDGES[k, 0]), at(others, EDGES[k, 1]))
 
 
-@subroutine
+@subroutine(**LEAN)
 def in_face(corners, f, n, point):
     """Return whether a point lies over a face, seen along its normal."""
     for k in range(4):
@@ -239,7 +252,7 @@ def in_face(corners, f, n, point):
     return True
 
 
-@subroutine
+@subroutine(**LEAN)
 def _enters(a, b, corners, normals):
     """Return whether any of a segment is inside a solid: what all its faces leave of it."""
     first, last = 0.0, 1.0
@@ -255,7 +268,7 @@ def _enters(a, b, corners, normals):
     return first <= last
 
 
-@subroutine
+@subroutine(**LEAN)
 def of_axis(a, b, corners, normals):
     """
     Find the least distance of the axis of what is round from a solid.

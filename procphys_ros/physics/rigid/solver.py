@@ -28,7 +28,20 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.physics.rigid.vectors import at, cross, dot, length, less, plus, scaled, tangent
+from procphys_ros.physics.rigid.vectors import (
+    at,
+    cross,
+    dot,
+    INLINE,
+    LEAN,
+    length,
+    less,
+    plus,
+    put,
+    scaled,
+    tangent,
+    three,
+)
 from procphys_ros.rotation_kernels import matrix_rows
 
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
@@ -39,7 +52,22 @@ _FINEST, _COARSEST = 32, 8  # substeps of an island; 8 at 60 Hz leave 0.5 mm of 
 _PASSES = 16  # at most: one that lands flat on many corners needs them, what rests takes one
 _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
+_LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
 _TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
+
+# A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass,
+# inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion that it had before contacts acted
+# in the present substep, how far it has moved and turned in this step, and the matrix that gives
+# how far a point moves by that turn, right to its second power.
+_SPEED, _SPIN, _LIGHT, _EASE, _FREE, _WAY, _TURNED, _BEND = 0, 3, 6, 7, 13, 19, 22, 25
+_BODY = 34
+# A row per contact: normal, a tangent, arms of both bodies, masses along normal, tangent and the
+# third axis, speed along the last two by a unit impulse along the normal, impulses of the present
+# substep, gap as bodies have moved so far, friction, sums of impulses over the step, the place on
+# both bodies before the step as far as it turns with them, and the gap then.
+_NORMAL, _TANGENT, _ARM, _OTHER, _MASS, _ASIDE, _PUSHED = 0, 3, 6, 9, 12, 15, 17
+_GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START = 20, 21, 22, 25, 28, 31
+_CONTACT = 32
 
 
 class MovingBodies(NamedTuple):
@@ -58,105 +86,114 @@ class MovingBodies(NamedTuple):
     velocity: np.ndarray
 
 
-class Rows(NamedTuple):
-    """
-    What the passes need of contacts: along the normal and two tangents.
-
-    :ivar axis: for each of the three the direction, the moments of a unit impulse along it about
-        both centres, and the spins that these give, (C, 3, 15).
-    :ivar mass: that the contact feels [kg], (C, 3).
-    :ivar impulse: along the three, of the present substep [N·s], (C, 3).
-    :ivar approach: speed along the normal before the substep [m/s], (C,).
-    :ivar gap: as the bodies have moved so far [m], (C,).
-    :ivar place: of the point from the first and from the second body's centre [m]: for each what
-        turns with the body, and what does not, (C, 12).
-    :ivar spot: where it acts at present, from the first body's centre [m], (C, 3).
-    """
-
-    axis: np.ndarray
-    mass: np.ndarray
-    impulse: np.ndarray
-    approach: np.ndarray
-    gap: np.ndarray
-    place: np.ndarray
-    spot: np.ndarray
-
-
 @kernel
-def solve(bodies, first, second, point, normal, gap, radius, friction, restitution, force, groups,
-          gravity, time_step):
+def solve(bodies, first, second, contacts, order, friction, restitution, groups, gravity,
+          time_step):
     """
     Move bodies by a step under gravity and contacts; writes poses, velocities and forces.
 
     :param bodies: the last row stands for all that is immovable.
     :param first, second: rows of bodies, (C,).
-    :param point, normal, gap, radius: as in `ContactRows`.
-    :param friction, restitution: of each contact, (C,).
-    :param force: of the step before, along the normal and across it, (C, 4); becomes that at the
-        end of this one.
+    :param contacts: their forces of the step before become those at the end of this one.
+    :param order: of contacts: by island, (C,).
+    :param friction, restitution: of bodies by id; the geometric mean of two counts, (B,).
     :param groups: from `islands`: bodies in turn, where those of each island begin, and where
-        contacts do, which are sorted so.
+        contacts do in `order`.
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
-    :returns: impulses on the first bodies over the step, world, and along the normal [N·s], and
-        where they acted in the mean, seen from the first body's centre [m], (C, 7).
+    :returns: contacts as `Engine.contacts` gives them, (C, 13).
     """
     members, member_start, start = groups
-    count = len(first)
-    total, moved = np.zeros((count, 7)), np.zeros((len(bodies.mass), 6))
-    rows = Rows(np.empty((count, 3, 15)), np.empty((count, 3)), np.empty((count, 3)),
-                np.empty(count), gap.copy(), np.empty((count, 12)), np.empty((count, 3)))
-    light = 1.0 / bodies.mass
+    state, rows = _states(bodies), np.empty((len(order), _CONTACT))
+    ends, spots = np.empty((len(order), 2), np.int64), np.zeros((len(order), 3))
+    elastic, told = np.empty((len(order), 2)), np.empty((len(order), 13))
+    for r in range(len(order)):
+        c = order[r]
+        ends[r, 0], ends[r, 1] = first[c], second[c]
+        a, b = contacts.first[c], contacts.second[c]
+        rows[r, _GRIP] = math.sqrt(friction[a] * friction[b])
+        elastic[r, 0] = math.sqrt(restitution[a] * restitution[b])
+        _place(r, c, bodies, ends, contacts, rows)
+        _aim(r, ends, contacts.radius, order, state, time_step, rows)
+        _tell(c, bodies.pose, first[c], contacts, told)
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
-        contacts = range(start[g], start[g + 1])
-        for c in contacts:
-            _place(c, bodies, first[c], second[c], at(point, c), at(normal, c), radius, rows)
-            _aim(c, bodies, first[c], second[c], moved, at(normal, c), time_step, rows)
-        _solve_island(own, contacts, len(members), bodies, first, second, normal, gap, friction,
-                      restitution, force, gravity, time_step, light, moved, rows, total)
-    for c in range(count):
-        for w in range(4, 7):
-            total[c, w] = total[c, w] / total[c, 3] if total[c, 3] > 0.0 else rows.spot[c, w - 4]
-    return total
+        _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic,
+                      contacts.radius, order, contacts.force, gravity, time_step, state, rows,
+                      spots)
+    for i in range(len(members)):
+        for w in range(6):
+            bodies.velocity[i, w] = state[i, w]
+    _tell_impulses(order, rows, spots, time_step, told)
+    return told
 
 
 @subroutine
-def _solve_island(own, contacts, free, bodies, first, second, normal, gap, friction, restitution,
-                  force, gravity, time_step, light, moved, rows, total):
-    """Move the bodies of an island by a step; `total` gets the impulses."""
-    substeps, passes = _pace(own, len(contacts), bodies, time_step)
+def _states(bodies):
+    """Lay out what moves, a row per body."""
+    state = np.zeros((len(bodies.mass), _BODY))
+    for i in range(len(state)):
+        for w in range(6):
+            state[i, w] = bodies.velocity[i, w]
+        state[i, _LIGHT] = 1.0 / bodies.mass[i]
+        _ease(i, bodies, state)
+    return state
+
+
+@subroutine(**LEAN)
+def _ease(i, bodies, state):
+    """Write the inverse of a body's inertia in the world."""
+    x, y, z = matrix_rows(bodies.pose[i, 3:])
+    one, two = state[i, _LIGHT], 0.0
+    a, b, c = 1.0 / bodies.inertia[i, 0], 1.0 / bodies.inertia[i, 1], 1.0 / bodies.inertia[i, 2]
+    u, v, w = (a * x[0], b * x[1], c * x[2]), (a * y[0], b * y[1], c * y[2]), (
+        a * z[0], b * z[1], c * z[2])
+    put(state, i, _EASE, (dot(u, x), dot(u, y), dot(u, z)))
+    put(state, i, _EASE + 3, (dot(v, y), dot(v, z), dot(w, z)))
+
+
+@subroutine
+def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, force, gravity,
+                  time_step, state, rows, spots):
+    """Move the bodies of an island by a step."""
+    contacts = range(begin, end)
+    substeps, passes = _pace(own, end - begin, state, time_step)
     h = time_step / substeps
-    velocity = bodies.velocity
-    for c in contacts:
-        _start(c, force[c], h, rows)
+    bounces = False
+    for r in contacts:
+        _start(r, order[r], force, h, rows)
+        bounces = bounces or elastic[r, 0] > 0.0
     for substep in range(substeps):
+        anew = substeps == _FINEST or substep == 0
         if substeps == _FINEST and substep > 0:
-            for c in contacts:
-                _aim(c, bodies, first[c], second[c], moved, at(normal, c), h, rows)
+            for i in own:
+                _ease(i, bodies, state)
+            for r in contacts:
+                _aim(r, ends, radius, order, state, h, rows)
         for i in own:
-            for w in range(3):
-                velocity[i, w] += gravity[w] * h
-        _begin(contacts, first, second, velocity, light, rows)
-        _passes(passes, contacts, first, second, velocity, light, rows, friction, h, _softness(h))
+            _drive(i, gravity, h, anew, state)
+        if bounces:
+            _note_approach(contacts, ends, state, rows, elastic)
+        if anew:
+            _begin(contacts, ends, state, rows)
+        _passes(passes, contacts, ends, state, rows, h, _softness(h), False)
         for i in own:
-            _advance(i, bodies, gravity, h, len(contacts) == 0, moved)
-        _carry(free, bodies, (substep + 1) * h, moved)
-        _measure(contacts, first, second, moved, gap, rows)
-        _passes(2 * passes, contacts, first, second, velocity, light, rows, friction, h, _RIGID)
-        _bounce(contacts, first, second, velocity, light, rows, restitution)
-        _add_up(contacts, rows, total)
-    _keep_forces(contacts, rows, h, force)
+            _advance(i, bodies, gravity, h, begin == end, state)
+        _carry(free, (substep + 1) * h, state)
+        _passes(2 * passes, contacts, ends, state, rows, h, _RIGID, True)
+        if bounces:
+            _bounce(contacts, ends, state, rows, elastic)
+        _add_up(contacts, rows, spots)
+    _keep_forces(contacts, order, rows, h, force)
 
 
-@subroutine
-def _pace(own, contacts, bodies, time_step):
+@subroutine(**LEAN)
+def _pace(own, contacts, state, time_step):
     """Choose substeps of an island, and passes at most; twice as many relax."""
     if contacts == 0:
         spin = 0.0
         for i in own:
-            spin = max(spin, length((bodies.velocity[i, 3], bodies.velocity[i, 4],
-                                     bodies.velocity[i, 5])))
+            spin = max(spin, length(three(state, i, _SPIN)))
         return min(int(spin * time_step / _TURN) + 1, _FINEST), 0
     substeps = _FINEST
     while substeps > _COARSEST and contacts * substeps * 3 * (substeps // 8) > _WORK:
@@ -164,183 +201,180 @@ def _pace(own, contacts, bodies, time_step):
     return substeps, min(max(_WORK // (3 * contacts * substeps), 1), _PASSES)
 
 
-@subroutine
-def _carry(count, bodies, time, moved):
+@subroutine(**LEAN)
+def _drive(i, gravity, h, anew, state):
+    """Let gravity act for a substep, and what contacts did in the one before unless `anew`."""
+    for w in range(6):
+        given = 0.0 if anew else state[i, w] - state[i, _FREE + w]
+        if w < 3:
+            state[i, w] += gravity[w] * h
+        state[i, _FREE + w] = state[i, w]
+        state[i, w] += given
+
+
+@subroutine(**LEAN)
+def _carry(count, time, state):
     """Write how far kinematic bodies have come."""
-    for i in range(count, len(moved)):
+    for i in range(count, len(state)):
         for w in range(6):
-            moved[i, w] = time * bodies.velocity[i, w]
+            state[i, _WAY + w] = time * state[i, w]
+        _bend(i, state)
 
 
-@subroutine
-def _turned(bodies, i, v):
-    """Multiply the inverse of a body's inertia in the world with a vector."""
-    x, y, z = matrix_rows(bodies.pose[i, 3:])
-    a = (x[0] * v[0] + y[0] * v[1] + z[0] * v[2]) / bodies.inertia[i, 0]
-    b = (x[1] * v[0] + y[1] * v[1] + z[1] * v[2]) / bodies.inertia[i, 1]
-    c = (x[2] * v[0] + y[2] * v[1] + z[2] * v[2]) / bodies.inertia[i, 2]
-    return (x[0] * a + x[1] * b + x[2] * c, y[0] * a + y[1] * b + y[2] * c,
-            z[0] * a + z[1] * b + z[2] * c)
+@subroutine(**INLINE)
+def _eased(state, i, v):
+    """Multiply the inverse of a body's inertia with a vector."""
+    a, b = three(state, i, _EASE), three(state, i, _EASE + 3)
+    return (a[0] * v[0] + a[1] * v[1] + a[2] * v[2], a[1] * v[0] + b[0] * v[1] + b[1] * v[2],
+            a[2] * v[0] + b[1] * v[1] + b[2] * v[2])
 
 
-@subroutine
-def _place(c, bodies, first, second, point, n, radius, rows):
+@subroutine(**LEAN)
+def _place(r, c, bodies, ends, contacts, rows):
     """Write where a contact is, seen from the centres of both bodies; balls roll under it."""
+    n, point = at(contacts.normal, c), at(contacts.point, c)
+    put(rows, r, _NORMAL, n)
+    put(rows, r, _TANGENT, tangent(n))
     for side in range(2):
-        i, sign = (first, -1.0) if side == 0 else (second, 1.0)
-        rolls = scaled(sign * radius[c, side], n)
-        turns = less(less(point, at(bodies.pose, i)), rolls)
-        for w in range(3):
-            rows.place[c, 6 * side + w], rows.place[c, 6 * side + 3 + w] = turns[w], rolls[w]
+        rolls = scaled((2.0 * side - 1.0) * contacts.radius[c, side], n)
+        turns = less(less(point, at(bodies.pose, ends[r, side])), rolls)
+        put(rows, r, _PLACE + 3 * side, turns)
+    rows[r, _START] = rows[r, _GAP] = contacts.gap[c]
+    for k in range(3):
+        rows[r, _SUM + k] = 0.0
 
 
-@subroutine
-def _aim(c, bodies, first, second, moved, n, duration, rows):
+@subroutine(**LEAN)
+def _aim(r, ends, radius, order, state, duration, rows):
     """
-    Write directions of a contact, arms, and what impulses give.
+    Write arms of a contact, and what impulses give.
 
     Arms are those of the middle of a time to come: a block that rocks would lose energy with those
     of its beginning.
     """
-    t = tangent(n)
-    axes = (n, t, cross(n, t))
-    for k in range(3):
-        rows.mass[c, k] = 0.0
+    n, t = three(rows, r, _NORMAL), three(rows, r, _TANGENT)
+    b = cross(n, t)
+    mass, aside = (0.0, 0.0, 0.0), (0.0, 0.0)
     for side in range(2):
-        i, sign = (first, 1.0) if side == 0 else (second, -1.0)
-        place = (rows.place[c, 6 * side], rows.place[c, 6 * side + 1],
-                 rows.place[c, 6 * side + 2])
-        place = plus(place, 1.0, _bent(place, moved, i))
-        place = _turned_on(place, bodies.velocity, i, 0.5 * duration)
-        place = plus(place, 1.0, (rows.place[c, 6 * side + 3], rows.place[c, 6 * side + 4],
-                                  rows.place[c, 6 * side + 5]))
-        if side == 0:
-            rows.spot[c, 0], rows.spot[c, 1], rows.spot[c, 2] = place
-        for k in range(3):
-            d = axes[k]
-            arm = scaled(sign, cross(place, d))
-            spin = _turned(bodies, i, arm)
-            for w in range(3):
-                rows.axis[c, k, w] = d[w]
-                rows.axis[c, k, 3 + 3 * side + w] = arm[w]
-                rows.axis[c, k, 9 + 3 * side + w] = spin[w]
-            rows.mass[c, k] += 1.0 / bodies.mass[i] + dot(arm, spin)
-    for k in range(3):
-        rows.mass[c, k] = 1.0 / rows.mass[c, k]
+        i = ends[r, side]
+        place = three(rows, r, _PLACE + 3 * side)
+        place = plus(place, 1.0, _bent(place, state, i))
+        place = _turned_on(place, state, i, 0.5 * duration)
+        place = plus(place, (2.0 * side - 1.0) * radius[order[r], side], n)
+        put(rows, r, _ARM + 3 * side, place)
+        one, two, other = cross(place, n), cross(place, t), cross(place, b)
+        spin, light = _eased(state, i, one), state[i, _LIGHT]
+        mass = (mass[0] + light + dot(one, spin),
+                mass[1] + light + dot(two, _eased(state, i, two)),
+                mass[2] + light + dot(other, _eased(state, i, other)))
+        aside = aside[0] + dot(two, spin), aside[1] + dot(other, spin)
+    put(rows, r, _MASS, (1.0 / mass[0], 1.0 / mass[1], 1.0 / mass[2]))
+    rows[r, _ASIDE], rows[r, _ASIDE + 1] = aside
 
 
-@subroutine
-def _start(c, force, h, rows):
+@subroutine(**INLINE)
+def _start(r, c, force, h, rows):
     """Write the impulses that the first substep starts from."""
-    pressed = (force[1], force[2], force[3])
-    rows.impulse[c, 0] = h * force[0]
-    for k in range(1, 3):
-        d = _part(rows.axis, c, k, 0)
-        rows.impulse[c, k] = h * dot(pressed, d)
+    n, t, pressed = three(rows, r, _NORMAL), three(rows, r, _TANGENT), three(force, c, 1)
+    put(rows, r, _PUSHED, (h * force[c, 0], h * dot(pressed, t), h * dot(pressed, cross(n, t))))
 
 
-@subroutine
-def _bent(place, moved, i):
-    """Give how far a point turns about a body's centre, right to the second power."""
-    turn = (moved[i, 3], moved[i, 4], moved[i, 5])
-    way = cross(turn, place)
-    return plus(way, 0.5, cross(turn, way))
+@subroutine(**LEAN)
+def _bend(i, state):
+    """Write the matrix by which points of a body have moved as it turned."""
+    x, y, z = three(state, i, _TURNED)
+    put(state, i, _BEND, (-0.5 * (y * y + z * z), 0.5 * x * y - z, 0.5 * x * z + y))
+    put(state, i, _BEND + 3, (0.5 * x * y + z, -0.5 * (x * x + z * z), 0.5 * y * z - x))
+    put(state, i, _BEND + 6, (0.5 * x * z - y, 0.5 * y * z + x, -0.5 * (x * x + y * y)))
 
 
-@subroutine
-def _turned_on(place, velocity, i, duration):
+@subroutine(**INLINE)
+def _bent(place, state, i):
+    """Give how far a point has turned about a body's centre."""
+    return (dot(three(state, i, _BEND), place), dot(three(state, i, _BEND + 3), place),
+            dot(three(state, i, _BEND + 6), place))
+
+
+@subroutine(**INLINE)
+def _turned_on(place, state, i, duration):
     """Turn a place about a body's centre by its spin, for a while; it stays as far away."""
-    far = length(place)
-    if far < 1e-9:
-        return place
-    way = cross((velocity[i, 3], velocity[i, 4], velocity[i, 5]), place)
-    turned = plus(place, duration, way)
-    return scaled(far / length(turned), turned)
+    turn = scaled(duration, three(state, i, _SPIN))
+    way = cross(turn, place)
+    if dot(turn, turn) < _LITTLE * _LITTLE:
+        return plus(plus(place, 1.0, way), 0.5, cross(turn, way))
+    far, turned = length(place), plus(place, 1.0, way)
+    return scaled(far / length(turned), turned) if far > 1e-9 else place
 
 
-@subroutine
-def _part(axis, c, k, first):
-    """Read three numbers of an axis."""
-    return axis[c, k, first], axis[c, k, first + 1], axis[c, k, first + 2]
+@subroutine(**INLINE)
+def _slip(state, i, j, arm, other, column):
+    """Give the velocity of the first body's point against the second's."""
+    one = plus(three(state, i, column), 1.0, cross(three(state, i, column + 3), arm))
+    two = plus(three(state, j, column), 1.0, cross(three(state, j, column + 3), other))
+    return less(one, two)
 
 
-@subroutine
-def _motion(velocity, i):
-    """Read velocity and spin of a body."""
-    return ((velocity[i, 0], velocity[i, 1], velocity[i, 2]),
-            (velocity[i, 3], velocity[i, 4], velocity[i, 5]))
+@subroutine(**INLINE)
+def _push(state, i, j, arm, other, impulse):
+    """Apply an impulse to the first body, and its opposite to the second."""
+    put(state, i, _SPEED, plus(three(state, i, _SPEED), state[i, _LIGHT], impulse))
+    put(state, i, _SPIN, plus(three(state, i, _SPIN), 1.0, _eased(state, i, cross(arm, impulse))))
+    if state[j, _LIGHT] > 0.0:
+        put(state, j, _SPEED, plus(three(state, j, _SPEED), -state[j, _LIGHT], impulse))
+        put(state, j, _SPIN,
+            plus(three(state, j, _SPIN), -1.0, _eased(state, j, cross(other, impulse))))
 
 
-@subroutine
-def _write_motion(velocity, i, motion):
-    for w in range(3):
-        velocity[i, w], velocity[i, 3 + w] = motion[0][w], motion[1][w]
+@subroutine(**INLINE)
+def _along(rows, r, pushed):
+    """Express an impulse along normal and tangents in the world."""
+    n, t = three(rows, r, _NORMAL), three(rows, r, _TANGENT)
+    return plus(plus(scaled(pushed[0], n), pushed[1], t), pushed[2], cross(n, t))
 
 
-@subroutine
-def _speed(axis, c, k, one, two):
-    """Give the speed along an axis of the first body's point against the second's."""
-    return (dot(_part(axis, c, k, 0), less(one[0], two[0])) + dot(_part(axis, c, k, 3), one[1])
-            + dot(_part(axis, c, k, 6), two[1]))
+@subroutine(**LEAN)
+def _note_approach(contacts, ends, state, rows, elastic):
+    """Note how fast bodies approach, but for the impulses between them."""
+    for r in contacts:
+        slip = _slip(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
+                     _FREE)
+        elastic[r, 1] = dot(slip, three(rows, r, _NORMAL))
 
 
-@subroutine
-def _pushed(axis, c, k, size, light, one, two):
-    """Give both motions after an impulse along an axis."""
-    d = _part(axis, c, k, 0)
-    return ((plus(one[0], size * light[0], d), plus(one[1], size, _part(axis, c, k, 9))),
-            (plus(two[0], -size * light[1], d), plus(two[1], size, _part(axis, c, k, 12))))
+@subroutine(**LEAN)
+def _begin(contacts, ends, state, rows):
+    """Start from the impulses before."""
+    for r in contacts:
+        pushed = three(rows, r, _PUSHED)
+        if pushed[0] != 0.0 or pushed[1] != 0.0 or pushed[2] != 0.0:
+            _push(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
+                  _along(rows, r, pushed))
 
 
-@subroutine
-def _begin(contacts, first, second, velocity, light, rows):
-    """Note how fast bodies approach, and start from the impulses before."""
-    for c in contacts:
-        one, two = _motion(velocity, first[c]), _motion(velocity, second[c])
-        rows.approach[c] = _speed(rows.axis, c, 0, one, two)
-    for c in contacts:
-        a, b = first[c], second[c]
-        one, two = _motion(velocity, a), _motion(velocity, b)
-        for k in range(3):
-            one, two = _pushed(rows.axis, c, k, rows.impulse[c, k], (light[a], light[b]), one,
-                               two)
-        _write_motion(velocity, a, one)
-        _write_motion(velocity, b, two)
+@subroutine(**INLINE)
+def _gap(r, i, j, state, rows):
+    """Give a gap after bodies have moved, right to the second power of what they turned."""
+    one, two = three(rows, r, _PLACE), three(rows, r, _OTHER_PLACE)
+    one = plus(three(state, i, _WAY), 1.0, _bent(one, state, i))
+    two = plus(three(state, j, _WAY), 1.0, _bent(two, state, j))
+    return rows[r, _START] + dot(three(rows, r, _NORMAL), less(one, two))
 
 
-@subroutine
-def _measure(contacts, first, second, moved, gap, rows):
-    """Work out the gaps after bodies have moved, right to the second power of what they turned."""
-    for c in contacts:
-        n = _part(rows.axis, c, 0, 0)
-        rows.gap[c] = (gap[c] + _shift(rows.place[c, :3], moved, first[c], n)
-                       - _shift(rows.place[c, 6:9], moved, second[c], n))
-
-
-@subroutine
-def _shift(place, moved, i, n):
-    """Give how far a point of a body has moved along a direction."""
-    return dot(n, plus(at(moved, i), 1.0, _bent(place, moved, i)))
-
-
-@subroutine
-def _bounce(contacts, first, second, velocity, light, rows, restitution):
+@subroutine(**LEAN)
+def _bounce(contacts, ends, state, rows, elastic):
     """Throw back what has struck."""
-    for c in contacts:
-        before = rows.impulse[c, 0]
-        if restitution[c] == 0.0 or before == 0.0 or rows.approach[c] > -_BOUNCE:
+    for r in contacts:
+        before = rows[r, _PUSHED]
+        if elastic[r, 0] == 0.0 or before == 0.0 or elastic[r, 1] > -_BOUNCE:
             continue
-        a, b = first[c], second[c]
-        one, two = _motion(velocity, a), _motion(velocity, b)
-        lacks = _speed(rows.axis, c, 0, one, two) + restitution[c] * rows.approach[c]
-        rows.impulse[c, 0] = max(before - rows.mass[c, 0] * lacks, 0.0)
-        one, two = _pushed(rows.axis, c, 0, rows.impulse[c, 0] - before, (light[a], light[b]),
-                           one, two)
-        _write_motion(velocity, a, one)
-        _write_motion(velocity, b, two)
+        i, j, arm, other = ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER)
+        n = three(rows, r, _NORMAL)
+        lacks = dot(n, _slip(state, i, j, arm, other, _SPEED)) + elastic[r, 0] * elastic[r, 1]
+        rows[r, _PUSHED] = max(before - rows[r, _MASS] * lacks, 0.0)
+        _push(state, i, j, arm, other, scaled(rows[r, _PUSHED] - before, n))
 
 
-@subroutine
+@subroutine(**INLINE)
 def _softness(h):
     """Give rate of overlaps taken back [1/s], share of mass and of impulse (Catto 2011)."""
     omega = math.pi / h  # the highest frequency that the substep resolves
@@ -349,91 +383,110 @@ def _softness(h):
     return omega / a, b / (1.0 + b), 1.0 / (1.0 + b)
 
 
-@subroutine
-def _passes(most, contacts, first, second, velocity, light, rows, friction, h, soft):
+@subroutine(**LEAN)
+def _passes(most, contacts, ends, state, rows, h, soft, moved):
     """Solve an island until nothing changes any more, or as often as it may be."""
-    for _ in range(most):
-        if _pass(contacts, first, second, velocity, light, rows, friction, h, soft) < _CALM:
+    for k in range(most):
+        if not _pass(contacts, ends, state, rows, h, soft, moved and k == 0):
             break
 
 
-@subroutine
-def _pass(contacts, first, second, velocity, light, rows, friction, h, soft):
-    """Solve all contacts of an island once, in turn; give the largest change of speed [m/s]."""
-    most_changed = 0.0
+@subroutine(**LEAN)
+def _pass(contacts, ends, state, rows, h, soft, moved):
+    """Solve all contacts of an island once, in turn; return whether any speed has changed."""
     rate, mass_share, impulse_share = soft
-    axis, mass, impulse = rows.axis, rows.mass, rows.impulse
-    for c in contacts:
-        now, before = rows.gap[c], impulse[c, 0]
-        if rate == 0.0 and now > 0.0 and before == 0.0:
+    often, changed = 1.0 / h, False
+    for r in contacts:
+        i, j = ends[r, 0], ends[r, 1]
+        if moved:
+            rows[r, _GAP] = _gap(r, i, j, state, rows)
+        gap, before = rows[r, _GAP], rows[r, _PUSHED]
+        if rate == 0.0 and gap > 0.0 and before == 0.0:
             continue  # what has not struck yet is stopped in the substep in which it does
-        a, b = first[c], second[c]
-        one, two, lights = _motion(velocity, a), _motion(velocity, b), (light[a], light[b])
         bias, share, kept = 0.0, 1.0, 0.0
-        if now > 0.0:
-            bias = now / h
+        if gap > 0.0:
+            bias = often * gap
         elif rate > 0.0:
-            bias, share, kept = max(rate * now, -_PUSH), mass_share, impulse_share
-        lacks = _speed(axis, c, 0, one, two) + bias
-        pressed = max(before - mass[c, 0] * share * lacks - kept * before, 0.0)
+            bias, share, kept = max(rate * gap, -_PUSH), mass_share, impulse_share
+        arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
+        slip = _slip(state, i, j, arm, other, _SPEED)
+        lacks = dot(slip, three(rows, r, _NORMAL)) + bias
+        pressed = max(before - rows[r, _MASS] * share * lacks - kept * before, 0.0)
         if pressed == 0.0 and before == 0.0:
             continue
-        one, two = _pushed(axis, c, 0, pressed - before, lights, one, two)
-        u = impulse[c, 1] - mass[c, 1] * _speed(axis, c, 1, one, two)
-        v = impulse[c, 2] - mass[c, 2] * _speed(axis, c, 2, one, two)
-        grip, most = math.sqrt(u * u + v * v), friction[c] * pressed
-        if grip > most:
-            u, v = u * most / grip, v * most / grip
-        one, two = _pushed(axis, c, 1, u - impulse[c, 1], lights, one, two)
-        one, two = _pushed(axis, c, 2, v - impulse[c, 2], lights, one, two)
-        most_changed = max(most_changed, abs(pressed - before) / mass[c, 0],
-                           abs(u - impulse[c, 1]) / mass[c, 1],
-                           abs(v - impulse[c, 2]) / mass[c, 2])
-        impulse[c, 0], impulse[c, 1], impulse[c, 2] = pressed, u, v
-        _write_motion(velocity, a, one)
-        _write_motion(velocity, b, two)
-    return most_changed
+        u, v = _rub(rows, r, slip, pressed, pressed - before)
+        change = (pressed - before, u, v)
+        _push(state, i, j, arm, other, _along(rows, r, change))
+        for k in range(3):
+            rows[r, _PUSHED + k] += change[k]
+            changed = changed or abs(change[k]) > _CALM * rows[r, _MASS + k]
+    return changed
 
 
-@subroutine
-def _advance(i, bodies, gravity, h, flies, moved):
+@subroutine(**INLINE)
+def _rub(rows, r, slip, pressed, change):
+    """Give the change of friction, after one of the impulse along the normal."""
+    t = three(rows, r, _TANGENT)
+    b = cross(three(rows, r, _NORMAL), t)
+    one, two = rows[r, _PUSHED + 1], rows[r, _PUSHED + 2]
+    u = one - rows[r, _MASS + 1] * (dot(slip, t) + rows[r, _ASIDE] * change)
+    v = two - rows[r, _MASS + 2] * (dot(slip, b) + rows[r, _ASIDE + 1] * change)
+    grip, most = u * u + v * v, rows[r, _GRIP] * pressed
+    if grip > most * most:
+        share = most / math.sqrt(grip)
+        u, v = share * u, share * v
+    return u - one, v - two
+
+
+@subroutine(**LEAN)
+def _advance(i, bodies, gravity, h, flies, state):
     """
     Move a body, and turn it so that its angular momentum stays.
 
-    The spin of the middle of the substep turns it; what touches nothing keeps to its parabola.
+    The spin of the middle of the substep turns it, right to the second power where it is little
+    and contacts act; what touches nothing keeps to its parabola.
     """
     for w in range(3):
-        way = h * bodies.velocity[i, w] - (0.5 * h * h * gravity[w] if flies else 0.0)
+        way = h * state[i, w] - (0.5 * h * h * gravity[w] if flies else 0.0)
         bodies.pose[i, w] += way
-        moved[i, w] += way
-    spin = at(bodies.velocity[:, 3:], i)
+        state[i, _WAY + w] += way
+    spin = three(state, i, _SPIN)
     if spin[0] == 0.0 and spin[1] == 0.0 and spin[2] == 0.0:
         return
-    momentum = _momentum(bodies, i, spin)
     q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
-    _rotate(bodies, i, q, spin, 0.5 * h)
-    spin = _turned(bodies, i, momentum)
-    _rotate(bodies, i, q, spin, h)
-    after = _turned(bodies, i, momentum)
-    for w in range(3):
-        moved[i, 3 + w] += h * spin[w]
-        bodies.velocity[i, 3 + w] = after[w]
+    inertia = at(bodies.inertia, i)
+    momentum = _stretched(q, inertia, spin)
+    if flies or h * h * dot(spin, spin) > _LITTLE * _LITTLE:
+        ease = 1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2]
+        middle = _stretched(_rotated(q, spin, 0.5 * h), ease, momentum)
+        q = _rotated(q, middle, h)
+        after = _stretched(q, ease, momentum)
+    else:
+        after = plus(spin, -h, _eased(state, i, cross(spin, momentum)))
+        middle = plus(scaled(0.5, spin), 0.5, after)
+        q = _rotated(q, middle, h)
+    for w in range(4):
+        bodies.pose[i, 3 + w] = q[w]
+    put(state, i, _TURNED, plus(three(state, i, _TURNED), h, middle))
+    _bend(i, state)
+    put(state, i, _SPIN, after)
+    put(state, i, _FREE + 3, plus(three(state, i, _FREE + 3), 1.0, less(after, spin)))
 
 
-@subroutine
-def _momentum(bodies, i, spin):
-    """Give the angular momentum of a body about its centre, world axes."""
-    x, y, z = matrix_rows(bodies.pose[i, 3:])
-    a = (x[0] * spin[0] + y[0] * spin[1] + z[0] * spin[2]) * bodies.inertia[i, 0]
-    b = (x[1] * spin[0] + y[1] * spin[1] + z[1] * spin[2]) * bodies.inertia[i, 1]
-    c = (x[2] * spin[0] + y[2] * spin[1] + z[2] * spin[2]) * bodies.inertia[i, 2]
+@subroutine(**INLINE)
+def _stretched(q, factors, v):
+    """Multiply a vector along the axes of an attitude with a factor each."""
+    x, y, z = matrix_rows(q)
+    a = (x[0] * v[0] + y[0] * v[1] + z[0] * v[2]) * factors[0]
+    b = (x[1] * v[0] + y[1] * v[1] + z[1] * v[2]) * factors[1]
+    c = (x[2] * v[0] + y[2] * v[1] + z[2] * v[2]) * factors[2]
     return (x[0] * a + x[1] * b + x[2] * c, y[0] * a + y[1] * b + y[2] * c,
             z[0] * a + z[1] * b + z[2] * c)
 
 
-@subroutine
-def _rotate(bodies, i, q, spin, duration):
-    """Write an attitude turned by a spin for a while; the tangent is right to its third power."""
+@subroutine(**INLINE)
+def _rotated(q, spin, duration):
+    """Turn an attitude by a spin for a while; the tangent is right to its third power."""
     x, y, z = 0.5 * duration * spin[0], 0.5 * duration * spin[1], 0.5 * duration * spin[2]
     wider = 1.0 + (x * x + y * y + z * z) / 3.0
     x, y, z = wider * x, wider * y, wider * z
@@ -442,27 +495,46 @@ def _rotate(bodies, i, q, spin, duration):
     c = q[2] + z * q[3] + x * q[1] - y * q[0]
     d = q[3] - x * q[0] - y * q[1] - z * q[2]
     size = 1.0 / math.sqrt(a * a + b * b + c * c + d * d)
-    bodies.pose[i, 3], bodies.pose[i, 4] = a * size, b * size
-    bodies.pose[i, 5], bodies.pose[i, 6] = c * size, d * size
+    return a * size, b * size, c * size, d * size
 
 
-@subroutine
-def _add_up(contacts, rows, total):
-    """Add the impulses of a substep, world axes, and along the normal."""
-    for c in contacts:
-        for k in range(3):
-            for w in range(3):
-                total[c, w] += rows.impulse[c, k] * rows.axis[c, k, w]
-        total[c, 3] += rows.impulse[c, 0]
-        for w in range(3):
-            total[c, 4 + w] += rows.impulse[c, 0] * rows.spot[c, w]
+@subroutine(**LEAN)
+def _add_up(contacts, rows, spots):
+    """Add the impulses of a substep, and where they acted."""
+    for r in contacts:
+        if rows[r, _PUSHED] > 0.0:
+            for k in range(3):
+                rows[r, _SUM + k] += rows[r, _PUSHED + k]
+                spots[r, k] += rows[r, _PUSHED] * rows[r, _ARM + k]
 
 
-@subroutine
-def _keep_forces(contacts, rows, h, force):
+@subroutine(**LEAN)
+def _keep_forces(contacts, order, rows, h, force):
     """Write what the next step starts from."""
-    for c in contacts:
-        force[c, 0] = rows.impulse[c, 0] / h
+    for r in contacts:
+        c, pushed = order[r], three(rows, r, _PUSHED)
+        across = _along(rows, r, (0.0, pushed[1], pushed[2]))
+        force[c, 0] = pushed[0] / h
         for w in range(3):
-            force[c, 1 + w] = (rows.impulse[c, 1] * rows.axis[c, 1, w]
-                               + rows.impulse[c, 2] * rows.axis[c, 2, w]) / h
+            force[c, 1 + w] = across[w] / h
+
+
+@subroutine(**LEAN)
+def _tell(c, pose, first, contacts, told):
+    """Write what a contact is: bodies, the first one's centre, normal and gap."""
+    told[c, 0], told[c, 1], told[c, 8] = contacts.first[c], contacts.second[c], contacts.gap[c]
+    put(told, c, 2, at(pose, first))
+    put(told, c, 5, at(contacts.normal, c))
+
+
+@subroutine(**LEAN)
+def _tell_impulses(order, rows, spots, time_step, told):
+    """Write where contacts acted in the mean, and their forces, world and along the normal."""
+    for r in range(len(order)):
+        c, pressed = order[r], rows[r, _SUM]
+        spot = three(rows, r, _ARM)
+        if pressed > 0.0:
+            spot = scaled(1.0 / pressed, at(spots, r))
+        put(told, c, 2, plus(three(told, c, 2), 1.0, spot))
+        put(told, c, 9, scaled(1.0 / time_step, _along(rows, r, three(rows, r, _SUM))))
+        told[c, 12] = pressed / time_step

@@ -19,50 +19,67 @@ import math
 
 from procphys_ros.compilation import subroutine
 
+# Without counts of references, which cost an atomic instruction per array and call, and more time
+# than what is worked out. What has these options cannot allocate.
+LEAN = {'_nrt': False}
+INLINE = {**LEAN, 'forceinline': True}
 
-@subroutine
+
+@subroutine(**INLINE)
 def at(rows, i):
     """Read a row of an array."""
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@subroutine
+@subroutine(**INLINE)
+def three(rows, i, first):
+    """Read three numbers of a row, from a column on."""
+    return rows[i, first], rows[i, first + 1], rows[i, first + 2]
+
+
+@subroutine(**INLINE)
+def put(rows, i, first, v):
+    """Write three numbers into a row, from a column on."""
+    rows[i, first], rows[i, first + 1], rows[i, first + 2] = v
+
+
+@subroutine(**INLINE)
 def dot(a, b):
     """Return the inner product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@subroutine
+@subroutine(**INLINE)
 def cross(a, b):
     """Return the outer product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@subroutine
+@subroutine(**INLINE)
 def less(a, b):
     """Subtract the second from the first."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@subroutine
+@subroutine(**INLINE)
 def plus(a, share, b):
     """Add a multiple of the second to the first."""
     return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
 
 
-@subroutine
+@subroutine(**INLINE)
 def scaled(share, a):
     """Multiply by a number."""
     return share * a[0], share * a[1], share * a[2]
 
 
-@subroutine
+@subroutine(**INLINE)
 def length(a):
     """Return the length."""
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
-@subroutine
+@subroutine(**INLINE)
 def tangent(n):
     """Give a unit vector across a unit vector."""
     if abs(n[0]) < 0.6:

@@ -24,6 +24,7 @@ from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.rotation_kernels import matrix_rows
 
 _BOX = int(Shape.BOX)  # numba reads no enums
+_FEW = 64  # numbers that are sorted one by one
 _CELLS = 64  # along x and along y at most; a finer grid takes longer to clear
 
 
@@ -121,25 +122,46 @@ def _search(first, second):
             width[c] = max(width[c], second[b, 3 + c] - second[b, c])
     cells = min(int(math.sqrt(len(near))) + 1, _CELLS)
     edge = np.maximum((high - low) / cells, 1e-9)
-    start, member = _sorted_into_cells(second, near, low, edge, cells)
+    first_in, member = _sorted_into_cells(second, near, low, edge, cells)
+    held = second[member]  # side by side, as they are gone through
     for a in range(len(first)):
         x0, x1 = _span(first[a, 0] - width[0], first[a, 3], low[0], edge[0], cells)
         y0, y1 = _span(first[a, 1] - width[1], first[a, 4], low[1], edge[1], cells)
         begin = found
         for x in range(x0, x1 + 1):
-            for k in range(start[x * cells + y0], start[x * cells + y1 + 1]):
-                b = member[k]
-                if (second[b, 0] <= first[a, 3] and second[b, 3] >= first[a, 0]
-                        and second[b, 1] <= first[a, 4] and second[b, 4] >= first[a, 1]
-                        and second[b, 2] <= first[a, 5] and second[b, 5] >= first[a, 2]):
-                    if found == pairs.shape[1]:
-                        more = np.empty((2, 2 * found), np.int64)
-                        more[:, :found] = pairs
-                        pairs = more
-                    pairs[0, found], pairs[1, found] = a, b
-                    found += 1
-        pairs[1, begin:found].sort()
+            start, end = first_in[x * cells + y0], first_in[x * cells + y1 + 1]
+            if found + end - start > pairs.shape[1]:
+                more = np.empty((2, 2 * found + end - start), np.int64)
+                more[:, :found] = pairs[:, :found]
+                pairs = more
+            found = _test(first, a, held, member, start, end, pairs, found)
+        if found - begin > _FEW:
+            pairs[1, begin:found].sort()
+        else:
+            _sort_few(pairs, begin, found)
     return pairs[:, :found].copy()
+
+
+@subroutine(_nrt=False)  # arrays are not counted, which takes longer than what is done to them
+def _test(first, a, held, member, start, end, pairs, found):
+    """Append the boxes of some cells that overlap another, and give the number of all pairs."""
+    for k in range(start, end):  # no branches, which no processor could foresee
+        pairs[0, found], pairs[1, found] = a, member[k]
+        found += ((held[k, 0] <= first[a, 3]) & (held[k, 3] >= first[a, 0])
+                  & (held[k, 1] <= first[a, 4]) & (held[k, 4] >= first[a, 1])
+                  & (held[k, 2] <= first[a, 5]) & (held[k, 5] >= first[a, 2]))
+    return found
+
+
+@subroutine(_nrt=False)
+def _sort_few(pairs, begin, end):
+    """Sort numbers of the second row one by one."""
+    for n in range(begin + 1, end):
+        value, k = pairs[1, n], n
+        while k > begin and pairs[1, k - 1] > value:
+            pairs[1, k] = pairs[1, k - 1]
+            k -= 1
+        pairs[1, k] = value
 
 
 @subroutine

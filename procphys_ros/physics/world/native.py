@@ -18,15 +18,15 @@
 import numpy as np
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.linear import product
 from procphys_ros.physics.rigid.contacts import (
     ContactRows,
     find,
     join_key,
+    meeting,
     no_contacts,
     split_key,
 )
-from procphys_ros.physics.rigid.islands import islands
+from procphys_ros.physics.rigid.islands import islands, upwards
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, Pieces, place, ROUND
 from procphys_ros.physics.rigid.solver import MovingBodies, solve
 from procphys_ros.physics.terrain import FLAT, Terrain
@@ -174,26 +174,16 @@ class NativeEngine:
             np.concatenate([table.inertia[free], np.full((len(driven) + 1, 3), np.inf)]),
             np.concatenate([table.poses[moving], _NOWHERE]),
             np.concatenate([table.velocities[moving], np.zeros((1, 6))]))
-        starts = bodies.pose[:, :3].copy()
         place_of = np.full(len(table.state), len(moving))
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
-        upwards = np.argsort(-product(contacts.point, self._gravity), kind='stable')
-        members, begins, order, start = islands(first[upwards], second[upwards], len(free))
-        order = upwards[order]
-        solved = ContactRows(*(column[order] for column in contacts))
-        total = solve(
-            bodies, first[order], second[order], solved.point, solved.normal, solved.gap,
-            solved.radius, self._of_pairs(table.friction, solved),
-            self._of_pairs(table.restitution, solved), solved.force, (members, begins, start),
-            self._gravity, time_step)
-        contacts.force[order] = solved.force
+        up = upwards(contacts.point, self._gravity)
+        members, begins, order, start = islands(first[up], second[up], len(free))
+        self._told = solve(bodies, first, second, contacts, up[order], table.friction,
+                           table.restitution, (members, begins, start), self._gravity, time_step)
         count = len(free)
         table.poses[free], table.velocities[free] = bodies.pose[:count], bodies.velocity[:count]
         self._contacts = contacts
-        self._told = np.column_stack([
-            solved.first, solved.second, starts[first[order]] + total[:, 4:], solved.normal,
-            solved.gap, total[:, :4] / time_step])
 
     def _find(self, rows: np.ndarray, time_step: float) -> ContactRows:
         table, pieces = self._table, self._pieces
@@ -207,17 +197,10 @@ class NativeEngine:
     def _pairs(self, rows: np.ndarray, pieces: Pieces) -> np.ndarray:
         """List what may meet: places in `rows` and other pieces, sorted, (2, K)."""
         one, other = overlaps(pieces.bounds[rows], pieces.bounds)
-        a, b = pieces.body[rows[one]], pieces.body[other]
         state = self._table.state
-        moves = state[b] >= BodyState.AWAKE
-        meet = (a != b) & (~moves | (rows[one] < other))
-        driven = (state[a] == BodyState.KINEMATIC), (state[b] == BodyState.KINEMATIC)
-        meet &= ~(driven[0] & (driven[1] | ~moves))
-        if self._excluded:
-            low, high = np.minimum(a, b), np.maximum(a, b)
-            known = np.array([(x << 32) | y for x, y in self._excluded])
-            meet &= ~np.isin((low << 32) | high, known)
-        return np.stack([one[meet], other[meet]])
+        moves = np.where(state == BodyState.AWAKE, 2, state == BodyState.KINEMATIC)
+        excluded = np.sort(np.array([join_key(*pair) for pair in self._excluded], np.int64))
+        return meeting(one, other, rows, pieces.body, moves, excluded)
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Give points that only the ground meets: bodies, places in their frames, and rows."""
@@ -229,10 +212,6 @@ class NativeEngine:
         order = np.argsort(source, kind='stable')
         source = source[order]
         return np.repeat(ids, count)[order], table.ground_point[source], source
-
-    def _of_pairs(self, column: np.ndarray, contacts: ContactRows) -> np.ndarray:
-        """Combine what two bodies have as their geometric mean."""
-        return np.sqrt(column[contacts.first] * column[contacts.second])
 
     def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Read poses (K, 7) and velocities (K, 6), world axes."""
