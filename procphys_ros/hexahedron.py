@@ -169,3 +169,16 @@ def inset(corners: np.ndarray, distance: float) -> np.ndarray:
     inverses = np.where(values > _FLAT, 1.0 / np.maximum(values, _FLAT), 0.0)
     weights = np.einsum('ncij,ncj,nckj,nck->nci', vectors, inverses, vectors, real)
     return corners - distance * np.einsum('nci,ncik->nck', weights, normal)
+
+
+def write_hulls(corners: np.ndarray) -> str:
+    """
+    Write hexahedra as Wavefront OBJ, an object each: Bullet makes a convex hull of every object.
+
+    :param corners: [m], (H, 8, 3).
+    """
+    quads = [' '.join(str(corner - 8) for corner in face) for face in FACES.tolist()]
+    faces = ''.join(f'f {quad}\n' for quad in quads)  # counted back from the last corner
+    return ''.join(f'o {number}\n' + ''.join(f'v {x:.9g} {y:.9g} {z:.9g}\n'
+                                             for x, y, z in solid) + faces
+                   for number, solid in enumerate(corners.tolist()))

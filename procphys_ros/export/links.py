@@ -24,7 +24,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.export.articulation import Articulation, CLAMPED, LOOSE
 from procphys_ros.export.content import Content
-from procphys_ros.physics.world.urdf import write_hulls
+from procphys_ros.hexahedron import write_hulls
 
 WORLD = 'world'
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])

@@ -13,91 +13,110 @@
 # limitations under the License.
 
 """
-The engine of PyBullet.
+The engine of PyBullet, by its public functions.
 
 Bodies are rigid bodies in maximal coordinates (Bullet's `btRigidBody`): a hundred times cheaper
 than articulated ones and without their limits on links.
 """
 
-from collections.abc import Callable
+from functools import cache
+from itertools import chain
+import logging
 import os
 import tempfile
+from types import ModuleType
+from typing import Any
+import weakref
 
 import numpy as np
 
-from procphys_ros.blueprint import Shape
-from procphys_ros.hexahedron import inset
+from procphys_ros.blueprint import Hexahedra, Shape
+from procphys_ros.hexahedron import box_corners, inset, write_hulls
+from procphys_ros.linear import norm
+from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
-from procphys_ros.physics.world.bullet_client import BulletClient, MOST_SHAPES
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
-from procphys_ros.physics.world.first_turn import (
-    turn_as_their_shapes,
-    turns_as_the_box_about_it,
-)
 from procphys_ros.physics.world.pieces import Pieces
-from procphys_ros.physics.world.urdf import SHORTEST, write_hulls, write_urdf
 
-# Measured on piles of 500 bricks that fall 1.2 m: with these iterations and warm starts (and ERP
-# 0.3) the worst second runs twice as fast as with PyBullet's ERP 0.08, warm starting 0.1 (and 10
-# iterations), everything comes to rest within 5 s instead of a tenth creeping on.
-# Penetration is corrected apart from the velocities ("split impulses"): what is squeezed is moved
-# out, not thrown out. 12 s after its demolition some 80 pieces of a cottage move instead of some
-# 280, and with ERP 0.5 none of four of them rests deeper than 1.4 cm in the ground (0.3: 3.8 cm).
-ERP = 0.5  # share of a penetration that is corrected per step
-ITERATIONS = 15  # of the contact solver, at least
-MOST_ITERATIONS = 100  # where few bodies move
-ITERATIONS_TIMES_BODIES = 10_000  # between these two: with 15, small pieces under large ones are
-#                                   squeezed into their neighbours, and rest so (decision 67)
-WARM_START = 0.85  # share of the last step's contact impulses that the solver starts from
-DENSE_SUBSTEPS = 4  # where contacts are dense, and with how many iterations: with fewer than 200,
-DENSE_ITERATIONS = 300  # or with two substeps, a loose arch of 24 voussoirs, t/R = 0.13, falls
+_LOG = logging.getLogger(__name__)
+MANY = 300  # bodies that move, from which `native` is clearly faster
+
+
+def _import_quietly() -> ModuleType:
+    """Import PyBullet without the banner that it writes to file 2."""
+    kept, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nothing, 2)
+        import pybullet
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nothing)
+    return pybullet
+
+
+pybullet = _import_quietly()
+
+LONGEST = 1.0 / 240.0  # [s] of a substep; PyBullet's own step
+ERP = 0.5  # share of a penetration that is corrected per substep, apart from the velocities
+WARM_START = 0.85  # share of the last contact impulses that the solver starts from
+REACH = 5e-4  # gap from which bodies touch, as a share of their radius: what is stopped before it
+#               touches does not bounce
+SWEEP = 0.45  # radius of a plain body's swept sphere as a share of its least extent
 
 _MARGIN = 1e-3  # [m] by which Bullet makes every convex hull larger than its points
-
-_GROUND_HALF = 5000.0  # [m] half of the ground's sides
-_GROUND_DEPTH = 50.0   # [m] half of its thickness
-
-_MEMORY_FOLDER = '/dev/shm'  # a folder in memory, where there is one
-_ROUND = 6  # decimals of sizes and quaternions up to which plain bodies are added together
-# By state: what stands still, and is created with mass, or Bullet never moves it.
-_HELD = np.isin(list(BodyState), (BodyState.FIXED, BodyState.RESTING))
-_UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])
-_FILTERS = np.array([COLLISION_FILTERS.get(state, (0, 0)) for state in BodyState], np.intc)
+_MOST_SHAPES = 16  # of a list that PyBullet makes a compound of
+_MOMENT = 1e-9  # [s]
+_CONTACT = 1e-6  # [-], change of speed by a contact as a share of gravity's
+_GROUND_HALF = (5000.0, 5000.0, 50.0)  # [m] half extents of level ground
+_BASE = -1  # the only link of a rigid body
+_AWAKE = {'activationState': pybullet.ACTIVATION_STATE_DISABLE_SLEEPING}
+_ASLEEP = {'activationState': pybullet.ACTIVATION_STATE_SLEEP}
+_FOLDER = '/dev/shm' if os.access('/dev/shm', os.W_OK) else None  # in memory, where there is one
 
 
 class BulletEngine:
     """
-    One PyBullet world, see `Engine`.
+    One PyBullet world, see `Engine`; poses and velocities of its table are written by `step`.
 
     :param gravity: acceleration of awake bodies [m/s²], (3,).
     :param terrain: the surface of the ground.
     """
 
     name = 'bullet'
-    integrations = 1
 
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
-        self._terrain = terrain
-        self._gravity = np.asarray(gravity, float).tolist()
-        self._folder = _MEMORY_FOLDER if os.access(_MEMORY_FOLDER, os.W_OK) else None
+        self._gravity, self._terrain = np.array(gravity, float), terrain
         self._connect()
 
     def _connect(self) -> None:
-        self._client = BulletClient()
-        self._client.set_gravity(self._gravity)
-        self._client.set_solver(ITERATIONS, ERP, WARM_START)
-        self._time_step, self._iterations = 0.0, ITERATIONS
-        self._made, self._free = 0, list[int]()  # numbers of bodies: given out, given back
+        self._table = BodyTable()
+        client = pybullet.connect(pybullet.DIRECT)
+        if client < 0:
+            raise RuntimeError('PyBullet gave no world: too many are open')
+        self._close = weakref.finalize(self, pybullet.disconnect, client)
+        self._to = {'physicsClientId': client}
+        pybullet.setGravity(*self._gravity.tolist(), **self._to)
+        pybullet.setPhysicsEngineParameter(
+            contactERP=ERP, erp=ERP, warmStartingFactor=WARM_START, useSplitImpulse=1,
+            splitImpulsePenetrationThreshold=0.0, contactBreakingThreshold=REACH,
+            deterministicOverlappingPairs=1, enableFileCaching=0, **self._to)
+        # Without a visual shape PyBullet triangulates every collision shape for its renderer.
+        self._visual = pybullet.createVisualShape(
+            pybullet.GEOM_BOX, halfExtents=[0.01] * 3, **self._to)
         self._shapes: dict[tuple, int] = {}
-        self._states = np.full(0, -1)  # by PyBullet's ids, as collisions know them
-        self._rules: dict[int, dict[int, bool]] = {}  # whether a pair of them is excluded
+        self._rules: dict[int, dict[int, bool]] = {}  # by handle: whether a pair is excluded
         self._handles = np.full(0, -1)  # PyBullet's id of each body
         self._ids = np.full(0, -1)  # and the other way round
+        self._points: list[tuple] = []  # what touched, substep by substep ...
+        self._way = np.zeros((0, 3))  # ... and how far each body has moved in the step [m]
+        self._weight = np.zeros(0)  # mass of what moves [kg]
+        self._told: np.ndarray | None = np.zeros((0, 13))
 
     def close(self) -> None:
         """Free the world; a second call does nothing."""
-        self._client.close()
+        self._close()
 
     def clear(self) -> None:
         """Empty the world."""
@@ -105,177 +124,163 @@ class BulletEngine:
         self._connect()
 
     def use_threads(self, count: int) -> None:
-        """Do nothing: PyBullet's solver has one thread."""
-
-    def refine(self, moving: int, dense: bool) -> int:
-        """Iterate more where fewer bodies move, in substeps where contacts are dense."""
-        iterations = DENSE_ITERATIONS if dense else _iterations(moving)
-        if iterations != self._iterations:
-            self._client.set_iterations(iterations)
-            self._iterations = iterations
-        return DENSE_SUBSTEPS if dense else 1
-
-    def step(self, time_step: float) -> None:
-        """Advance time [s]."""
-        if time_step != self._time_step:
-            self._client.set_time_step(time_step)
-            self._time_step = time_step
-        self._client.step()
+        """Do nothing: PyBullet has one thread."""
 
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Add bodies, (K,) ids; plain ones of one shape, size and attitude at once."""
-        plain = table.least[ids] > 0.0
-        plain[plain] = turn_as_their_shapes(table, ids[plain])
-        alone = ~plain | (table.hexahedron_count[ids] > 0)
-        ground = table.state[ids] == BodyState.GROUND
-        for place in np.flatnonzero(alone).tolist():
-            body = ids[place:place + 1]
-            if ground[place]:
-                self._enter(body, self._create_ground())
-            elif plain[place]:
-                self._enter(body, self._create_plain(table, body))
-            else:
-                self._enter(body, self._create_compound(table, int(body[0])))
-        for same in _alike(table, ids[~alone]):
-            self._enter(same, self._create_plain(table, same))
-        self._set_up(table, ids)
+        """Add bodies, (K,) ids; see `Engine.add`."""
+        self.contacts()  # while handles are those of the bodies that touched
+        self._table = table
+        new = ids[table.state[ids] != BodyState.GROUND]
+        for body in ids[table.state[ids] == BodyState.GROUND].tolist():
+            self._create(body, 0.0, *self._ground())
+        turn_unlike = [self._create_piece(body) for body in new.tolist()]
+        if any(turn_unlike):
+            self._take_over_inertia(new)
+        for body in ids.tolist():
+            self._set_state(body)
+        self.set_velocities(new, table.velocities[new])
 
-    def _enter(self, ids: np.ndarray, last: int) -> None:
+    def _create(self, body: int, mass: float, shape: int, pose: list[float]) -> int:
+        """Create a body; Bullet multiplies surface values, so it gets the roots of them."""
+        table = self._table
+        handle = pybullet.createMultiBody(
+            mass, shape, self._visual, pose[:3], pose[3:], useMaximalCoordinates=1,
+            flags=pybullet.URDF_ENABLE_SLEEPING, **self._to)
+        pybullet.changeDynamics(
+            handle, _BASE, lateralFriction=float(np.sqrt(table.friction[body])),
+            restitution=float(np.sqrt(table.restitution[body])), linearDamping=0.0,
+            angularDamping=0.0, ccdSweptSphereRadius=SWEEP * float(table.least[body]), **self._to)
+        self._handles = _filled(self._handles, body, handle)
+        self._ids = _filled(self._ids, handle, body)
+        return handle
+
+    def _create_piece(self, body: int) -> bool:
+        """Create a body with mass, or Bullet never moves it; return whether it turns unlike it."""
+        table, pieces = self._table, self._table.pieces(body)
+        mass, inertia = float(table.mass[body]), table.inertia[body]
+        shape = self._plain(pieces) if table.least[body] > 0.0 else self._compound(pieces)
+        handle = self._create(body, mass, shape, table.poses[body].tolist())
+        own = np.array(pybullet.getDynamicsInfo(handle, _BASE, **self._to)[2])
+        return bool((np.abs(own - inertia) > 1e-3 * inertia).any())
+
+    def _take_over_inertia(self, new: np.ndarray) -> None:
         """
-        Keep the numbers that PyBullet gave to new bodies, of which it tells the last.
+        Move new bodies for a moment while all others sleep, and touching nothing.
 
-        It gives those of removed bodies again, the last one removed first, then new ones.
+        Only at the end of its first step Bullet turns a body by the inertia that it was given,
+        until then by that of the box about its shape.
         """
-        again = [self._free.pop() for _ in range(min(len(ids), len(self._free)))]
-        made = self._made + len(ids) - len(again)
-        handles = np.array([*again, *range(self._made, made)])
-        self._made = made
-        if handles[-1] != last:
-            raise RuntimeError(f'PyBullet called a body {last} instead of {handles[-1]}')
-        self._handles = _filled(self._handles, ids, handles)
-        self._ids = _filled(self._ids, handles, ids)
+        others = np.flatnonzero(self._table.state[:len(self._handles)] >= BodyState.AWAKE)
+        others = np.setdiff1d(others[self._handles[others] >= 0], new)
+        for handle in self._handles[others].tolist():
+            pybullet.changeDynamics(handle, _BASE, **_ASLEEP, **self._to)
+        for body, handle in zip(new.tolist(), self._handles[new].tolist()):
+            self._set_free(body)
+            pybullet.setCollisionFilterGroupMask(handle, _BASE, 0, 0, **self._to)
+        pybullet.setTimeStep(_MOMENT, **self._to)
+        pybullet.stepSimulation(**self._to)
+        for handle in self._handles[others].tolist():
+            pybullet.changeDynamics(handle, _BASE, **_AWAKE, **self._to)
+        self.set_velocities(others, self._table.velocities[others])  # sleep has stopped them
 
-    def _create_ground(self) -> int:
+    def _ground(self) -> tuple[int, list[float]]:
         """
-        Create the ground: a height field, or, where the top is z = 0, a huge box.
+        Make the shape of the ground: a height field, or a huge box where it is level.
 
-        Against a plane, Bullet finds one contact point per step only, so that what
-        lands flat would strike with a corner and be turned.
+        Against a plane Bullet finds one point per step only, so that what lands flat is turned.
         """
-        if not self._terrain.is_flat:
-            return self._create_terrain(self._terrain.padded(TERRAIN_MARGIN))
-        slab = self._client.create_box(np.array([_GROUND_HALF, _GROUND_HALF, _GROUND_DEPTH]))
-        return self._client.create_bodies(0.0, slab, np.array([[0.0, 0.0, -_GROUND_DEPTH]]),
-                                          _UPRIGHT)
-
-    def _create_terrain(self, terrain: Terrain) -> int:
-        """Create a height field, which Bullet puts about the middle of its grid and heights."""
+        if self._terrain.is_flat:
+            box = self._shape(pybullet.GEOM_BOX, halfExtents=_GROUND_HALF)
+            return box, [0.0, 0.0, -_GROUND_HALF[2], 0.0, 0.0, 0.0, 1.0]
+        terrain = self._terrain.padded(TERRAIN_MARGIN)
         columns, rows = terrain.heights.shape
-        field = self._client.create_heights(terrain.heights.T, terrain.edge)
-        middle = (*(terrain.low + 0.5 * terrain.edge * np.array([columns - 1, rows - 1])),
-                  0.5 * sum(terrain.bounds()))
-        return self._client.create_bodies(0.0, field, np.array([middle]), _UPRIGHT)
+        field = self._shape(
+            pybullet.GEOM_HEIGHTFIELD, meshScale=(terrain.edge, terrain.edge, 1.0),
+            heightfieldData=tuple(terrain.heights.T.ravel().tolist()),
+            numHeightfieldRows=columns, numHeightfieldColumns=rows)
+        # Bullet puts it about the middle of its grid and heights.
+        middle = terrain.low + 0.5 * terrain.edge * np.array([columns - 1, rows - 1])
+        return field, [*middle.tolist(), 0.5 * sum(terrain.bounds()), 0.0, 0.0, 0.0, 1.0]
 
-    def _create_plain(self, table: BodyTable, ids: np.ndarray) -> int:
-        """
-        Create bodies of one shape, mass and attitude, at once: 5 times faster than one by one.
+    def _plain(self, pieces: Pieces) -> int:
+        """Make the shape of a body of one piece."""
+        size = pieces.sizes[0].round(6).tolist()
+        if len(pieces.hexahedra):
+            corners = inset(pieces.hexahedra.corners.reshape(1, 8, 3), _MARGIN)[0]
+            return self._shape(pybullet.GEOM_MESH,
+                               vertices=tuple(map(tuple, corners.round(6).tolist())))
+        if pieces.shapes[0] == Shape.BOX:
+            return self._shape(pybullet.GEOM_BOX, halfExtents=tuple(0.5 * e for e in size))
+        radius, straight = 0.5 * size[0], size[2] - size[0]
+        if straight > 0.0:
+            return self._shape(pybullet.GEOM_CAPSULE, radius=radius, height=straight)
+        return self._shape(pybullet.GEOM_SPHERE, radius=radius)
 
-        Bullet keeps the inverse inertia along world axes with which a body was created, that of
-        its shape, until the end of the next step, whatever mass it is given in between: see
-        `first_turn`.
-        """
-        return self._client.create_bodies(
-            float(table.mass[ids[0]]), self._shape(table.pieces(int(ids[0]))),
-            table.poses[ids, :3], table.poses[ids[0], 3:])
-
-    def _shape(self, piece: Pieces) -> int:
-        """Create the shape of a plain body once: Bullet never frees shapes."""
-        if len(piece.hexahedra):
-            corners = inset(piece.hexahedra.corners.reshape(1, 8, 3), _MARGIN)[0].round(_ROUND)
-            return self._make(self._client.create_hull, corners)
-        size = piece.sizes[0]
-        if piece.shapes[0] == Shape.BOX:
-            half = [round(extent, _ROUND) for extent in (0.5 * size).tolist()]
-            return self._make(self._client.create_box, np.array(half))
-        diameter, length = float(size[0]), float(size[2])
-        return self._make(self._client.create_capsule, round(0.5 * diameter, _ROUND),
-                          max(round(length - diameter, _ROUND), 0.0))
-
-    def _make(self, create: Callable[..., int], *size: np.ndarray | float) -> int:
-        key = (create.__name__, *(np.asarray(value).tobytes() for value in size))
+    def _shape(self, kind: int, **size: Any) -> int:
+        """Make a shape once."""
+        key = (kind, *size.values())
         if key not in self._shapes:
-            self._shapes[key] = create(*size)
+            self._shapes[key] = pybullet.createCollisionShape(kind, **size, **self._to)
         return self._shapes[key]
 
-    def _create_compound(self, table: BodyTable, body: int) -> int:
+    def _compound(self, pieces: Pieces) -> int:
         """
-        Create a rigid body made of many shapes.
+        Make the shape of a body of many pieces, in the list of which PyBullet takes few.
 
-        PyBullet's own compounds stop at 16 shapes, a URDF link does not, but takes three times as
-        long. PyBullet gives back the shapes of neither, 1 to 5 kB, before the world is closed.
+        Further ones go, as boxes, into a file of convex hulls with the hexahedra.
         """
-        pieces = table.pieces(body)
-        if (len(pieces.shapes) <= MOST_SHAPES and not len(pieces.hexahedra)
-                and turns_as_the_box_about_it(table, body)):
-            return self._create_list(table, body, pieces)
-        return self._create_from_file(table, body, pieces)
+        listed = np.flatnonzero(~pieces.are_hexahedra)
+        if len(pieces.shapes) > _MOST_SHAPES or len(pieces.hexahedra):
+            listed = listed[:_MOST_SHAPES - 1]
+        hulls = np.setdiff1d(np.arange(len(pieces.shapes)), listed)
+        box, size = pieces.shapes[listed] == Shape.BOX, pieces.sizes[listed]
+        kinds = np.where(box, pybullet.GEOM_BOX, np.where(
+            size[:, 2] > size[:, 0], pybullet.GEOM_CAPSULE, pybullet.GEOM_SPHERE)).tolist()
+        columns: list[tuple[str, list, Any]] = [
+            ('shapeTypes', kinds, pybullet.GEOM_MESH),
+            ('halfExtents', (0.5 * size).tolist(), [0.0] * 3),
+            ('radii', (0.5 * size[:, 0]).tolist(), 0.0),
+            ('lengths', (size[:, 2] - size[:, 0]).tolist(), 0.0),
+            ('collisionFramePositions', pieces.local_poses[listed, :3].tolist(), [0.0] * 3),
+            ('collisionFrameOrientations', pieces.local_poses[listed, 3:].tolist(),
+             [0.0, 0.0, 0.0, 1.0])]
+        if not len(hulls):
+            return pybullet.createCollisionShapeArray(
+                **{name: values for name, values, _ in columns}, **self._to)
+        with tempfile.NamedTemporaryFile('w', suffix='.obj', dir=_FOLDER) as file:
+            file.write(write_hulls(inset(_corners(pieces, hulls), _MARGIN)))
+            file.flush()
+            return pybullet.createCollisionShapeArray(
+                **{name: [*values, more] for name, values, more in columns},
+                fileNames=[''] * len(listed) + [file.name],
+                meshScales=[[1.0] * 3] * (len(listed) + 1), **self._to)
 
-    def _create_list(self, table: BodyTable, body: int, pieces: Pieces) -> int:
-        """Create a compound whose first contacts may turn it as the box about its shapes."""
-        shape = self._client.create_list(pieces.shapes == Shape.BOX, pieces.sizes,
-                                         pieces.local_poses, SHORTEST)
-        return self._client.create_bodies(float(table.mass[body]), shape,
-                                          table.poses[body:body + 1, :3], table.poses[body, 3:])
+    def _set_free(self, body: int) -> None:
+        pybullet.changeDynamics(
+            int(self._handles[body]), _BASE, mass=float(self._table.mass[body]),
+            localInertiaDiagonal=self._table.inertia[body].tolist(), **_AWAKE, **self._to)
 
-    def _create_from_file(self, table: BodyTable, body: int, pieces: Pieces) -> int:
-        """Create a compound with all shapes there are, and its own inertia from the start."""
-        pose = table.poses[body]
-        handle, path = tempfile.mkstemp('.urdf', 'procphys_', self._folder)
-        mesh = path + '.obj' if len(pieces.hexahedra) else ''
-        try:
-            with open(handle, 'w', encoding='ascii') as file:
-                file.write(write_urdf(float(table.mass[body]), table.inertia[body], pieces, mesh))
-            if mesh:
-                with open(mesh, 'w', encoding='ascii') as file:
-                    file.write(write_hulls(inset(
-                        pieces.hexahedra.points(pieces.local_poses), _MARGIN)))
-            return self._client.load_urdf(path, pose.tolist())
-        finally:
-            os.unlink(path)
-            if mesh:
-                os.unlink(mesh)
+    def _set_state(self, body: int) -> None:
+        """Let a body move, or hold it, and choose what it meets, as the table has it."""
+        handle, state = int(self._handles[body]), self._table.state[body]
+        if state >= BodyState.AWAKE:
+            self._set_free(body)
+        elif state != BodyState.GROUND:
+            pybullet.resetBaseVelocity(handle, [0.0] * 3, [0.0] * 3, **self._to)
+            pybullet.changeDynamics(handle, _BASE, mass=0.0, **_ASLEEP, **self._to)
+        pybullet.setCollisionFilterGroupMask(handle, _BASE, *self._filter(handle), **self._to)
+        for other in self._rules.get(handle, ()):
+            self._set_rule(handle, other)
 
-    def _set_up(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Give new bodies their inertia, surfaces and velocities; those that move come first."""
-        state = table.state[ids]
-        moves, is_ground = state >= BodyState.AWAKE, state == BodyState.GROUND
-        order = np.argsort(np.where(moves, 0, np.where(is_ground, 1, 2)), kind='stable')
-        ids, state = ids[order], state[order]
-        # Bullet multiplies friction and restitution of a pair, so it gets the roots of them.
-        surfaces = np.sqrt(np.column_stack([table.friction[ids], table.restitution[ids]]))
-        self._client.set_up(self._handles[ids], moves[order], _HELD[state], surfaces,
-                            table.mass[ids], table.inertia[ids], _FILTERS[state])
-        self._note(self._handles[ids], state)
-        self._set_in_motion(table, ids[state >= BodyState.AWAKE])
-
-    def _set_in_motion(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Give bodies their velocities, and sweep those that are to be swept."""
-        self.set_velocities(ids, table.velocities[ids])
-        swept = ids[table.swept_radius[ids] > 0.0]
-        self.set_swept(swept, table.swept_radius[swept])
-
-    def _note(self, handles: np.ndarray, states: np.ndarray) -> None:
-        """Record the states of bodies, and apply the rules of pairs: these override filters."""
-        self._states = _filled(self._states, handles, states)
-        for handle in handles.tolist() if self._rules else ():
-            for other in self._rules.get(handle, ()):
-                self._set_rule(handle, other)
+    def _filter(self, handle: int) -> tuple[int, int]:
+        state = BodyState(self._table.state[self._ids[handle]])
+        return COLLISION_FILTERS.get(state, (0, 0))
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """
         Exclude pairs of bodies from collision, or include them again, (K, 2) ids.
 
-        PyBullet keeps a rule for a pair for ever, also for later bodies of the same numbers, and
+        PyBullet keeps a rule for a pair for ever, also for later bodies of the same handles, and
         asks no masks where it has one.
         """
         for one, other in self._handles[pairs].tolist():
@@ -284,85 +289,139 @@ class BulletEngine:
             self._set_rule(one, other)
 
     def _set_rule(self, one: int, other: int) -> None:
-        (group, mask), (group_, mask_) = _FILTERS[self._states[[one, other]]].tolist()
+        (group, mask), (group_, mask_) = self._filter(one), self._filter(other)
         meet = not self._rules[one][other] and bool(group & mask_) and bool(group_ & mask)
-        self._client.set_pair(one, other, meet)
+        pybullet.setCollisionFilterPair(one, other, _BASE, _BASE, int(meet), **self._to)
 
     def remove(self, ids: np.ndarray) -> None:
         """Remove bodies, (K,) ids."""
-        handles = self._handles[ids].tolist()
-        self._client.remove(handles)
-        self._free += handles
+        for handle in self._handles[ids].tolist():
+            pybullet.removeBody(handle, **self._to)
+        self._handles[ids] = -1
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, at no cost per step, (K,) ids."""
-        states = np.full(len(ids), BodyState.FIXED)
-        self._client.freeze(self._handles[ids], _FILTERS[states])
-        self._note(self._handles[ids], states)
+        for body in ids.tolist():
+            self._set_state(body)
 
     def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
         """Make immovable bodies movable, (K,) ids."""
-        states = np.full(len(ids), BodyState.AWAKE)
-        self._client.thaw(self._handles[ids], table.mass[ids], table.inertia[ids],
-                          _FILTERS[states])
-        self._note(self._handles[ids], states)
+        self.freeze(ids)
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
         """Set centres of mass and principal axes, world, (K, 7)."""
-        self._client.set_poses(self._handles[ids], poses)
+        for handle, pose in zip(self._handles[ids].tolist(), poses.tolist()):
+            pybullet.resetBasePositionAndOrientation(handle, pose[:3], pose[3:], **self._to)
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set linear [m/s] and angular velocities [rad/s], world axes, (K, 6)."""
-        self._client.set_velocities(self._handles[ids], velocities)
+        for handle, velocity in zip(self._handles[ids].tolist(), velocities.tolist()):
+            pybullet.resetBaseVelocity(handle, velocity[:3], velocity[3:], **self._to)
 
-    def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
-        """Sweep spheres of these radii [m] along the steps of plain bodies, (K,); 0 = do not."""
-        for handle, radius in zip(self._handles[ids].tolist(), radii.tolist()):
-            self._client.set_swept(handle, radius)
+    def step(self, time_step: float) -> None:
+        """Advance time [s], in substeps of at most `LONGEST`."""
+        table, count = self._table, max(int(np.ceil(time_step / LONGEST - 1e-6)), 1)
+        substep = time_step / count
+        driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
+        course = table.velocities[driven]
+        course[:, :3] -= self._gravity * substep  # which Bullet adds
+        pybullet.setTimeStep(substep, **self._to)
+        self._points, self._told = [], None
+        self._weight = np.where(table.state >= BodyState.AWAKE, table.mass, 1e-9)
+        self._way = np.zeros((len(table.state), 3))
+        self._way[driven] = table.velocities[driven, :3] * time_step
+        for _ in range(count):
+            self.set_velocities(driven, course)
+            pybullet.stepSimulation(**self._to)
+            self._points.append(pybullet.getContactPoints(**self._to))
+        self._read_free(time_step, substep)
+
+    def _read_free(self, time_step: float, substep: float) -> None:
+        """Write what moves freely into the table; what flies, to Bullet and on its parabola."""
+        table, ids = self._table, self._table.awake
+        if len(ids) > MANY:
+            _advise()
+        handles = self._handles[ids].tolist()
+        poses = [pybullet.getBasePositionAndOrientation(handle, **self._to) for handle in handles]
+        motion = [pybullet.getBaseVelocity(handle, **self._to) for handle in handles]
+        before, start = table.velocities[ids], table.poses[ids]
+        table.poses[ids], table.velocities[ids] = _rows(poses, 7), _rows(motion, 6)
+        self._way[ids] = table.poses[ids, :3] - start[:, :3]
+        gain = self._gravity * time_step
+        change = table.velocities[ids, :3] - before[:, :3] - gain
+        flies = np.abs(change).max(axis=1, initial=0.0) < _CONTACT * (norm(gain) + 1e-9)
+        flying = ids[flies]
+        # Bullet goes with the velocity at the end of each substep (semi-implicit Euler).
+        table.poses[flying, :3] -= 0.5 * time_step * substep * self._gravity
+        inertia, none = table.inertia[flying], np.zeros(len(flying))
+        had = motion_energy(none, inertia, start[flies, 3:], before[flies])
+        has = motion_energy(none, inertia, table.poses[flying, 3:], table.velocities[flying])
+        gained = has > had
+        table.velocities[flying[gained], 3:] *= np.sqrt(had[gained] / has[gained])[:, None]
+        self.set_poses(flying, table.poses[flying])  # which stops them
+        self.set_velocities(flying, table.velocities[flying])
 
     def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Read poses (K, 7) and velocities (K, 6) of centres of mass, world axes."""
-        return self._client.read(self._handles[ids])
+        """Read poses (K, 7) and velocities (K, 6), world axes."""
+        return self._table.poses[ids], self._table.velocities[ids]
 
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
-        found = self._client.contacts()
-        rubbing, ways = found['rubbing'], found['ways']
-        force = (found['pressing'][:, None] * found['normal'] + rubbing[:, :1] * ways[:, 0]
-                 + rubbing[:, 1:] * ways[:, 1])
-        return np.column_stack([self._ids[found['bodies']], found['on_second'], found['normal'],
-                                found['distance'], force, found['pressing']])
+        if self._told is None:
+            count = len(self._points)
+            told = np.array([
+                (one, other, *at, *normal, gap, pressing, along, *way, across, *ways, k / count)
+                for k, points in enumerate(self._points) for (
+                    _, one, other, _, _, _, at, normal, gap, pressing, along, way, across, ways)
+                in points if pressing or along or across]).reshape(-1, 19)
+            ids = self._ids[told[:, :2].astype(np.intp)]
+            mass = self._weight[ids, None]
+            way = (mass * self._way[ids]).sum(axis=1) / mass.sum(axis=1)
+            told[:, 2:5] -= told[:, 18:] * way  # to where it was when the step began
+            force = (told[:, 9:10] * told[:, 5:8] + told[:, 10:11] * told[:, 11:14]
+                     + told[:, 14:15] * told[:, 15:18])
+            self._told = np.column_stack([ids, told[:, 2:9], force / count, told[:, 9] / count])
+        return self._told.copy()
+
+    # Until `World` needs them no more:
+
+    integrations = np.inf
+
+    def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
+        """Do nothing: plain bodies are always swept."""
+
+    def refine(self, moving: int, dense: bool) -> int:
+        """Leave substeps to `step`."""
+        return 1
 
     def touched(self, body: int) -> list[int]:
         """List the ids that a body has contact points with."""
-        handle = int(self._handles[body])
-        bodies = self._client.contacts(handle)['bodies']
-        return self._ids[np.where(bodies[:, 0] == handle, bodies[:, 1], bodies[:, 0])].tolist()
+        first, second = self.contacts()[:, :2].T
+        return np.concatenate([second[first == body], first[second == body]]).astype(int).tolist()
 
 
-def _iterations(moving: int) -> int:
-    """Choose the iterations of a step in which so many bodies move."""
-    affordable = ITERATIONS_TIMES_BODIES // max(moving, 1)
-    return min(max(ITERATIONS, affordable), MOST_ITERATIONS)
+def _corners(pieces: Pieces, which: np.ndarray) -> np.ndarray:
+    """Give the corners of hexahedra, or of the boxes about other pieces [m], (K, 8, 3)."""
+    half = 0.5 * pieces.sizes
+    boxes = box_corners(-half, half).reshape(-1, 24)
+    boxes[pieces.hexahedra.part] = pieces.hexahedra.corners
+    return Hexahedra(which.astype(np.int32), boxes[which]).points(pieces.local_poses)
 
 
-def _alike(table: BodyTable, ids: np.ndarray) -> list[np.ndarray]:
-    """Group plain bodies alike in shape, size, mass and attitude."""
-    if len(ids) < 2:
-        return [ids] if len(ids) else []
-    piece = table.first_piece[ids]
-    keys = np.column_stack([table.piece_size[piece], table.poses[ids, 3:],
-                            table.piece_shape[piece]]).round(_ROUND)
-    keys = np.column_stack([keys, table.mass[ids]])
-    order = np.lexsort(keys.T[::-1])
-    others = (np.diff(keys[order], axis=0) != 0.0).any(axis=1)
-    return np.split(ids[order], np.flatnonzero(others) + 1)
+def _rows(found: list[tuple], width: int) -> np.ndarray:
+    """Lay what PyBullet gives as two tuples each in rows, (K, width)."""
+    values = chain.from_iterable(chain.from_iterable(found))
+    return np.fromiter(values, float, width * len(found)).reshape(-1, width)
 
 
-def _filled(column: np.ndarray, rows: np.ndarray, values: list[int] | np.ndarray) -> np.ndarray:
-    """Write values to rows of a column, made longer where needed."""
-    least = int(np.max(rows, initial=-1)) + 1
-    if least > len(column):
-        column = np.concatenate([column, np.full(max(least, 2 * len(column)) - len(column), -1)])
-    column[rows] = values
+def _filled(column: np.ndarray, row: int, value: int) -> np.ndarray:
+    """Write a value to a row of a column, made longer where needed."""
+    if row >= len(column):
+        column = np.concatenate([column, np.full(row + 1, -1)])
+    column[row] = value
     return column
+
+
+@cache
+def _advise() -> None:
+    _LOG.warning('more than %d bodies move: engine native is faster than bullet', MANY)
