@@ -456,13 +456,21 @@ def rubble(house: str, whole: bool, trial: Trial) -> Run:
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     reach = 1.01 * float(np.linalg.norm(points - middle, axis=1).max())
     simulation.demolish(Demolition([0.0], middle.tolist(), [reach]) if whole else None)
-    yield from trial.steps(simulation, 10.0)
+    last, broken = 0.0, 0
+    for time in trial.steps(simulation, 10.0):
+        yield time
+        last, broken = time if simulation.bonds_broken > broken else last, simulation.bonds_broken
     world = simulation.state.world
+    speed = np.linalg.norm(world.velocities(world.awake)[:, :3], axis=1)
     loose = np.flatnonzero(np.isin(world.bodies.state, (BodyState.RESTING, BodyState.AWAKE)))
     low = np.array([world.pieces(body).lowest(world.bodies.poses[body])
                     for body in loose.tolist()])
-    return [Figure('pieces', len(loose)), Figure('awake', simulation.awake_bodies, high=0),
-            Figure('deepest overlap [mm]', 1e3 * deepest_overlap(world), high=_ALLOWED),
+    return [Figure('pieces', len(loose)), Figure('last joint breaks at [s]', last),
+            Figure('awake', len(speed), high=0),
+            Figure('of these faster than 0.5 m/s', (speed > 0.5).sum()),
+            Figure('deepest overlap of what rests [mm]', 1e3 * deepest_overlap(world, False),
+                   high=_ALLOWED),
+            Figure('deepest overlap of all [mm]', 1e3 * deepest_overlap(world)),
             Figure('pieces below the ground', (low < -1e-3 * _ALLOWED).sum(), high=0),
             Figure('processor time [s]', sum(trial.cpu))]
 
