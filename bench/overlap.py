@@ -63,15 +63,21 @@ def depth_between(one: np.ndarray, two: np.ndarray) -> np.ndarray:
     return np.maximum(depth, 0.0)
 
 
-def deepest_overlap(world: World) -> float:
+def deepest_overlap(world: World, awake: bool = True) -> float:
     """
     Measure how deep what is loose reaches into anything else or into level ground [m].
 
     By the geometry of the shapes alone, whatever contacts the engine knows; what is round counts
     as nothing.
+
+    :param awake: whether what still moves counts, too.
     """
     state = world.bodies.state
-    corners, owner = solid_corners(world, np.flatnonzero(state >= BodyState.FIXED))
+    counts = (BodyState.FIXED, BodyState.RESTING, *(BodyState.AWAKE, BodyState.KINEMATIC) * awake)
+    ids = np.flatnonzero(np.isin(state, counts))
+    if not len(ids):
+        return 0.0
+    corners, owner = solid_corners(world, ids)
     bounds = np.column_stack([corners.min(axis=1), corners.max(axis=1)])
     loose = np.flatnonzero(state[owner] != BodyState.FIXED)
     one, two = overlaps(bounds[loose], bounds)

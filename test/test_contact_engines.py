@@ -73,10 +73,12 @@ def test_overlaps_are_the_least_over_all_directions(bench):
 def test_overlaps_with_the_ground_and_among_what_stands(bench):
     """Sink a loose box by 3 mm; two that stand in each other count for nothing."""
     with World(engine='native') as world:
+        assert bench.deepest_overlap(world) == 0.0
         world.add_bricks(np.array([[5.0, 0, 1, 0, 0, 0, 1], [5.1, 0, 1, 0, 0, 0, 1]]),
                          np.full((2, 3), 0.2), np.ones(2))
         world.add_body(Shape.BOX, np.full(3, 0.2), 8.0, np.array([0, 0, 0.097, 0, 0, 0, 1.0]))
         assert bench.deepest_overlap(world) == pytest.approx(0.003, abs=1e-9)
+        assert bench.deepest_overlap(world, awake=False) == 0.0  # it has not come to rest
 
 
 @pytest.mark.parametrize('name', ['slope', 'slide', 'slide_90_km', 'bounce', 'spin', 'cards'])
