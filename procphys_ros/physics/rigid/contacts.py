@@ -25,7 +25,8 @@ from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_
 from procphys_ros.physics.rigid.vectors import at, dot, INLINE, LEAN, length, less
 from procphys_ros.physics.terrain import height_at, normal_at
 
-_GROUND = (1 << 31) - 1  # in the place of a second piece, and of what only the ground meets
+_GROUND = (1 << 31) - 2  # in the place of a first piece: a piece on the ground, ...
+POINT = (1 << 31) - 1  # ... or a further point that only the ground meets
 _SAME = 0.02  # [m] by which a point may wander over a body within a step and be the same
 _CORNERS = 8  # of a piece that may touch the ground
 
@@ -65,6 +66,10 @@ class ContactRows(NamedTuple):
     anchor: np.ndarray
     force: np.ndarray
 
+    def of(self, rows: np.ndarray) -> 'ContactRows':
+        """Give some rows."""
+        return ContactRows(*(column[rows] for column in self))
+
     def head(self, count: int) -> 'ContactRows':
         """Give the first rows."""
         return ContactRows(*(column[:count] for column in self))
@@ -84,14 +89,14 @@ def meeting(one, other, rows, body, moves, excluded):
     """
     Choose the pairs of pieces that may meet, each once.
 
-    :param one, other: places in `rows` and other pieces, sorted, (K,).
+    :param one, other: places in `rows` and other pieces, (K,).
     :param rows: pieces that move, ascending, (M,).
     :param body: of each piece, (P,).
     :param moves: of each body: 2 = freely, 1 = as it is driven, 0 = not at all, (B,).
     :param excluded: pairs of bodies, lower id first, as keys, ascending, (E,).
-    :returns: as `one` and `other`, (2, L).
+    :returns: keys of the pairs, the lower piece first whichever moves, ascending, (L,).
     """
-    out, count = np.empty((2, len(one)), np.int64), 0
+    out, count = np.empty(len(one), np.int64), 0
     for k in range(len(one)):
         p, q = rows[one[k]], other[k]
         a, b = body[p], body[q]
@@ -104,9 +109,11 @@ def meeting(one, other, rows, body, moves, excluded):
             place = np.searchsorted(excluded, key)
             if place < len(excluded) and excluded[place] == key:
                 continue
-        out[0, count], out[1, count] = one[k], q
+        out[count] = (min(p, q) << 32) | max(p, q)
         count += 1
-    return out[:, :count].copy()
+    out = out[:count].copy()
+    out.sort()
+    return out
 
 
 @kernel
@@ -116,13 +123,13 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
 
     :param rows: pieces that move, ascending, (M,).
     :param is_free: whether they move freely; others pass through the ground, (M,) bool.
-    :param pairs: places in `rows` and other pieces, sorted, (2, K).
+    :param pairs: keys of pieces, ascending, (K,).
     :param poses: of bodies, (B, 7); `velocities` (B, 6) likewise.
     :param extra: further points that only the ground meets: bodies, (E,), places in their frames
         [m], (E, 3), and numbers that name them, (E,).
     :param before: contacts of the step before.
     """
-    out = no_contacts(MOST * pairs.shape[1] + _CORNERS * len(rows) + len(extra[0]))
+    out = no_contacts(MOST * len(pairs) + _CORNERS * len(rows) + len(extra[0]))
     points, normals = np.empty((_CORNERS, 4)), np.empty((_CORNERS, 3))
     count = _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step,
                   before, out, points, normals, np.empty((2, 16, 4)))
@@ -132,24 +139,23 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
 @subroutine(**LEAN)
 def _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step, before, out,
           points, normals, work):
-    count = k = old = 0
+    count = old = 0
+    for key in pairs:
+        p, q = key >> 32, key & 0xffffffff
+        margin = SLOP + _approach(p, q, pieces, poses, velocities) * time_step
+        found = touch(p, q, pieces, margin, points, normals[0], work)
+        for n in range(1, found):
+            normals[n, 0], normals[n, 1], normals[n, 2] = at(normals, 0)
+        old = _write(out, count, found, key, pieces.body[p], pieces.body[q], points, normals,
+                     poses, before, old)
+        _roll(out, count, found, pieces.radius[p], pieces.radius[q])
+        count += found
     for m in range(len(rows)):
-        p = rows[m]
-        while k < pairs.shape[1] and pairs[0, k] == m:
-            q = pairs[1, k]
-            margin = SLOP + _approach(p, q, pieces, poses, velocities) * time_step
-            found = touch(p, q, pieces, margin, points, normals[0], work)
-            for n in range(1, found):
-                normals[n, 0], normals[n, 1], normals[n, 2] = at(normals, 0)
-            old = _write(out, count, found, p, q, pieces.body[p], pieces.body[q], points,
-                         normals, poses, before, old)
-            _roll(out, count, found, pieces.radius[p], pieces.radius[q])
-            count += found
-            k += 1
         if is_free[m]:
+            p = rows[m]
             found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
-            old = _write(out, count, found, p, _GROUND, pieces.body[p], 0, points, normals, poses,
-                         before, old)
+            old = _write(out, count, found, (_GROUND << 32) | p, pieces.body[p], 0, points,
+                         normals, poses, before, old)
             _roll(out, count, found, pieces.radius[p], 0.0)
             count += found
     return _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points,
@@ -163,8 +169,8 @@ def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step,
     for e in range(len(extra[0])):
         found = _corner_on_ground(extra[0][e], extra[1][e], poses, velocities, terrain, time_step,
                                   points, normals)
-        old = _write(out, count, found, _GROUND, extra[2][e], extra[0][e], 0, points, normals,
-                     poses, before, old)
+        old = _write(out, count, found, (POINT << 32) | extra[2][e], extra[0][e], 0, points,
+                     normals, poses, before, old)
         _roll(out, count, found, 0.0, 0.0)
         count += found
     return count
@@ -247,9 +253,8 @@ def _roll(out, row, count, radius, other):
 
 
 @subroutine(**LEAN)
-def _write(out, row, count, p, q, first, second, points, normals, poses, before, old):
+def _write(out, row, count, key, first, second, points, normals, poses, before, old):
     """Write the points of a pair, and what they pressed with; give where its old ones begin."""
-    key = (p << 32) | q
     while old < len(before.key) and before.key[old] < key:
         old += 1
     for k in range(count):

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from procphys_ros.compilation import subroutine
-from procphys_ros.physics.rigid.pieces import FACES, ROUND
+from procphys_ros.physics.rigid.pieces import EDGES, FACES, ROUND, SLOP
 from procphys_ros.physics.rigid.separation import (
     between_edges,
     between_lines,
@@ -86,9 +86,7 @@ def _of_solids(p, q, pieces, margin, points, normal, work):
         return 0
     _turn(normal, n)
     if face == EDGE and other == EDGE:
-        one, two = between_edges(pieces.corners[p], edge, pieces.corners[q], edge_other)
-        _write(points, 0, scaled(0.5, plus(one, 1.0, two)), gap)
-        return 1
+        return _of_edges(pieces.corners[p], edge, pieces.corners[q], edge_other, gap, points)
     if other == EDGE:
         met = _opposite(pieces.normals[q], scaled(-1.0, n))
         count = _clip(pieces.corners[p], face, scaled(-1.0, n), pieces.corners[q], met, margin,
@@ -97,6 +95,35 @@ def _of_solids(p, q, pieces, margin, points, normal, work):
         met = _opposite(pieces.normals[p], n)
         count = _clip(pieces.corners[q], other, n, pieces.corners[p], met, margin, work)
     return _choose(work[0], count, n, points)
+
+
+@subroutine(**LEAN)
+def _of_edges(corners, edge, others, other, gap, points):
+    """
+    Find the points of two edges that cross: where they are less than `SLOP` beside each other.
+
+    Edges that are nearly parallel touch along a line: what lies on their crossing alone would
+    teeter, for that wanders along them with every small turn.
+    """
+    one, two = between_edges(corners, edge, others, other)
+    middle = scaled(0.5, plus(one, 1.0, two))
+    a, b = at(corners, EDGES[edge, 0]), at(corners, EDGES[edge, 1])
+    c, d = at(others, EDGES[other, 0]), at(others, EDGES[other, 1])
+    u, v = less(b, a), less(d, c)
+    u, v = scaled(1.0 / length(u), u), scaled(1.0 / length(v), v)
+    if dot(u, v) < 0.0:
+        v, c, d = scaled(-1.0, v), d, c
+    reach = SLOP / max(length(cross(u, v)), 1e-9)
+    first = max(-reach, dot(less(a, one), u), dot(less(c, two), v))
+    last = min(reach, dot(less(b, one), u), dot(less(d, two), v))
+    if last - first < SLOP:
+        _write(points, 0, middle, gap)
+        return 1
+    along = plus(u, 1.0, v)
+    along = scaled(1.0 / length(along), along)
+    _write(points, 0, plus(middle, first, along), gap)
+    _write(points, 1, plus(middle, last, along), gap)
+    return 2
 
 
 @subroutine(**LEAN)

@@ -24,6 +24,7 @@ from procphys_ros.physics.rigid.contacts import (
     join_key,
     meeting,
     no_contacts,
+    POINT,
     split_key,
 )
 from procphys_ros.physics.rigid.islands import islands, upwards
@@ -113,7 +114,7 @@ class NativeEngine:
         first = np.flatnonzero(np.diff(body, prepend=-1))
         self._first[body[first]] = first
         ends = np.stack(split_key(self._contacts.key))
-        is_piece = ends < self._used
+        is_piece = (ends < self._used) & (ends[0] != POINT)
         row = np.where(is_piece, ends, 0)
         there = (alive[row] | ~is_piece).all(axis=0)
         self._contacts = ContactRows(*(column[there] for column in self._contacts))
@@ -183,7 +184,19 @@ class NativeEngine:
                            table.restitution, (members, begins, start), self._gravity, time_step)
         count = len(free)
         table.poses[free], table.velocities[free] = bodies.pose[:count], bodies.velocity[:count]
-        self._contacts = contacts
+        self._contacts = self._with_sleeping(contacts)
+
+    def _with_sleeping(self, contacts: ContactRows) -> ContactRows:
+        """Add those between bodies that sleep: they start from there when they wake."""
+        state, old = self._table.state, self._contacts
+        still = (state == BodyState.RESTING) | (state == BodyState.FIXED)
+        still[0] = True
+        asleep = np.flatnonzero(still[old.first] & still[old.second])
+        if not len(asleep):
+            return contacts
+        both = ContactRows(*(np.concatenate(columns) for columns
+                             in zip(contacts, old.of(asleep))))
+        return both.of(np.argsort(both.key, kind='stable'))
 
     def _find(self, rows: np.ndarray, time_step: float) -> ContactRows:
         table, pieces = self._table, self._pieces

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Sleep: bodies that lie still with all they touch, until something else presses on them.
+Sleep: islands of bodies that lie still, until something else presses on one of them.
 
 What sleeps is immovable and costs nothing. It wakes before something hits it that could move it,
 and when what has pressed on it presses otherwise.
@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.linear import norm
+from procphys_ros.physics.masonry.components import root_of
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.extents import are_near, bounds
 
@@ -36,10 +37,10 @@ _AWAKE, _RESTING, _GONE, _DRIVEN = (int(state) for state in (
     BodyState.AWAKE, BodyState.RESTING, BodyState.GONE, BodyState.KINEMATIC))
 
 
-def calm(bodies: BodyTable, awake: np.ndarray, table: np.ndarray,
-         time_step: float) -> np.ndarray:
+def quiet_islands(bodies: BodyTable, awake: np.ndarray, table: np.ndarray,
+                  time_step: float) -> np.ndarray:
     """
-    Keep the clocks of loose bodies, and list those that have lain still with all they touch.
+    Keep the clocks of loose bodies, and list those of islands in which all have lain still.
 
     :param awake: ids, (K,).
     :param table: contacts of the last step as of `Engine.contacts`, (C, 13).
@@ -47,7 +48,7 @@ def calm(bodies: BodyTable, awake: np.ndarray, table: np.ndarray,
     :returns: ids, ascending, (M,).
     """
     _keep_clocks(awake, bodies.velocities, bodies.radius, bodies.quiet, time_step)
-    return _calm(awake, bodies.quiet, bodies.state, table)
+    return _quiet(awake, bodies.quiet, bodies.state, table)
 
 
 @kernel
@@ -71,17 +72,55 @@ def _spin(velocity):
 
 
 @kernel
-def _calm(awake, quiet, state, table):
-    still = np.zeros(len(state), np.bool_)
+def _quiet(awake, quiet, state, table):
+    parent = np.arange(len(state))
+    _join(table, state, _AWAKE, parent)
+    still = np.ones(len(state), np.bool_)
+    for b in awake:
+        if quiet[b] < SLEEP_TIME - 1e-9:
+            still[root_of(parent, b)] = False
+    found = np.zeros(len(awake), np.bool_)
     for k in range(len(awake)):
-        still[awake[k]] = quiet[awake[k]] > SLEEP_TIME - 1e-9
-    found = still.copy()
+        found[k] = still[root_of(parent, awake[k])]
+    return awake[found]
+
+
+@subroutine
+def _join(table, state, doing, parent):
+    """Join bodies in some state that press on each other."""
     for c in range(len(table)):
         a, b = int(table[c, 0]), int(table[c, 1])
-        if table[c, 12] > 0.0:
-            found[a] &= still[b] or state[b] != _AWAKE
-            found[b] &= still[a] or state[a] != _AWAKE
-    return awake[found[awake]]
+        if table[c, 12] > 0.0 and state[a] == doing and state[b] == doing:
+            a, b = root_of(parent, a), root_of(parent, b)
+            parent[max(a, b)] = min(a, b)
+
+
+def with_islands(rows: np.ndarray, ids: np.ndarray, bodies: BodyTable) -> np.ndarray:
+    """
+    Add to bodies all that sleeps in the same islands.
+
+    :param rows: contacts with which bodies fell asleep, (E, 13).
+    :param ids: (K,).
+    :returns: ids, ascending, (M,).
+    """
+    if not (bodies.state[ids] == BodyState.RESTING).any():
+        return ids
+    return _with_islands(rows, ids, bodies.state)
+
+
+@kernel
+def _with_islands(rows, ids, state):
+    parent = np.arange(len(state))
+    _join(rows, state, _RESTING, parent)
+    wakes = np.zeros(len(state), np.bool_)
+    for b in ids:
+        wakes[root_of(parent, b)] = True
+    found = np.zeros(len(state), np.bool_)
+    for b in range(len(state)):
+        found[b] = state[b] == _RESTING and wakes[root_of(parent, b)]
+    for b in ids:
+        found[b] = True
+    return np.flatnonzero(found)
 
 
 def join(rows: np.ndarray, table: np.ndarray, ids: np.ndarray, bodies: BodyTable) -> np.ndarray:
@@ -172,14 +211,12 @@ def _add(row, sign, state, velocities, poses, change, pressed):
         change[own, 5] += i * y - j * x
 
 
-def struck(bodies: BodyTable, rows: np.ndarray, time_step: float) -> np.ndarray:
+def struck(bodies: BodyTable, time_step: float) -> np.ndarray:
     """
-    List the sleeping bodies that a blow in this step may move, with what they touch.
+    List the sleeping bodies that a blow in this step may move.
 
-    They wake *before* the step, so that the contact solver shares the momentum. A blow wakes as
-    much of what lies around as it could still move at `SLEEP_SPEED`.
+    They wake *before* the step, so that the contact solver shares the momentum.
 
-    :param rows: contacts with which bodies fell asleep, (E, 13).
     :param time_step: [s].
     """
     sleeping = np.flatnonzero(bodies.state == BodyState.RESTING)
@@ -188,59 +225,9 @@ def struck(bodies: BodyTable, rows: np.ndarray, time_step: float) -> np.ndarray:
     if not len(sleeping) or not len(moving):
         return np.zeros(0, np.intp)
     pairs = _reached_pairs(bodies, sleeping, moving, bounds(bodies, moving), time_step)
-    speed, least = _local_speed(bodies, pairs), _least_hit(bodies, pairs)
-    pairs, speed = pairs[speed > least], speed[speed > least]
+    pairs = pairs[_local_speed(bodies, pairs) > _least_hit(bodies, pairs)]
     reach = rim_speed(bodies, pairs[:, 1]) * time_step + _NEAR
-    near = are_near(bodies, pairs, reach)
-    hit, by = pairs[near].T
-    mass = np.where(bodies.state[by] == BodyState.KINEMATIC, bodies.mass[hit], bodies.mass[by])
-    momentum = mass * speed[near]
-    hardest = np.argsort(-momentum, kind='stable')
-    return _spread(hit[hardest], momentum[hardest], rows, bodies.state, bodies.mass)
-
-
-@kernel
-def _spread(hit, momentum, rows, state, mass):
-    """Follow contacts of sleepers from each that is hit, as far as its blow could move them."""
-    start, other = _neighbours(rows, state)
-    woken, queue = np.zeros(len(state), np.bool_), np.empty(len(state), np.int64)
-    for h in range(len(hit)):
-        if woken[hit[h]]:
-            continue
-        queue[0], read, written, total = hit[h], 0, 1, 0.0
-        woken[hit[h]] = True
-        while read < written:
-            b = queue[read]
-            read += 1
-            total += mass[b]
-            if momentum[h] < SLEEP_SPEED * total:
-                break
-            for k in range(start[b], start[b + 1]):
-                if not woken[other[k]]:
-                    woken[other[k]] = True
-                    queue[written] = other[k]
-                    written += 1
-    return np.flatnonzero(woken)
-
-
-@subroutine
-def _neighbours(rows, state):
-    """Give the sleepers that touch each body, and where those of each begin."""
-    start = np.zeros(len(state) + 1, np.int64)
-    for side in range(2):
-        for e in range(len(rows)):
-            if state[int(rows[e, 1 - side])] == _RESTING:
-                start[int(rows[e, side]) + 1] += 1
-    for b in range(len(state)):
-        start[b + 1] += start[b]
-    other, fill = np.empty(start[-1], np.int64), start[:-1].copy()
-    for side in range(2):
-        for e in range(len(rows)):
-            if state[int(rows[e, 1 - side])] == _RESTING:
-                b = int(rows[e, side])
-                other[fill[b]] = int(rows[e, 1 - side])
-                fill[b] += 1
-    return start, other
+    return np.unique(pairs[are_near(bodies, pairs, reach), 0])
 
 
 def _reached_pairs(bodies: BodyTable, sleeping: np.ndarray, moving: np.ndarray,

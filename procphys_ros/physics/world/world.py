@@ -201,7 +201,7 @@ class World:
 
     def thaw(self, ids: np.ndarray, velocities: np.ndarray | None = None) -> None:
         """
-        Set bodies free.
+        Set bodies free; what sleeps wakes with all its island.
 
         :param ids: (K,).
         :param velocities: world axes, (K, 6); None = from rest.
@@ -209,9 +209,10 @@ class World:
         ids = np.atleast_1d(np.asarray(ids, np.intp))
         if not len(ids):
             return
-        self._bodies.set_state(ids, BodyState.AWAKE)
-        self._bodies.quiet[ids] = 0.0
-        self._engine.thaw(self._bodies, self._queue.admit_among(ids))
+        woken = sleeping.with_islands(self._asleep, ids, self._bodies)
+        self._bodies.set_state(woken, BodyState.AWAKE)
+        self._bodies.quiet[woken] = 0.0
+        self._engine.thaw(self._bodies, self._queue.admit_among(woken))
         self._asleep = sleeping.without_sleepers(self._asleep, self._bodies)
         if velocities is not None:
             self.set_velocities(ids, velocities)
@@ -301,7 +302,7 @@ class World:
         bodies, self._time_step = self._bodies, time_step
         self._table = self._table[:0]
         if (bodies.state >= BodyState.AWAKE).any():
-            self.thaw(sleeping.struck(bodies, self._asleep, time_step))
+            self.thaw(sleeping.struck(bodies, time_step))
             self._queue.advance(self.awake, time_step)
         self._places = bodies.copied('poses', self._places)
         if not (bodies.state >= BodyState.AWAKE).any():
@@ -320,7 +321,7 @@ class World:
         """Let lie what lies still, and wake on what something presses otherwise."""
         bodies, table = self._bodies, self._table
         woken = sleeping.disturbed(bodies, self._asleep, table, self._gravity)
-        falls = sleeping.calm(bodies, self.awake, table, time_step)
+        falls = sleeping.quiet_islands(bodies, self.awake, table, time_step)
         if len(falls):
             self._asleep = sleeping.join(self._asleep, table, falls, bodies)
             self._hold(falls, BodyState.RESTING)
