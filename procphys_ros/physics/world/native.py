@@ -185,7 +185,7 @@ class NativeEngine:
         place_of = np.full(len(table.state), len(moving))
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
-        up = upwards(contacts.point, self._gravity)
+        up = upwards(contacts, self._gravity)
         members, begins, order, start = islands(first[up], second[up], len(free))
         self._told = solve(bodies, first, second, contacts, up[order], table.friction,
                            table.restitution, (members, begins, start), self._gravity, time_step)
