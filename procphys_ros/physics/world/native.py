@@ -207,8 +207,8 @@ class NativeEngine:
         one, other = overlaps(pieces.bounds[rows], pieces.bounds)
         state = self._table.state
         moves = np.where(state == BodyState.AWAKE, 2, state == BodyState.KINEMATIC)
-        excluded = np.sort(np.array([join_key(*pair) for pair in self._excluded], np.int64))
-        return meeting(one, other, rows, pieces.body, moves, excluded)
+        excluded = np.array(sorted(self._excluded), np.int64).reshape(-1, 2)
+        return meeting(one, other, rows, pieces.body, moves, join_key(*excluded.T))
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Give points that only the ground meets: bodies, places in their frames, and rows."""
