@@ -20,9 +20,11 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.rigid.contacts import find, no_contacts
+from procphys_ros.physics.rigid.contacts import find, join_key, meeting, no_contacts
+from procphys_ros.physics.rigid.islands import upwards
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, ROUND
 from procphys_ros.physics.terrain import FLAT
+from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.loose_bodies import plain
 from procphys_ros.physics.world.native import NativeEngine
@@ -252,3 +254,40 @@ def test_what_was_removed_leaves_no_rows_and_others_go_on():
     beside, rows, count = column(True)
     np.testing.assert_array_equal(beside, alone)
     assert rows < 3 * count
+
+
+@pytest.mark.parametrize('farthest', [2.0, 1e7])
+def test_contacts_are_sorted_from_the_ground_up(farthest):
+    """Sort points, one of them far away: what presses first, each part by height, ties in turn."""
+    rng, rows = np.random.default_rng(7), no_contacts(400)
+    rows.point[:] = rng.uniform(-1.0, 1.0, (400, 3))
+    rows.point[::5, 2], rows.point[17, 2] = 0.25, farthest
+    rows.gap[:], rows.force[:] = 1e-3, 0.0
+    rows.force[::3, 0], rows.gap[1::7] = 2.0, -1e-4
+    waits = (rows.gap > 0.0) & (rows.force[:, 0] == 0.0)
+    level = np.trunc(rows.point[:, 2] / 1e-6)
+    np.testing.assert_array_equal(upwards(rows, G), np.lexsort((level, waits)))
+    np.testing.assert_array_equal(upwards(rows, np.zeros(3)), np.argsort(waits, kind='stable'))
+    assert not len(upwards(no_contacts(0), G))
+
+
+def test_pairs_meet_once_whatever_moves():
+    """Let many small boxes and a large one overlap: each pair once, as laws of motion have it."""
+    rng, count = np.random.default_rng(11), 300
+    low = rng.uniform(0.0, 2.0, (count, 3))
+    bounds = np.column_stack([low, low + rng.uniform(0.0, 0.4, (count, 3))])
+    bounds[7] = [0.0, 0.0, 0.0, 2.0, 2.0, 2.0]  # meets more than are sorted one by one
+    body, moves = rng.integers(1, 150, count), rng.integers(0, 3, 150)
+    excluded = np.array([[x, y] for x in range(150) for y in range(x, 150) if (x + y) % 9 == 0])
+    rows = np.flatnonzero(moves[body] > 0)
+    one, other = overlaps(bounds[rows], bounds)
+    found = meeting(one, other, rows, body, moves, join_key(*excluded.T))
+    wanted = []
+    for m, p in enumerate(rows):
+        for q in range(count):
+            a, b = body[p], body[q]
+            near = ((bounds[p, :3] <= bounds[q, 3:]) & (bounds[q, :3] <= bounds[p, 3:])).all()
+            once = moves[b] == 0 or p < q
+            if near and once and a != b and 2 in (moves[a], moves[b]) and (a + b) % 9:
+                wanted.append((m, q))
+    np.testing.assert_array_equal(found.T, wanted)

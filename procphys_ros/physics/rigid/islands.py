@@ -66,29 +66,31 @@ def islands(first, second, count):
 
 
 @kernel
-def upwards(point, gravity):
+def upwards(contacts, gravity):
     """
-    Sort points from the ground up, in order where they are level.
+    Sort contacts from the ground up: first those that press or overlap, then those that may.
 
-    :param point: (C, 3).
+    :param contacts: with what they pressed with in the step before.
     :param gravity: [m/s²], (3,).
-    :returns: rows, those that lie farthest along gravity first, (C,).
+    :returns: rows, (C,).
     """
-    count, strength = len(point), math.sqrt(gravity[0] * gravity[0] + gravity[1] * gravity[1]
-                                            + gravity[2] * gravity[2])
+    point, count = contacts.point, len(contacts.gap)
     order, level = np.arange(count), np.zeros(count, np.int64)
-    if strength == 0.0 or count == 0:
-        return order
+    waits = np.zeros(count, np.int64)
+    strength = math.sqrt(gravity[0] * gravity[0] + gravity[1] * gravity[1]
+                         + gravity[2] * gravity[2])
     for c in range(count):
-        along = (point[c, 0] * gravity[0] + point[c, 1] * gravity[1] + point[c, 2] * gravity[2])
-        level[c] = -int(along / strength / _LEVEL)
-    level -= level.min()
-    high = level.max()
-    while high > 0:  # digit by digit
+        waits[c] = contacts.gap[c] > 0.0 and contacts.force[c, 0] == 0.0
+        if strength > 0.0:
+            along = (point[c, 0] * gravity[0] + point[c, 1] * gravity[1]
+                     + point[c, 2] * gravity[2])
+            level[c] = -int(along / strength / _LEVEL)
+    if count > 0:
+        level -= level.min()
+    while count > 0 and level.max() > 0:  # digit by digit
         order = order[_sorted(level[order] % _DIGIT, _DIGIT)[0]]
         level //= _DIGIT
-        high //= _DIGIT
-    return order
+    return order[_sorted(waits[order], 2)[0]]
 
 
 @subroutine

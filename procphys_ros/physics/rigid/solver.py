@@ -56,9 +56,9 @@ _LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, 
 _TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
 
 # A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass,
-# inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion that it had before contacts acted
-# in the present substep, how far it has moved and turned in this step, and the matrix that gives
-# how far a point moves by that turn, right to its second power; last, the pass that changed it.
+# inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion before contacts acted in the
+# present substep, how far it has moved and turned in this step, the matrix that gives how far a
+# point moves by that turn, right to its second power, and the pass that changed it last.
 _SPEED, _SPIN, _LIGHT, _EASE, _FREE, _WAY, _TURNED, _BEND, _STIR = 0, 3, 6, 7, 13, 19, 22, 25, 34
 _BODY = 35
 # A row per contact: normal, a tangent, arms of both bodies, masses along normal, tangent and the
@@ -145,7 +145,6 @@ def _states(bodies):
 def _ease(i, bodies, state):
     """Write the inverse of a body's inertia in the world."""
     x, y, z = matrix_rows(bodies.pose[i, 3:])
-    one, two = state[i, _LIGHT], 0.0
     a, b, c = 1.0 / bodies.inertia[i, 0], 1.0 / bodies.inertia[i, 1], 1.0 / bodies.inertia[i, 2]
     u, v, w = (a * x[0], b * x[1], c * x[2]), (a * y[0], b * y[1], c * y[2]), (
         a * z[0], b * z[1], c * z[2])

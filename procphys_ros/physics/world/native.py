@@ -178,7 +178,7 @@ class NativeEngine:
         place_of = np.full(len(table.state), len(moving))
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
-        up = upwards(contacts.point, self._gravity)
+        up = upwards(contacts, self._gravity)
         members, begins, order, start = islands(first[up], second[up], len(free))
         self._told = solve(bodies, first, second, contacts, up[order], table.friction,
                            table.restitution, (members, begins, start), self._gravity, time_step)
@@ -212,8 +212,8 @@ class NativeEngine:
         one, other = overlaps(pieces.bounds[rows], pieces.bounds)
         state = self._table.state
         moves = np.where(state == BodyState.AWAKE, 2, state == BodyState.KINEMATIC)
-        excluded = np.sort(np.array([join_key(*pair) for pair in self._excluded], np.int64))
-        return meeting(one, other, rows, pieces.body, moves, excluded)
+        excluded = np.array(sorted(self._excluded), np.int64).reshape(-1, 2)
+        return meeting(one, other, rows, pieces.body, moves, join_key(*excluded.T))
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Give points that only the ground meets: bodies, places in their frames, and rows."""
