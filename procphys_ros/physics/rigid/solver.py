@@ -47,20 +47,22 @@ from procphys_ros.rotation_kernels import matrix_rows
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
 _PUSH = 3.0  # [m/s] at most at which overlaps are taken back (box2d's value)
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
-_WORK = 200_000  # contacts solved per island and step: what a stack needs, a heap cannot have
-_FINEST, _COARSEST = 32, 8  # substeps of an island; 8 at 60 Hz leave 0.5 mm of overlap in a heap
-_PASSES = 32  # at most: one that lands flat on many corners needs them, what rests takes one
+_WORK = 12_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
+_COARSE = 480.0  # [1/s] substeps of an island at least; so many leave 0.5 mm of overlap in a heap
+_FINER = 4  # times as many at most
+_PASSES = 16  # at most: one that lands flat on many corners needs them, what rests takes one
 _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
+_MOST_TURNS = 32  # substeps of what flies alone, at most
 _LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
 _TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
 
 # A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass,
 # inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion before contacts acted in the
-# present substep, how far it has moved and turned in this step, the matrix that gives how far a
-# point moves by that turn, right to its second power, and the pass that changed it last.
-_SPEED, _SPIN, _LIGHT, _EASE, _FREE, _WAY, _TURNED, _BEND, _STIR = 0, 3, 6, 7, 13, 19, 22, 25, 34
-_BODY = 35
+# present substep, how far it has moved and turned in this step, and the matrix that gives how far
+# a point moves by that turn, right to its second power.
+_SPEED, _SPIN, _LIGHT, _EASE, _FREE, _WAY, _TURNED, _BEND = 0, 3, 6, 7, 13, 19, 22, 25
+_BODY = 34
 # A row per contact: normal, a tangent, arms of both bodies, masses along normal, tangent and the
 # third axis, speed along the last two by a unit impulse along the normal, impulses of the present
 # substep, gap as bodies have moved so far, friction, sums of impulses over the step, the place on
@@ -135,7 +137,6 @@ def _states(bodies):
     for i in range(len(state)):
         for w in range(6):
             state[i, w] = bodies.velocity[i, w]
-        state[i, _STIR] = -1.0
         state[i, _LIGHT] = 1.0 / bodies.mass[i]
         _ease(i, bodies, state)
     return state
@@ -157,15 +158,15 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
                   time_step, state, rows, spots):
     """Move the bodies of an island by a step."""
     contacts = range(begin, end)
-    substeps, room = _pace(own, end - begin, state, time_step)
+    substeps, passes, fine = _pace(own, end - begin, state, time_step)
     h = time_step / substeps
     bounces = False
     for r in contacts:
         _start(r, order[r], force, h, rows)
         bounces = bounces or elastic[r, 0] > 0.0
     for substep in range(substeps):
-        anew = substeps == _FINEST or substep == 0
-        if substeps == _FINEST and substep > 0:
+        anew = fine or substep == 0
+        if fine and substep > 0:
             for i in own:
                 _ease(i, bodies, state)
             for r in contacts:
@@ -176,11 +177,11 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
             _note_approach(contacts, ends, state, rows, elastic)
         if anew:
             _begin(contacts, ends, state, rows)
-        _passes(room, contacts, ends, state, rows, h, _softness(h, substeps), 4 * substep)
+        _passes(passes, contacts, ends, state, rows, h, _softness(h), False)
         for i in own:
             _advance(i, bodies, gravity, h, begin == end, state)
         _carry(free, (substep + 1) * h, state)
-        _passes(2 * room, contacts, ends, state, rows, h, _RIGID, 4 * substep + 2)
+        _passes(2 * passes, contacts, ends, state, rows, h, _RIGID, True)
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
@@ -194,11 +195,13 @@ def _pace(own, contacts, state, time_step):
         spin = 0.0
         for i in own:
             spin = max(spin, length(three(state, i, _SPIN)))
-        return min(int(spin * time_step / _TURN) + 1, _FINEST), 0
-    substeps = _FINEST
-    while substeps > _COARSEST and contacts * substeps * 3 * (substeps // 8) > _WORK:
+        return min(int(spin * time_step / _TURN) + 1, _MOST_TURNS), 0, False
+    coarse = max(int(time_step * _COARSE + 0.5), 1)
+    work, substeps = int(_WORK * time_step), _FINER * coarse
+    while substeps > coarse and 3 * contacts * substeps * (substeps // coarse) > work:
         substeps //= 2
-    return substeps, _WORK // (3 * substeps)
+    passes = min(max(work // (3 * contacts * substeps), 1), _PASSES)
+    return substeps, passes, substeps == _FINER * coarse
 
 
 @subroutine(**LEAN)
@@ -375,43 +378,34 @@ def _bounce(contacts, ends, state, rows, elastic):
 
 
 @subroutine(**INLINE)
-def _softness(h, substeps):
+def _softness(h):
     """Give rate of overlaps taken back [1/s], share of mass and of impulse (Catto 2011)."""
-    omega = math.pi / (h * substeps / _COARSEST)
+    omega = math.pi * 2.0 * _COARSE
     a = 2.0 * _DAMPING + h * omega
     b = h * omega * a
     return omega / a, b / (1.0 + b), 1.0 / (1.0 + b)
 
 
 @subroutine(**LEAN)
-def _passes(room, contacts, ends, state, rows, h, soft, clock):
-    """
-    Solve an island until nothing changes any more, or so many contacts have been solved.
-
-    :param clock: tells these passes from others of the step, in steps of two.
-    """
-    for k in range(_PASSES):
-        solved = _pass(contacts, ends, state, rows, h, soft, k, _PASSES * clock + k)
-        room -= solved
-        if solved == 0 or room <= 0:
+def _passes(most, contacts, ends, state, rows, h, soft, moved):
+    """Solve an island until nothing changes any more, or as often as it may be."""
+    for k in range(most):
+        if not _pass(contacts, ends, state, rows, h, soft, moved and k == 0):
             break
 
 
 @subroutine(**LEAN)
-def _pass(contacts, ends, state, rows, h, soft, k, now):
-    """Solve the contacts of bodies that the pass before has changed; return how many."""
+def _pass(contacts, ends, state, rows, h, soft, moved):
+    """Solve all contacts of an island once, in turn; return whether any speed has changed."""
     rate, mass_share, impulse_share = soft
-    often, solved = 1.0 / h, 0
+    often, changed = 1.0 / h, False
     for r in contacts:
         i, j = ends[r, 0], ends[r, 1]
-        if k == 0 and rate == 0.0:
+        if moved:
             rows[r, _GAP] = _gap(r, i, j, state, rows)
-        if k > 0 and state[i, _STIR] < now - 1 and state[j, _STIR] < now - 1:
-            continue
         gap, before = rows[r, _GAP], rows[r, _PUSHED]
         if rate == 0.0 and gap > 0.0 and before == 0.0:
             continue  # what has not struck yet is stopped in the substep in which it does
-        solved += 1
         bias, share, kept = 0.0, 1.0, 0.0
         if gap > 0.0:
             bias = often * gap
@@ -426,15 +420,10 @@ def _pass(contacts, ends, state, rows, h, soft, k, now):
         u, v = _rub(rows, r, slip, pressed, pressed - before)
         change = (pressed - before, u, v)
         _push(state, i, j, arm, other, _along(rows, r, change))
-        changed = False
-        for w in range(3):
-            rows[r, _PUSHED + w] += change[w]
-            changed = changed or abs(change[w]) > _CALM * rows[r, _MASS + w]
-        if changed:
-            for side in range(2):
-                if state[ends[r, side], _LIGHT] > 0.0:
-                    state[ends[r, side], _STIR] = now
-    return solved
+        for k in range(3):
+            rows[r, _PUSHED + k] += change[k]
+            changed = changed or abs(change[k]) > _CALM * rows[r, _MASS + k]
+    return changed
 
 
 @subroutine(**INLINE)
