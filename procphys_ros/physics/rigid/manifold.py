@@ -24,6 +24,7 @@ from procphys_ros.physics.rigid.pieces import EDGES, FACES, ROUND, SLOP
 from procphys_ros.physics.rigid.separation import (
     between_edges,
     between_lines,
+    CLEARER,
     EDGE,
     middle_of,
     of_axis,
@@ -42,6 +43,7 @@ from procphys_ros.physics.rigid.vectors import (
 )
 
 MOST = 4  # points of two pieces
+_SQUARE = 0.94  # cosine of the angle up to which a face and an axis across edges are one
 _TILT = 0.03  # sine of the angle up to which what is round lies along a face, or another round one
 _ALONG = math.sqrt(1.0 - _TILT * _TILT)
 
@@ -86,7 +88,16 @@ def _of_solids(p, q, pieces, margin, points, normal, work):
         return 0
     _turn(normal, n)
     if face == EDGE and other == EDGE:
+        count = _of_flat_edges(p, q, pieces, n, gap, margin, points, normal, work)
+        if count > 0:
+            return count
         return _of_edges(pieces.corners[p], edge, pieces.corners[q], edge_other, gap, points)
+    return _of_face(p, q, pieces, n, face, other, margin, points, work)
+
+
+@subroutine(**LEAN)
+def _of_face(p, q, pieces, n, face, other, margin, points, work):
+    """Find the points of a face of one solid, the other's is `EDGE`, and what meets it."""
     if other == EDGE:
         met = _opposite(pieces.normals[q], scaled(-1.0, n))
         count = _clip(pieces.corners[p], face, scaled(-1.0, n), pieces.corners[q], met, margin,
@@ -95,6 +106,31 @@ def _of_solids(p, q, pieces, margin, points, normal, work):
         met = _opposite(pieces.normals[p], n)
         count = _clip(pieces.corners[q], other, n, pieces.corners[p], met, margin, work)
     return _choose(work[0], count, n, points)
+
+
+@subroutine(**LEAN)
+def _of_flat_edges(p, q, pieces, n, gap, margin, points, normal, work):
+    """
+    Find the points of a face that is nearly square to the axis across two edges, if there is one.
+
+    What lies across a narrow solid touches two of its edges: each alone lets it teeter.
+    """
+    face, other = _opposite(pieces.normals[p], n), _opposite(pieces.normals[q], scaled(-1.0, n))
+    one, two = scaled(-1.0, at(pieces.normals[p], face)), at(pieces.normals[q], other)
+    if max(dot(one, n), dot(two, n)) < _SQUARE:
+        return 0
+    if dot(one, n) > dot(two, n):
+        two, other = one, EDGE
+    else:
+        face = EDGE
+    count = _of_face(p, q, pieces, two, face, other, margin, points, work)
+    deepest = np.inf
+    for k in range(count):
+        deepest = min(deepest, points[k, 3])
+    if abs(deepest - gap) > CLEARER:
+        return 0
+    _turn(normal, two)
+    return count
 
 
 @subroutine(**LEAN)

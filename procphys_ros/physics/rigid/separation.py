@@ -34,7 +34,7 @@ from procphys_ros.physics.rigid.vectors import (
 )
 
 EDGE = -1  # in the place of a face: two edges meet
-_CLEARER = 0.001  # [m] by which two edges must be farther apart than faces, lest points jump
+CLEARER = 0.001  # [m] by which two edges must be farther apart than faces, lest points jump
 _APART = (np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0)  # what is not found to touch
 _PARALLEL = 1e-3  # sine of the angle between edges that span no plane
 
@@ -113,9 +113,9 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
                 best, first, second, normal = found, e, k, n
     if best > margin:
         return _APART
-    if best > max(gap, other_gap) + _CLEARER:
+    if best > max(gap, other_gap) + CLEARER:
         return best, normal, EDGE, EDGE, first, second
-    if gap >= other_gap - _CLEARER:
+    if gap >= other_gap - CLEARER:
         return gap, scaled(-1.0, at(normals, face)), face, EDGE, 0, 0
     return other_gap, at(other_normals, other_face), EDGE, other_face, 0, 0
 
@@ -144,12 +144,12 @@ def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosine
             gap -= 0.5 * size[i] * abs(cosines[i, j])
         if gap > margin:
             return _APART
-        if gap > best + (_CLEARER if which < 3 else 0.0):
+        if gap > best + (CLEARER if which < 3 else 0.0):
             best, which = gap, 3 + j
     edge, i, j = _widest_edges(way, size, other_size, turn, other, cosines)
     if edge > margin:
         return _APART
-    if edge > best + _CLEARER:
+    if edge > best + CLEARER:
         n = cross(at(turn, i), at(other, j))
         normal = scaled((1.0 if dot(n, way) > 0.0 else -1.0) / length(n), n)
         return (edge, normal, EDGE, EDGE, _edge_towards(i, turn, scaled(-1.0, normal)),
