@@ -49,16 +49,16 @@ setup(
                   f'{PACKAGE}.render': ['shaders/*']},
     zip_safe=False,
     python_requires='>=3.11',
-    # numba: compilation/cache.py replaces its cache of kernels, tested with these versions.
+    # numba: `compilation` replaces its cache and its linking of kernels, tested with 0.58 (that of
+    # Ubuntu 24.04), 0.59 and 0.68. The others may be as old as they are there.
     # PyBullet has wheels up to Python 3.11: later ones take the engine that needs no compiler.
     install_requires=['setuptools', 'numpy', 'numba>=0.58,<0.69', 'scipy', 'lark', 'pyyaml',
-                      'pybullet; python_version < "3.12"', 'rapier3d; python_version >= "3.12"'],
+                      'pybullet; python_version < "3.12"'],
     extras_require={
         # On a ROS machine these come with ROS itself, so they are no hard requirements.
         'wheels': ['ros-rclpy[fastrtps]~=7.1.6', 'ros-jazzy-common-interfaces'],
         'render': ['moderngl>=5.10', 'pillow', 'av'],  # pictures and films
-        'bullet': ['pybullet'],  # the engines of rigid bodies
-        'rapier': ['rapier3d'],
+        'bullet': ['pybullet'],  # the engine to compare with
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],
         'batch': ['pyarrow', 'distributed'],  # Parquet tables, clusters of machines
@@ -66,8 +66,7 @@ setup(
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
         'docs': ['sphinx', 'myst-parser', 'sphinx-rtd-theme', 'viser>=1.1', 'pillow'],
         'report': ['matplotlib', 'pytest', 'pytest-timeout', 'pytest-xdist'],
-        'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'rapier3d', 'ruff', 'mypy',
-                 'types-PyYAML',
+        'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'ruff', 'mypy', 'types-PyYAML',
                  # the wheels of ament's linters do not name what they need
                  'ros-ament-flake8', 'flake8', 'flake8-builtins', 'flake8-comprehensions',
                  'flake8-import-order', 'flake8-quotes',

@@ -25,6 +25,7 @@ import sys
 
 import pytest
 
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.compilation.claims import claim, release
 from procphys_ros.compilation.folders import cache_folder, prepare
 from procphys_ros.compilation.sources import imported_names
@@ -205,6 +206,13 @@ except TypeError as error:
     print(7.0 if str(error).startswith('enlarge is a subroutine') else 0.0, 0)
 """
     assert small.run(then=refused)[:2] == (7.0, 0)
+
+
+@pytest.mark.parametrize('decorator', [kernel, subroutine])
+def test_kernels_leave_the_threads_of_numba_alone(decorator):
+    """Refuse them: what comes from a file does not start them."""
+    with pytest.raises(TypeError, match='parallel'):
+        decorator(parallel=True)(lambda x: x)
 
 
 def test_setting_of_numba_takes_effect(used):

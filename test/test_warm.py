@@ -28,7 +28,7 @@ import sys
 from time import sleep
 from typing import Any, NamedTuple
 
-from numba import types
+from numba import from_dtype, types
 import numpy as np
 import pytest
 
@@ -135,6 +135,15 @@ def test_list_fits_the_kernels():
 def test_types_survive_as_text(kind):
     """Write the type of an argument as JSON, and read the same type again."""
     assert from_text(json.loads(json.dumps(to_text(kind)))) == kind
+
+
+@pytest.mark.parametrize('name', ['bool', 'int64', 'float32'])
+def test_types_are_named_alike_by_all_versions_of_numba(name, monkeypatch):
+    """Need no attribute of `types`: numba 0.58 has no `bool` there."""
+    kind = from_dtype(np.dtype(name))
+    monkeypatch.delattr(types, name, raising=False)
+    assert from_text(to_text(kind)) == kind
+    assert from_text(['array', name, 1, 'C']) == types.Array(kind, 1, 'C')
 
 
 def test_unknown_type_is_refused():

@@ -391,3 +391,15 @@ def test_integers_are_taken_for_numbers():
     settings = _settings(velocity=[5, 0, 0], turbulence_intensity=0, reference_height=10)
     assert settings.velocity == (5.0, 0.0, 0.0)
     assert isinstance(settings.reference_height, float)
+
+
+def test_fields_are_scaled_alike_by_all_versions_of_numpy(monkeypatch):
+    """Scale in double precision: before numpy 2 arrays decided on the precision."""
+    white = np.random.default_rng(SEED).random(1024).astype(np.float32)
+    monkeypatch.setattr(eddies, '_transform', lambda variances, shares, used, shape, rng: (
+        np.broadcast_to(white[:shape[0], None, None], shape)))
+    spectrum = spectra.make('kaimal', 10.0)
+    for box in eddies.make_boxes(spectrum, np.random.default_rng(SEED)):
+        for component, ratio in enumerate(spectrum.ratios.tolist()):
+            expected = [np.float32(ratio * value) for value in white[:len(box.field)].tolist()]
+            assert (box.field[:, 0, 0, component] == expected).all()

@@ -34,12 +34,14 @@ def kernel(function: Callable | None = None, /, **options: Any) -> Any:
     Compile a function with numba when it is first called, and cache it for the user.
 
     :param function: what to compile; None = give a decorator with these options.
-    :param options: of `numba.njit`; `cache` is implied.
+    :param options: of `numba.njit` but `parallel`; `cache` is implied.
     """
     if function is None:
         return partial(kernel, **options)
     # Nothing calls kernels from C, and the wrappers for that take a tenth of the compilation.
-    compiled = njit(no_cfunc_wrapper=True, pipeline_class=KernelCompiler, **options)(function)
+    # Threads are those of `threads`: code from a file would find numba's own not started.
+    compiled = njit(no_cfunc_wrapper=True, parallel=False, pipeline_class=KernelCompiler,
+                    **options)(function)
     if not config.DISABLE_JIT:  # else it is the function itself
         compiled._cache = KernelCache(function)
     return _noted(function, compiled)
@@ -52,14 +54,15 @@ def subroutine(function: Callable | None = None, /, **options: Any) -> Any:
     It has no wrapper for Python and no machine code of its own, which is half of the work.
 
     :param function: what to compile; None = give a decorator with these options.
-    :param options: of `numba.njit`; `cache` is implied.
+    :param options: of `numba.njit` but `parallel`; `cache` is implied.
     """
     if function is None:
         return partial(subroutine, **options)
     if config.DISABLE_JIT:
         return _noted(function, function)
-    compiled = Subroutine(function, pipeline_class=SubroutineCompiler, targetoptions={
-        'nopython': True, 'no_cfunc_wrapper': True, 'no_cpython_wrapper': True, **options})
+    compiled = Subroutine(function, pipeline_class=SubroutineCompiler, targetoptions=dict(
+        nopython=True, no_cfunc_wrapper=True, no_cpython_wrapper=True, parallel=False,
+        **options))
     compiled._cache = SubroutineCache(function)
     return _noted(function, compiled)
 

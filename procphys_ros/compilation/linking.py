@@ -131,7 +131,6 @@ class Subroutine(CPUDispatcher):
 def restore_kernel(target_context: Any, reduced: tuple) -> CompileResult:
     """Read what numba's `CompileResult._reduce` made of a compiled kernel."""
     (name, _, code), fndesc, environment = reduced[:3]
-    _initialise(reduced)
     library = KernelLibrary.restored(target_context.codegen(), name, *code)
     result = _result(target_context, reduced, library,
                      target_context.get_executable(library, fndesc, environment))
@@ -143,7 +142,6 @@ def restore_kernel(target_context: Any, reduced: tuple) -> CompileResult:
 def restore_subroutine(target_context: Any, reduced: tuple) -> CompileResult:
     """Read what numba's `CompileResult._reduce` made of a compiled subroutine."""
     (name, _, bitcode), fndesc, environment = reduced[:3]
-    _initialise(reduced)
     library = SubroutineLibrary(target_context.codegen(), name)
     library._final_module = library._shared_module = binding.parse_bitcode(bitcode)
     library._finalize_final_module()
@@ -151,18 +149,11 @@ def restore_subroutine(target_context: Any, reduced: tuple) -> CompileResult:
                    _not_executable(library, fndesc, environment))
 
 
-def _initialise(reduced: tuple) -> None:
-    """Do what a function's callees in other languages ask for before it is restored."""
-    for initialise in reduced[-2]:
-        initialise()
-
-
 def _result(target_context: Any, reduced: tuple, library: _Library,
             entry_point: Any) -> CompileResult:
     """Give what numba keeps of a function, with a library that is restored."""
     (_, fndesc, environment, signature, objectmode, lifted, annotation, reload_init,
      referenced) = reduced
-    library._reload_init.update(reload_init)
     return compile_result(
         target_context=target_context, typing_context=target_context.typing_context,
         library=library, environment=environment, fndesc=fndesc, signature=signature,

@@ -61,7 +61,7 @@ class Overload:
         try:
             dispatcher: Any = getattr(import_module(self.module), self.name)
             dispatcher.compile(tuple(from_text(argument) for argument in self.arguments))
-        except (ImportError, AttributeError, TypeError, NumbaError) as error:
+        except (ImportError, LookupError, AttributeError, TypeError, NumbaError) as error:
             raise StaleOverload(str(error).partition('\n')[0]) from error
         return bool(dispatcher.stats.cache_misses)
 

@@ -22,6 +22,9 @@ from numba import types
 
 Text = str | list
 
+# The names that every version of numba prints; not every one has `types.bool`.
+_SCALARS = {str(kind): kind for kind in (types.boolean, *types.number_domain)}
+
 
 def to_text(kind: Any) -> Text:
     """
@@ -39,7 +42,7 @@ def to_text(kind: Any) -> Text:
         return ['tuple', *map(to_text, kind)]
     if isinstance(kind, types.Omitted):
         return ['default', kind.value]
-    if getattr(types, str(kind), None) == kind:
+    if _SCALARS.get(str(kind)) == kind:
         return str(kind)
     raise ValueError(f'no text for arguments of type {kind}')
 
@@ -47,11 +50,11 @@ def to_text(kind: Any) -> Text:
 def from_text(text: Text) -> Any:
     """Give the type that `to_text` described."""
     if isinstance(text, str):
-        return getattr(types, text)
+        return _SCALARS[text]
     family, *rest = text
     if family in ('array', 'constant array'):
         dtype, dimensions, layout = rest
-        return types.Array(getattr(types, dtype), dimensions, layout, readonly=family != 'array')
+        return types.Array(_SCALARS[dtype], dimensions, layout, readonly=family != 'array')
     if family == 'named tuple':
         module, _, name = rest[0].partition(':')
         made = getattr(import_module(module), name)

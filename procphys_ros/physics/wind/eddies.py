@@ -92,8 +92,10 @@ def _draw(spectrum: Spectrum, shape: tuple[int, int, int], spacing: tuple[float,
         rates = spectrum.decay(component, wave_numbers[used])
         variances[used] = _emphasise(variances[used], rates, wave_numbers[used], spacing)
         shares = _cross_wind_shares(rates, shape[1:], spacing[1:])
-        field[..., component] = spectrum.ratios[component] * _transform(
-            variances[used], shares, used, shape, rng)
+        # In double precision with any numpy: before numpy 2 a single number left it to the array.
+        field[..., component] = np.multiply(
+            spectrum.ratios[component], _transform(variances[used], shares, used, shape, rng),
+            dtype=np.float64)
         lags[component] = _lag_table(variances[used], shares, used, shape[0])
     return Eddies(field, np.array(spacing), lags)
 
