@@ -93,7 +93,8 @@ def test_a_block_rests_on_a_bough_and_bends_it():
     assert expected.min() < -0.003
     np.testing.assert_allclose(sag, expected, rtol=0.05, atol=1e-4)
     assert np.mean(forces, axis=0)[2] == pytest.approx(-2.0 * 9.81, rel=0.01)
-    assert np.abs(bodies.velocities[body]).max() < 0.02
+    # Read before the tree gives back what the weight gave in the second half of the step.
+    assert np.abs(bodies.velocities[body]).max() < 0.02 + 0.5 * 9.81 * _DT
 
 
 @pytest.mark.parametrize(('mass', 'speed'), [(0.3, 4.0), (5.0, 8.0), (80.0, 6.0)])

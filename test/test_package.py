@@ -170,7 +170,7 @@ def test_shared_files_are_found():
 
 def test_engines_are_loaded_when_they_are_chosen(loaded):
     """Keep the libraries of engines in their modules, and load none before it is chosen."""
-    for library, module in (('pybullet', 'bullet_library'), ('rapier3d', 'rapier')):
+    for library, module in (('pybullet', 'bullet'), ('rapier3d', 'rapier')):
         users = [path.stem for path in MODULES
                  if library in {name.split('.')[0] for name in imports(path)}
                  or f"find_spec('{library}')" in path.read_text('utf-8')]

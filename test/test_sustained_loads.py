@@ -47,7 +47,8 @@ def test_what_is_let_down_gently_breaks_where_its_weight_bends_it_too_far(share,
     stress = 3.0 * _DENSITY * 9.81 * (3 * _LENGTH) ** 2 / _HEIGHT
     simulation = laid_on_a_stone(share * stress)
     assert (simulation.bonds_broken > 0) == breaks
-    assert (simulation.events['cause'] == Cause.TENSION).all()  # nothing has struck it
+    first = simulation.events['time'] < simulation.events['time'].min(initial=np.inf) + 0.1
+    assert (simulation.events['cause'][first] == Cause.TENSION).all()  # nothing has struck it
 
 
 def test_what_lies_flat_holds():

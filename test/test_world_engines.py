@@ -148,7 +148,7 @@ def test_contacts_tell_all_that_changes_the_motion(engine):
     """
     Let three bricks tumble onto each other: in every step contacts and weight move each brick.
 
-    Few slow bodies are solved in substeps, and Bullet leaves friction where a contact let go.
+    Bullet leaves friction where a contact let go.
     """
     rng = np.random.default_rng(1)
     with World(engine=engine) as world:

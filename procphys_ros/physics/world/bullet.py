@@ -19,9 +19,11 @@ Bodies are rigid bodies in maximal coordinates (Bullet's `btRigidBody`): a hundr
 than articulated ones and without their limits on links.
 """
 
+from collections.abc import Iterable
 from functools import cache
 from itertools import chain
 import logging
+from operator import itemgetter
 import os
 import tempfile
 from types import ModuleType
@@ -61,7 +63,7 @@ pybullet = _import_quietly()
 LONGEST = 1.0 / 240.0  # [s] of a substep; PyBullet's own step
 ERP = 0.5  # share of a penetration that is corrected per substep, apart from the velocities
 WARM_START = 0.85  # share of the last contact impulses that the solver starts from
-REACH = 5e-4  # gap from which bodies touch, as a share of their radius: what is stopped before it
+REACH = 5e-3  # gap from which bodies touch, as a share of their radius: what is stopped before it
 #               touches does not bounce
 SWEEP = 0.45  # radius of a plain body's swept sphere as a share of its least extent
 
@@ -71,8 +73,11 @@ _MOMENT = 1e-9  # [s]
 _CONTACT = 1e-6  # [-], change of speed by a contact as a share of gravity's
 _GROUND_HALF = (5000.0, 5000.0, 50.0)  # [m] half extents of level ground
 _BASE = -1  # the only link of a rigid body
+_NOWHERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _AWAKE = {'activationState': pybullet.ACTIVATION_STATE_DISABLE_SLEEPING}
 _ASLEEP = {'activationState': pybullet.ACTIVATION_STATE_SLEEP}
+# Of a contact point: bodies; distance and forces; point, normal and two ways across it.
+_BODIES, _SIZES, _WAYS = itemgetter(1, 2), itemgetter(8, 9, 10, 12), itemgetter(6, 7, 11, 13)
 _FOLDER = '/dev/shm' if os.access('/dev/shm', os.W_OK) else None  # in memory, where there is one
 
 
@@ -191,7 +196,7 @@ class BulletEngine:
         """
         if self._terrain.is_flat:
             box = self._shape(pybullet.GEOM_BOX, halfExtents=_GROUND_HALF)
-            return box, [0.0, 0.0, -_GROUND_HALF[2], 0.0, 0.0, 0.0, 1.0]
+            return box, [0.0, 0.0, -_GROUND_HALF[2], *_NOWHERE[3:].tolist()]
         terrain = self._terrain.padded(TERRAIN_MARGIN)
         columns, rows = terrain.heights.shape
         field = self._shape(
@@ -200,7 +205,7 @@ class BulletEngine:
             numHeightfieldRows=columns, numHeightfieldColumns=rows)
         # Bullet puts it about the middle of its grid and heights.
         middle = terrain.low + 0.5 * terrain.edge * np.array([columns - 1, rows - 1])
-        return field, [*middle.tolist(), 0.5 * sum(terrain.bounds()), 0.0, 0.0, 0.0, 1.0]
+        return field, [*middle.tolist(), 0.5 * sum(terrain.bounds()), *_NOWHERE[3:].tolist()]
 
     def _plain(self, pieces: Pieces) -> int:
         """Make the shape of a body of one piece."""
@@ -229,31 +234,25 @@ class BulletEngine:
 
         Further ones go, as boxes, into a file of convex hulls with the hexahedra.
         """
-        listed = np.flatnonzero(~pieces.are_hexahedra)
-        if len(pieces.shapes) > _MOST_SHAPES or len(pieces.hexahedra):
-            listed = listed[:_MOST_SHAPES - 1]
-        hulls = np.setdiff1d(np.arange(len(pieces.shapes)), listed)
-        box, size = pieces.shapes[listed] == Shape.BOX, pieces.sizes[listed]
-        kinds = np.where(box, pybullet.GEOM_BOX, np.where(
-            size[:, 2] > size[:, 0], pybullet.GEOM_CAPSULE, pybullet.GEOM_SPHERE)).tolist()
-        columns: list[tuple[str, list, Any]] = [
-            ('shapeTypes', kinds, pybullet.GEOM_MESH),
-            ('halfExtents', (0.5 * size).tolist(), [0.0] * 3),
-            ('radii', (0.5 * size[:, 0]).tolist(), 0.0),
-            ('lengths', (size[:, 2] - size[:, 0]).tolist(), 0.0),
-            ('collisionFramePositions', pieces.local_poses[listed, :3].tolist(), [0.0] * 3),
-            ('collisionFrameOrientations', pieces.local_poses[listed, 3:].tolist(),
-             [0.0, 0.0, 0.0, 1.0])]
-        if not len(hulls):
-            return pybullet.createCollisionShapeArray(
-                **{name: values for name, values, _ in columns}, **self._to)
+        hulls = pieces.are_hexahedra
+        if hulls.any() or len(hulls) > _MOST_SHAPES:
+            hulls[np.flatnonzero(~hulls)[_MOST_SHAPES - 1:]] = True
+        sizes, poses = pieces.sizes[~hulls], pieces.local_poses[~hulls]
+        kinds = np.where(sizes[:, 2] > sizes[:, 0], pybullet.GEOM_CAPSULE, pybullet.GEOM_SPHERE)
+        kinds = np.where(pieces.shapes[~hulls] == Shape.BOX, pybullet.GEOM_BOX, kinds)
         with tempfile.NamedTemporaryFile('w', suffix='.obj', dir=_FOLDER) as file:
-            file.write(write_hulls(inset(_corners(pieces, hulls), _MARGIN)))
-            file.flush()
+            if hulls.any():
+                corners = _corners(pieces, np.flatnonzero(hulls))
+                file.write(write_hulls(inset(corners, _MARGIN)))
+                file.flush()
+                kinds = np.append(kinds, pybullet.GEOM_MESH)
+                sizes, poses = np.vstack([sizes, np.zeros(3)]), np.vstack([poses, _NOWHERE])
             return pybullet.createCollisionShapeArray(
-                **{name: [*values, more] for name, values, more in columns},
-                fileNames=[''] * len(listed) + [file.name],
-                meshScales=[[1.0] * 3] * (len(listed) + 1), **self._to)
+                shapeTypes=kinds.tolist(), halfExtents=(0.5 * sizes).tolist(),
+                radii=(0.5 * sizes[:, 0]).tolist(), lengths=(sizes[:, 2] - sizes[:, 0]).tolist(),
+                fileNames=[file.name] * len(kinds), meshScales=[[1.0] * 3] * len(kinds),
+                collisionFramePositions=poses[:, :3].tolist(),
+                collisionFrameOrientations=poses[:, 3:].tolist(), **self._to)
 
     def _set_free(self, body: int) -> None:
         pybullet.changeDynamics(
@@ -342,10 +341,11 @@ class BulletEngine:
         if len(ids) > MANY:
             _advise()
         handles = self._handles[ids].tolist()
-        poses = [pybullet.getBasePositionAndOrientation(handle, **self._to) for handle in handles]
-        motion = [pybullet.getBaseVelocity(handle, **self._to) for handle in handles]
+        at, velocity = pybullet.getBasePositionAndOrientation, pybullet.getBaseVelocity
+        poses = _rows((sum(at(handle, **self._to), ()) for handle in handles), 7)
+        velocities = _rows((sum(velocity(handle, **self._to), ()) for handle in handles), 6)
         before, start = table.velocities[ids], table.poses[ids]
-        table.poses[ids], table.velocities[ids] = _rows(poses, 7), _rows(motion, 6)
+        table.poses[ids], table.velocities[ids] = poses, velocities
         self._way[ids] = table.poses[ids, :3] - start[:, :3]
         gain = self._gravity * time_step
         change = table.velocities[ids, :3] - before[:, :3] - gain
@@ -369,18 +369,18 @@ class BulletEngine:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
         if self._told is None:
             count = len(self._points)
-            told = np.array([
-                (one, other, *at, *normal, gap, pressing, along, *way, across, *ways, k / count)
-                for k, points in enumerate(self._points) for (
-                    _, one, other, _, _, _, at, normal, gap, pressing, along, way, across, ways)
-                in points if pressing or along or across]).reshape(-1, 19)
-            ids = self._ids[told[:, :2].astype(np.intp)]
+            found = [point for points in self._points for point in points]
+            ids = self._ids[_rows(map(_BODIES, found), 2, int)]
+            rows = _rows(map(chain.from_iterable, map(_WAYS, found)), 12)
+            size = _rows(map(_SIZES, found), 4)
+            begun = np.repeat(np.arange(count) / count, [len(points) for points in self._points])
             mass = self._weight[ids, None]
             way = (mass * self._way[ids]).sum(axis=1) / mass.sum(axis=1)
-            told[:, 2:5] -= told[:, 18:] * way  # to where it was when the step began
-            force = (told[:, 9:10] * told[:, 5:8] + told[:, 10:11] * told[:, 11:14]
-                     + told[:, 14:15] * told[:, 15:18])
-            self._told = np.column_stack([ids, told[:, 2:9], force / count, told[:, 9] / count])
+            rows[:, :3] -= begun[:, None] * way  # to where it was when the step began
+            force = (size[:, 1:, None] * rows[:, 3:].reshape(-1, 3, 3)).sum(axis=1)
+            told = np.column_stack([ids, rows[:, :6], size[:, 0], force / count,
+                                    size[:, 1] / count])
+            self._told = told[size[:, 1:].any(axis=1)]
         return self._told.copy()
 
     # Until `World` needs them no more:
@@ -408,10 +408,9 @@ def _corners(pieces: Pieces, which: np.ndarray) -> np.ndarray:
     return Hexahedra(which.astype(np.int32), boxes[which]).points(pieces.local_poses)
 
 
-def _rows(found: list[tuple], width: int) -> np.ndarray:
-    """Lay what PyBullet gives as two tuples each in rows, (K, width)."""
-    values = chain.from_iterable(chain.from_iterable(found))
-    return np.fromiter(values, float, width * len(found)).reshape(-1, width)
+def _rows(found: Iterable[Iterable], width: int, kind: type = float) -> np.ndarray:
+    """Lay sequences of numbers in rows, (K, width)."""
+    return np.fromiter(chain.from_iterable(found), kind).reshape(-1, width)
 
 
 def _filled(column: np.ndarray, row: int, value: int) -> np.ndarray:
