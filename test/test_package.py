@@ -56,7 +56,7 @@ LAYERS = {
 }
 # Who may know a library that the rest of the house must not depend on.
 ONLY_IN = {
-    'numba': 'compilation', 'rclpy': 'ros', 'rapier3d': 'physics.world',
+    'numba': 'compilation', 'rclpy': 'ros',
     'moderngl': 'render', 'av': 'render', 'pxr': 'export', 'mcap': 'recording', 'viser': 'view',
     'std_msgs': 'ros', 'std_srvs': 'ros', 'geometry_msgs': 'ros', 'sensor_msgs': 'ros',
     'visualization_msgs': 'ros', 'diagnostic_msgs': 'ros', 'rosgraph_msgs': 'ros',
@@ -170,9 +170,8 @@ def test_shared_files_are_found():
 
 def test_engines_are_loaded_when_they_are_chosen(loaded):
     """Keep the libraries of engines in their modules, and load none before it is chosen."""
-    for library, module in (('pybullet', 'bullet'), ('rapier3d', 'rapier')):
-        users = [path.stem for path in MODULES
-                 if library in {name.split('.')[0] for name in imports(path)}
-                 or f"find_spec('{library}')" in path.read_text('utf-8')]
-        assert users == [module]
-        assert f'procphys_ros.physics.world.{module}' not in loaded
+    users = [path.stem for path in MODULES
+             if 'pybullet' in {name.split('.')[0] for name in imports(path)}
+             or "find_spec('pybullet')" in path.read_text('utf-8')]
+    assert users == ['bullet']
+    assert 'procphys_ros.physics.world.bullet' not in loaded

@@ -46,8 +46,8 @@ class Settings:
     :ivar seed: seed of everything random.
     :ivar time_step: [s].
     :ivar gravity: downward acceleration [m/s²].
-    :ivar engine: of rigid bodies, 'bullet', 'rapier', or 'auto' for the first installed.
-    :ivar threads: that kernels and rapier run on; 0 = one per core.
+    :ivar engine: of rigid bodies, 'bullet', 'native', or 'auto' for the first installed.
+    :ivar threads: that kernels run on; 0 = one per core.
     :ivar wind: mean wind and turbulence.
     :ivar wind_record: what `wind.file` holds; () = there is none.
     :ivar gust: what `gust` starts when nothing else is said.
@@ -70,9 +70,8 @@ class Settings:
     engine: str = declared(
         DEFAULT_ENGINE, 'library that moves rigid bodies; auto: the first that is installed',
         choices=(DEFAULT_ENGINE, *ENGINES))
-    threads: int = declared(0, 'threads that compute trees, wind, leaves, stresses, markers and '
-                            'bodies of rapier; 0 = one per core, or NUMBA_NUM_THREADS; results '
-                            'do not depend on it', '', 0, 1024)
+    threads: int = declared(0, 'threads that compute trees, wind, leaves, stresses and markers; '
+                            '0 = one per core, or NUMBA_NUM_THREADS; results do not depend on it', '', 0, 1024)
     wind: WindSettings = field(default_factory=WindSettings)
     wind_record: Record = ()
     gust: Gust = field(default_factory=Gust)

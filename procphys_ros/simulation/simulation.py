@@ -60,7 +60,7 @@ class Simulation(Readings):
         :param scene: what to simulate.
         :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
         :param seed: of the wind and all else that is random; None = the scene's own.
-        :param engine: of rigid bodies, 'auto', 'bullet' or 'rapier'; None = the scene's own.
+        :param engine: of rigid bodies, 'auto', 'bullet' or 'native'; None = the scene's own.
         :raises SceneError: when it is no scene, or a file could not hold one of these values.
         """
         if not isinstance(scene, Scene):

@@ -128,9 +128,6 @@ class BulletEngine:
         self.close()
         self._connect()
 
-    def use_threads(self, count: int) -> None:
-        """Do nothing: PyBullet has one thread."""
-
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids; see `Engine.add`."""
         self.contacts()  # while handles are those of the bodies that touched
@@ -361,10 +358,6 @@ class BulletEngine:
         self.set_poses(flying, table.poses[flying])  # which stops them
         self.set_velocities(flying, table.velocities[flying])
 
-    def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Read poses (K, 7) and velocities (K, 6), world axes."""
-        return self._table.poses[ids], self._table.velocities[ids]
-
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
         if self._told is None:
@@ -382,22 +375,6 @@ class BulletEngine:
                                     size[:, 1] / count])
             self._told = told[size[:, 1:].any(axis=1)]
         return self._told.copy()
-
-    # Until `World` needs them no more:
-
-    integrations = np.inf
-
-    def set_swept(self, ids: np.ndarray, radii: np.ndarray) -> None:
-        """Do nothing: plain bodies are always swept."""
-
-    def refine(self, moving: int, dense: bool) -> int:
-        """Leave substeps to `step`."""
-        return 1
-
-    def touched(self, body: int) -> list[int]:
-        """List the ids that a body has contact points with."""
-        first, second = self.contacts()[:, :2].T
-        return np.concatenate([second[first == body], first[second == body]]).astype(int).tolist()
 
 
 def _corners(pieces: Pieces, which: np.ndarray) -> np.ndarray:

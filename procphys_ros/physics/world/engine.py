@@ -88,15 +88,8 @@ class Engine(Protocol):
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
 
-    def use_threads(self, count: int) -> None:
-        """Step on so many threads at most, with results that are the same for any number."""
-
     def step(self, time_step: float) -> None:
-        """Advance time [s]."""
-
-    def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Read poses (K, 7) and velocities (K, 6), world axes."""
-        raise NotImplementedError
+        """Advance time [s]; writes poses and velocities of the table."""
 
     def contacts(self) -> np.ndarray:
         """

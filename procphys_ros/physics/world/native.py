@@ -162,9 +162,6 @@ class NativeEngine:
         found = {tuple(pair) for pair in pairs.tolist()}
         self._excluded = self._excluded | found if excluded else self._excluded - found
 
-    def use_threads(self, count: int) -> None:
-        """Step on one thread, whatever is allowed."""
-
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""
         looks, told = self._looks(time_step), []
@@ -251,10 +248,6 @@ class NativeEngine:
         order = np.argsort(source, kind='stable')
         source = source[order]
         return np.repeat(ids, count)[order], table.ground_point[source], source
-
-    def read(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Read poses (K, 7) and velocities (K, 6), world axes."""
-        return self._table.poses[ids], self._table.velocities[ids]
 
     def contacts(self) -> np.ndarray:
         """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""

@@ -291,14 +291,12 @@ class World:
             return np.zeros(6)
         return total_impulse(body, self._places[body], self.contacts()) / self._time_step
 
-    def step(self, time_step: float, threads: int = 1) -> None:
+    def step(self, time_step: float) -> None:
         """
         Advance time: wake what is about to be hit, move and collide, put to rest.
 
         :param time_step: [s].
-        :param threads: of the engine at most; results are the same to the bit for any number.
         """
-        self._engine.use_threads(threads)
         bodies, self._time_step = self._bodies, time_step
         self._table = self._table[:0]
         if (bodies.state >= BodyState.AWAKE).any():
@@ -311,7 +309,6 @@ class World:
         awake = self.awake
         before = bodies.velocities[awake]
         self._engine.step(time_step)
-        bodies.poses[awake], bodies.velocities[awake] = self._engine.read(awake)
         self._table = self._engine.contacts()
         kinematic.arrive(self._engine, bodies)
         self.set_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
