@@ -71,7 +71,8 @@ class Settings:
         DEFAULT_ENGINE, 'library that moves rigid bodies; auto: the first that is installed',
         choices=(DEFAULT_ENGINE, *ENGINES))
     threads: int = declared(0, 'threads that compute trees, wind, leaves, stresses and markers; '
-                            '0 = one per core, or NUMBA_NUM_THREADS; results do not depend on it', '', 0, 1024)
+                            '0 = one per core, or NUMBA_NUM_THREADS; results do not depend on it',
+                            '', 0, 1024)
     wind: WindSettings = field(default_factory=WindSettings)
     wind_record: Record = ()
     gust: Gust = field(default_factory=Gust)
