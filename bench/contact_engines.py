@@ -125,7 +125,7 @@ class Trial:
 
     def steps(self, what: World | Simulation, seconds: float) -> Iterator[float]:
         """Let time pass; give the time after each step [s]."""
-        advance = (partial(what.step, self.time_step, self.threads) if isinstance(what, World)
+        advance = (partial(what.step, self.time_step) if isinstance(what, World)
                    else what.step)
         for step in range(round(seconds / self.time_step)):
             start, wall = process_time(), perf_counter()
@@ -428,7 +428,7 @@ def strike(trial: Trial) -> Run:
     everything = np.append(ids, one)
     for time in trial.steps(world, 0.5):
         ground += sum(table.on(world.ground)[2][:, 0].sum() for table in
-                      (world.contacts(), world.lifts()))
+                      (world.contacts(),))
         yield time
     has = world.bodies.mass[everything] * world.velocities(everything)[:, 0]
     return [close_to('momentum kept', has.sum() + ground, 400.0),

@@ -211,46 +211,51 @@ def _add(row, sign, state, velocities, poses, change, pressed):
         change[own, 5] += i * y - j * x
 
 
-def struck(bodies: BodyTable, time_step: float) -> np.ndarray:
+def struck(bodies: BodyTable, rows: np.ndarray, time_step: float) -> np.ndarray:
     """
     List the sleeping bodies that a blow in this step may move.
 
-    They wake *before* the step, so that the contact solver shares the momentum.
+    They wake *before* the step, so that the contact solver shares the momentum; so does what they
+    may then be driven against.
 
+    :param rows: contacts with which bodies fell asleep, (E, 13).
     :param time_step: [s].
     """
-    sleeping = np.flatnonzero(bodies.state == BodyState.RESTING)
     moving = np.flatnonzero(bodies.state >= BodyState.AWAKE)
-    moving = moving[rim_speed(bodies, moving) > SLEEP_SPEED]
-    if not len(sleeping) or not len(moving):
-        return np.zeros(0, np.intp)
-    pairs = _reached_pairs(bodies, sleeping, moving, bounds(bodies, moving), time_step)
-    pairs = pairs[_local_speed(bodies, pairs) > _least_hit(bodies, pairs)]
-    reach = rim_speed(bodies, pairs[:, 1]) * time_step + _NEAR
-    return np.unique(pairs[are_near(bodies, pairs, reach), 0])
+    speed = rim_speed(bodies, moving)
+    sleeps = bodies.state == BodyState.RESTING
+    woken = np.zeros(len(sleeps), bool)
+    while len(moving) and sleeps.any():
+        hit, by = _hits(bodies, np.flatnonzero(sleeps), moving, speed, time_step)
+        fastest = np.full(len(sleeps), -np.inf)
+        np.maximum.at(fastest, hit, speed[by])
+        moving = with_islands(rows, np.unique(hit), bodies)
+        speed = np.maximum(fastest[moving], speed[by].max(initial=0.0))
+        woken[moving], sleeps[moving] = True, False
+    return np.flatnonzero(woken)
 
 
-def _reached_pairs(bodies: BodyTable, sleeping: np.ndarray, moving: np.ndarray,
-                  moving_bounds: np.ndarray, time_step: float) -> np.ndarray:
+def _hits(bodies: BodyTable, sleeping: np.ndarray, moving: np.ndarray, speed: np.ndarray,
+          time_step: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    List the sleeping bodies that a moving one may reach in this step and hit hard enough.
+    List the sleeping bodies that moving ones may reach in this step and hit hard enough.
 
     Bounds of branches are mostly air: look closer at each pair.
 
     :param moving: ids, (K,).
-    :param moving_bounds: their axis-aligned bounds now [m], (K, 6).
-    :param time_step: [s].
-    :returns: ids of a sleeping and of a moving body each, ascending, (P, 2).
+    :param speed: that no point of theirs exceeds [m/s], (K,).
+    :returns: sleeping bodies, and rows of moving ones, (P,).
     """
-    velocity = bodies.velocities[moving]
-    shift = velocity[:, :3] * time_step
-    low = moving_bounds[:, :3] + np.minimum(shift, 0.0)
-    high = moving_bounds[:, 3:] + np.maximum(shift, 0.0)
+    reach = speed * time_step + _NEAR
+    box = bounds(bodies, moving)
     mass = np.where(bodies.state[moving] == BodyState.KINEMATIC, np.inf, bodies.mass[moving])
-    order = np.argsort(low[:, 0], kind='stable')
-    pairs = _reached(low[order], high[order], rim_speed(bodies, moving)[order], mass[order],
+    order = np.argsort(box[:, 0] - reach, kind='stable')
+    room = reach[order, None]
+    pairs = _reached(box[order, :3] - room, box[order, 3:] + room, speed[order], mass[order],
                      bodies.bounds[sleeping], bodies.mass[sleeping])
-    return np.column_stack([sleeping[pairs[:, 0]], moving[order][pairs[:, 1]]])
+    hit, by = sleeping[pairs[:, 0]], order[pairs[:, 1]]
+    near = are_near(bodies, np.column_stack([hit, moving[by]]), reach[by])
+    return hit[near], by[near]
 
 
 def rim_speed(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
@@ -266,24 +271,6 @@ def _rim_speed(ids, velocities, radius):
         out[k] = (np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
                   + np.sqrt(v[3] ** 2 + v[4] ** 2 + v[5] ** 2) * radius[ids[k]])
     return out
-
-
-def _local_speed(bodies: BodyTable, pairs: np.ndarray) -> np.ndarray:
-    """Give the speed that no point of a moving body exceeds next to a sleeping one [m/s], (P,)."""
-    sleeping, moving = pairs.T
-    velocity = bodies.velocities[moving]
-    arm = bodies.poses[sleeping, :3] - bodies.poses[moving, :3]
-    there = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
-    near = (norm(there, axis=1)
-            + norm(velocity[:, 3:], axis=1) * (bodies.radius[sleeping] + _NEAR))
-    return np.minimum(near, rim_speed(bodies, moving))
-
-
-def _least_hit(bodies: BodyTable, pairs: np.ndarray) -> np.ndarray:
-    """Give the speed of the moving body at which a hit changes the other's by `SLEEP_SPEED`."""
-    sleeping, moving = pairs.T
-    mass = np.where(bodies.state[moving] == BodyState.KINEMATIC, np.inf, bodies.mass[moving])
-    return SLEEP_SPEED * (1.0 + bodies.mass[sleeping] / mass)
 
 
 @kernel

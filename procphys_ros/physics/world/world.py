@@ -300,7 +300,7 @@ class World:
         bodies, self._time_step = self._bodies, time_step
         self._table = self._table[:0]
         if (bodies.state >= BodyState.AWAKE).any():
-            self.thaw(sleeping.struck(bodies, time_step))
+            self.thaw(sleeping.struck(bodies, self._asleep, time_step))
             self._queue.advance(self.awake, time_step)
         self._places = bodies.copied('poses', self._places)
         if not (bodies.state >= BodyState.AWAKE).any():
