@@ -41,7 +41,7 @@ _COLUMNS: dict[str, tuple[type, int]] = {  # type and width; 0 = a single value 
     'state': (np.uint8, 0), 'mass': (float, 0), 'inertia': (float, 3), 'friction': (float, 0),
     'restitution': (float, 0), 'radius': (float, 0), 'least': (float, 0),
     'poses': (float, 7), 'velocities': (float, 6), 'target': (float, 7), 'quiet': (float, 0),
-    'bounds': (float, 6),
+    'mark': (float, 7), 'bounds': (float, 6),
     'first_piece': (np.int64, 0), 'piece_count': (np.int64, 0), 'first_point': (np.int64, 0),
     'point_count': (np.int64, 0), 'first_hexahedron': (np.int64, 0),
     'hexahedron_count': (np.int64, 0)}
@@ -71,7 +71,8 @@ class BodyTable:
     :ivar poses: centre of mass and principal axes, world, (B, 7).
     :ivar velocities: linear and angular, world axes, (B, 6).
     :ivar target: pose of a kinematic body at the end of the next step, (B, 7).
-    :ivar quiet: how long the body has lain still [s], (B,).
+    :ivar quiet: how long the body has stayed where it is [s], (B,).
+    :ivar mark: pose that it has stayed near, (B, 7).
     :ivar bounds: axis-aligned bounds of immovable bodies [m], (B, 6).
     :ivar first_piece: row of its first collision shape, (B,).
     :ivar piece_count: number of its collision shapes, (B,).
@@ -98,6 +99,7 @@ class BodyTable:
     velocities: np.ndarray
     target: np.ndarray
     quiet: np.ndarray
+    mark: np.ndarray
     bounds: np.ndarray
     first_piece: np.ndarray
     piece_count: np.ndarray

@@ -27,9 +27,9 @@ from procphys_ros.physics.masonry.components import root_of
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.extents import are_near, bounds
 
-SLEEP_SPEED = 0.02  # [m/s] at the rim, below which a body lies still; a slide at one percent more
-#                     than friction holds is faster within ...
-SLEEP_TIME = 0.5  # [s] (box2d's value), after which bodies fall asleep
+SLEEP_TIME = 0.5  # [s] for which bodies stay before they fall asleep (box2d's value), ...
+SLEEP_SPEED = 0.02  # [m/s] ... as nothing does that gets to this speed from rest in that time: a
+#                     slide at one percent more than friction holds is faster
 _CHANGE = 0.1  # share of what presses on a sleeping body by which that may change
 _NEAR = 0.02  # [m] gap at which engines make contacts, beyond the motion of one step
 
@@ -47,16 +47,28 @@ def quiet_islands(bodies: BodyTable, awake: np.ndarray, table: np.ndarray,
     :param time_step: [s].
     :returns: ids, ascending, (M,).
     """
-    _keep_clocks(awake, bodies.velocities, bodies.radius, bodies.quiet, time_step)
+    _keep_clocks(awake, bodies.poses, bodies.mark, bodies.radius, bodies.quiet, time_step)
     return _quiet(awake, bodies.quiet, bodies.state, table)
 
 
 @kernel
-def _keep_clocks(awake, velocities, radius, quiet, time_step):
+def _keep_clocks(awake, poses, mark, radius, quiet, time_step):
+    """Count for how long bodies have stayed; to tremble on the spot is to stay."""
+    most = 0.5 * SLEEP_SPEED * SLEEP_TIME  # what gets to that speed in that time comes so far
     for k in range(len(awake)):
         b = awake[k]
-        still = max(_speed(velocities[b]), _spin(velocities[b]) * radius[b]) < SLEEP_SPEED
-        quiet[b] = quiet[b] + time_step if still else 0.0
+        quiet[b] += time_step
+        if _way(mark[b], poses[b], radius[b]) > most:
+            quiet[b], mark[b] = 0.0, poses[b]
+
+
+@subroutine
+def _way(start, now, radius):
+    """Give how far no point of a body has come [m]."""
+    x, y, z = now[0] - start[0], now[1] - start[1], now[2] - start[2]
+    same = start[3] * now[3] + start[4] * now[4] + start[5] * now[5] + start[6] * now[6]
+    turn = np.sqrt(max(8.0 * (1.0 - abs(same)), 0.0))
+    return np.sqrt(x * x + y * y + z * z) + turn * radius
 
 
 @subroutine

@@ -211,7 +211,7 @@ class World:
             return
         woken = sleeping.with_islands(self._asleep, ids, self._bodies)
         self._bodies.set_state(woken, BodyState.AWAKE)
-        self._bodies.quiet[woken] = 0.0
+        self._bodies.quiet[woken], self._bodies.mark[woken] = 0.0, self._bodies.poses[woken]
         self._engine.thaw(self._bodies, self._queue.admit_among(woken))
         self._asleep = sleeping.without_sleepers(self._asleep, self._bodies)
         if velocities is not None:
