@@ -231,7 +231,7 @@ def struck(bodies: BodyTable, time_step: float) -> np.ndarray:
 
 
 def _reached_pairs(bodies: BodyTable, sleeping: np.ndarray, moving: np.ndarray,
-                  moving_bounds: np.ndarray, time_step: float) -> np.ndarray:
+                   moving_bounds: np.ndarray, time_step: float) -> np.ndarray:
     """
     List the sleeping bodies that a moving one may reach in this step and hit hard enough.
 
