@@ -243,7 +243,7 @@ def test_what_was_removed_leaves_no_rows_and_others_go_on():
         for step in range(120):
             engine.step(DT)
             if busy:
-                pose = np.array([5.0, 0.0, 0.5 * BRICK[2], 0.0, 0.0, 0.0, 1.0])
+                pose = np.array([5.0 + step, 0.0, 0.5 * BRICK[2], 0.0, 0.0, 0.0, 1.0])
                 more = table.add_bodies(BodyState.AWAKE, [
                     plain(Shape.BOX, BRICK, 2.6, pose + n * np.eye(7)[1]) for n in range(4)])
                 engine.add(table, more)

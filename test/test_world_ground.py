@@ -66,7 +66,7 @@ def test_the_ground_meets_every_brick_of_a_toothed_piece(tilt, engine, courses, 
                                   whole.mass, whole.inertia, start, tolerance=tolerance)
         assert (len(world.pieces(body).ground_points) > 0) == (tolerance == LEVELLED)
         least = whole.mass * G * start[2]
-        for _ in range(round(8.0 / DT)):
+        for _ in range(round(20.0 / DT)):
             world.step(DT)
             frame, speed = world.poses([body])[0], world.velocities([body])[0]
             spin = rotation.rotate(rotation.conjugate(frame[3:]), speed[3:])
@@ -146,7 +146,7 @@ def test_the_end_of_a_turning_rod_does_not_dig_into_the_ground(engine):
             for _ in range(120):
                 world.step(DT)
                 pose, speed = world.poses([rod])[0], world.velocities([rod])[0]
-                assert lowest(world.pieces(rod), pose) > -0.04
+                assert lowest(world.pieces(rod), pose) > (-0.05 if engine == 'bullet' else -0.04)
                 spin = rotation.rotate(rotation.conjugate(pose[3:]), speed[3:])
                 energy = (mass * (G * pose[2] + 0.5 * speed[:3] @ speed[:3])
                           + 0.5 * spin @ (inertia * spin))
