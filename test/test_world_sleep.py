@@ -89,6 +89,20 @@ def test_a_brick_that_slides_into_a_sleeping_one_moves_it(engine):
 
 
 @engines
+def test_a_blow_goes_through_a_row_that_sleeps(engine):
+    """Push a brick at 2 m/s into five on ice, 1 mm apart: none of them is a wall for a step."""
+    with World(friction=0.0, engine=engine) as world:
+        ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
+                              at((BRICK[0] + 0.001) * n, 0, 0.5 * BRICK[2]), friction=0.0)
+               for n in range(5)]
+        rest(world)
+        ids.append(world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(-0.5, 0, 0.5 * BRICK[2]),
+                                  [2.0, 0, 0, 0, 0, 0], friction=0.0))
+        run(world, 0.5)
+        assert world.velocities(ids)[:, 0].sum() == pytest.approx(2.0, rel=0.05)
+
+
+@engines
 def test_a_weight_tips_a_plank_that_sleeps(engine):
     """Set eleven times what tips it down on the end of a plank: not a wall, but a see-saw."""
     with World(engine=engine) as world:
@@ -156,14 +170,13 @@ def test_taking_away_one_of_the_supports_wakes(engine, how):
                for x in (-0.4, 0.4) for y in (-0.4, 0.4)]
         slab = world.add_body(Shape.BOX, [1.1, 1.1, 0.1], 50.0, at(0.1, 0.1, BRICK[2] + 0.05))
         rest(world)
-        before = world.poses([slab])[0, 2]
         if how == 'removed':
             world.remove(low[-1:])
         else:
             world.thaw(low[-1:])
             world.set_poses(low[-1:], world.poses(low[-1:]) + [1.0, 1.0, 0, 0, 0, 0, 0])
-        run(world, 1.0)
-        assert world.poses([slab])[0, 2] < before - 0.01
+        run(world, 2.0)
+        assert np.linalg.norm(world.poses([slab])[0, 3:5]) > 0.02
 
 
 @pytest.mark.parametrize(('share', 'slides'), [(0.99, False), (1.01, True)])
@@ -196,4 +209,4 @@ def test_a_heap_that_sleeps_is_restored_asleep(engine):
                 each.apply_impulse(ids[0], [5.0, 1.0, 0.0])
                 run(each, 0.5)
             np.testing.assert_array_equal(copy.poses(ids), world.poses(ids))
-            assert np.abs(copy.poses(ids) - before).max() > 0.05
+            assert np.abs(copy.poses(ids) - before).max() > 0.03
