@@ -28,6 +28,7 @@ from dataclasses import replace
 from typing import Any
 
 from energy_ledger import EnergyLedger
+from lowest_points import lowest
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -142,7 +143,7 @@ class Watch:
         assert not len(hanging(simulation)), self._at('a part stands on nothing')
         bodies = simulation.state.world.bodies
         for body in np.flatnonzero(bodies.state == BodyState.RESTING).tolist():
-            low = simulation.state.world.pieces(body).lowest(bodies.poses[body])
+            low = lowest(simulation.state.world.pieces(body), bodies.poses[body])
             assert low > _DEEPEST, self._at(f'body {body} rests {-low:.3f} m in the ground')
         sunk = sinking(simulation).max(initial=0.0)
         assert sunk < 0.5 * FREE, self._at(f'a piece floats: it comes down by {sunk:.3f} m')

@@ -45,7 +45,7 @@ def faults(seed: int, steps: int = 40) -> Iterator[str]:
     :param steps: of 1/60 s.
     """
     rng = np.random.default_rng([seed, 15])
-    engine = str(rng.choice(['bullet', 'rapier']))
+    engine = str(rng.choice(['bullet', 'native']))
     scene = _scene(rng, engine)
     simulation = Simulation(scene, seed=seed)
     simulation.set_wind((0.0, rng.uniform(0.0, 30.0), 0.0))

@@ -19,6 +19,7 @@ from types import SimpleNamespace
 
 from building_checks import are_convex
 from exported import scene_of, written
+from lowest_points import lowest
 from masonry_walls import blueprint as masonry
 import numpy as np
 import pytest
@@ -174,7 +175,7 @@ def test_engines_let_stones_rest_on_their_own_faces(engine):
         saved = world.save_state()
         heights = world.poses(np.array([single, double, fixed[0]]))[:, 2]
         np.testing.assert_allclose(heights, made.poses[0, 2], atol=1.5e-4)
-        assert world.pieces(double).lowest(world.poses(np.array([double]))[0]) == pytest.approx(
+        assert lowest(world.pieces(double), world.poses(np.array([double]))[0]) == pytest.approx(
             0.0, abs=1.5e-4)
     with World.restore(saved, engine) as world:
         world.apply_impulse(single, np.array([2.0, 0.0, 0.0]))

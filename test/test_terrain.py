@@ -15,6 +15,7 @@
 
 """Terrain: one surface for bodies, branches, rays, dust and wind; objects stand on it."""
 
+from lowest_points import lowest
 import numpy as np
 from PIL import Image
 import pytest
@@ -152,7 +153,7 @@ def test_things_come_to_rest_in_a_hollow(engine):
         for _ in range(420):
             world.step(STEP)
         poses, velocities = world.poses(ids), world.velocities(ids)
-        rooms = [world.pieces(body).lowest(pose, terrain) for body, pose in zip(ids, poses)]
+        rooms = [lowest(world.pieces(body), pose, terrain) for body, pose in zip(ids, poses)]
     assert np.abs(velocities[:, :3]).max() < 0.3
     assert (np.linalg.norm(poses[:, :2], axis=1) < 5.0).all()
     assert np.min(rooms) > -0.04 and np.max(rooms) < 0.05

@@ -15,12 +15,23 @@
 """The world of loose bodies against closed forms and numpy."""
 
 from loose_bricks import at, BRICK, BRICK_MASS, DT, G
+from lowest_points import lowest
 import numpy as np
 import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
-from procphys_ros.physics.world import BodyState, expand, Pieces, rigid_sum, solid_inertia, World
+from procphys_ros.physics.world import (
+    BodyState,
+    expand,
+    installed_engines,
+    Pieces,
+    rigid_sum,
+    solid_inertia,
+    World,
+)
+
+engines = pytest.mark.parametrize('engine', installed_engines())
 
 
 def random_parts(rng, count):
@@ -54,9 +65,10 @@ def run(world, seconds):
 
 
 @pytest.mark.report('laws')
-def test_free_fall_follows_the_closed_form(measured):
+@engines
+def test_free_fall_follows_the_closed_form(measured, engine):
     """Compare a second of fall with ½ g t²: nothing damps it."""
-    with World() as world:
+    with World(engine=engine) as world:
         body = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 30), [2, 0, 0, 0, 0, 1])
         run(world, 1.0)
         measured('height of a rigid body after a second of fall from 30 m',
@@ -65,9 +77,10 @@ def test_free_fall_follows_the_closed_form(measured):
         assert world.velocities([body])[0, 0] == pytest.approx(2.0, abs=1e-9)
 
 
-def test_projectile_flies_the_parabola():
+@engines
+def test_projectile_flies_the_parabola(engine):
     """Compare a projectile with the parabola."""
-    with World() as world:
+    with World(engine=engine) as world:
         ball = world.add_projectile(Shape.CAPSULE, [0.2, 0.2, 0.2], 5.0, at(0, 0, 50),
                                     [10, 0, 3, 0, 0, 0])
         run(world, 2.0)
@@ -127,13 +140,14 @@ def test_split_keeps_momentum_and_energy():
         np.testing.assert_allclose(half.velocity[3:], motion[0, 3:], rtol=1e-10)
 
 
-def test_fragment_answers_an_off_centre_impulse_like_a_rigid_body():
+@engines
+def test_fragment_answers_an_off_centre_impulse_like_a_rigid_body(engine):
     """Push 40 scattered boxes (Bullet's own compounds stop at 16) and compare with numpy."""
     rng = np.random.default_rng(3)
     mass, inertia, poses, sizes = random_parts(rng, 40)
     total = rigid_sum(mass, inertia, poses)
     push, point = np.array([30.0, -12.0, 7.0]), np.array([0.4, 0.9, 20.5])
-    with World(gravity=(0, 0, 0)) as world:
+    with World(gravity=(0, 0, 0), engine=engine) as world:
         body = add_sum(world, total, np.full(40, Shape.BOX), sizes)
         np.testing.assert_allclose(world.poses([body])[0], total.pose, atol=1e-12)
         world.apply_impulse(body, push, point)
@@ -147,13 +161,14 @@ def test_fragment_answers_an_off_centre_impulse_like_a_rigid_body():
 
 
 @pytest.mark.parametrize('held_before', [False, True])
-def test_contact_uses_the_exact_inertia_of_a_fragment(held_before):
+@engines
+def test_contact_uses_the_exact_inertia_of_a_fragment(held_before, engine):
     """Let a dumbbell land on one end: the bounce-free spin follows from its inertia alone."""
     mass = np.array([2.0, 2.0])
     sizes = np.tile([0.2, 0.2, 0.2], (2, 1))
     poses = np.array([at(-1, 0, 0.1001), at(1, 0, 0.1001)])
     total = rigid_sum(mass, box_inertia(mass, sizes), poses)
-    with World(gravity=(0, 0, 0), friction=0.0) as world:
+    with World(gravity=(0, 0, 0), friction=0.0, engine=engine) as world:
         pad = world.add_bricks(np.array([at(1, 0, -0.05)]), np.array([[0.2, 0.2, 0.1]]),
                                np.array([5.0]), friction=0.0)
         world.remove(np.array([world.ground]))
@@ -184,11 +199,12 @@ def test_solid_inertia_of_sphere_and_rod():
 
 @pytest.mark.report('laws')
 @pytest.mark.parametrize('angle', [20.0, 28.0, 36.0, 45.0])
-def test_friction_holds_or_slides_as_coulomb_says(angle, measured):
+@engines
+def test_friction_holds_or_slides_as_coulomb_says(angle, measured, engine):
     """Tilt gravity: below atan μ a brick stays, above it slides with g (sin - μ cos)."""
     friction, tilt = 0.6, np.radians(angle)
     gravity = (G * np.sin(tilt), 0.0, -G * np.cos(tilt))
-    with World(gravity=gravity, friction=friction) as world:
+    with World(gravity=gravity, friction=friction, engine=engine) as world:
         body = world.add_projectile(Shape.BOX, [0.4, 0.4, 0.1], 5.0, at(0, 0, 0.0501),
                                     np.zeros(6), friction=friction, restitution=0.0)
         run(world, 0.5)
@@ -221,18 +237,19 @@ def test_lowest_point_of_a_compound_is_that_of_its_corners():
         ends = world[i, 2] + half * rotation.rotate(world[i, 3:], np.array([0, 0, 1.0]))[2] * \
             np.array([-1.0, 1.0])
         heights.append(ends.min() - 0.5 * sizes[i, 0])
-    assert pieces.lowest(pose) == pytest.approx(min(heights), abs=1e-12)
+    assert lowest(pieces, pose) == pytest.approx(min(heights), abs=1e-12)
     whole = [Pieces(shapes[i:i + 1], sizes[i:i + 1], local[i:i + 1]) for i in range(12)]
-    np.testing.assert_allclose([one.lowest(pose) for one in whole], heights, atol=1e-12)
+    np.testing.assert_allclose([lowest(one, pose) for one in whole], heights, atol=1e-12)
 
 
-def test_two_worlds_do_not_disturb_each_other():
+@engines
+def test_two_worlds_do_not_disturb_each_other(engine):
     """Run the same fall alone and beside a busy second world."""
-    with World() as alone:
+    with World(engine=engine) as alone:
         body = alone.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1, (0.6, 0, 0, 0.8)))
         run(alone, 1.0)
         want = alone.poses([body]).copy()
-    with World() as first, World(gravity=(0, 0, 5.0)) as second:
+    with World(engine=engine) as first, World(gravity=(0, 0, 5.0)) as second:
         one = first.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1, (0.6, 0, 0, 0.8)))
         two = second.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1))
         for _ in range(60):
@@ -242,11 +259,12 @@ def test_two_worlds_do_not_disturb_each_other():
         assert second.poses([two])[0, 2] > 1.5
 
 
-def test_same_calls_give_identical_poses():
+@engines
+def test_same_calls_give_identical_poses(engine):
     """Drop 40 bricks on each other twice."""
     def pile():
         rng = np.random.default_rng(5)
-        with World() as world:
+        with World(engine=engine) as world:
             ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
                                   at(*rng.uniform(-0.2, 0.2, 2), 0.2 + 0.1 * i))
                    for i in range(40)]
@@ -255,14 +273,15 @@ def test_same_calls_give_identical_poses():
     np.testing.assert_array_equal(pile(), pile())
 
 
-def test_memory_does_not_grow_with_worlds():
+@engines
+def test_memory_does_not_grow_with_worlds(engine):
     """Make and close 60 worlds; the last 40 may not take more than a megabyte."""
     def resident():
         with open('/proc/self/statm', encoding='ascii') as file:
             return int(file.read().split()[1]) * 4096
     poses = np.array([at(i, 0, 1) for i in range(50)])
     for i in range(60):
-        with World() as world:
+        with World(engine=engine) as world:
             world.add_bricks(poses, np.tile(BRICK, (50, 1)), np.full(50, BRICK_MASS))
             world.step(DT)
         if i == 19:

@@ -22,7 +22,6 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.world import BodyState, FRICTION, installed_engines, rigid_sum, World
-from procphys_ros.physics.world.gain import pairs_around
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.simulation import Simulation
@@ -160,8 +159,7 @@ def test_contacts_tell_all_that_changes_the_motion(engine):
         for _ in range(60):
             before = world.velocities(bricks)[:, :3]
             world.step(DT)
-            told = [world.contacts().on(brick)[2].sum(axis=0)
-                    + world.lifts().on(brick)[2].sum(axis=0) for brick in bricks]
+            told = [world.contacts().on(brick)[2].sum(axis=0) for brick in bricks]
             change = world.velocities(bricks)[:, :3] - before + [0.0, 0.0, G * DT]
             moves = world.bodies.state[bricks] == BodyState.AWAKE
             np.testing.assert_allclose(np.array(told)[moves], BRICK_MASS * change[moves],
@@ -179,27 +177,6 @@ def test_collisions_of_loose_bodies_keep_momentum(engine):
         momentum = world.bodies.mass[bodies] @ world.velocities(bodies)[:, :3]
         np.testing.assert_allclose(momentum, [36.0, 0.0, 0.0], atol=2e-4)
         assert np.linalg.norm(world.velocities(bodies[:5]), axis=1).min() > 0.0
-
-
-def test_each_body_tells_what_it_touches(engine):
-    """Ask all bodies of two heaps one by one: they touch what the list of contacts says."""
-    with World(engine=engine) as world:
-        bodies = heap(world, 1, 2, 12) + heap(world, 2, 2, 12)
-        size = np.array([[1.0, 0.2, 0.2], [0.2, 0.2, 0.6]])
-        total = rigid_sum(np.array([40.0, 20.0]), box_inertia(np.array([40.0, 20.0]), size),
-                          np.array([at(0, 0, 1), at(0.4, 0, 1.4)]))
-        bodies.append(world.add_fragment(np.full(2, Shape.BOX), size, total.local_poses,
-                                         total.mass, total.inertia, total.pose))
-        most = 0
-        for _ in range(60):
-            world.step(DT)
-            pairs = {tuple(pair) for pair in world._engine.contacts()[:, :2].astype(int).tolist()}
-            for body in bodies:
-                both = {other for pair in pairs if body in pair for other in pair} - {body}
-                assert set(world._engine.touched(body)) == both
-            around = pairs_around(world._engine, world.bodies, np.array(bodies[:1]))
-            most = max(most, 0 if around is None else len(around))
-        assert most > 20
 
 
 def test_contacts_tell_what_turns_bodies_that_fly(engine):
@@ -331,7 +308,7 @@ def test_same_calls_give_identical_poses(engine):
 
 def test_a_scene_may_choose_its_engine(engine):
     """Name the engine in a scene or for a simulation; refuse others in one line."""
-    with pytest.raises(SceneError, match="is 'jolt', it must be one of auto, bullet, rapier"):
+    with pytest.raises(SceneError, match="is 'jolt', it must be one of auto, bullet, native"):
         Settings(engine='jolt')
     scene = Scene.from_parameters({'scene': {'objects': []}, 'engine': engine})
     for simulation in (Simulation(scene), Simulation(Scene(), engine=engine)):
@@ -409,7 +386,7 @@ def test_new_bodies_answer_to_contacts_as_old_ones_do(engine):
             if start:
                 world.step(DT)
             world.set_poses(beam, at(0.9, 0, 0.165))
-            world.set_velocities(beam, np.array([0.0, 0.0, -3.0, 0.0, 0.0, 0.0]))
+            world.set_velocities(beam, np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]))
             world.step(DT)
             spins.append(world.velocities([beam])[0])
     assert abs(spins[1][4]) > 0.5

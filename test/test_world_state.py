@@ -163,9 +163,9 @@ def test_unknown_and_missing_engines_are_refused_in_one_line(monkeypatch):
     """Name the known engines, and how to install one."""
     with pytest.raises(SceneError, match='engine is "bulet"; did you mean bullet.*known: auto, b'):
         World(engine='bulet')
-    monkeypatch.setattr(engine_module, 'installed_engines', lambda: ['rapier'])
+    monkeypatch.setattr(engine_module, 'installed_engines', lambda: ['native'])
     with pytest.raises(SceneError, match='"bullet", but pybullet is not installed: pip install '
-                                         'pybullet, or take one that is there: rapier'):
+                                         'pybullet, or take one that is there: native'):
         World(engine='bullet')
 
 
