@@ -109,8 +109,8 @@ def test_what_was_one_piece_with_a_removed_object_falls_on():
     simulation.step(30)
     assert (simulation.poses[own, 2] < low - 0.5).all()
     simulation.explode((0.4, -2.0, 0.5), 1.0)
-    simulation.step(10)
-    assert (np.linalg.norm(simulation.velocities[own, :3], axis=1) > 0.1).all()
+    simulation.step(5)
+    assert (simulation.velocities[own, 1] > 0.1).all()
 
 
 def test_names_do_not_collide_and_bad_objects_change_nothing():

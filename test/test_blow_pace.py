@@ -49,7 +49,7 @@ def fallen(simulation, count):
 
 @pytest.mark.parametrize(('length', 'strength', 'upwards', 'least', 'most'), [
     (16, 0.4e6, 0.6, 0.5, 0.6),   # goes through low; what hung over the hole falls
-    (20, 0.6e6, 1.2, 0.02, 0.1),  # goes through; the wall arches over the hole
+    (20, 0.9e6, 1.4, 0.02, 0.1),  # goes through; the wall arches over the hole
 ])
 def test_what_a_ball_brings_down_does_not_depend_on_the_pace(monkeypatch, length, strength,
                                                              upwards, least, most):
