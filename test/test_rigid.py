@@ -69,7 +69,8 @@ def two_pieces(kinds, sizes, poses):
 def touching(pieces, table):
     """Find the contacts of two pieces."""
     no_points = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64)
-    rows, count = find(np.array([0]), np.ones(1, bool), join_key(np.array([0]), np.array([1])), pieces, table,
+    both = join_key(np.array([0]), np.array([1]))
+    rows, count = find(np.array([0]), np.ones(1, bool), both, pieces, table,
                        np.zeros((3, 6)), no_points, FLAT, 0.0, no_contacts(0))
     return rows.head(count)
 
@@ -284,7 +285,7 @@ def test_pairs_meet_once_whatever_moves():
     one, other = overlaps(bounds[rows], bounds)
     found = meeting(one, other, rows, body, moves, join_key(*excluded.T))
     wanted = []
-    for m, p in enumerate(rows):
+    for p in rows:
         for q in range(count):
             a, b = body[p], body[q]
             near = ((bounds[p, :3] <= bounds[q, 3:]) & (bounds[q, :3] <= bounds[p, 3:])).all()

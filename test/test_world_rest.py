@@ -14,7 +14,7 @@
 
 """Standing still, coming to rest, and moving again when there is reason to."""
 
-from loose_bricks import at, BRICK, BRICK_MASS, DT, G, nudged, rest
+from loose_bricks import at, BRICK, BRICK_MASS, DT, G, rest
 import numpy as np
 import pytest
 
@@ -180,7 +180,7 @@ def test_what_passes_around_a_resting_body_does_not_wake_it(engine):
 
 @engines
 def test_a_long_body_wakes_what_it_hits_fast_only(engine):
-    """Let a turning bar down on two bricks: the one at its tip is hit, the one by its hub is not."""
+    """Let a turning bar down on two bricks: its tip hits one, its hub misses the other."""
     with World(engine=engine) as world:
         low = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(x, 0, 0.0335)) for x in (0.1, 1.8)]
         rest(world)
