@@ -45,7 +45,7 @@ from procphys_ros.physics.rigid.vectors import (
 from procphys_ros.rotation_kernels import matrix_rows
 
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
-_PUSH = 3.0  # [m/s] at most at which overlaps are taken back (box2d's value)
+_PUSH = 0.3  # [m/s] at most at which overlaps are taken back: what is wedged in is not thrown out
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
 _WORK = 12_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
 _COARSE = 480.0  # [1/s] substeps of an island at least; so many leave 0.5 mm of overlap in a heap
