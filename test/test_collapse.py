@@ -46,7 +46,7 @@ def fall(blueprint, height, seconds=3.0):
     size = np.einsum('nij,nj->ni', np.abs(rotation.to_matrix(blueprint.poses[:, 3:])),
                      0.5 * blueprint.size)
     low = (blueprint.poses[:, 2] - size[:, 2]).min()
-    scene = Scene()
+    scene = Scene(Settings(engine='native'))  # what falls ends as rubble
     scene.add(blueprint, (0.0, 0.0, height - low), 0.0, 'piece')
     simulation = Simulation(scene)
     simulation.step(round(seconds / simulation.time_step))
