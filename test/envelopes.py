@@ -140,9 +140,9 @@ class Watch:
         np.testing.assert_allclose(books.carried + books.grounded, books.lost, rtol=1e-9,
                                    atol=1e-9 * self._mass)
         assert not len(hanging(simulation)), self._at('a part stands on nothing')
-        bodies = simulation.state.world.bodies
-        for body in np.flatnonzero(bodies.state == BodyState.RESTING).tolist():
-            low = simulation.state.world.pieces(body).lowest(bodies.poses[body])
+        world = simulation.state.world
+        resting = np.flatnonzero(world.bodies.state == BodyState.RESTING)
+        for body, low in zip(resting, world.bounds(resting)[:, 2]):
             assert low > _DEEPEST, self._at(f'body {body} rests {-low:.3f} m in the ground')
         sunk = sinking(simulation).max(initial=0.0)
         assert sunk < 0.5 * FREE, self._at(f'a piece floats: it comes down by {sunk:.3f} m')
