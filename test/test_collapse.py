@@ -47,7 +47,7 @@ def fall(blueprint, height, seconds=3.0):
     size = np.einsum('nij,nj->ni', np.abs(rotation.to_matrix(blueprint.poses[:, 3:])),
                      0.5 * blueprint.size)
     low = (blueprint.poses[:, 2] - size[:, 2]).min()
-    scene = Scene()
+    scene = Scene(Settings(engine='native'))  # what falls ends as rubble
     scene.add(blueprint, (0.0, 0.0, height - low), 0.0, 'piece')
     simulation = Simulation(scene)
     simulation.step(round(seconds / simulation.time_step))
@@ -203,10 +203,7 @@ def test_debris_comes_to_rest_on_something():
     """Drop a wall: all of it ends at rest, on the ground, on itself, and not below."""
     simulation = fall(tilted(wall(6, 10, ground=False)), 1.5, 8.0)
     assert simulation.awake_bodies == 0
-    bodies = simulation.state.world.bodies
-    for body in np.unique(simulation.state.carrier):
-        pieces = simulation.state.world.pieces(int(body))
-        assert lowest(pieces, bodies.poses[body]) > -0.03
+    assert simulation.state.world.bounds(np.unique(simulation.state.carrier))[:, 2].min() > -0.03
     top = simulation.poses[:, 2].max()
     assert top < 0.8  # nothing hangs in the air
 

@@ -52,7 +52,7 @@ def _load(name: str, **defines: float) -> Blueprint:
 
 
 def _simulation(plan: Blueprint, **parameters: dict) -> Simulation:
-    scene = Scene.from_parameters({'scene': {'objects': []}, **parameters})
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'engine': 'native', **parameters})
     scene.add(plan, name='house')
     return Simulation(scene)
 
