@@ -34,7 +34,6 @@ from procphys_ros.compilation.overloads import GROUPS, SHIPPED
 from procphys_ros.compilation.signatures import to_text
 from procphys_ros.errors import CommandError
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
-from procphys_ros.physics.world import installed_engines
 from procphys_ros.recording.marker_state import find_markers
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
@@ -82,7 +81,7 @@ _HILL: dict[str, Any] = {
                 'grammar_text': _CULLED['sapling']['grammar_text']}}
 
 # What only the other engine calls.
-_RAPIER: dict[str, Any] = {'scene': {'objects': ['wall']}, 'engine': 'rapier',
+_NATIVE: dict[str, Any] = {'scene': {'objects': ['wall']}, 'engine': 'native',
                            'wall': _CRACKED['wall']}
 
 
@@ -170,8 +169,7 @@ def exercise(share: float) -> Iterator[None]:
     for simulation, steps in zip(simulations, _SCENES.values()):
         simulation.step(int(steps * share))
         damage(simulation)
-    if 'rapier' in installed_engines():
-        strike_twice(Simulation(Scene.from_parameters(_RAPIER)))
+    strike_twice(Simulation(Scene.from_parameters(_NATIVE)))
     yield
 
 
