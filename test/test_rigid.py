@@ -284,7 +284,7 @@ def test_pairs_meet_once_whatever_moves():
     one, other = overlaps(bounds[rows], bounds)
     found = meeting(one, other, rows, body, moves, join_key(*excluded.T))
     wanted = []
-    for m, p in enumerate(rows):
+    for p in rows:
         for q in range(count):
             a, b = body[p], body[q]
             near = ((bounds[p, :3] <= bounds[q, 3:]) & (bounds[q, :3] <= bounds[p, 3:])).all()

@@ -14,7 +14,7 @@
 
 """Standing still, coming to rest, and moving again when there is reason to."""
 
-from loose_bricks import at, BRICK, BRICK_MASS, DT, G, nudged, rest
+from loose_bricks import at, BRICK, BRICK_MASS, DT, G, rest
 import numpy as np
 import pytest
 
