@@ -69,7 +69,8 @@ def two_pieces(kinds, sizes, poses):
 def touching(pieces, table):
     """Find the contacts of two pieces."""
     no_points = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64)
-    rows, count = find(np.array([0]), np.ones(1, bool), join_key(np.array([0]), np.array([1])), pieces, table,
+    pair = join_key(np.array([0]), np.array([1]))
+    rows, count = find(np.array([0]), np.ones(1, bool), pair, pieces, table,
                        np.zeros((3, 6)), no_points, FLAT, 0.0, no_contacts(0))
     return rows.head(count)
 
