@@ -16,7 +16,6 @@
 
 from dataclasses import replace
 
-from lowest_points import lowest
 from masonry_walls import bonded, wall
 import numpy as np
 import pytest

@@ -38,9 +38,8 @@ DRAWS = {'normal', 'standard_normal', 'exponential', 'standard_exponential', 'we
          'lognormal', 'gamma', 'poisson'}
 SORTS = {'argsort', 'argpartition', 'partition'}  # their order of what is alike may differ
 COMPILED = {'kernel', 'subroutine', 'inlined'}
-# SuperLU: an order of columns, which is a matter of whole numbers; and friction that rapier does
-# not tell, of an engine that promises nothing itself.
-ALLOWED = {('physics/masonry/factor.py', 'linalg'), ('physics/world/friction.py', 'linalg')}
+# SuperLU: an order of columns, which is a matter of whole numbers.
+ALLOWED = {('physics/masonry/factor.py', 'linalg')}
 
 
 def decorated(node: ast.AST) -> bool:

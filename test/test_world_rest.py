@@ -179,18 +179,6 @@ def test_what_passes_around_a_resting_body_does_not_wake_it(engine):
 
 
 @engines
-def test_a_long_body_wakes_what_it_hits_fast_only(engine):
-    """Let a turning bar down on two bricks: its tip hits one, its hub misses the other."""
-    with World(engine=engine) as world:
-        low = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(x, 0, 0.0335)) for x in (0.1, 1.8)]
-        rest(world)
-        world.add_body(Shape.BOX, [4.0, 0.1, 0.1], 90.0, at(0, 0, 0.121),
-                       np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
-        world.step(DT)
-        assert world.bodies.state[low].tolist() == [BodyState.RESTING, BodyState.AWAKE]
-
-
-@engines
 def test_what_is_clamped_comes_to_rest_beside_its_support(engine):
     """Put a plank into a slot, its centre outside of it: it lies still after little over 1 s."""
     with World(engine=engine) as world:

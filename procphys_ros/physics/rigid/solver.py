@@ -55,7 +55,7 @@ _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _MOST_TURNS = 32  # substeps of what flies alone, at most
 _LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
-_TURN = 0.1  # [rad] in a substep at most, so that spins keep their energy
+_TURN = 0.05  # [rad] in a substep at most, so that spins keep their energy
 
 # A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass,
 # inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion before contacts acted in the

@@ -165,12 +165,25 @@ class NativeEngine:
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""
         looks, told = self._looks(time_step), []
+        start = self._table.poses[:, :3].copy()
         for k in range(looks):
+            way = self._table.poses[:, :3] - start
             self._move(time_step / looks)
+            self._told[:, 2:5] -= self._carried(way)
             pressed = self._told[:, 12] > 0.0
             told.append(self._told[pressed] if k < looks - 1 else self._told)
         self._told = np.concatenate(told)
         self._told[:, 9:] /= looks
+
+    def _carried(self, way: np.ndarray) -> np.ndarray:
+        """
+        Give how far bodies have carried their contacts since the step began [m], (C, 3).
+
+        Points are told as seen from where the step began: what flies together keeps its arms.
+        """
+        first, second = self._told[:, :2].astype(np.intp).T
+        second = np.where(second == 0, first, second)  # the ground is everywhere
+        return 0.5 * (way[first] + way[second])
 
     def _looks(self, time_step: float) -> int:
         """
