@@ -26,8 +26,9 @@ from typing import Any
 
 _AGAIN = 0.001  # [s] until a signal that came at a bad moment is tried again
 
-# What is called from C that does not expect exceptions (numba 0.58 and 0.68, numpy 1.26 and 2.4, Python 3.11), and
-# writers of pictures, which count what they have written. All is done within milliseconds.
+# What is called from C that does not expect exceptions (numba 0.58 and 0.68, numpy 1.26 and 2.4,
+# Python 3.11), and writers of pictures, which count what they have written. All is done within
+# milliseconds.
 _UNSAFE = ('enum', 'numba.core.serialize', 'numpy.core._internal', 'numpy._core._internal',
            'weakref', 'procphys_ros.render.writers')
 
