@@ -23,6 +23,7 @@ import time
 from types import ModuleType
 import weakref
 
+import numpy as np
 import pytest
 
 from procphys_ros import interruption, program
@@ -174,3 +175,8 @@ def test_a_second_signal_does_not_stop_a_page_from_ending():
     """Take a signal that comes while another is handled, as where make passes Ctrl-C on."""
     done = subprocess.run([sys.executable, '-c', TWICE], cwd=ROOT, timeout=120, check=False)
     assert done.returncode == 0
+
+
+def test_functions_that_numpy_calls_from_c_are_known():
+    """Name the module in which any numpy keeps them: `numpy.core` before numpy 2."""
+    assert type(np.zeros(1).ctypes).__module__ in interruption._UNSAFE

@@ -141,6 +141,21 @@ def test_manifest_names_every_ros_package_that_is_imported():
     assert started - sys.stdlib_module_names <= declared
 
 
+def test_apt_brings_all_that_the_package_needs():
+    """Name in package.xml what pip installs on Ubuntu's Python 3.12, so that nothing needs pip."""
+    setup = (ROOT / 'setup.py').read_text('utf-8')
+    required = re.search(r'install_requires=\[(.*?)\]', setup, re.DOTALL)[1]
+    keys = {'lark': 'python3-lark-parser', 'pyyaml': 'python3-yaml'}
+    manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
+    assert {keys.get(name, f'python3-{name}')
+            for name, version in re.findall(r"'([a-z0-9]+)([^']*)'", required)
+            if name != 'setuptools' and 'python_version < "3.12"' not in version} == {
+        depend.text for depend in manifest.findall('exec_depend')
+        if depend.text.startswith('python3-')}
+    for page in ('README.md', '.ci/colcon'):
+        assert not re.search(r'\bpip3? install', (ROOT / page).read_text('utf-8')), page
+
+
 def test_executables_call_modules_that_exist():
     """Start a module with a main from each script that `ros2 run` finds."""
     for script in sorted((ROOT / 'scripts').iterdir()):

@@ -20,6 +20,7 @@ import pytest
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.rigid.contacts import find, join_key, meeting, no_contacts, split_key
 from procphys_ros.physics.rigid.islands import upwards
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, ROUND
@@ -293,3 +294,24 @@ def test_pairs_meet_once_whatever_moves():
             if near and once and a != b and 2 in (moves[a], moves[b]) and (a + b) % 9:
                 wanted.append((min(p, q), max(p, q)))
     np.testing.assert_array_equal(np.array(split_key(found)).T, sorted(wanted))
+
+
+def test_a_thin_rod_keeps_its_energy_however_it_spins():
+    """Spin rods 400 times as long as thick, about all axes and mostly the thinnest."""
+    rng = np.random.default_rng(5)
+    for _ in range(10):
+        spin = np.array([*rng.uniform(-5.0, 5.0, 2), rng.uniform(100.0, 400.0)])
+        table = BodyTable()
+        table.add_ground(0.6)
+        ids = table.add_bodies(BodyState.AWAKE, [plain(
+            Shape.BOX, [0.005, 0.006, 2.0], 0.05, np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0]),
+            np.concatenate([np.zeros(3), spin]))])
+        engine = NativeEngine(np.zeros(3))
+        engine.add(table, np.array([0, *ids]))
+        before = motion_energy(np.zeros(1), table.inertia[ids], table.poses[ids, 3:],
+                               table.velocities[ids])
+        for _ in range(60):
+            engine.step(1.0 / 60.0)
+        after = motion_energy(np.zeros(1), table.inertia[ids], table.poses[ids, 3:],
+                              table.velocities[ids])
+        assert after == pytest.approx(before, rel=1e-6)

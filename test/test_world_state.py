@@ -172,6 +172,7 @@ def test_unknown_and_missing_engines_are_refused_in_one_line(monkeypatch):
 def test_the_native_engine_stands_in_where_others_are_missing(monkeypatch, caplog):
     """Take the engine that is there, and say so once."""
     monkeypatch.setattr(engine_module, 'installed_engines', lambda: ['native'])
+    engine_module._log_once.cache_clear()
     for _ in range(2):
         with World() as world:
             assert world.engine == 'native'

@@ -79,7 +79,7 @@ def row_layout(namespace_bytes: int, frame_id: str, mesh: str = '',
         head.raw(bytes(24 * points))
     data = _finish(head, mesh)
     formats: dict[str, Any] = {
-        'stamp': ('<u4', 2), 'ns': ('u1', namespace_bytes), 'id': '<i4', 'type': '<i4',
+        'stamp': ('<u4', 2), 'ns': ('u1', (namespace_bytes,)), 'id': '<i4', 'type': '<i4',
         'action': '<i4', 'pose': ('<f8', 7), 'scale': ('<f8', 3), 'color': ('<f4', 4)}
     if points:
         formats['points'] = ('<f8', (points, 3))

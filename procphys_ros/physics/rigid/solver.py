@@ -446,8 +446,7 @@ def _advance(i, bodies, gravity, h, flies, state):
     """
     Move a body, and turn it so that its angular momentum stays.
 
-    The spin of the middle of the substep turns it, right to the second power where it is little
-    and contacts act; what touches nothing keeps to its parabola.
+    What touches nothing keeps to its parabola.
     """
     for w in range(3):
         way = h * state[i, w] - (0.5 * h * h * gravity[w] if flies else 0.0)
@@ -459,21 +458,46 @@ def _advance(i, bodies, gravity, h, flies, state):
     q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
     inertia = at(bodies.inertia, i)
     momentum = _stretched(q, inertia, spin)
-    if flies or h * h * dot(spin, spin) > _LITTLE * _LITTLE:
-        ease = 1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2]
-        middle = _stretched(_rotated(q, spin, 0.5 * h), ease, momentum)
-        q = _rotated(q, middle, h)
-        after = _stretched(q, ease, momentum)
-    else:
-        after = plus(spin, -h, _eased(state, i, cross(spin, momentum)))
-        middle = plus(scaled(0.5, spin), 0.5, after)
-        q = _rotated(q, middle, h)
+    q, turned = _turned_freely(q, inertia, momentum, h)
+    after = _stretched(q, (1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2]), momentum)
     for w in range(4):
         bodies.pose[i, 3 + w] = q[w]
-    put(state, i, _TURNED, plus(three(state, i, _TURNED), h, middle))
+    put(state, i, _TURNED, plus(three(state, i, _TURNED), 1.0, turned))
     _bend(i, state)
     put(state, i, _SPIN, after)
     put(state, i, _FREE + 3, plus(three(state, i, _FREE + 3), 1.0, less(after, spin)))
+
+
+@subroutine(**LEAN)
+def _turned_freely(q, inertia, momentum, h):
+    """
+    Turn an attitude as a body does on which no moment acts; give it and the way [rad].
+
+    The energy is that of a ball with the middle moment of inertia, and what the two other axes
+    have beside it: each part alone turns the body at a constant rate, about its momentum or an
+    axis of its own. Midpoints of the spin, which thin rods make stiff, would run away.
+    """
+    middle = _middle(inertia)
+    ease = 1.0 / inertia[middle]
+    one, two = (middle + 1) % 3, (middle + 2) % 3
+    about = scaled(ease, momentum)
+    q = _rotated(q, about, 0.5 * h)
+    turned = scaled(h, about)
+    for k, duration in ((one, 0.5 * h), (two, h), (one, 0.5 * h)):
+        x, y, z = matrix_rows(q)
+        axis = (x[k], y[k], z[k])
+        about = scaled(dot(axis, momentum) * (1.0 / inertia[k] - ease), axis)
+        q = _rotated(q, about, duration)
+        turned = plus(turned, duration, about)
+    return _rotated(q, scaled(ease, momentum), 0.5 * h), turned
+
+
+@subroutine(**INLINE)
+def _middle(values):
+    """Say which of three values lies between the others."""
+    if (values[0] <= values[1]) == (values[1] <= values[2]):
+        return 1
+    return 0 if (values[1] <= values[0]) == (values[0] <= values[2]) else 2
 
 
 @subroutine(**INLINE)

@@ -238,8 +238,9 @@ class NativeEngine:
         table, pieces = self._table, self._pieces
         live = Pieces(*(column[:self._used] for column in pieces))
         pairs = self._pairs(rows, live)
-        is_free = table.state[live.body[rows]] == BodyState.AWAKE
-        contacts, count = find(rows, is_free, pairs, live, table.poses, table.velocities,
+        lands = ((table.state[live.body[rows]] == BodyState.AWAKE)
+                 & (table.state[0] == BodyState.GROUND))  # which can be removed
+        contacts, count = find(rows, lands, pairs, live, table.poses, table.velocities,
                                self._extra_points(), self._terrain, time_step, self._contacts)
         return contacts.head(count)
 
