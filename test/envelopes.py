@@ -28,6 +28,7 @@ from dataclasses import replace
 from typing import Any
 
 from energy_ledger import EnergyLedger
+from lowest_points import lowest
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
@@ -140,9 +141,9 @@ class Watch:
         np.testing.assert_allclose(books.carried + books.grounded, books.lost, rtol=1e-9,
                                    atol=1e-9 * self._mass)
         assert not len(hanging(simulation)), self._at('a part stands on nothing')
-        world = simulation.state.world
-        resting = np.flatnonzero(world.bodies.state == BodyState.RESTING)
-        for body, low in zip(resting, world.bounds(resting)[:, 2]):
+        bodies = simulation.state.world.bodies
+        for body in np.flatnonzero(bodies.state == BodyState.RESTING).tolist():
+            low = lowest(simulation.state.world.pieces(body), bodies.poses[body])
             assert low > _DEEPEST, self._at(f'body {body} rests {-low:.3f} m in the ground')
         sunk = sinking(simulation).max(initial=0.0)
         assert sunk < 0.5 * FREE, self._at(f'a piece floats: it comes down by {sunk:.3f} m')
