@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.linear_kernels import diagonalise, transformed, transformed_back
-from procphys_ros.rotation_kernels import carried, matrix
+from procphys_ros.rotation_kernels import matrix
 
 
 @dataclass(frozen=True)
@@ -150,24 +150,6 @@ def relative_rows(frame, poses):
         out[p, 4] = aw * by - ax * bz + ay * bw + az * bx
         out[p, 5] = aw * bz + ax * by - ay * bx + az * bw
         out[p, 6] = aw * bw - ax * bx - ay * by - az * bz
-    return out
-
-
-@kernel
-def placed(points, inner, inner_poses, outer, outer_poses):
-    """
-    Give points that lie in one frame within another in the world [m], (C, 3).
-
-    :param points: in the inner frames [m], (C, 3).
-    :param inner: row of the inner frame of each, (C,).
-    :param inner_poses: in the outer frames, (I, 7).
-    :param outer: row of the outer frame of each, (C,).
-    :param outer_poses: in the world, (O, 7).
-    """
-    out = np.empty((len(points), 3))
-    for n in range(len(points)):
-        between = carried(inner_poses[inner[n]], points[n])
-        out[n, 0], out[n, 1], out[n, 2] = carried(outer_poses[outer[n]], between)
     return out
 
 
