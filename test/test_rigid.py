@@ -212,6 +212,23 @@ def test_a_spin_about_the_middle_axis_keeps_energy_and_momentum():
     np.testing.assert_allclose(motion() / before, [1.0, 1.0], atol=2e-3)
 
 
+@pytest.mark.parametrize('order', [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
+@pytest.mark.parametrize('moments', [(1.0, 1.0, 1e-3), (1e-3, 1e-3, 1.0), (1.0, 1.0, 1.0),
+                                     (1e-3, 0.9, 1.0)])
+def test_free_bodies_turn_as_their_moments_have_it(moments, order):
+    """Tumble bodies two of whose moments are equal, in any order: energy and momentum stay."""
+    table, ids, engine = bodies([(0.0, 0.0, 5.0)], [[0.3, 0.2, 0.1]], [2.6], gravity=np.zeros(3))
+    inertia = table.inertia[ids[0]] = np.array(moments)[list(order)]
+    spin = table.velocities[ids[0], 3:] = [1.0, 2.0, 0.5]
+    energy, momentum = inertia @ np.square(spin), np.linalg.norm(inertia * spin)
+    for _ in range(60):
+        engine.step(DT)
+        spin = rotation.rotate(rotation.conjugate(table.poses[ids[0], 3:]),
+                               table.velocities[ids[0], 3:])
+        assert inertia @ spin ** 2 == pytest.approx(energy, rel=5e-3)
+        assert np.linalg.norm(inertia * spin) == pytest.approx(momentum, rel=1e-9)
+
+
 def test_a_heap_falls_lands_and_keeps_its_books():
     """Drop 150 bricks: energy never rises, contacts carry the weight, little overlaps."""
     rng, count = np.random.default_rng(0), 150

@@ -134,7 +134,7 @@ def test_what_a_slab_falls_on_is_not_pressed_into_the_ground(engine):
 
 @engines
 def test_the_end_of_a_turning_rod_does_not_dig_into_the_ground(engine):
-    """Let rods turn while they slide or fall: no axis gets into the ground, none gains energy."""
+    """Let rods turn while they slide or fall: no end digs in, none gains energy."""
     size, mass, rng = np.array([0.1, 0.1, 4.0]), 20.0, np.random.default_rng(2)
     inertia = np.array([mass * 16.0 / 12.0, mass * 16.0 / 12.0, mass * 0.1 ** 2 / 8.0])
     for _ in range(6):
@@ -146,7 +146,7 @@ def test_the_end_of_a_turning_rod_does_not_dig_into_the_ground(engine):
             for _ in range(120):
                 world.step(DT)
                 pose, speed = world.poses([rod])[0], world.velocities([rod])[0]
-                assert lowest(world.pieces(rod), pose) > -0.5 * size[0]
+                assert lowest(world.pieces(rod), pose) > -0.045
                 spin = rotation.rotate(rotation.conjugate(pose[3:]), speed[3:])
                 energy = (mass * (G * pose[2] + 0.5 * speed[:3] @ speed[:3])
                           + 0.5 * spin @ (inertia * spin))

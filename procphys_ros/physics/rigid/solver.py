@@ -495,9 +495,10 @@ def _turned_freely(q, inertia, momentum, h):
 @subroutine(**INLINE)
 def _middle(values):
     """Say which of three values lies between the others."""
-    if (values[0] <= values[1]) == (values[1] <= values[2]):
-        return 1
-    return 0 if (values[1] <= values[0]) == (values[0] <= values[2]) else 2
+    a, b, c = values[0], values[1], values[2]  # of which two may be equal
+    if min(a, b) <= c <= max(a, b):
+        return 2
+    return 1 if min(a, c) <= b <= max(a, c) else 0
 
 
 @subroutine(**INLINE)
