@@ -55,6 +55,7 @@ _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _MOST_TURNS = 32  # substeps of what flies alone, at most
 _LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
+_NOTICED = 0.01  # [rad] in a substep from which arms and inertia of the step's start will not do
 _TURN = 0.05  # [rad] in a substep at most, so that spins keep their energy
 
 # A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass,
@@ -66,10 +67,11 @@ _BODY = 34
 # A row per contact: normal, a tangent, arms of both bodies, masses along normal, tangent and the
 # third axis, speed along the last two by a unit impulse along the normal, impulses of the present
 # substep, gap as bodies have moved so far, friction, sums of impulses over the step, the place on
-# both bodies before the step as far as it turns with them, and the gap then.
+# both bodies before the step as far as it turns with them, the gap then, and the impulse along the
+# normal of the substep before.
 _NORMAL, _TANGENT, _ARM, _OTHER, _MASS, _ASIDE, _PUSHED = 0, 3, 6, 9, 12, 15, 17
-_GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START = 20, 21, 22, 25, 28, 31
-_CONTACT = 32
+_GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START, _LAST = 20, 21, 22, 25, 28, 31, 32
+_CONTACT = 33
 
 
 class MovingBodies(NamedTuple):
@@ -165,18 +167,13 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         _start(r, order[r], force, h, rows)
         bounces = bounces or elastic[r, 0] > 0.0
     for substep in range(substeps):
-        anew = fine or substep == 0
-        if fine and substep > 0:
-            for i in own:
-                _ease(i, bodies, state)
-            for r in contacts:
-                _aim(r, ends, radius, order, state, h, rows)
+        if substep > 0:
+            _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows)
         for i in own:
-            _drive(i, gravity, h, anew, state)
+            _drive(i, gravity, h, state)
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
-        if anew:
-            _begin(contacts, ends, state, rows)
+        _begin(contacts, ends, state, rows)
         _passes(passes, contacts, ends, state, rows, h, _softness(h), False)
         for i in own:
             _advance(i, bodies, gravity, h, begin == end, state)
@@ -186,6 +183,20 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
     _keep_forces(contacts, order, rows, h, force)
+
+
+@subroutine(**LEAN)
+def _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows):
+    """Work out inertia and arms anew: of all that turns noticeably in a substep, or of all."""
+    least = 0.0 if fine else _NOTICED / h
+    for i in own:
+        spin = three(state, i, _SPIN)
+        if dot(spin, spin) >= least * least:
+            _ease(i, bodies, state)
+    for r in contacts:
+        one, two = three(state, ends[r, 0], _SPIN), three(state, ends[r, 1], _SPIN)
+        if max(dot(one, one), dot(two, two)) >= least * least:
+            _aim(r, ends, radius, order, state, h, rows)
 
 
 @subroutine(**LEAN)
@@ -205,14 +216,12 @@ def _pace(own, contacts, state, time_step):
 
 
 @subroutine(**LEAN)
-def _drive(i, gravity, h, anew, state):
-    """Let gravity act for a substep, and what contacts did in the one before unless `anew`."""
+def _drive(i, gravity, h, state):
+    """Let gravity act for a substep."""
     for w in range(6):
-        given = 0.0 if anew else state[i, w] - state[i, _FREE + w]
         if w < 3:
             state[i, w] += gravity[w] * h
         state[i, _FREE + w] = state[i, w]
-        state[i, w] += given
 
 
 @subroutine(**LEAN)
@@ -280,6 +289,7 @@ def _start(r, c, force, h, rows):
     """Write the impulses that the first substep starts from."""
     n, t, pressed = three(rows, r, _NORMAL), three(rows, r, _TANGENT), three(force, c, 1)
     put(rows, r, _PUSHED, (h * force[c, 0], h * dot(pressed, t), h * dot(pressed, cross(n, t))))
+    rows[r, _LAST] = rows[r, _PUSHED]
 
 
 @subroutine(**LEAN)
@@ -346,12 +356,21 @@ def _note_approach(contacts, ends, state, rows, elastic):
 
 @subroutine(**LEAN)
 def _begin(contacts, ends, state, rows):
-    """Start from the impulses before."""
+    """
+    Start from the impulses before: from the lesser of the last two substeps.
+
+    What presses does so in both. What struck did in one, and would throw bodies if it began again.
+    """
     for r in contacts:
-        pushed = three(rows, r, _PUSHED)
-        if pushed[0] != 0.0 or pushed[1] != 0.0 or pushed[2] != 0.0:
-            _push(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
-                  _along(rows, r, pushed))
+        pushed, last = three(rows, r, _PUSHED), rows[r, _LAST]
+        rows[r, _LAST] = pushed[0]
+        if pushed[0] == 0.0:
+            continue
+        if pushed[0] > last:
+            pushed = scaled(last / pushed[0], pushed)
+            put(rows, r, _PUSHED, pushed)
+        _push(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
+              _along(rows, r, pushed))
 
 
 @subroutine(**INLINE)
@@ -541,6 +560,8 @@ def _keep_forces(contacts, order, rows, h, force):
     """Write what the next step starts from."""
     for r in contacts:
         c, pushed = order[r], three(rows, r, _PUSHED)
+        if pushed[0] > rows[r, _LAST]:
+            pushed = scaled(rows[r, _LAST] / pushed[0], pushed)
         across = _along(rows, r, (0.0, pushed[1], pushed[2]))
         force[c, 0] = pushed[0] / h
         for w in range(3):
