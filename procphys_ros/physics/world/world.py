@@ -231,10 +231,17 @@ class World:
         self._bodies.bounds[ids] = self.bounds(ids)
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
-        """Set the velocities of loose bodies, world axes, (K, 6)."""
+        """
+        Set the velocities of loose bodies, world axes, (K, 6).
+
+        What something outside of this world pushes does not lie still, however slow it is.
+        """
         ids = np.atleast_1d(ids)
-        if not len(ids):
-            return
+        if len(ids):
+            self._bodies.quiet[ids] = 0.0
+            self._write_velocities(ids, velocities)
+
+    def _write_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         self._bodies.velocities[ids] = velocities
         self._engine.set_velocities(ids, self._bodies.velocities[ids])
 
@@ -311,7 +318,7 @@ class World:
         self._engine.step(time_step)
         self._table = self._engine.contacts()
         kinematic.arrive(self._engine, bodies)
-        self.set_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
+        self._write_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
         self._settle(time_step)
 
     def _settle(self, time_step: float) -> None:
