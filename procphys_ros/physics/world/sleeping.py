@@ -47,28 +47,32 @@ def quiet_islands(bodies: BodyTable, awake: np.ndarray, table: np.ndarray,
     :param time_step: [s].
     :returns: ids, ascending, (M,).
     """
-    _keep_clocks(awake, bodies.poses, bodies.mark, bodies.radius, bodies.quiet, time_step)
+    _keep_clocks(awake, bodies.poses, bodies.mark, bodies.inertia, bodies.mass, bodies.quiet,
+                 time_step)
     return _quiet(awake, bodies.quiet, bodies.state, table)
 
 
 @kernel
-def _keep_clocks(awake, poses, mark, radius, quiet, time_step):
+def _keep_clocks(awake, poses, mark, inertia, mass, quiet, time_step):
     """Count for how long bodies have stayed; to tremble on the spot is to stay."""
     most = 0.5 * SLEEP_SPEED * SLEEP_TIME  # what gets to that speed in that time comes so far
     for k in range(len(awake)):
         b = awake[k]
         quiet[b] += time_step
-        if _way(mark[b], poses[b], radius[b]) > most:
+        if _way(mark[b], poses[b], inertia[b], mass[b]) > most:
             quiet[b], mark[b] = 0.0, poses[b]
 
 
 @subroutine
-def _way(start, now, radius):
-    """Give how far no point of a body has come [m]."""
+def _way(start, now, inertia, mass):
+    """Give how far the centre of a body and a corner of a box of its inertia have come [m]."""
     x, y, z = now[0] - start[0], now[1] - start[1], now[2] - start[2]
-    same = start[3] * now[3] + start[4] * now[4] + start[5] * now[5] + start[6] * now[6]
-    turn = np.sqrt(max(8.0 * (1.0 - abs(same)), 0.0))
-    return np.sqrt(x * x + y * y + z * z) + turn * radius
+    a, b, c, d = start[3], start[4], start[5], start[6]
+    u = d * now[3] - now[6] * a - b * now[5] + c * now[4]  # half of the turn, in its axes
+    v = d * now[4] - now[6] * b - c * now[3] + a * now[5]
+    w = d * now[5] - now[6] * c - a * now[4] + b * now[3]
+    turn = u * u * inertia[0] + v * v * inertia[1] + w * w * inertia[2]
+    return np.sqrt(x * x + y * y + z * z) + 2.0 * np.sqrt(3.0 * turn / mass)
 
 
 @subroutine
