@@ -82,8 +82,12 @@ class _Fall:
         self._run(180)
         while simulation.awake_bodies > _FEW and simulation.time < 20.0:
             self._run(60)
-        self._run(60)  # for the stresses to follow the last loads
-        self.carried, self.weight = self._weigh()
+        self._run(60)  # for the stresses to follow the last loads, ...
+        weighed = []
+        for _ in range(60):  # ... but those of what trembles yet, in the mean
+            self._run(1)
+            weighed.append(self._weigh())
+        self.carried, self.weight = np.mean(weighed, axis=0)
         simulation.demolish()
         self._run(180)
         while simulation.awake_bodies > _FEW and simulation.time < 90.0:
