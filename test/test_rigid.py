@@ -26,9 +26,11 @@ from procphys_ros.physics.rigid.islands import upwards
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, ROUND
 from procphys_ros.physics.terrain import FLAT
 from procphys_ros.physics.touch import overlaps
+from procphys_ros.physics.world import World
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.loose_bodies import plain
 from procphys_ros.physics.world.native import NativeEngine
+from procphys_ros.physics.world.pieces import single
 
 G = np.array([0.0, 0.0, -9.81])
 BRICK = np.array([0.215, 0.1025, 0.065])
@@ -332,3 +334,19 @@ def test_a_thin_rod_keeps_its_energy_however_it_spins():
         after = motion_energy(np.zeros(1), table.inertia[ids], table.poses[ids, 3:],
                               table.velocities[ids])
         assert after == pytest.approx(before, rel=1e-6)
+
+
+def test_what_is_driven_fast_pushes_all_along_a_step():
+    """Drive a plate at 4 m/s against a brick that it reaches in the middle of a step."""
+    size, speed = np.array([0.02, 0.4, 0.4]), 4.0
+    with World((0.0, 0.0, 0.0), engine='native') as world:
+        plate = world.add_driven(single(Shape.BOX, size), np.array([0, 0, 1, 0, 0, 0, 1.0]))
+        brick = world.add_body(Shape.BOX, np.array([0.2, 0.1, 0.07]), 2.6,
+                               np.array([0.15, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+        for step in range(1, 4):
+            x = step * speed / 60.0
+            world.drive(plate, np.array([x, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+            world.step(1.0 / 60.0)
+            gap = world.poses(np.array([brick]))[0, 0] - 0.1 - (x + 0.01)
+            assert gap > -1e-3
+        assert world.velocities(np.array([brick]))[0, 0] == pytest.approx(speed, rel=0.01)

@@ -128,6 +128,8 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
     for i in range(len(members)):
         for w in range(6):
             bodies.velocity[i, w] = state[i, w]
+    for i in range(len(members), len(bodies.mass)):
+        _follow(i, bodies, time_step)
     _tell_impulses(order, rows, spots, time_step, told)
     return told
 
@@ -142,6 +144,17 @@ def _states(bodies):
         state[i, _LIGHT] = 1.0 / bodies.mass[i]
         _ease(i, bodies, state)
     return state
+
+
+@subroutine(**LEAN)
+def _follow(i, bodies, time_step):
+    """Move a kinematic body."""
+    q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
+    q = _rotated(q, three(bodies.velocity, i, 3), time_step)
+    for w in range(3):
+        bodies.pose[i, w] += time_step * bodies.velocity[i, w]
+    for w in range(4):
+        bodies.pose[i, 3 + w] = q[w]
 
 
 @subroutine(**LEAN)

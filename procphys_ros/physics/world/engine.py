@@ -98,7 +98,6 @@ class Engine(Protocol):
         :returns: (C, 13): two ids, point on the second, unit normal towards the first, distance,
             mean force of the step on the first in world axes [N], (3,), its normal part [N].
         """
-        raise NotImplementedError
 
 
 def installed_engines() -> list[str]:

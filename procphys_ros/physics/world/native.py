@@ -218,8 +218,7 @@ class NativeEngine:
         members, begins, order, start = islands(first[up], second[up], len(free))
         self._told = solve(bodies, first, second, contacts, up[order], table.friction,
                            table.restitution, (members, begins, start), self._gravity, time_step)
-        count = len(free)
-        table.poses[free], table.velocities[free] = bodies.pose[:count], bodies.velocity[:count]
+        table.poses[moving], table.velocities[free] = bodies.pose[:-1], bodies.velocity[:len(free)]
         self._contacts = self._with_sleeping(contacts)
 
     def _with_sleeping(self, contacts: ContactRows) -> ContactRows:
