@@ -179,11 +179,14 @@ class NativeEngine:
         """
         Give how far bodies have carried their contacts since the step began [m], (C, 3).
 
-        Points are told as seen from where the step began: what flies together keeps its arms.
+        Points are told as seen from where the step began: what flies together keeps its arms. Of
+        two that move apart, the heavier one does.
         """
         first, second = self._told[:, :2].astype(np.intp).T
         second = np.where(second == 0, first, second)  # the ground is everywhere
-        return 0.5 * (way[first] + way[second])
+        one, two = self._table.mass[first], self._table.mass[second]
+        share = (one / (one + two))[:, None]
+        return share * way[first] + (1.0 - share) * way[second]
 
     def _looks(self, time_step: float) -> int:
         """
