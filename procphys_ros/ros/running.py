@@ -19,6 +19,7 @@ from contextlib import suppress
 import os
 import signal
 import sys
+import warnings
 
 import rclpy
 from rclpy.exceptions import NotInitializedException, ParameterException
@@ -63,6 +64,8 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
 
 
 def _spin(kind: type[SimNode], words: list[str]) -> None:
+    # A signal may come between the making of a handler and its run, and rclpy drops it then.
+    warnings.filterwarnings('ignore', "coroutine 'Executor._make_handler", RuntimeWarning)
     executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
     node = kind()
     node.has_told_end = True  # `_complain` will
