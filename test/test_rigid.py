@@ -162,7 +162,39 @@ def test_slabs_lie_on_loose_posts(mass, height):
     places.append((1.5, 1.5, BRICK[2] * height + 0.1))
     table, ids, engine = bodies(places, sizes, [2.6] * (len(places) - 1) + [mass])
     run(engine, 2.0)
-    assert np.abs(table.poses[ids, :3] - places).max() < 0.01
+    assert np.abs(table.poses[ids, :3] - places).max() < 5e-4  # 0.04 mm
+
+
+@pytest.mark.parametrize(('mass', 'courses', 'time_step'), [
+    (2e3, 1, DT), (2e3, 3, DT), (20e3, 1, 1 / 240), (20e3, 3, 1 / 30)])
+def test_what_lands_on_light_bricks_does_not_drive_them_into_the_ground(mass, courses, time_step):
+    """Drop a slab on loose bricks: none sinks in, and the ground gets all momentum."""
+    places = [(0.5 * i, 0.5 * j, BRICK[2] * (k + 0.5))
+              for i in range(5) for j in range(5) for k in range(courses)]
+    places.append((1.0, 1.0, BRICK[2] * courses + 0.13))
+    table, ids, engine = bodies(places, [BRICK] * (len(places) - 1) + [[3.0, 3.0, 0.2]],
+                                [2.6] * (len(places) - 1) + [mass])
+    table.velocities[ids[-1], 2] = -5.0
+    given, lowest = 0.0, 1.0
+    for _ in range(round(0.5 / time_step)):
+        engine.step(time_step)
+        told = engine.contacts()
+        given += told[told[:, 1] == 0, 11].sum() * time_step
+        lowest = min(lowest, table.poses[ids[:-1], 2].min())
+    assert lowest > 0.5 * BRICK[2] - 5e-3
+    assert given == pytest.approx(5.0 * mass + 0.5 * 9.81 * table.mass[ids].sum(), rel=0.02)
+    assert np.abs(table.velocities[ids]).max() < 0.05
+
+
+def test_a_brick_is_as_light_to_the_side_whatever_lies_on_it():
+    """Throw the lowest of a column to the side: friction alone brakes it."""
+    count, speed, grip = 12, 4.0, 0.3
+    places = [(0.0, 0.0, BRICK[2] * (k + 0.5)) for k in range(count)]
+    table, ids, engine = bodies(places, BRICK, np.full(count, 2.6), grip)
+    table.velocities[ids[0], 0] = speed
+    run(engine, 1 / 240, 1 / 240)
+    brake = grip * 9.81 * (2 * count - 1)  # by what lies on it, and the ground by all
+    assert table.velocities[ids[0], 0] == pytest.approx(speed - brake / 240, rel=0.01)
 
 
 @pytest.mark.parametrize('time_step', [1 / 30, 1 / 60, 1 / 240])

@@ -207,9 +207,7 @@ def test_charges_bring_a_small_block_down_on_its_own_plan():
     found.bound('largest', high=420)  # 55 to 305 of 1,687; 469 before it lands
 
 
-@pytest.mark.parametrize('name', [
-    pytest.param('figure_8', marks=pytest.mark.xfail(
-        reason='a piece comes 5 cm into the ground under what falls on it')), 'implosion'])
+@pytest.mark.parametrize('name', ['figure_8', 'implosion'])
 def test_charges_bring_the_whole_block_down(name):
     """Bring it down, as large as it is shipped: coarse bounds for one run, and the laws."""
     simulation = run(name, 3.0)  # while it falls: heights of 0.50 and 0.31, 0.95 and 0.98 inside

@@ -17,8 +17,8 @@
 Solver: impulses at contacts, island by island, in substeps.
 
 Each substep applies gravity, starts from the impulses of the one before, solves with soft
-contacts, which take overlaps back, moves, and solves again without, so that nothing of that stays
-as speed (Catto 2024, "Solver2D": soft step with relaxation; Macklin et al. 2019, "Small steps in
+contacts, which take overlaps back, up and down in turn, moves, and solves again without, upwards,
+so that nothing of that stays as speed (Catto 2024, "Solver2D": soft step with relaxation; Macklin et al. 2019, "Small steps in
 physics simulation"). Friction is a cone.
 """
 
@@ -57,13 +57,15 @@ _MOST_TURNS = 32  # substeps of what flies alone, at most
 _LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
 _NOTICED = 0.01  # [rad] in a substep from which arms and inertia of the step's start will not do
 _TURN = 0.05  # [rad] in a substep at most, so that spins keep their energy
+_RATIO = 3.0  # of what lies on a body to its inertia at most: for few passes to be enough
 
-# A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass,
-# inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion before contacts acted in the
-# present substep, how far it has moved and turned in this step, and the matrix that gives how far
-# a point moves by that turn, right to its second power.
-_SPEED, _SPIN, _LIGHT, _EASE, _FREE, _WAY, _TURNED, _BEND = 0, 3, 6, 7, 13, 19, 22, 25
-_BODY = 34
+# A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass along
+# three axes, inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion before contacts
+# acted in the present substep, how far it has moved and turned in this step, the matrix that gives
+# how far a point moves by that turn, right to its second power, and which share of its inertia
+# against the vertical is its own.
+_SPEED, _SPIN, _LIGHT, _EASE, _FREE, _WAY, _TURNED, _BEND, _OWN = 0, 3, 6, 9, 15, 21, 24, 27, 36
+_BODY = 37
 # A row per contact: normal, a tangent, arms of both bodies, masses along normal, tangent and the
 # third axis, speed along the last two by a unit impulse along the normal, impulses of the present
 # substep, gap as bodies have moved so far, friction, sums of impulses over the step, the place on
@@ -118,8 +120,15 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
         rows[r, _GRIP] = math.sqrt(friction[a] * friction[b])
         elastic[r, 0] = math.sqrt(restitution[a] * restitution[b])
         _place(r, c, bodies, ends, contacts, rows)
-        _aim(r, ends, contacts.radius, order, state, time_step, rows)
         _tell(c, bodies.pose, first[c], contacts, told)
+    gained = time_step * math.sqrt(
+        gravity[0] * gravity[0] + gravity[1] * gravity[1] + gravity[2] * gravity[2])
+    _brace(len(members), bodies, gained, ends, state, rows)
+    for i in range(len(state)):
+        state[i, _LIGHT + 2] *= state[i, _OWN]
+        _ease(i, bodies, state)
+    for r in range(len(order)):
+        _aim(r, ends, contacts.radius, order, state, time_step, rows)
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
         _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic,
@@ -141,9 +150,55 @@ def _states(bodies):
     for i in range(len(state)):
         for w in range(6):
             state[i, w] = bodies.velocity[i, w]
-        state[i, _LIGHT] = 1.0 / bodies.mass[i]
-        _ease(i, bodies, state)
+        light = 1.0 / bodies.mass[i]
+        put(state, i, _LIGHT, (light, light, light))
+        state[i, _OWN] = 1.0
     return state
+
+
+@subroutine
+def _brace(free, bodies, gained, ends, state, rows):
+    """
+    Give more inertia against the vertical to what lies under far more mass; its weight stays.
+
+    What comes to rest on light bodies gives them its momentum, and in a pass no more than they can
+    have. As they cannot go anywhere, their own inertia matters little ("mass scaling" of stacks in
+    Macklin et al. 2014, "Unified particle physics for real-time applications"). What moves gets no
+    more momentum by that than the weight upon it gives anyway.
+
+    :param gained: speed that gravity gives in the step [m/s].
+    """
+    load = _loads(free, bodies.pose, ends, state, rows)
+    for i in range(free):
+        mass, spin = bodies.mass[i], three(state, i, _SPIN)
+        arm = math.sqrt(max(bodies.inertia[i, 0], bodies.inertia[i, 1]) / mass)
+        speed = abs(state[i, 2]) + arm * length(spin)
+        more = max(load[i] / _RATIO - mass, 0.0)
+        if speed * more > gained * load[i]:
+            more = gained * load[i] / speed
+        state[i, _OWN] = mass / (mass + more)
+
+
+@subroutine
+def _loads(free, pose, ends, state, rows):
+    """Give how much mass lies on bodies that lie on something themselves [kg], (N,)."""
+    firm, steepness, load = np.zeros(len(state), np.bool_), np.zeros(free), np.zeros(free)
+    firm[free:] = True
+    for r in range(len(ends)):
+        steep = rows[r, _NORMAL + 2]
+        upper, lower = ends[r, 0 if steep > 0.0 else 1], ends[r, 1 if steep > 0.0 else 0]
+        if upper < free:
+            firm[upper] = firm[upper] or firm[lower]
+            steepness[upper] += abs(steep)
+    for r in range(len(ends) - 1, -1, -1):
+        steep = rows[r, _NORMAL + 2]
+        upper, lower = ends[r, 0 if steep > 0.0 else 1], ends[r, 1 if steep > 0.0 else 0]
+        if max(upper, lower) >= free or steep == 0.0 or not firm[lower]:
+            continue
+        if pose[upper, 2] > pose[lower, 2]:  # teeth that mesh are no pile
+            above = 1.0 / state[upper, _LIGHT] + load[upper]
+            load[lower] += steep * steep / steepness[upper] * above
+    return load
 
 
 @subroutine(**LEAN)
@@ -164,8 +219,10 @@ def _ease(i, bodies, state):
     a, b, c = 1.0 / bodies.inertia[i, 0], 1.0 / bodies.inertia[i, 1], 1.0 / bodies.inertia[i, 2]
     u, v, w = (a * x[0], b * x[1], c * x[2]), (a * y[0], b * y[1], c * y[2]), (
         a * z[0], b * z[1], c * z[2])
-    put(state, i, _EASE, (dot(u, x), dot(u, y), dot(u, z)))
-    put(state, i, _EASE + 3, (dot(v, y), dot(v, z), dot(w, z)))
+    own = state[i, _OWN]
+    half = math.sqrt(own)
+    put(state, i, _EASE, (own * dot(u, x), own * dot(u, y), half * dot(u, z)))
+    put(state, i, _EASE + 3, (own * dot(v, y), half * dot(v, z), dot(w, z)))
 
 
 @subroutine
@@ -187,7 +244,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
         _begin(contacts, ends, state, rows)
-        _passes(passes, contacts, ends, state, rows, h, _softness(h), False)
+        _passes(2 * passes, contacts, ends, state, rows, h, _softness(h), False)
         for i in own:
             _advance(i, bodies, gravity, h, begin == end, state)
         _carry(free, (substep + 1) * h, state)
@@ -233,7 +290,7 @@ def _drive(i, gravity, h, state):
     """Let gravity act for a substep."""
     for w in range(6):
         if w < 3:
-            state[i, w] += gravity[w] * h
+            state[i, w] += gravity[w] * h * (state[i, _OWN] if w == 2 else 1.0)
         state[i, _FREE + w] = state[i, w]
 
 
@@ -252,6 +309,12 @@ def _eased(state, i, v):
     a, b = three(state, i, _EASE), three(state, i, _EASE + 3)
     return (a[0] * v[0] + a[1] * v[1] + a[2] * v[2], a[1] * v[0] + b[0] * v[1] + b[1] * v[2],
             a[2] * v[0] + b[1] * v[1] + b[2] * v[2])
+
+
+@subroutine(**INLINE)
+def _lightened(state, i, v):
+    """Divide a vector by a body's mass, which differs along the vertical."""
+    return state[i, _LIGHT] * v[0], state[i, _LIGHT + 1] * v[1], state[i, _LIGHT + 2] * v[2]
 
 
 @subroutine(**LEAN)
@@ -288,11 +351,12 @@ def _aim(r, ends, radius, order, state, duration, rows):
         place = plus(place, (2.0 * side - 1.0) * radius[order[r], side], n)
         put(rows, r, _ARM + 3 * side, place)
         one, two, other = cross(place, n), cross(place, t), cross(place, b)
-        spin, light = _eased(state, i, one), state[i, _LIGHT]
-        mass = (mass[0] + light + dot(one, spin),
-                mass[1] + light + dot(two, _eased(state, i, two)),
-                mass[2] + light + dot(other, _eased(state, i, other)))
-        aside = aside[0] + dot(two, spin), aside[1] + dot(other, spin)
+        spin, moved = _eased(state, i, one), _lightened(state, i, n)
+        mass = (mass[0] + dot(n, moved) + dot(one, spin),
+                mass[1] + dot(t, _lightened(state, i, t)) + dot(two, _eased(state, i, two)),
+                mass[2] + dot(b, _lightened(state, i, b)) + dot(other, _eased(state, i, other)))
+        aside = (aside[0] + dot(t, moved) + dot(two, spin),
+                 aside[1] + dot(b, moved) + dot(other, spin))
     put(rows, r, _MASS, (1.0 / mass[0], 1.0 / mass[1], 1.0 / mass[2]))
     rows[r, _ASIDE], rows[r, _ASIDE + 1] = aside
 
@@ -343,10 +407,10 @@ def _slip(state, i, j, arm, other, column):
 @subroutine(**INLINE)
 def _push(state, i, j, arm, other, impulse):
     """Apply an impulse to the first body, and its opposite to the second."""
-    put(state, i, _SPEED, plus(three(state, i, _SPEED), state[i, _LIGHT], impulse))
+    put(state, i, _SPEED, plus(three(state, i, _SPEED), 1.0, _lightened(state, i, impulse)))
     put(state, i, _SPIN, plus(three(state, i, _SPIN), 1.0, _eased(state, i, cross(arm, impulse))))
     if state[j, _LIGHT] > 0.0:
-        put(state, j, _SPEED, plus(three(state, j, _SPEED), -state[j, _LIGHT], impulse))
+        put(state, j, _SPEED, plus(three(state, j, _SPEED), -1.0, _lightened(state, j, impulse)))
         put(state, j, _SPIN,
             plus(three(state, j, _SPIN), -1.0, _eased(state, j, cross(other, impulse))))
 
@@ -422,7 +486,10 @@ def _softness(h):
 def _passes(most, contacts, ends, state, rows, h, soft, moved):
     """Solve an island until nothing changes any more, or as often as it may be."""
     for k in range(most):
-        if not _pass(contacts, ends, state, rows, h, soft, moved and k == 0):
+        turn = contacts
+        if not moved and k % 2 == 1:
+            turn = range(contacts.stop - 1, contacts.start - 1, -1)
+        if not _pass(turn, ends, state, rows, h, soft, moved and k == 0):
             break
 
 
