@@ -22,12 +22,15 @@ export PYTHONDONTWRITEBYTECODE :=
 .PHONY: run warm test lint types pytest bench gallery docs report clean
 
 # What the node needs for its first poses it compiles first, the rest beside its steps.
-# A shell that waits for the node in the foreground hears no signal before the node has ended.
+# A shell that waits for the node in the foreground hears no signal before the node has ended, and
+# one that comes between a start and the note of its number finds nothing to end yet.
 run: $(VENV)/.installed-run
-	trap 'kill $$page $$node 2>/dev/null; wait; exit 130' HUP INT TERM; \
+	code=0; trap 'code=130; kill $$page $$node 2>/dev/null' HUP INT TERM; \
 	  $(BIN)/view --port $(PORT) & page=$$!; \
 	  $(VENV)/lib/procphys_ros/sim --ros-args --params-file $(SCENE) & node=$$!; \
-	  wait $$node; code=$$?; kill $$page 2>/dev/null; wait; exit $$code
+	  test $$code = 0 || kill $$page $$node 2>/dev/null; \
+	  wait $$node; ended=$$?; test $$code != 0 || code=$$ended; \
+	  kill $$page 2>/dev/null; wait; exit $$code
 
 # Compiles nothing when the user's cache folder has everything.
 warm: $(VENV)/.installed-run
