@@ -17,9 +17,9 @@
 Solver: impulses at contacts, island by island, in substeps.
 
 Each substep applies gravity, starts from the impulses of the one before, solves with soft
-contacts, which take overlaps back, up and down in turn, moves, and solves again without, upwards,
-so that nothing of that stays as speed (Catto 2024, "Solver2D": soft step with relaxation; Macklin et al. 2019, "Small steps in
-physics simulation"). Friction is a cone.
+contacts, up and down in turn, which takes overlaps back, moves, and solves again without, upwards,
+so that nothing of that stays as speed (Catto 2024, "Solver2D": soft step with relaxation;
+Macklin et al. 2019, "Small steps in physics simulation"). Friction is a cone.
 """
 
 import math
@@ -53,10 +53,10 @@ _FINER = 4  # times as many at most
 _PASSES = 16  # at most: one that lands flat on many corners needs them, what rests takes one
 _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
-_MOST_TURNS = 32  # substeps of what flies alone, at most
+_MOST_TURNS = 64  # in a substep, at most
 _LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
 _NOTICED = 0.01  # [rad] in a substep from which arms and inertia of the step's start will not do
-_TURN = 0.05  # [rad] in a substep at most, so that spins keep their energy
+_TURN = 0.05  # [rad] at once, so that spins keep their energy
 _RATIO = 3.0  # of what lies on a body to its inertia at most: for few passes to be enough
 
 # A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass along
@@ -230,7 +230,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
                   time_step, state, rows, spots):
     """Move the bodies of an island by a step."""
     contacts = range(begin, end)
-    substeps, passes, fine = _pace(own, end - begin, state, time_step)
+    substeps, passes, fine = _pace(end - begin, time_step)
     h = time_step / substeps
     bounces = False
     for r in contacts:
@@ -270,13 +270,10 @@ def _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows):
 
 
 @subroutine(**LEAN)
-def _pace(own, contacts, state, time_step):
+def _pace(contacts, time_step):
     """Choose substeps of an island, and passes at most; twice as many relax."""
     if contacts == 0:
-        spin = 0.0
-        for i in own:
-            spin = max(spin, length(three(state, i, _SPIN)))
-        return min(int(spin * time_step / _TURN) + 1, _MOST_TURNS), 0, False
+        return 1, 0, False
     coarse = max(int(time_step * _COARSE + 0.5), 1)
     work, substeps = int(_WORK * time_step), _FINER * coarse
     while substeps > coarse and 3 * contacts * substeps * (substeps // coarse) > work:
@@ -557,7 +554,11 @@ def _advance(i, bodies, gravity, h, flies, state):
     q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
     inertia = at(bodies.inertia, i)
     momentum = _stretched(q, inertia, spin)
-    q, turned = _turned_freely(q, inertia, momentum, h)
+    turns = min(int(length(spin) * h / _TURN) + 1, _MOST_TURNS)
+    turned = (0.0, 0.0, 0.0)
+    for _ in range(turns):
+        q, part = _turned_freely(q, inertia, momentum, h / turns)
+        turned = plus(turned, 1.0, part)
     after = _stretched(q, (1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2]), momentum)
     for w in range(4):
         bodies.pose[i, 3 + w] = q[w]
