@@ -349,10 +349,11 @@ def test_pairs_meet_once_whatever_moves():
 
 @pytest.mark.parametrize('beside', [False, True])
 def test_a_thin_rod_keeps_its_energy_however_it_spins(beside):
-    """Spin rods 400 times as long as thick, mostly about their length; some near a brick."""
+    """Spin rods 400 times as long as thick, about all axes; some as they sweep past a brick."""
     rng = np.random.default_rng(5)
     for _ in range(10):
-        spin = np.array([*rng.uniform(-5.0, 5.0, 2), rng.uniform(100.0, 800.0)])
+        spin = rng.uniform(-1.0, 1.0, 3) * (300.0 if beside else 5.0)
+        spin[2] += rng.uniform(100.0, 800.0)
         table = BodyTable()
         table.add_ground(0.6)
         ids = table.add_bodies(BodyState.AWAKE, [

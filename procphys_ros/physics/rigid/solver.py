@@ -237,8 +237,6 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         _start(r, order[r], force, h, rows)
         bounces = bounces or elastic[r, 0] > 0.0
     for substep in range(substeps):
-        if substep > 0:
-            _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows)
         for i in own:
             _drive(i, gravity, h, state)
         if bounces:
@@ -248,6 +246,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         for i in own:
             _advance(i, bodies, gravity, h, begin == end, state)
         _carry(free, (substep + 1) * h, state)
+        _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows)
         _passes(2 * passes, contacts, ends, state, rows, h, _RIGID, True)
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
