@@ -47,10 +47,10 @@ from procphys_ros.rotation_kernels import matrix_rows
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
 _PUSH = 0.3  # [m/s] at most at which overlaps are taken back: what is wedged in is not thrown out
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
-_WORK = 12_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
+_WORK = 16_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
 _COARSE = 480.0  # [1/s] substeps of an island at least; so many leave 0.5 mm of overlap in a heap
 _FINER = 4  # times as many at most
-_PASSES = 16  # at most: one that lands flat on many corners needs them, what rests takes one
+_PASSES = 16  # pairs at most: one that lands flat on many corners needs them, what rests one pass
 _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _MOST_TURNS = 64  # in a substep, at most
@@ -171,7 +171,7 @@ def _brace(free, bodies, gained, ends, state, rows):
     load = _loads(free, bodies.pose, ends, state, rows)
     for i in range(free):
         mass, spin = bodies.mass[i], three(state, i, _SPIN)
-        arm = math.sqrt(max(bodies.inertia[i, 0], bodies.inertia[i, 1]) / mass)
+        arm = math.sqrt(max(bodies.inertia[i, 0], bodies.inertia[i, 1]) / mass)  # right to 1.4
         speed = abs(state[i, 2]) + arm * length(spin)
         more = max(load[i] / _RATIO - mass, 0.0)
         if speed * more > gained * load[i]:
@@ -242,12 +242,12 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
         _begin(contacts, ends, state, rows)
-        _passes(2 * passes, contacts, ends, state, rows, h, _softness(h), False)
+        _passes(passes, contacts, ends, state, rows, h, _softness(h), False)
         for i in own:
             _advance(i, bodies, gravity, h, begin == end, state)
         _carry(free, (substep + 1) * h, state)
         _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows)
-        _passes(2 * passes, contacts, ends, state, rows, h, _RIGID, True)
+        _passes(passes, contacts, ends, state, rows, h, _RIGID, True)
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
@@ -270,15 +270,15 @@ def _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows):
 
 @subroutine(**LEAN)
 def _pace(contacts, time_step):
-    """Choose substeps of an island, and passes at most; twice as many relax."""
+    """Choose substeps of an island, and passes at most: in pairs, as many soft as rigid ones."""
     if contacts == 0:
         return 1, 0, False
     coarse = max(int(time_step * _COARSE + 0.5), 1)
     work, substeps = int(_WORK * time_step), _FINER * coarse
-    while substeps > coarse and 3 * contacts * substeps * (substeps // coarse) > work:
+    while substeps > coarse and 4 * contacts * substeps * (substeps // coarse) > work:
         substeps //= 2
-    passes = min(max(work // (3 * contacts * substeps), 1), _PASSES)
-    return substeps, passes, substeps == _FINER * coarse
+    passes = min(max(work // (4 * contacts * substeps), 1), _PASSES)
+    return substeps, 2 * passes, substeps == _FINER * coarse
 
 
 @subroutine(**LEAN)
