@@ -15,6 +15,7 @@
 
 """Contacts: the points at which bodies touch, with what they pressed with a step before."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,8 @@ from procphys_ros.physics.terrain import height_at, normal_at
 _GROUND = (1 << 31) - 2  # in the place of a first piece: a piece on the ground, ...
 POINT = (1 << 31) - 1  # ... or a further point that only the ground meets
 _SAME = 0.02  # [m] by which a point may wander over a body within a step and be the same
+_SAME_TURN = 1e-3  # [rad] by which a pair may turn and touch at the same points: friction to 0.1 %
+_SAME_WAY = 0.5 * SLOP  # [m] by which points of it may come nearer
 _CORNERS = 8  # of a piece that may touch the ground
 
 
@@ -52,7 +55,12 @@ class ContactRows(NamedTuple):
     :ivar gap: negative where they overlap [m], (C,).
     :ivar radius: of round pieces, whose point of contact does not turn with them; 0 for others
         [m], (C, 2).
-    :ivar anchor: the point in the frame of the first body [m], (C, 3).
+    :ivar anchor: the point as it was found, in the frame of the first body [m], (C, 3).
+    :ivar other_anchor: the same in the frame of the second body [m], (C, 3).
+    :ivar found: normal in the frame of the first body, attitude of the second in it, and gap [m],
+        when the point was found, (C, 8).
+    :ivar shift: how far the first body has been carried along the second since they stick there,
+        world [m], (C, 3).
     :ivar force: along the normal, and across it in world axes, on the first [N], (C, 4).
     """
 
@@ -64,6 +72,9 @@ class ContactRows(NamedTuple):
     gap: np.ndarray
     radius: np.ndarray
     anchor: np.ndarray
+    other_anchor: np.ndarray
+    found: np.ndarray
+    shift: np.ndarray
     force: np.ndarray
 
     def of(self, rows: np.ndarray) -> 'ContactRows':
@@ -81,6 +92,7 @@ def no_contacts(count):
     return ContactRows(np.empty(count, np.int64), np.empty(count, np.int64),
                        np.empty(count, np.int64), np.empty((count, 3)), np.empty((count, 3)),
                        np.empty(count), np.empty((count, 2)), np.empty((count, 3)),
+                       np.empty((count, 3)), np.empty((count, 8)), np.empty((count, 3)),
                        np.empty((count, 4)))
 
 
@@ -142,7 +154,14 @@ def _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_
     count = old = 0
     for key in pairs:
         p, q = key >> 32, key & 0xffffffff
-        margin = SLOP + _approach(p, q, pieces, poses, velocities) * time_step
+        way = _approach(p, q, pieces, poses, velocities) * time_step
+        old, last = _range(before, old, key)
+        if last > old and _lasts(p, q, way, pieces, poses, before, old, last):
+            for r in range(old, last):
+                _go_on(out, count, before, r, poses)
+                count += 1
+            continue
+        margin = SLOP + way
         found = touch(p, q, pieces, margin, points, normals[0], work)
         for n in range(1, found):
             normals[n, 0], normals[n, 1], normals[n, 2] = at(normals, 0)
@@ -160,6 +179,74 @@ def _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_
             count += found
     return _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points,
                          normals, before)
+
+
+@subroutine(**LEAN)
+def _range(before, old, key):
+    """Give the first row of a key in the contacts of the step before, and the one behind."""
+    while old < len(before.key) and before.key[old] < key:
+        old += 1
+    last = old
+    while last < len(before.key) and before.key[last] == key:
+        last += 1
+    return old, last
+
+
+@subroutine(**LEAN)
+def _lasts(p, q, way, pieces, poses, before, old, last):
+    """
+    Say whether the points of a pair are still those at which it touches.
+
+    They are as long as it has hardly turned, and nothing that was too far away can have come near.
+
+    :param way: by which the two may approach each other in the step [m].
+    """
+    if pieces.radius[p] > 0.0 or pieces.radius[q] > 0.0:
+        return False
+    one, two = poses[pieces.body[p]], poses[pieces.body[q]]
+    a = _attitude_in(one, two)
+    w = before.found[old, 3:]
+    x = w[3] * a[0] - w[0] * a[3] - w[1] * a[2] + w[2] * a[1]
+    y = w[3] * a[1] - w[1] * a[3] - w[2] * a[0] + w[0] * a[2]
+    z = w[3] * a[2] - w[2] * a[3] - w[0] * a[1] + w[1] * a[0]
+    turn = 2.0 * math.sqrt(x * x + y * y + z * z)
+    if turn > _SAME_TURN:
+        return False
+    far = 0.0
+    for r in range(old, last):
+        far = max(far, length(less(_carried(one, at(before.anchor, r)),
+                                   _carried(two, at(before.other_anchor, r)))))
+    return far + turn * max(pieces.reach[p], pieces.reach[q]) + way < _SAME_WAY
+
+
+@subroutine(**INLINE)
+def _attitude_in(one, two):
+    """Give the attitude of a second pose in the frame of the first."""
+    a, b, c, d = one[3], one[4], one[5], one[6]
+    e, f, g, h = two[3], two[4], two[5], two[6]
+    return (d * e - a * h - b * g + c * f, d * f - b * h - c * e + a * g,
+            d * g - c * h - a * f + b * e, d * h + a * e + b * f + c * g)
+
+
+@subroutine(**LEAN)
+def _go_on(out, r, before, old, poses):
+    """Write a point of the step before where it is now."""
+    first, second = before.first[old], before.second[old]
+    out.key[r], out.first[r], out.second[r] = before.key[old], first, second
+    one = _carried(poses[first], at(before.anchor, old))
+    two = _carried(poses[second], at(before.other_anchor, old))
+    n = less(_carried(poses[first], at(before.found, old)), at(poses, first))
+    gap = before.found[old, 7] + dot(n, less(one, two))
+    out.gap[r] = gap
+    for i in range(3):
+        out.point[r, i], out.normal[r, i] = 0.5 * (one[i] + two[i]), n[i]
+        out.anchor[r, i], out.other_anchor[r, i] = before.anchor[old, i], before.other_anchor[old, i]
+        out.shift[r, i] = before.shift[old, i]
+    for i in range(8):
+        out.found[r, i] = before.found[old, i]
+    for i in range(4):
+        out.force[r, i] = before.force[old, i]
+    out.radius[r, 0] = out.radius[r, 1] = 0.0
 
 
 @subroutine(**LEAN)
@@ -245,6 +332,16 @@ def _back(pose, place):
             a[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
 
 
+@subroutine(**LEAN)
+def _unturned(pose, a):
+    """Express a direction of the world in the frame of a pose."""
+    x, y, z, w = -pose[3], -pose[4], -pose[5], pose[6]
+    u = (y * a[2] - z * a[1], z * a[0] - x * a[2], x * a[1] - y * a[0])
+    return (a[0] + 2.0 * (w * u[0] + y * u[2] - z * u[1]),
+            a[1] + 2.0 * (w * u[1] + z * u[0] - x * u[2]),
+            a[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
+
+
 @subroutine(**INLINE)
 def _roll(out, row, count, radius, other):
     """Write the radii of what rolls."""
@@ -261,10 +358,19 @@ def _write(out, row, count, key, first, second, points, normals, poses, before, 
         r = row + k
         out.key[r], out.first[r], out.second[r] = key, first, second
         anchor = _back(poses[first], at(points, k))
+        other_anchor = _back(poses[second], at(points, k))
+        facing = _unturned(poses[first], at(normals, k))
+        attitude = _attitude_in(poses[first], poses[second])
+        out.found[r, 7] = points[k, 3]
+        for i in range(4):
+            out.found[r, 3 + i] = attitude[i]
         for i in range(3):
+            out.found[r, i], out.other_anchor[r, i] = facing[i], other_anchor[i]
             out.point[r, i], out.normal[r, i] = points[k, i], normals[k, i]
             out.anchor[r, i] = anchor[i]
         out.gap[r] = points[k, 3]
+        for i in range(3):
+            out.shift[r, i] = 0.0
         for i in range(4):
             out.force[r, i] = 0.0
         nearest, same = _SAME * _SAME, -1
@@ -277,4 +383,6 @@ def _write(out, row, count, key, first, second, points, normals, poses, before, 
         if same >= 0:
             for i in range(4):
                 out.force[r, i] = before.force[same, i]
+            for i in range(3):
+                out.shift[r, i] = before.shift[same, i]
     return old

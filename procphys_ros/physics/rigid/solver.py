@@ -47,7 +47,7 @@ from procphys_ros.rotation_kernels import matrix_rows
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
 _PUSH = 0.3  # [m/s] at most at which overlaps are taken back: what is wedged in is not thrown out
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
-_WORK = 16_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
+_WORK = 32_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
 _COARSE = 480.0  # [1/s] substeps of an island at least; so many leave 0.5 mm of overlap in a heap
 _FINER = 4  # times as many at most
 _PASSES = 16  # pairs at most: one that lands flat on many corners needs them, what rests one pass
@@ -73,7 +73,7 @@ _BODY = 37
 # normal of the substep before.
 _NORMAL, _TANGENT, _ARM, _OTHER, _MASS, _ASIDE, _PUSHED = 0, 3, 6, 9, 12, 15, 17
 _GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START, _LAST = 20, 21, 22, 25, 28, 31, 32
-_CONTACT = 33
+_SHIFT, _ANCHOR, _HOLDS, _CONTACT = 33, 35, 37, 38
 
 
 class MovingBodies(NamedTuple):
@@ -132,8 +132,8 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
         _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic,
-                      contacts.radius, order, contacts.force, gravity, time_step, state, rows,
-                      spots)
+                      contacts.radius, order, contacts.force, contacts.shift, gravity, time_step, state,
+                      rows, spots)
     for i in range(len(members)):
         for w in range(6):
             bodies.velocity[i, w] = state[i, w]
@@ -226,8 +226,8 @@ def _ease(i, bodies, state):
 
 
 @subroutine
-def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, force, gravity,
-                  time_step, state, rows, spots):
+def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, force, shift,
+                  gravity, time_step, state, rows, spots):
     """Move the bodies of an island by a step."""
     contacts = range(begin, end)
     substeps, passes, fine = _pace(end - begin, time_step)
@@ -251,7 +251,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
-    _keep_forces(contacts, order, rows, h, force)
+    _keep_forces(contacts, order, rows, h, force, shift)
 
 
 @subroutine(**LEAN)
@@ -324,6 +324,10 @@ def _place(r, c, bodies, ends, contacts, rows):
         turns = less(less(point, at(bodies.pose, ends[r, side])), rolls)
         put(rows, r, _PLACE + 3 * side, turns)
     rows[r, _START] = rows[r, _GAP] = contacts.gap[c]
+    shift = at(contacts.shift, c)
+    rows[r, _SHIFT] = rows[r, _ANCHOR] = dot(shift, three(rows, r, _TANGENT))
+    rows[r, _SHIFT + 1] = rows[r, _ANCHOR + 1] = dot(shift, cross(n, three(rows, r, _TANGENT)))
+    rows[r, _HOLDS] = contacts.radius[c, 0] == 0.0 and contacts.radius[c, 1] == 0.0
     for k in range(3):
         rows[r, _SUM + k] = 0.0
 
@@ -447,12 +451,27 @@ def _begin(contacts, ends, state, rows):
 
 
 @subroutine(**INLINE)
-def _gap(r, i, j, state, rows):
-    """Give a gap after bodies have moved, right to the second power of what they turned."""
+def _follow_point(r, i, j, state, rows):
+    """
+    Write gap and shift after bodies have moved, right to the second power of what they turned.
+
+    What has slid, or lost touch, takes hold again where it is.
+    """
     one, two = three(rows, r, _PLACE), three(rows, r, _OTHER_PLACE)
     one = plus(three(state, i, _WAY), 1.0, _bent(one, state, i))
     two = plus(three(state, j, _WAY), 1.0, _bent(two, state, j))
-    return rows[r, _START] + dot(three(rows, r, _NORMAL), less(one, two))
+    way, n, t = less(one, two), three(rows, r, _NORMAL), three(rows, r, _TANGENT)
+    rows[r, _GAP] = rows[r, _START] + dot(n, way)
+    if rows[r, _HOLDS] > 0.0:
+        rows[r, _SHIFT] = rows[r, _ANCHOR] + dot(t, way)
+        rows[r, _SHIFT + 1] = rows[r, _ANCHOR + 1] + dot(cross(n, t), way)
+
+
+@subroutine(**INLINE)
+def _let_go(r, rows):
+    for k in range(2):
+        rows[r, _ANCHOR + k] -= rows[r, _SHIFT + k]
+        rows[r, _SHIFT + k] = 0.0
 
 
 @subroutine(**LEAN)
@@ -497,7 +516,7 @@ def _pass(contacts, ends, state, rows, h, soft, moved):
     for r in contacts:
         i, j = ends[r, 0], ends[r, 1]
         if moved:
-            rows[r, _GAP] = _gap(r, i, j, state, rows)
+            _follow_point(r, i, j, state, rows)
         gap, before = rows[r, _GAP], rows[r, _PUSHED]
         if rate == 0.0 and gap > 0.0 and before == 0.0:
             continue  # what has not struck yet is stopped in the substep in which it does
@@ -511,8 +530,9 @@ def _pass(contacts, ends, state, rows, h, soft, moved):
         lacks = dot(slip, three(rows, r, _NORMAL)) + bias
         pressed = max(before - rows[r, _MASS] * share * lacks - kept * before, 0.0)
         if pressed == 0.0 and before == 0.0:
+            _let_go(r, rows)
             continue
-        u, v = _rub(rows, r, slip, pressed, pressed - before)
+        u, v = _rub(rows, r, slip, pressed, pressed - before, rate)
         change = (pressed - before, u, v)
         _push(state, i, j, arm, other, _along(rows, r, change))
         for k in range(3):
@@ -522,17 +542,20 @@ def _pass(contacts, ends, state, rows, h, soft, moved):
 
 
 @subroutine(**INLINE)
-def _rub(rows, r, slip, pressed, change):
+def _rub(rows, r, slip, pressed, change, rate):
     """Give the change of friction, after one of the impulse along the normal."""
     t = three(rows, r, _TANGENT)
     b = cross(three(rows, r, _NORMAL), t)
     one, two = rows[r, _PUSHED + 1], rows[r, _PUSHED + 2]
-    u = one - rows[r, _MASS + 1] * (dot(slip, t) + rows[r, _ASIDE] * change)
-    v = two - rows[r, _MASS + 2] * (dot(slip, b) + rows[r, _ASIDE + 1] * change)
+    u = one - rows[r, _MASS + 1] * (dot(slip, t) + rows[r, _ASIDE] * change
+                                    + rate * rows[r, _SHIFT])
+    v = two - rows[r, _MASS + 2] * (dot(slip, b) + rows[r, _ASIDE + 1] * change
+                                    + rate * rows[r, _SHIFT + 1])
     grip, most = u * u + v * v, rows[r, _GRIP] * pressed
     if grip > most * most:
         share = most / math.sqrt(grip)
         u, v = share * u, share * v
+        _let_go(r, rows)
     return u - one, v - two
 
 
@@ -636,7 +659,7 @@ def _add_up(contacts, rows, spots):
 
 
 @subroutine(**LEAN)
-def _keep_forces(contacts, order, rows, h, force):
+def _keep_forces(contacts, order, rows, h, force, shift):
     """Write what the next step starts from."""
     for r in contacts:
         c, pushed = order[r], three(rows, r, _PUSHED)
@@ -646,6 +669,9 @@ def _keep_forces(contacts, order, rows, h, force):
         force[c, 0] = pushed[0] / h
         for w in range(3):
             force[c, 1 + w] = across[w] / h
+        t = three(rows, r, _TANGENT)
+        put(shift, c, 0, plus(scaled(rows[r, _SHIFT], t), rows[r, _SHIFT + 1],
+                              cross(three(rows, r, _NORMAL), t)))
 
 
 @subroutine(**LEAN)
