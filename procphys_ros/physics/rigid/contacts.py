@@ -106,7 +106,7 @@ def meeting(one, other, rows, body, moves, excluded):
     :param body: of each piece, (P,).
     :param moves: of each body: 2 = freely, 1 = as it is driven, 0 = not at all, (B,).
     :param excluded: pairs of bodies, lower id first, as keys, ascending, (E,).
-    :returns: keys of the pairs, the lower piece first whichever moves, ascending, (L,).
+    :returns: keys of the pairs, the lower piece first whichever moves, (L,).
     """
     out, count = np.empty(len(one), np.int64), 0
     for k in range(len(one)):
@@ -123,9 +123,7 @@ def meeting(one, other, rows, body, moves, excluded):
                 continue
         out[count] = (min(p, q) << 32) | max(p, q)
         count += 1
-    out = out[:count].copy()
-    out.sort()
-    return out
+    return out[:count]
 
 
 @kernel
@@ -240,8 +238,8 @@ def _go_on(out, r, before, old, poses):
     out.gap[r] = gap
     for i in range(3):
         out.point[r, i], out.normal[r, i] = 0.5 * (one[i] + two[i]), n[i]
-        out.anchor[r, i], out.other_anchor[r, i] = before.anchor[old, i], before.other_anchor[old, i]
-        out.shift[r, i] = before.shift[old, i]
+        out.anchor[r, i] = before.anchor[old, i]
+        out.other_anchor[r, i], out.shift[r, i] = before.other_anchor[old, i], before.shift[old, i]
     for i in range(8):
         out.found[r, i] = before.found[old, i]
     for i in range(4):

@@ -46,12 +46,16 @@ from procphys_ros.rotation_kernels import matrix_rows
 
 _DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
 _PUSH = 0.3  # [m/s] at most at which overlaps are taken back: what is wedged in is not thrown out
+_HOLD = 30.0  # [1/s] at which what has crept is brought back: at four times that, heaps of 4,000
+#               bricks tremble at 1 mm/s for ever; at a third, they lie still a second later
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
-_WORK = 32_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
+_WORK = 24_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
+_LEAST_PASSES = 2  # pairs, without which large heaps tremble, and never sleep
 _COARSE = 480.0  # [1/s] substeps of an island at least; so many leave 0.5 mm of overlap in a heap
 _FINER = 4  # times as many at most
-_PASSES = 16  # pairs at most: one that lands flat on many corners needs them, what rests one pass
+_MOST_PASSES = 16  # pairs: what lands flat on many corners needs them, what rests one pass
 _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
+_SUDDEN = 2.0  # times what pressed in the substep before: a blow
 _RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _MOST_TURNS = 64  # in a substep, at most
 _LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
@@ -73,7 +77,8 @@ _BODY = 37
 # normal of the substep before.
 _NORMAL, _TANGENT, _ARM, _OTHER, _MASS, _ASIDE, _PUSHED = 0, 3, 6, 9, 12, 15, 17
 _GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START, _LAST = 20, 21, 22, 25, 28, 31, 32
-_SHIFT, _ANCHOR, _HOLDS, _CONTACT = 33, 35, 37, 38
+_SHIFT, _ANCHOR, _HOLDS = 33, 35, 37
+_CONTACT = 38
 
 
 class MovingBodies(NamedTuple):
@@ -132,8 +137,8 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
         _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic,
-                      contacts.radius, order, contacts.force, contacts.shift, gravity, time_step, state,
-                      rows, spots)
+                      contacts.radius, order, contacts.force, contacts.shift, gravity, time_step,
+                      state, rows, spots)
     for i in range(len(members)):
         for w in range(6):
             bodies.velocity[i, w] = state[i, w]
@@ -277,7 +282,7 @@ def _pace(contacts, time_step):
     work, substeps = int(_WORK * time_step), _FINER * coarse
     while substeps > coarse and 4 * contacts * substeps * (substeps // coarse) > work:
         substeps //= 2
-    passes = min(max(work // (4 * contacts * substeps), 1), _PASSES)
+    passes = min(max(work // (4 * contacts * substeps), _LEAST_PASSES), _MOST_PASSES)
     return substeps, 2 * passes, substeps == _FINER * coarse
 
 
@@ -315,7 +320,11 @@ def _lightened(state, i, v):
 
 @subroutine(**LEAN)
 def _place(r, c, bodies, ends, contacts, rows):
-    """Write where a contact is, seen from the centres of both bodies; balls roll under it."""
+    """
+    Write where a contact is, seen from the centres of both bodies; balls roll under it.
+
+    So nothing tells how far friction has let them creep, and they hold on to no place.
+    """
     n, point = at(contacts.normal, c), at(contacts.point, c)
     put(rows, r, _NORMAL, n)
     put(rows, r, _TANGENT, tangent(n))
@@ -324,9 +333,9 @@ def _place(r, c, bodies, ends, contacts, rows):
         turns = less(less(point, at(bodies.pose, ends[r, side])), rolls)
         put(rows, r, _PLACE + 3 * side, turns)
     rows[r, _START] = rows[r, _GAP] = contacts.gap[c]
-    shift = at(contacts.shift, c)
-    rows[r, _SHIFT] = rows[r, _ANCHOR] = dot(shift, three(rows, r, _TANGENT))
-    rows[r, _SHIFT + 1] = rows[r, _ANCHOR + 1] = dot(shift, cross(n, three(rows, r, _TANGENT)))
+    shift, t = at(contacts.shift, c), three(rows, r, _TANGENT)
+    rows[r, _SHIFT] = rows[r, _ANCHOR] = dot(shift, t)
+    rows[r, _SHIFT + 1] = rows[r, _ANCHOR + 1] = dot(shift, cross(n, t))
     rows[r, _HOLDS] = contacts.radius[c, 0] == 0.0 and contacts.radius[c, 1] == 0.0
     for k in range(3):
         rows[r, _SUM + k] = 0.0
@@ -434,16 +443,17 @@ def _note_approach(contacts, ends, state, rows, elastic):
 @subroutine(**LEAN)
 def _begin(contacts, ends, state, rows):
     """
-    Start from the impulses before: from the lesser of the last two substeps.
+    Start from the impulses before, but for those of blows: from that of the substep before these.
 
-    What presses does so in both. What struck did in one, and would throw bodies if it began again.
+    What presses does not double from one substep to the next. What struck would throw bodies if it
+    began again.
     """
     for r in contacts:
         pushed, last = three(rows, r, _PUSHED), rows[r, _LAST]
         rows[r, _LAST] = pushed[0]
         if pushed[0] == 0.0:
             continue
-        if pushed[0] > last:
+        if pushed[0] > _SUDDEN * last:
             pushed = scaled(last / pushed[0], pushed)
             put(rows, r, _PUSHED, pushed)
         _push(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
@@ -452,11 +462,7 @@ def _begin(contacts, ends, state, rows):
 
 @subroutine(**INLINE)
 def _follow_point(r, i, j, state, rows):
-    """
-    Write gap and shift after bodies have moved, right to the second power of what they turned.
-
-    What has slid, or lost touch, takes hold again where it is.
-    """
+    """Write gap and shift after bodies have moved, right to the second power of their turns."""
     one, two = three(rows, r, _PLACE), three(rows, r, _OTHER_PLACE)
     one = plus(three(state, i, _WAY), 1.0, _bent(one, state, i))
     two = plus(three(state, j, _WAY), 1.0, _bent(two, state, j))
@@ -469,6 +475,7 @@ def _follow_point(r, i, j, state, rows):
 
 @subroutine(**INLINE)
 def _let_go(r, rows):
+    """Let what slides, or does not touch, take hold where it is."""
     for k in range(2):
         rows[r, _ANCHOR + k] -= rows[r, _SHIFT + k]
         rows[r, _SHIFT + k] = 0.0
@@ -547,10 +554,11 @@ def _rub(rows, r, slip, pressed, change, rate):
     t = three(rows, r, _TANGENT)
     b = cross(three(rows, r, _NORMAL), t)
     one, two = rows[r, _PUSHED + 1], rows[r, _PUSHED + 2]
+    hold = _HOLD if rate > 0.0 else 0.0
     u = one - rows[r, _MASS + 1] * (dot(slip, t) + rows[r, _ASIDE] * change
-                                    + rate * rows[r, _SHIFT])
+                                    + hold * rows[r, _SHIFT])
     v = two - rows[r, _MASS + 2] * (dot(slip, b) + rows[r, _ASIDE + 1] * change
-                                    + rate * rows[r, _SHIFT + 1])
+                                    + hold * rows[r, _SHIFT + 1])
     grip, most = u * u + v * v, rows[r, _GRIP] * pressed
     if grip > most * most:
         share = most / math.sqrt(grip)
@@ -663,7 +671,7 @@ def _keep_forces(contacts, order, rows, h, force, shift):
     """Write what the next step starts from."""
     for r in contacts:
         c, pushed = order[r], three(rows, r, _PUSHED)
-        if pushed[0] > rows[r, _LAST]:
+        if pushed[0] > _SUDDEN * rows[r, _LAST]:
             pushed = scaled(rows[r, _LAST] / pushed[0], pushed)
         across = _along(rows, r, (0.0, pushed[1], pushed[2]))
         force[c, 0] = pushed[0] / h

@@ -62,7 +62,8 @@ class NativeEngine:
         self._pieces, self._used = no_pieces(0), 0
         self._first, self._count = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._excluded: set[tuple[int, int]] = set()
-        self._contacts = no_contacts(0)
+        self._contacts = self._resting = no_contacts(0)
+        self._still = np.zeros(0, bool)  # bodies that sleep, or never move
         self._told = np.zeros((0, 13))
 
     def close(self) -> None:
@@ -116,13 +117,20 @@ class NativeEngine:
         body = self._pieces.body[:len(kept)]
         first = np.flatnonzero(np.diff(body, prepend=-1))
         self._first[body[first]] = first
-        ends = np.stack(split_key(self._contacts.key))
+        self._contacts = self._renumbered(self._contacts, alive, place)
+        self._resting = self._renumbered(self._resting, alive, place)
+        self._used = len(kept)
+
+    def _renumbered(self, contacts: ContactRows, alive: np.ndarray,
+                    place: np.ndarray) -> ContactRows:
+        """Give the contacts of pieces that are left, with the new rows of these."""
+        ends = np.stack(split_key(contacts.key))
         is_piece = (ends < self._used) & (ends[0] != POINT)
         row = np.where(is_piece, ends, 0)
         there = (alive[row] | ~is_piece).all(axis=0)
-        self._contacts = ContactRows(*(column[there] for column in self._contacts))
-        self._contacts.key[:] = join_key(*np.where(is_piece, place[row], ends)[:, there])
-        self._used = len(kept)
+        out = contacts.of(there)
+        out.key[:] = join_key(*np.where(is_piece, place[row], ends)[:, there])
+        return out
 
     def _rows(self, ids: np.ndarray) -> np.ndarray:
         """Give the pieces of bodies, ascending."""
@@ -208,6 +216,7 @@ class NativeEngine:
         driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
         moving = np.concatenate([free, driven])
         rows = self._place(moving, time_step)
+        self._lay_aside()
         contacts = self._find(rows, time_step)
         bodies = MovingBodies(
             np.concatenate([table.mass[free], np.full(len(driven) + 1, np.inf)]),
@@ -222,19 +231,21 @@ class NativeEngine:
         self._told = solve(bodies, first, second, contacts, up[order], table.friction,
                            table.restitution, (members, begins, start), self._gravity, time_step)
         table.poses[moving], table.velocities[free] = bodies.pose[:-1], bodies.velocity[:len(free)]
-        self._contacts = self._with_sleeping(contacts)
+        self._contacts = contacts
 
-    def _with_sleeping(self, contacts: ContactRows) -> ContactRows:
-        """Add those between bodies that sleep: they start from there when they wake."""
-        state, old = self._table.state, self._contacts
+    def _lay_aside(self) -> None:
+        """Keep apart the contacts between bodies that sleep: they start from there again."""
+        state = self._table.state
         still = (state == BodyState.RESTING) | (state == BodyState.FIXED)
         still[0] = True
-        asleep = np.flatnonzero(still[old.first] & still[old.second])
-        if not len(asleep):
-            return contacts
-        both = ContactRows(*(np.concatenate(columns) for columns
-                             in zip(contacts, old.of(asleep))))
-        return both.of(np.argsort(both.key, kind='stable'))
+        if np.array_equal(still, self._still):
+            return
+        every = ContactRows(*(np.concatenate(columns) for columns
+                              in zip(self._contacts, self._resting)))
+        every = every.of(np.argsort(every.key, kind='stable'))
+        asleep = still[every.first] & still[every.second]
+        self._still, self._resting = still, every.of(asleep)
+        self._contacts = every.of(~asleep)
 
     def _find(self, rows: np.ndarray, time_step: float) -> ContactRows:
         table, pieces = self._table, self._pieces
@@ -247,12 +258,13 @@ class NativeEngine:
         return contacts.head(count)
 
     def _pairs(self, rows: np.ndarray, pieces: Pieces) -> np.ndarray:
-        """List what may meet: places in `rows` and other pieces, sorted, (2, K)."""
+        """List what may meet: keys of pairs of pieces, ascending, (K,)."""
         one, other = overlaps(pieces.bounds[rows], pieces.bounds)
         state = self._table.state
         moves = np.where(state == BodyState.AWAKE, 2, state == BodyState.KINEMATIC)
         excluded = np.array(sorted(self._excluded), np.int64).reshape(-1, 2)
-        return meeting(one, other, rows, pieces.body, moves, join_key(*excluded.T))
+        found = meeting(one, other, rows, pieces.body, moves, join_key(*excluded.T))
+        return np.sort(found, kind='stable')  # nearly sorted already, which slows other ways
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Give points that only the ground meets: bodies, places in their frames, and rows."""
