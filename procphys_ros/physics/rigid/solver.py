@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.physics.rigid import joints as jointed
 from procphys_ros.physics.rigid.body_rows import (
     BEND,
     BODY,
@@ -101,7 +102,7 @@ class MovingBodies(NamedTuple):
 
 
 @kernel
-def solve(bodies, first, second, contacts, order, friction, restitution, groups, gravity,
+def solve(bodies, first, second, contacts, order, friction, restitution, joints, groups, gravity,
           time_step):
     """
     Move bodies by a step under gravity and contacts; writes poses, velocities and forces.
@@ -111,13 +112,14 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
     :param contacts: their forces of the step before become those at the end of this one.
     :param order: of contacts: by island, (C,).
     :param friction, restitution: of bodies by id; the geometric mean of two counts, (B,).
+    :param joints: by island, between rows of bodies; ways, forces and moments are written.
     :param groups: from `islands`: bodies in turn, where those of each island begin, and where
-        contacts do in `order`.
+        contacts do in `order`, and joints.
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
     :returns: contacts as `Engine.contacts` gives them, (C, 13).
     """
-    members, member_start, start = groups
+    members, member_start, start, joint_start = groups
     state, rows = _states(bodies), np.empty((len(order), _CONTACT))
     ends, spots = np.empty((len(order), 2), np.int64), np.zeros((len(order), 3))
     elastic, told = np.empty((len(order), 2)), np.empty((len(order), 13))
@@ -137,11 +139,15 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
         _ease(i, bodies, state)
     for r in range(len(order)):
         _aim(r, ends, contacts.radius, order, state, time_step, rows)
+    system = jointed.lay_out(joints, len(members))
+    jointed.aim(range(len(joints.kind)), joints, system, bodies, len(members), 0.0, state)
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
+        held = range(joint_start[g], joint_start[g + 1])
         _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic,
-                      contacts.radius, order, contacts.force, gravity, time_step, state, rows,
-                      spots)
+                      contacts.radius, order, contacts.force, joints, held, system, gravity,
+                      time_step, state, rows, spots)
+    jointed.tell(joints, system, time_step)
     for i in range(len(members)):
         for w in range(6):
             bodies.velocity[i, w] = state[i, w]
@@ -234,11 +240,11 @@ def _ease(i, bodies, state):
 
 
 @subroutine
-def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, force, gravity,
-                  time_step, state, rows, spots):
+def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, force, joints, held,
+                  system, gravity, time_step, state, rows, spots):
     """Move the bodies of an island by a step."""
-    contacts = range(begin, end)
-    substeps, passes, fine = _pace(end - begin, time_step)
+    contacts, hangs = range(begin, end), len(held) > 0
+    substeps, passes, fine = _pace(end - begin + len(held), time_step)
     h = time_step / substeps
     bounces = False
     for r in contacts:
@@ -250,15 +256,18 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
         _begin(contacts, ends, state, rows)
-        _passes(passes, contacts, ends, state, rows, h, _softness(h), False)
+        jointed.begin(held, joints, system, h, state)
+        _passes(passes, contacts, ends, state, rows, held, system, h, _softness(h), False)
         for i in own:
-            _advance(i, bodies, gravity, h, begin == end, state)
+            _advance(i, bodies, gravity, h, begin == end and not hangs, state)
         _carry(free, (substep + 1) * h, state)
-        _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows)
-        _passes(passes, contacts, ends, state, rows, h, _RIGID, True)
+        _aim_anew(own, contacts, fine or hangs, bodies, ends, radius, order, h, state, rows)
+        jointed.aim(held, joints, system, bodies, free, (substep + 1) * h, state)
+        _passes(passes, contacts, ends, state, rows, held, system, h, _RIGID, True)
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
+        jointed.add_up(held, joints, system, h)
     _keep_forces(contacts, order, rows, h, force)
 
 
@@ -473,13 +482,14 @@ def _softness(h):
 
 
 @subroutine(**LEAN)
-def _passes(most, contacts, ends, state, rows, h, soft, moved):
+def _passes(most, contacts, ends, state, rows, held, system, h, soft, moved):
     """Solve an island until nothing changes any more, or as often as it may be."""
     for k in range(most):
         turn = contacts
         if not moved and k % 2 == 1:
             turn = range(contacts.stop - 1, contacts.start - 1, -1)
-        if not _pass(turn, ends, state, rows, h, soft, moved and k == 0):
+        pulls = jointed.solve(held, system, state, h, soft[0], k == 0)
+        if not _pass(turn, ends, state, rows, h, soft, moved and k == 0) and not pulls:
             break
 
 

@@ -33,12 +33,14 @@ import weakref
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra, Shape
+from procphys_ros.errors import SceneError
 from procphys_ros.hexahedron import box_corners, inset, write_hulls
 from procphys_ros.linear import norm
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
+from procphys_ros.physics.world.joint_table import JointTable
 from procphys_ros.physics.world.pieces import Pieces
 
 _LOG = logging.getLogger(__name__)
@@ -313,6 +315,10 @@ class BulletEngine:
         """Set linear [m/s] and angular velocities [rad/s], world axes, (K, 6)."""
         for handle, velocity in zip(self._handles[ids].tolist(), velocities.tolist()):
             pybullet.resetBaseVelocity(handle, velocity[:3], velocity[3:], **self._to)
+
+    def set_joints(self, joints: JointTable) -> None:
+        """Refuse joints."""
+        raise SceneError('engine is "bullet", which has no joints: name "native", which has')
 
     def step(self, time_step: float) -> None:
         """Advance time [s], in substeps of at most `LONGEST`."""

@@ -25,6 +25,7 @@ import numpy as np
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.joint_table import JointTable
 
 _LOG = logging.getLogger(__name__)
 
@@ -87,6 +88,13 @@ class Engine(Protocol):
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
+
+    def set_joints(self, joints: JointTable) -> None:
+        """
+        Let bodies hang by joints; ways, forces and moments are written there.
+
+        :raises SceneError: when the engine has none.
+        """
 
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""

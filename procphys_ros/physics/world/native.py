@@ -17,6 +17,7 @@
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.linear import norm
 from procphys_ros.physics.rigid.contacts import (
@@ -29,11 +30,13 @@ from procphys_ros.physics.rigid.contacts import (
     split_key,
 )
 from procphys_ros.physics.rigid.islands import islands, upwards
+from procphys_ros.physics.rigid.joints import along_chains, JointRows, no_joints
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, Pieces, place, ROUND
 from procphys_ros.physics.rigid.solver import MovingBodies, solve
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.joint_table import JointTable
 
 _LOOKS = 240.0  # [1/s] at most, for contacts, while anything moves ...
 _WAY = 0.01  # [m] ... farther than this in between
@@ -63,6 +66,7 @@ class NativeEngine:
         self._first, self._count = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._excluded: set[tuple[int, int]] = set()
         self._contacts = no_contacts(0)
+        self._joints = JointTable()
         self._told = np.zeros((0, 13))
 
     def close(self) -> None:
@@ -162,18 +166,24 @@ class NativeEngine:
         found = {tuple(pair) for pair in pairs.tolist()}
         self._excluded = self._excluded | found if excluded else self._excluded - found
 
+    def set_joints(self, joints: JointTable) -> None:
+        """Let bodies hang by joints; ways, forces and moments are written there."""
+        self._joints = joints
+
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""
         looks, told = self._looks(time_step), []
+        self._joints.rows.force[:] = self._joints.rows.moment[:] = 0.0
         start = self._table.poses[:, :3].copy()
         for k in range(looks):
             way = self._table.poses[:, :3] - start
-            self._move(time_step / looks)
+            self._move(time_step / looks, 1.0 / looks)
             self._told[:, 2:5] -= self._carried(way)
             pressed = self._told[:, 12] > 0.0
             told.append(self._told[pressed] if k < looks - 1 else self._told)
         self._told = np.concatenate(told)
         self._told[:, 9:] /= looks
+        self._joints.break_overloaded()
 
     def _carried(self, way: np.ndarray) -> np.ndarray:
         """
@@ -201,8 +211,8 @@ class NativeEngine:
         wanted = np.ceil(speed.max(initial=0.0) * time_step / _WAY)
         return int(max(min(wanted, np.ceil(time_step * _LOOKS - 1e-6)), 1.0))
 
-    def _move(self, time_step: float) -> None:
-        """Advance time [s] with contacts that are found once."""
+    def _move(self, time_step: float, share: float) -> None:
+        """Advance time [s], this share of the step, with contacts that are found once."""
         table = self._table
         free = table.awake
         driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
@@ -218,11 +228,50 @@ class NativeEngine:
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
         up = upwards(contacts, self._gravity)
-        members, begins, order, start = islands(first[up], second[up], len(free))
-        self._told = solve(bodies, first, second, contacts, up[order], table.friction,
-                           table.restitution, (members, begins, start), self._gravity, time_step)
+        pulling, joints = self._pulling(place_of, len(free))
+        members, begins, order, start = islands(
+            np.concatenate([first[up], joints.first]), np.concatenate([second[up], joints.second]),
+            len(free))
+        touches = order < len(up)  # contacts come first in each island
+        begin = np.concatenate([[0], np.cumsum(touches)])[start]
+        hold = order[~touches] - len(up)
+        joints = joints.of(hold)
+        self._told = solve(bodies, first, second, contacts, up[order[touches]], table.friction,
+                           table.restitution, joints, (members, begins, begin, start - begin),
+                           self._gravity, time_step)
         table.poses[moving], table.velocities[free] = bodies.pose[:-1], bodies.velocity[:len(free)]
         self._contacts = self._with_sleeping(contacts)
+        self._keep(pulling[hold], joints, share)
+
+    def _pulling(self, place_of: np.ndarray, free: int) -> tuple[np.ndarray, JointRows]:
+        """
+        Give the joints of what moves freely, between its rows, and their ids.
+
+        :param place_of: row of each body; one for all that is immovable, whose frames are those
+            of the world.
+        """
+        ids = self._joints.holding
+        if not len(ids):
+            return ids, no_joints(0)
+        rows = self._joints.rows
+        one, other = place_of[rows.first[ids]], place_of[rows.second[ids]]
+        moves = np.minimum(one, other) < free
+        ids, one, other = ids[moves], one[moves], other[moves]
+        order = along_chains(one, other, free)
+        ids, one, other = ids[order], one[order], other[order]
+        out = rows.of(ids)._replace(first=one, second=other)
+        for row, body, frame in ((one, rows.first[ids], out.frame),
+                                 (other, rows.second[ids], out.other_frame)):
+            still = row == place_of[0]
+            frame[still] = rotation.compose(self._table.poses[body[still]], frame[still])
+        return ids, out
+
+    def _keep(self, ids: np.ndarray, joints: JointRows, share: float) -> None:
+        """Write what joints have done in a share of a step."""
+        rows = self._joints.rows
+        rows.way[ids], rows.strain[ids] = joints.way, joints.strain
+        rows.force[ids] += share * joints.force
+        rows.moment[ids] += share * joints.moment
 
     def _with_sleeping(self, contacts: ContactRows) -> ContactRows:
         """Add those between bodies that sleep: they start from there when they wake."""
@@ -252,6 +301,8 @@ class NativeEngine:
         state = self._table.state
         moves = np.where(state == BodyState.AWAKE, 2, state == BodyState.KINEMATIC)
         excluded = np.array(sorted(self._excluded), np.int64).reshape(-1, 2)
+        if len(self._joints):
+            excluded = np.unique(np.concatenate([excluded, self._joints.apart()]), axis=0)
         return meeting(one, other, rows, pieces.body, moves, join_key(*excluded.T))
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
