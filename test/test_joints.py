@@ -110,8 +110,8 @@ def gaps(world):
     return np.linalg.norm(points[0] - points[1], axis=1)
 
 
-@pytest.mark.parametrize('time_step', STEPS)
-@pytest.mark.parametrize('kind', [JointKind.HINGE, JointKind.BALL])
+@pytest.mark.parametrize('kind, time_step', [
+    *((JointKind.HINGE, step) for step in STEPS), (JointKind.BALL, STEPS[1])])
 def test_a_rod_swings_as_a_compound_pendulum(kind, time_step):
     """Keep its period, over ten swings its energy, and its point."""
     angle = 0.5
@@ -292,9 +292,10 @@ def test_a_block_on_a_rope_swings(time_step):
     assert abs(energy(world, [body]) - first) < 5e-3 * depth
 
 
-@pytest.mark.parametrize('kind', [JointKind.BALL, JointKind.HINGE])
-@pytest.mark.parametrize('ratio', [1.0, 100.0, 1e4])
-def test_a_chain_does_not_stretch(ratio, kind):
+@pytest.mark.parametrize('kind, ratio', [
+    (JointKind.BALL, 1.0), (JointKind.BALL, 100.0), (JointKind.BALL, 1e4),
+    (JointKind.HINGE, 100.0)])
+def test_a_chain_does_not_stretch(kind, ratio):
     """Let twenty links with a block at the end swing down from the horizontal."""
     world = World(engine='native')
     ids, joints = chain(world, 20, 0.1 * ratio, kind)
@@ -422,8 +423,8 @@ def test_what_is_driven_takes_along_what_hangs_by_it():
     """Move and turn an intruder: what is welded to it goes along, and a pendulum follows."""
     world = World(engine='native')
     driven = world.add_driven(single(Shape.BOX, np.full(3, 0.2)), pose([0.0, 0.0, 5.0]))
-    fast, swings = bar(world, [0.6, 0.0, 5.0], [0.4] * 3), bar(world, [0.0, 0.0, 4.5],
-                                                             attitude=DOWN)
+    fast = bar(world, [0.6, 0.0, 5.0], [0.4] * 3)
+    swings = bar(world, [0.0, 0.0, 4.5], attitude=DOWN)
     world.join([JointKind.WELD, JointKind.BALL], [fast, swings], [driven, driven],
                np.array([pose([0.3, 0.0, 5.0]), pose([0.0, 0.0, 5.0])]))
     for k in range(1, 61):

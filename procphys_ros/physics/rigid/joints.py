@@ -542,8 +542,6 @@ def solve(own, system, state, h, rate, first):
     :param rate: at which gaps are taken back [1/s]; 0 = bodies have moved, and speeds are to fit.
     :param first: whether bodies have moved since the last time.
     """
-    if own.start == own.stop:
-        return False
     lines, left, right = system.lines, system.begin[own.start], system.begin[own.stop]
     stale, changed = first, False
     for turn in range(right - left + 1):

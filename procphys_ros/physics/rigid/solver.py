@@ -256,18 +256,21 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
         _begin(contacts, ends, state, rows)
-        jointed.begin(held, joints, system, h, state)
+        if hangs:
+            jointed.begin(held, joints, system, h, state)
         _passes(passes, contacts, ends, state, rows, held, system, h, _softness(h), False)
         for i in own:
             _advance(i, bodies, gravity, h, begin == end and not hangs, state)
         _carry(free, (substep + 1) * h, state)
         _aim_anew(own, contacts, fine or hangs, bodies, ends, radius, order, h, state, rows)
-        jointed.aim(held, joints, system, bodies, free, (substep + 1) * h, state)
+        if hangs:
+            jointed.aim(held, joints, system, bodies, free, (substep + 1) * h, state)
         _passes(passes, contacts, ends, state, rows, held, system, h, _RIGID, True)
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
-        jointed.add_up(held, joints, system, h)
+        if hangs:
+            jointed.add_up(held, joints, system, h)
     _keep_forces(contacts, order, rows, h, force)
 
 
@@ -488,7 +491,7 @@ def _passes(most, contacts, ends, state, rows, held, system, h, soft, moved):
         turn = contacts
         if not moved and k % 2 == 1:
             turn = range(contacts.stop - 1, contacts.start - 1, -1)
-        pulls = jointed.solve(held, system, state, h, soft[0], k == 0)
+        pulls = len(held) > 0 and jointed.solve(held, system, state, h, soft[0], k == 0)
         if not _pass(turn, ends, state, rows, h, soft, moved and k == 0) and not pulls:
             break
 

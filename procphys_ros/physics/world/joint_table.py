@@ -161,8 +161,15 @@ class JointTable:
         return np.flatnonzero(there & (np.isin(self.rows.first, bodies)
                                        | np.isin(self.rows.second, bodies)))
 
+    def set_out(self) -> None:
+        """Forget the forces of the last step."""
+        if len(self):
+            self.rows.force[:] = self.rows.moment[:] = 0.0
+
     def break_overloaded(self) -> None:
         """Break what had to carry more than it can in the last step."""
+        if not len(self):
+            return
         load = np.column_stack([norm(self.rows.force, axis=1), norm(self.rows.moment, axis=1)])
         there = self.rows.kind != JointKind.GONE
         self.rows.broken[there & (load > self.rows.strength).any(axis=1)] = True

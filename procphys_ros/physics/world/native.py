@@ -41,6 +41,7 @@ from procphys_ros.physics.world.joint_table import JointTable
 _LOOKS = 240.0  # [1/s] at most, for contacts, while anything moves ...
 _WAY = 0.01  # [m] ... farther than this in between
 _NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+_NO_JOINTS = no_joints(0)
 
 
 class NativeEngine:
@@ -173,7 +174,7 @@ class NativeEngine:
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""
         looks, told = self._looks(time_step), []
-        self._joints.rows.force[:] = self._joints.rows.moment[:] = 0.0
+        self._joints.set_out()
         start = self._table.poses[:, :3].copy()
         for k in range(looks):
             way = self._table.poses[:, :3] - start
@@ -229,19 +230,14 @@ class NativeEngine:
         first, second = place_of[contacts.first], place_of[contacts.second]
         up = upwards(contacts, self._gravity)
         pulling, joints = self._pulling(place_of, len(free))
-        members, begins, order, start = islands(
-            np.concatenate([first[up], joints.first]), np.concatenate([second[up], joints.second]),
-            len(free))
-        touches = order < len(up)  # contacts come first in each island
-        begin = np.concatenate([[0], np.cumsum(touches)])[start]
-        hold = order[~touches] - len(up)
-        joints = joints.of(hold)
-        self._told = solve(bodies, first, second, contacts, up[order[touches]], table.friction,
-                           table.restitution, joints, (members, begins, begin, start - begin),
-                           self._gravity, time_step)
+        groups, touching, hold = _islands(first[up], second[up], joints, len(free))
+        joints = joints.of(hold) if len(hold) else joints
+        self._told = solve(bodies, first, second, contacts, up[touching], table.friction,
+                           table.restitution, joints, groups, self._gravity, time_step)
         table.poses[moving], table.velocities[free] = bodies.pose[:-1], bodies.velocity[:len(free)]
         self._contacts = self._with_sleeping(contacts)
-        self._keep(pulling[hold], joints, share)
+        if len(hold):
+            self._keep(pulling[hold], joints, share)
 
     def _pulling(self, place_of: np.ndarray, free: int) -> tuple[np.ndarray, JointRows]:
         """
@@ -252,7 +248,7 @@ class NativeEngine:
         """
         ids = self._joints.holding
         if not len(ids):
-            return ids, no_joints(0)
+            return ids, _NO_JOINTS
         rows = self._joints.rows
         one, other = place_of[rows.first[ids]], place_of[rows.second[ids]]
         moves = np.minimum(one, other) < free
@@ -319,3 +315,23 @@ class NativeEngine:
     def contacts(self) -> np.ndarray:
         """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""
         return self._told.copy()
+
+
+def _islands(first: np.ndarray, second: np.ndarray, joints: JointRows, free: int
+             ) -> tuple[tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
+    """
+    Sort bodies, contacts and joints by island.
+
+    :param first, second: rows of the bodies of each contact, (C,).
+    :param free: number of bodies that move freely.
+    :returns: groups as `solve` takes them, contacts in turn, (C,), and joints, (J,).
+    """
+    if not len(joints.kind):
+        members, begins, order, start = islands(first, second, free)
+        return (members, begins, start, np.zeros_like(start)), order, order[:0]
+    members, begins, order, start = islands(np.concatenate([first, joints.first]),
+                                            np.concatenate([second, joints.second]), free)
+    touches = order < len(first)  # contacts come first in each island
+    begin = np.concatenate([[0], np.cumsum(touches)])[start]
+    groups = members, begins, begin, start - begin
+    return groups, order[touches], order[~touches] - len(first)
