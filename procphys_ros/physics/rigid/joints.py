@@ -90,7 +90,7 @@ class JointRows(NamedTuple):
     :ivar rest: way at which the spring is slack, (J,).
     :ivar speed: of its motor [m/s, rad/s], (J,).
     :ivar drive: greatest force or moment of the motor [N, N·m], (J,).
-    :ivar strength: greatest force [N] and moment [N·m], (J, 2).
+    :ivar strength: greatest mean force [N] and moment [N·m] of a step, (J, 2).
     :ivar collides: whether the two bodies meet, (J,) bool.
     :ivar broken: (J,) bool.
     :ivar way: of the first body against the second, turns counted, (J,).
@@ -277,7 +277,7 @@ def aim(own, joints, system, bodies, free, time, state):
             joints.way[t] = _way(joints.kind[t], joints.way[t], system.places, t)
         for r in range(system.begin[t], system.begin[t + 1]):
             _direct(r, r - system.begin[t], joints.kind[t], system.places, t, system, state)
-            if system.part[r] == _LIMIT:
+            if system.part[r] == _LIMIT and not joints.broken[t]:
                 _bound(r, joints.way[t], joints.low[t], joints.high[t], system.lines)
     for t in own:
         for r in range(system.begin[t], system.begin[t + 1]):
@@ -467,6 +467,9 @@ def begin(own, joints, system, h, state):
                 lines[r, _AIM] = (there - now) / h - _speed(r, system, state)
             if part == _HOLDS:
                 lines[r, _LOW], lines[r, _HIGH] = -math.inf, math.inf
+            if joints.broken[t]:
+                system.takes_part[r] = False
+                lines[r, _LOW] = lines[r, _HIGH] = 0.0
 
 
 @subroutine(**LEAN)
@@ -534,7 +537,7 @@ def _push(r, impulse, system, state):
 
 
 @subroutine(**LEAN)
-def solve(own, system, state, h, rate, first):
+def solve(own, joints, system, state, h, time_step, rate, first):
     """
     Solve the joints of an island; return whether any speed has changed.
 
@@ -544,7 +547,7 @@ def solve(own, system, state, h, rate, first):
     """
     lines, left, right = system.lines, system.begin[own.start], system.begin[own.stop]
     stale, changed = first, False
-    for turn in range(right - left + 1):
+    for turn in range(right - left + len(own) + 1):
         for r in range(left, right):
             lacks = _lacks(r, system, state, h, rate)
             lines[r, _CHANGE] = -lacks
@@ -554,6 +557,9 @@ def solve(own, system, state, h, rate, first):
             _factor(left, right, system)
         _resolve(left, right, system)
         stale = _keep_bounds(left, right, system, state)
+        if not stale:
+            for t in own:
+                stale = _tear(t, joints, system, time_step, state) or stale
         changed = changed or stale
         if not stale:
             break
@@ -642,16 +648,47 @@ def _keep_bounds(left, right, system, state):
 
 
 @subroutine(**LEAN)
+def _tear(t, joints, system, time_step, state):
+    """Break a joint that would carry more than it can in a step; it carries that much."""
+    if joints.broken[t]:
+        return False
+    lines, kept = system.lines, 1.0
+    for k, now in enumerate(_impulses(t, system)):
+        before = three(system.sums, t, 3 * k)
+        most = joints.strength[t, k] * time_step
+        if length(plus(before, 1.0, now)) > most:
+            kept = min(kept, max(most - length(before), 0.0) / length(now))
+    if kept == 1.0:
+        return False
+    joints.broken[t] = True
+    for r in range(system.begin[t], system.begin[t + 1]):
+        change = lines[r, _CHANGE] if system.takes_part[r] else 0.0
+        _push(r, kept * (lines[r, _IMPULSE] + change) - lines[r, _IMPULSE], system, state)
+        system.takes_part[r], lines[r, _LOW], lines[r, _HIGH] = False, 0.0, 0.0
+    return True
+
+
+@subroutine(**LEAN)
+def _impulses(t, system):
+    """Give the impulse and the moment of impulse of a joint in a substep, changes included."""
+    lines, pushed, turned = system.lines, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for r in range(system.begin[t], system.begin[t + 1]):
+        along, impulse = three(lines, r, _ALONG), lines[r, _IMPULSE]
+        if system.takes_part[r]:
+            impulse += lines[r, _CHANGE]
+        pushed = plus(pushed, impulse, along)
+        if along[0] == 0.0 and along[1] == 0.0 and along[2] == 0.0:
+            turned = plus(turned, impulse, three(lines, r, _ABOUT))
+    return pushed, turned
+
+
+@subroutine(**LEAN)
 def add_up(own, joints, system, h):
     """Add the impulses of a substep."""
-    lines = system.lines
     for t in own:
-        pushed, turned = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for r in range(system.begin[t], system.begin[t + 1]):
-            along, impulse = three(lines, r, _ALONG), lines[r, _IMPULSE]
-            pushed = plus(pushed, impulse, along)
-            if along[0] == 0.0 and along[1] == 0.0 and along[2] == 0.0:
-                turned = plus(turned, impulse, three(lines, r, _ABOUT))
+            system.lines[r, _CHANGE] = 0.0
+        pushed, turned = _impulses(t, system)
         put(system.sums, t, 0, plus(three(system.sums, t, 0), 1.0, pushed))
         put(system.sums, t, 3, plus(three(system.sums, t, 3), 1.0, turned))
         for side in range(2):

@@ -258,14 +258,16 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         _begin(contacts, ends, state, rows)
         if hangs:
             jointed.begin(held, joints, system, h, state)
-        _passes(passes, contacts, ends, state, rows, held, system, h, _softness(h), False)
+        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step, h,
+                _softness(h), False)
         for i in own:
             _advance(i, bodies, gravity, h, begin == end and not hangs, state)
         _carry(free, (substep + 1) * h, state)
         _aim_anew(own, contacts, fine or hangs, bodies, ends, radius, order, h, state, rows)
         if hangs:
             jointed.aim(held, joints, system, bodies, free, (substep + 1) * h, state)
-        _passes(passes, contacts, ends, state, rows, held, system, h, _RIGID, True)
+        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step, h, _RIGID,
+                True)
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
@@ -485,13 +487,14 @@ def _softness(h):
 
 
 @subroutine(**LEAN)
-def _passes(most, contacts, ends, state, rows, held, system, h, soft, moved):
+def _passes(most, contacts, ends, state, rows, held, joints, system, time_step, h, soft, moved):
     """Solve an island until nothing changes any more, or as often as it may be."""
     for k in range(most):
         turn = contacts
         if not moved and k % 2 == 1:
             turn = range(contacts.stop - 1, contacts.start - 1, -1)
-        pulls = len(held) > 0 and jointed.solve(held, system, state, h, soft[0], k == 0)
+        pulls = len(held) > 0 and jointed.solve(held, joints, system, state, h, time_step,
+                                                soft[0], k == 0)
         if not _pass(turn, ends, state, rows, h, soft, moved and k == 0) and not pulls:
             break
 

@@ -33,7 +33,6 @@ import weakref
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra, Shape
-from procphys_ros.errors import SceneError
 from procphys_ros.hexahedron import box_corners, inset, write_hulls
 from procphys_ros.linear import norm
 from procphys_ros.physics.kinetic import motion_energy
@@ -91,7 +90,7 @@ class BulletEngine:
     :param terrain: the surface of the ground.
     """
 
-    name = 'bullet'
+    name, has_joints = 'bullet', False
 
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
         self._gravity, self._terrain = np.array(gravity, float), terrain
@@ -317,8 +316,7 @@ class BulletEngine:
             pybullet.resetBaseVelocity(handle, velocity[:3], velocity[3:], **self._to)
 
     def set_joints(self, joints: JointTable) -> None:
-        """Refuse joints."""
-        raise SceneError('engine is "bullet", which has no joints: name "native", which has')
+        """Leave joints alone: there are none."""
 
     def step(self, time_step: float) -> None:
         """Advance time [s], in substeps of at most `LONGEST`."""

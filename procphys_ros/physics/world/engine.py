@@ -61,6 +61,7 @@ class Engine(Protocol):
     """
 
     name: str
+    has_joints: bool
 
     def clear(self) -> None:
         """Remove everything."""
@@ -90,11 +91,7 @@ class Engine(Protocol):
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
 
     def set_joints(self, joints: JointTable) -> None:
-        """
-        Let bodies hang by joints; ways, forces and moments are written there.
-
-        :raises SceneError: when the engine has none.
-        """
+        """Let bodies hang by joints, if it has any; ways and forces are written there."""
 
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""

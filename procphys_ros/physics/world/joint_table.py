@@ -166,14 +166,6 @@ class JointTable:
         if len(self):
             self.rows.force[:] = self.rows.moment[:] = 0.0
 
-    def break_overloaded(self) -> None:
-        """Break what had to carry more than it can in the last step."""
-        if not len(self):
-            return
-        load = np.column_stack([norm(self.rows.force, axis=1), norm(self.rows.moment, axis=1)])
-        there = self.rows.kind != JointKind.GONE
-        self.rows.broken[there & (load > self.rows.strength).any(axis=1)] = True
-
     def apart(self) -> np.ndarray:
         """List the pairs of bodies that do not meet, the lower id first, (K, 2)."""
         rows = self.rows.of(self.holding)

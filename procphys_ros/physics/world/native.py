@@ -54,7 +54,7 @@ class NativeEngine:
     :param terrain: the surface of the ground.
     """
 
-    name = 'native'
+    name, has_joints = 'native', True
 
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
         self._gravity, self._terrain = np.array(gravity, float), terrain
@@ -184,7 +184,6 @@ class NativeEngine:
             told.append(self._told[pressed] if k < looks - 1 else self._told)
         self._told = np.concatenate(told)
         self._told[:, 9:] /= looks
-        self._joints.break_overloaded()
 
     def _carried(self, way: np.ndarray) -> np.ndarray:
         """
@@ -266,6 +265,7 @@ class NativeEngine:
         """Write what joints have done in a share of a step."""
         rows = self._joints.rows
         rows.way[ids], rows.strain[ids] = joints.way, joints.strain
+        rows.broken[ids] = joints.broken
         rows.force[ids] += share * joints.force
         rows.moment[ids] += share * joints.moment
 

@@ -20,6 +20,7 @@ from typing import Self
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra
+from procphys_ros.errors import SceneError
 from procphys_ros.physics.rigid.joints import JointRows
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world import admission, extents, kinematic, sleeping
@@ -83,6 +84,11 @@ class World:
     def engine(self) -> str:
         """Name of the engine."""
         return self._engine.name
+
+    @property
+    def has_joints(self) -> bool:
+        """Whether the engine has joints."""
+        return self._engine.has_joints
 
     @property
     def awake(self) -> np.ndarray:
@@ -207,12 +213,17 @@ class World:
         ends = np.column_stack([np.atleast_1d(first), np.atleast_1d(second)])
         frames = np.atleast_2d(frames)
         others = frames if other_frames is None else np.atleast_2d(other_frames)
-        self._engine.set_joints(self._joints)
+        self._hand_joints()
         ids = self._joints.add(self._bodies, np.broadcast_to(kind, len(ends)), ends,
                                np.stack(np.broadcast_arrays(frames, others), axis=1),
                                options or JointOptions())
         self._wake(ends)
         return ids
+
+    def _hand_joints(self) -> None:
+        if not self.has_joints:
+            raise SceneError(f'engine is "{self.engine}", which has no joints: take "native"')
+        self._engine.set_joints(self._joints)
 
     def part(self, ids: np.ndarray) -> None:
         """Remove joints, (K,) ids, which may be given again; what hung by them wakes."""
@@ -430,7 +441,7 @@ class World:
         self._queue.admit_among(self._excluded)
         self._engine.set_excluded(self._excluded, True)
         if len(self._joints):
-            self._engine.set_joints(self._joints)
+            self._hand_joints()
 
 
 def _group(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
