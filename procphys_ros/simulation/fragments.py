@@ -246,7 +246,7 @@ def hang(model: Model, state: State, bonds: np.ndarray) -> None:
         now = rotation.compose(state.world.poses(body), state.parts.local[part])
         frames.append(rotation.compose(now, local))
     steel = graph.mortar.reinforcement[bonds] * graph.area[bonds]
-    state.world.join(JointKind.BALL, *bodies.T, frames[0],
+    state.world.join(JointKind.BALL, bodies[:, 0], bodies[:, 1], frames[0],
                      JointOptions(force=2.0 * steel, collides=True), frames[1])
 
 
