@@ -29,11 +29,13 @@ from typing import Any
 from numba.core import event
 import numpy as np
 
+from procphys_ros.blueprint import Shape
 from procphys_ros.compilation.cache import KernelCache
 from procphys_ros.compilation.overloads import GROUPS, SHIPPED
 from procphys_ros.compilation.signatures import to_text
 from procphys_ros.errors import CommandError
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
+from procphys_ros.physics.world import JointKind, World
 from procphys_ros.recording.marker_state import find_markers
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
@@ -170,6 +172,7 @@ def exercise(share: float) -> Iterator[None]:
         simulation.step(int(steps * share))
         damage(simulation)
     strike_twice(Simulation(Scene.from_parameters(_NATIVE)))
+    hang()
     yield
 
 
@@ -179,6 +182,15 @@ def strike_twice(simulation: Simulation) -> None:
         simulation.launch(Projectile('sphere', (0.4,), 60.0, (1.0, -2.0, height),
                                      (0.0, 10.0, 0.0)))
         simulation.step(100)
+
+
+def hang() -> None:
+    """Hang a block by a joint."""
+    world = World(engine='native')
+    place = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0])
+    body = np.array([world.add_body(Shape.BOX, np.full(3, 0.2), 1.0, place)])
+    world.join(JointKind.BALL, body, np.array([World.ground]), place)
+    world.step(1.0 / 60.0)
 
 
 class Recorder(event.Listener):

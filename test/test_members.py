@@ -21,8 +21,12 @@ import numpy as np
 import pytest
 
 from procphys_ros.blueprint import chain, GROUND
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import BondGraph, Fracture, FreeBodies, StressSolver
 from procphys_ros.physics.masonry.ties import CRACKED, LEVER
+from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import fragments, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 from procphys_ros.wallgrammar.materials import DEFAULTS
 
@@ -256,6 +260,26 @@ def test_what_flies_hangs_together_by_its_steel():
         least.append(high)
     assert least[1] / least[0] == pytest.approx(
         6.0 * LEVER * concrete.reinforcement / concrete.tension, rel=0.01)
+
+
+@pytest.mark.parametrize('ball, speed, hangs', [(10.0, 10.0, True), (20.0, 20.0, False)])
+def test_halves_of_a_lintel_that_breaks_in_flight_hang_by_its_steel(ball, speed, hangs):
+    """Hit it in its middle: the concrete breaks; the steel tears if the blow is hard enough."""
+    simulation = Simulation(Scene.from_parameters({
+        'scene': {'objects': ['hut']}, 'engine': 'native',
+        'hut': {'grammar_text': _HUT.format(lintel='concrete', floors='none', roof='none')}}))
+    model, state = simulation.model, simulation.state
+    parts = np.flatnonzero(model.blueprint.kind == model.blueprint.kinds.index('lintel'))
+    fragments.release(model, state, [parts], cause=Cause.IMPACT)
+    body = state.parts.body[parts[:1]]
+    state.world.set_poses(body, np.array([[8.0, 0.0, 6.0, *state.world.poses(body)[0, 3:]]]))
+    fragments.write_poses(model, state, 0.0)
+    simulation.launch(Projectile('sphere', (0.2,), ball, (8.0, -1.0, 6.0), (0.0, speed, 0.0)))
+    simulation.step(30)
+    assert len(set(state.parts.body[parts])) == 2
+    assert state.world.joints.broken.tolist() == [not hangs]
+    apart = np.linalg.norm(np.diff(state.parts.poses[parts, :3], axis=0))
+    assert (apart < 0.6) == hangs
 
 
 @pytest.mark.parametrize(('material', 'steel'), [('concrete', True), ('oak', False)])

@@ -19,7 +19,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros.blueprint import Shape
+from procphys_ros import rotation
+from procphys_ros.blueprint import GROUND, Shape
 from procphys_ros.elementary import expm1
 from procphys_ros.linear import norm
 from procphys_ros.physics.air import AIR_DENSITY
@@ -29,6 +30,8 @@ from procphys_ros.physics.world import (
     expand,
     fragment,
     FRICTION,
+    JointKind,
+    JointOptions,
     LooseBody,
     plain,
     rigid_sum,
@@ -217,6 +220,34 @@ def split(model: Model, state: State,
     state.bodies.carried = None
     state.world.remove(np.array([body for body, _ in broken], np.intp))
     return make_bodies(model, state, made)
+
+
+def hang(model: Model, state: State, bonds: np.ndarray) -> None:
+    """
+    Let pieces that have parted hang by the steel of their bonds, if the engine has joints.
+
+    The steel of both layers stands in the middle of the section, and the faces press on each
+    other, so it holds up to twice its force without a moment. It goes with either piece.
+
+    :param bonds: rows of the blueprint that broke, (K,).
+    """
+    graph, source = state.loose_bonds.graph, model.blueprint
+    bonds = bonds[graph.mortar.reinforcement[bonds] > 0.0]
+    bonds = bonds[(source.bonds[bonds] != GROUND).all(axis=1)]
+    pairs = source.bonds[bonds]
+    bodies = state.parts.body[pairs]
+    loose = (state.parts.owner[pairs] == Owner.BODY).all(axis=1) & (bodies[:, 0] != bodies[:, 1])
+    if not loose.any() or not state.world.has_joints:
+        return
+    bonds, pairs, bodies = bonds[loose], pairs[loose], bodies[loose]
+    frames = []
+    for part, body in zip(pairs.T, bodies.T):
+        local = rotation.relative(source.poses[part], source.bond_frame[bonds])
+        now = rotation.compose(state.world.poses(body), state.parts.local[part])
+        frames.append(rotation.compose(now, local))
+    steel = graph.mortar.reinforcement[bonds] * graph.area[bonds]
+    state.world.join(JointKind.BALL, bodies[:, 0], bodies[:, 1], frames[0],
+                     JointOptions(force=2.0 * steel, collides=True), frames[1])
 
 
 def take_out(model: Model, state: State, body: int, parts: np.ndarray) -> None:

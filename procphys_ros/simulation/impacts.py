@@ -99,6 +99,8 @@ def step(model: Model, state: State, dt: float) -> None:
             contact_exclusions.add_split(state, result.pieces)
         fragments.split(model, state, [(blow.body, result.pieces) for blow, result in broken
                                        if len(result.pieces) > 1])
+        for _, result in broken:
+            fragments.hang(model, state, result.bonds)
     if glass.shatter_loose(model, state) or broken or found:
         fragments.write_poses(model, state, dt)
 

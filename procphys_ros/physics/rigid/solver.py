@@ -28,6 +28,22 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.physics.rigid import joints as jointed
+from procphys_ros.physics.rigid.body_rows import (
+    BEND,
+    BODY,
+    EASE,
+    eased,
+    FREE,
+    LIGHT,
+    lightened,
+    OWN,
+    rotated,
+    SPEED,
+    SPIN,
+    TURNED,
+    WAY,
+)
 from procphys_ros.physics.rigid.vectors import (
     at,
     cross,
@@ -63,13 +79,6 @@ _NOTICED = 0.01  # [rad] in a substep from which arms and inertia of the step's 
 _TURN = 0.05  # [rad] at once, so that spins keep their energy
 _RATIO = 3.0  # of what lies on a body to its inertia at most: for few passes to be enough
 
-# A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass along
-# three axes, inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion before contacts
-# acted in the present substep, how far it has moved and turned in this step, the matrix that gives
-# how far a point moves by that turn, right to its second power, and which share of its inertia
-# against the vertical is its own.
-_SPEED, _SPIN, _LIGHT, _EASE, _FREE, _WAY, _TURNED, _BEND, _OWN = 0, 3, 6, 9, 15, 21, 24, 27, 36
-_BODY = 37
 # A row per contact: normal, a tangent, arms of both bodies, masses along normal, tangent and the
 # third axis, speed along the last two by a unit impulse along the normal, impulses of the present
 # substep, gap as bodies have moved so far, friction, sums of impulses over the step, the place on
@@ -98,7 +107,7 @@ class MovingBodies(NamedTuple):
 
 
 @kernel
-def solve(bodies, first, second, contacts, order, friction, restitution, groups, gravity,
+def solve(bodies, first, second, contacts, order, friction, restitution, joints, groups, gravity,
           time_step):
     """
     Move bodies by a step under gravity and contacts; writes poses, velocities and forces.
@@ -108,13 +117,14 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
     :param contacts: their forces of the step before become those at the end of this one.
     :param order: of contacts: by island, (C,).
     :param friction, restitution: of bodies by id; the geometric mean of two counts, (B,).
+    :param joints: by island, between rows of bodies; ways, forces and moments are written.
     :param groups: from `islands`: bodies in turn, where those of each island begin, and where
-        contacts do in `order`.
+        contacts do in `order`, and joints.
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
     :returns: contacts as `Engine.contacts` gives them, (C, 13).
     """
-    members, member_start, start = groups
+    members, member_start, start, joint_start = groups
     state, rows = _states(bodies), np.empty((len(order), _CONTACT))
     ends, spots = np.empty((len(order), 2), np.int64), np.zeros((len(order), 3))
     elastic, told = np.empty((len(order), 2)), np.empty((len(order), 13))
@@ -130,15 +140,19 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
         gravity[0] * gravity[0] + gravity[1] * gravity[1] + gravity[2] * gravity[2])
     _brace(len(members), bodies, gained, ends, state, rows)
     for i in range(len(state)):
-        state[i, _LIGHT + 2] *= state[i, _OWN]
+        state[i, LIGHT + 2] *= state[i, OWN]
         _ease(i, bodies, state)
     for r in range(len(order)):
         _aim(r, ends, contacts.radius, order, state, time_step, rows)
+    system = jointed.lay_out(joints, len(members))
+    jointed.aim(range(len(joints.kind)), joints, system, bodies, len(members), 0.0, state)
     for g in range(len(start) - 1):
         own = members[member_start[g]:member_start[g + 1]]
+        held = range(joint_start[g], joint_start[g + 1])
         _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic,
-                      contacts.radius, order, contacts.force, contacts.shift, gravity, time_step,
-                      state, rows, spots)
+                      contacts.radius, order, contacts.force, contacts.shift, joints, held,
+                      system, gravity, time_step, state, rows, spots)
+    jointed.tell(joints, system, time_step)
     for i in range(len(members)):
         for w in range(6):
             bodies.velocity[i, w] = state[i, w]
@@ -151,13 +165,13 @@ def solve(bodies, first, second, contacts, order, friction, restitution, groups,
 @subroutine
 def _states(bodies):
     """Lay out what moves, a row per body."""
-    state = np.zeros((len(bodies.mass), _BODY))
+    state = np.zeros((len(bodies.mass), BODY))
     for i in range(len(state)):
         for w in range(6):
             state[i, w] = bodies.velocity[i, w]
         light = 1.0 / bodies.mass[i]
-        put(state, i, _LIGHT, (light, light, light))
-        state[i, _OWN] = 1.0
+        put(state, i, LIGHT, (light, light, light))
+        state[i, OWN] = 1.0
     return state
 
 
@@ -175,13 +189,13 @@ def _brace(free, bodies, gained, ends, state, rows):
     """
     load = _loads(free, bodies.pose, ends, state, rows)
     for i in range(free):
-        mass, spin = bodies.mass[i], three(state, i, _SPIN)
+        mass, spin = bodies.mass[i], three(state, i, SPIN)
         arm = math.sqrt(max(bodies.inertia[i, 0], bodies.inertia[i, 1]) / mass)  # right to 1.4
         speed = abs(state[i, 2]) + arm * length(spin)
         more = max(load[i] / _RATIO - mass, 0.0)
         if speed * more > gained * load[i]:
             more = gained * load[i] / speed
-        state[i, _OWN] = mass / (mass + more)
+        state[i, OWN] = mass / (mass + more)
 
 
 @subroutine
@@ -201,7 +215,7 @@ def _loads(free, pose, ends, state, rows):
         if max(upper, lower) >= free or steep == 0.0 or not firm[lower]:
             continue
         if pose[upper, 2] > pose[lower, 2]:  # teeth that mesh are no pile
-            above = 1.0 / state[upper, _LIGHT] + load[upper]
+            above = 1.0 / state[upper, LIGHT] + load[upper]
             load[lower] += steep * steep / steepness[upper] * above
     return load
 
@@ -210,7 +224,7 @@ def _loads(free, pose, ends, state, rows):
 def _follow(i, bodies, time_step):
     """Move a kinematic body."""
     q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
-    q = _rotated(q, three(bodies.velocity, i, 3), time_step)
+    q = rotated(q, three(bodies.velocity, i, 3), time_step)
     for w in range(3):
         bodies.pose[i, w] += time_step * bodies.velocity[i, w]
     for w in range(4):
@@ -224,18 +238,18 @@ def _ease(i, bodies, state):
     a, b, c = 1.0 / bodies.inertia[i, 0], 1.0 / bodies.inertia[i, 1], 1.0 / bodies.inertia[i, 2]
     u, v, w = (a * x[0], b * x[1], c * x[2]), (a * y[0], b * y[1], c * y[2]), (
         a * z[0], b * z[1], c * z[2])
-    own = state[i, _OWN]
+    own = state[i, OWN]
     half = math.sqrt(own)
-    put(state, i, _EASE, (own * dot(u, x), own * dot(u, y), half * dot(u, z)))
-    put(state, i, _EASE + 3, (own * dot(v, y), half * dot(v, z), dot(w, z)))
+    put(state, i, EASE, (own * dot(u, x), own * dot(u, y), half * dot(u, z)))
+    put(state, i, EASE + 3, (own * dot(v, y), half * dot(v, z), dot(w, z)))
 
 
 @subroutine
 def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, force, shift,
-                  gravity, time_step, state, rows, spots):
+                  joints, held, system, gravity, time_step, state, rows, spots):
     """Move the bodies of an island by a step."""
-    contacts = range(begin, end)
-    substeps, passes, fine = _pace(end - begin, time_step)
+    contacts, hangs = range(begin, end), len(held) > 0
+    substeps, passes, fine = _pace(end - begin + len(held), time_step)
     h = time_step / substeps
     bounces = False
     for r in contacts:
@@ -247,15 +261,23 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
         _begin(contacts, ends, state, rows)
-        _passes(passes, contacts, ends, state, rows, h, _softness(h), False)
+        if hangs:
+            jointed.begin(held, joints, system, h, state)
+        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step, h,
+                _softness(h), False)
         for i in own:
-            _advance(i, bodies, gravity, h, begin == end, state)
+            _advance(i, bodies, gravity, h, begin == end and not hangs, state)
         _carry(free, (substep + 1) * h, state)
-        _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows)
-        _passes(passes, contacts, ends, state, rows, h, _RIGID, True)
+        _aim_anew(own, contacts, fine or hangs, bodies, ends, radius, order, h, state, rows)
+        if hangs:
+            jointed.aim(held, joints, system, bodies, free, (substep + 1) * h, state)
+        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step, h, _RIGID,
+                True)
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
+        if hangs:
+            jointed.add_up(held, joints, system, h)
     _keep_forces(contacts, order, rows, h, force, shift)
 
 
@@ -264,11 +286,11 @@ def _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows):
     """Work out inertia and arms anew: of all that turns noticeably in a substep, or of all."""
     least = 0.0 if fine else _NOTICED / h
     for i in own:
-        spin = three(state, i, _SPIN)
+        spin = three(state, i, SPIN)
         if dot(spin, spin) >= least * least:
             _ease(i, bodies, state)
     for r in contacts:
-        one, two = three(state, ends[r, 0], _SPIN), three(state, ends[r, 1], _SPIN)
+        one, two = three(state, ends[r, 0], SPIN), three(state, ends[r, 1], SPIN)
         if max(dot(one, one), dot(two, two)) >= least * least:
             _aim(r, ends, radius, order, state, h, rows)
 
@@ -291,8 +313,8 @@ def _drive(i, gravity, h, state):
     """Let gravity act for a substep."""
     for w in range(6):
         if w < 3:
-            state[i, w] += gravity[w] * h * (state[i, _OWN] if w == 2 else 1.0)
-        state[i, _FREE + w] = state[i, w]
+            state[i, w] += gravity[w] * h * (state[i, OWN] if w == 2 else 1.0)
+        state[i, FREE + w] = state[i, w]
 
 
 @subroutine(**LEAN)
@@ -300,22 +322,8 @@ def _carry(count, time, state):
     """Write how far kinematic bodies have come."""
     for i in range(count, len(state)):
         for w in range(6):
-            state[i, _WAY + w] = time * state[i, w]
+            state[i, WAY + w] = time * state[i, w]
         _bend(i, state)
-
-
-@subroutine(**INLINE)
-def _eased(state, i, v):
-    """Multiply the inverse of a body's inertia with a vector."""
-    a, b = three(state, i, _EASE), three(state, i, _EASE + 3)
-    return (a[0] * v[0] + a[1] * v[1] + a[2] * v[2], a[1] * v[0] + b[0] * v[1] + b[1] * v[2],
-            a[2] * v[0] + b[1] * v[1] + b[2] * v[2])
-
-
-@subroutine(**INLINE)
-def _lightened(state, i, v):
-    """Divide a vector by a body's mass, which differs along the vertical."""
-    return state[i, _LIGHT] * v[0], state[i, _LIGHT + 1] * v[1], state[i, _LIGHT + 2] * v[2]
 
 
 @subroutine(**LEAN)
@@ -360,10 +368,10 @@ def _aim(r, ends, radius, order, state, duration, rows):
         place = plus(place, (2.0 * side - 1.0) * radius[order[r], side], n)
         put(rows, r, _ARM + 3 * side, place)
         one, two, other = cross(place, n), cross(place, t), cross(place, b)
-        spin, moved = _eased(state, i, one), _lightened(state, i, n)
+        spin, moved = eased(state, i, one), lightened(state, i, n)
         mass = (mass[0] + dot(n, moved) + dot(one, spin),
-                mass[1] + dot(t, _lightened(state, i, t)) + dot(two, _eased(state, i, two)),
-                mass[2] + dot(b, _lightened(state, i, b)) + dot(other, _eased(state, i, other)))
+                mass[1] + dot(t, lightened(state, i, t)) + dot(two, eased(state, i, two)),
+                mass[2] + dot(b, lightened(state, i, b)) + dot(other, eased(state, i, other)))
         aside = (aside[0] + dot(t, moved) + dot(two, spin),
                  aside[1] + dot(b, moved) + dot(other, spin))
     put(rows, r, _MASS, (1.0 / mass[0], 1.0 / mass[1], 1.0 / mass[2]))
@@ -381,23 +389,23 @@ def _start(r, c, force, h, rows):
 @subroutine(**LEAN)
 def _bend(i, state):
     """Write the matrix by which points of a body have moved as it turned."""
-    x, y, z = three(state, i, _TURNED)
-    put(state, i, _BEND, (-0.5 * (y * y + z * z), 0.5 * x * y - z, 0.5 * x * z + y))
-    put(state, i, _BEND + 3, (0.5 * x * y + z, -0.5 * (x * x + z * z), 0.5 * y * z - x))
-    put(state, i, _BEND + 6, (0.5 * x * z - y, 0.5 * y * z + x, -0.5 * (x * x + y * y)))
+    x, y, z = three(state, i, TURNED)
+    put(state, i, BEND, (-0.5 * (y * y + z * z), 0.5 * x * y - z, 0.5 * x * z + y))
+    put(state, i, BEND + 3, (0.5 * x * y + z, -0.5 * (x * x + z * z), 0.5 * y * z - x))
+    put(state, i, BEND + 6, (0.5 * x * z - y, 0.5 * y * z + x, -0.5 * (x * x + y * y)))
 
 
 @subroutine(**INLINE)
 def _bent(place, state, i):
     """Give how far a point has turned about a body's centre."""
-    return (dot(three(state, i, _BEND), place), dot(three(state, i, _BEND + 3), place),
-            dot(three(state, i, _BEND + 6), place))
+    return (dot(three(state, i, BEND), place), dot(three(state, i, BEND + 3), place),
+            dot(three(state, i, BEND + 6), place))
 
 
 @subroutine(**INLINE)
 def _turned_on(place, state, i, duration):
     """Turn a place about a body's centre by its spin, for a while; it stays as far away."""
-    turn = scaled(duration, three(state, i, _SPIN))
+    turn = scaled(duration, three(state, i, SPIN))
     way = cross(turn, place)
     if dot(turn, turn) < _LITTLE * _LITTLE:
         return plus(plus(place, 1.0, way), 0.5, cross(turn, way))
@@ -416,12 +424,12 @@ def _slip(state, i, j, arm, other, column):
 @subroutine(**INLINE)
 def _push(state, i, j, arm, other, impulse):
     """Apply an impulse to the first body, and its opposite to the second."""
-    put(state, i, _SPEED, plus(three(state, i, _SPEED), 1.0, _lightened(state, i, impulse)))
-    put(state, i, _SPIN, plus(three(state, i, _SPIN), 1.0, _eased(state, i, cross(arm, impulse))))
-    if state[j, _LIGHT] > 0.0:
-        put(state, j, _SPEED, plus(three(state, j, _SPEED), -1.0, _lightened(state, j, impulse)))
-        put(state, j, _SPIN,
-            plus(three(state, j, _SPIN), -1.0, _eased(state, j, cross(other, impulse))))
+    put(state, i, SPEED, plus(three(state, i, SPEED), 1.0, lightened(state, i, impulse)))
+    put(state, i, SPIN, plus(three(state, i, SPIN), 1.0, eased(state, i, cross(arm, impulse))))
+    if state[j, LIGHT] > 0.0:
+        put(state, j, SPEED, plus(three(state, j, SPEED), -1.0, lightened(state, j, impulse)))
+        put(state, j, SPIN,
+            plus(three(state, j, SPIN), -1.0, eased(state, j, cross(other, impulse))))
 
 
 @subroutine(**INLINE)
@@ -436,7 +444,7 @@ def _note_approach(contacts, ends, state, rows, elastic):
     """Note how fast bodies approach, but for the impulses between them."""
     for r in contacts:
         slip = _slip(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
-                     _FREE)
+                     FREE)
         elastic[r, 1] = dot(slip, three(rows, r, _NORMAL))
 
 
@@ -464,8 +472,8 @@ def _begin(contacts, ends, state, rows):
 def _follow_point(r, i, j, state, rows):
     """Write gap and shift after bodies have moved, right to the second power of their turns."""
     one, two = three(rows, r, _PLACE), three(rows, r, _OTHER_PLACE)
-    one = plus(three(state, i, _WAY), 1.0, _bent(one, state, i))
-    two = plus(three(state, j, _WAY), 1.0, _bent(two, state, j))
+    one = plus(three(state, i, WAY), 1.0, _bent(one, state, i))
+    two = plus(three(state, j, WAY), 1.0, _bent(two, state, j))
     way, n, t = less(one, two), three(rows, r, _NORMAL), three(rows, r, _TANGENT)
     rows[r, _GAP] = rows[r, _START] + dot(n, way)
     if rows[r, _HOLDS] > 0.0:
@@ -490,7 +498,7 @@ def _bounce(contacts, ends, state, rows, elastic):
             continue
         i, j, arm, other = ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER)
         n = three(rows, r, _NORMAL)
-        lacks = dot(n, _slip(state, i, j, arm, other, _SPEED)) + elastic[r, 0] * elastic[r, 1]
+        lacks = dot(n, _slip(state, i, j, arm, other, SPEED)) + elastic[r, 0] * elastic[r, 1]
         rows[r, _PUSHED] = max(before - rows[r, _MASS] * lacks, 0.0)
         _push(state, i, j, arm, other, scaled(rows[r, _PUSHED] - before, n))
 
@@ -505,13 +513,15 @@ def _softness(h):
 
 
 @subroutine(**LEAN)
-def _passes(most, contacts, ends, state, rows, h, soft, moved):
+def _passes(most, contacts, ends, state, rows, held, joints, system, time_step, h, soft, moved):
     """Solve an island until nothing changes any more, or as often as it may be."""
     for k in range(most):
         turn = contacts
         if not moved and k % 2 == 1:
             turn = range(contacts.stop - 1, contacts.start - 1, -1)
-        if not _pass(turn, ends, state, rows, h, soft, moved and k == 0):
+        pulls = len(held) > 0 and jointed.solve(held, joints, system, state, h, time_step,
+                                                soft[0], k == 0)
+        if not _pass(turn, ends, state, rows, h, soft, moved and k == 0) and not pulls:
             break
 
 
@@ -533,7 +543,7 @@ def _pass(contacts, ends, state, rows, h, soft, moved):
         elif rate > 0.0:
             bias, share, kept = max(rate * gap, -_PUSH), mass_share, impulse_share
         arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
-        slip = _slip(state, i, j, arm, other, _SPEED)
+        slip = _slip(state, i, j, arm, other, SPEED)
         lacks = dot(slip, three(rows, r, _NORMAL)) + bias
         pressed = max(before - rows[r, _MASS] * share * lacks - kept * before, 0.0)
         if pressed == 0.0 and before == 0.0:
@@ -577,8 +587,8 @@ def _advance(i, bodies, gravity, h, flies, state):
     for w in range(3):
         way = h * state[i, w] - (0.5 * h * h * gravity[w] if flies else 0.0)
         bodies.pose[i, w] += way
-        state[i, _WAY + w] += way
-    spin = three(state, i, _SPIN)
+        state[i, WAY + w] += way
+    spin = three(state, i, SPIN)
     if spin[0] == 0.0 and spin[1] == 0.0 and spin[2] == 0.0:
         return
     q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
@@ -592,10 +602,10 @@ def _advance(i, bodies, gravity, h, flies, state):
     after = _stretched(q, (1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2]), momentum)
     for w in range(4):
         bodies.pose[i, 3 + w] = q[w]
-    put(state, i, _TURNED, plus(three(state, i, _TURNED), 1.0, turned))
+    put(state, i, TURNED, plus(three(state, i, TURNED), 1.0, turned))
     _bend(i, state)
-    put(state, i, _SPIN, after)
-    put(state, i, _FREE + 3, plus(three(state, i, _FREE + 3), 1.0, less(after, spin)))
+    put(state, i, SPIN, after)
+    put(state, i, FREE + 3, plus(three(state, i, FREE + 3), 1.0, less(after, spin)))
 
 
 @subroutine(**LEAN)
@@ -611,15 +621,15 @@ def _turned_freely(q, inertia, momentum, h):
     ease = 1.0 / inertia[middle]
     one, two = (middle + 1) % 3, (middle + 2) % 3
     about = scaled(ease, momentum)
-    q = _rotated(q, about, 0.5 * h)
+    q = rotated(q, about, 0.5 * h)
     turned = scaled(h, about)
     for k, duration in ((one, 0.5 * h), (two, h), (one, 0.5 * h)):
         x, y, z = matrix_rows(q)
         axis = (x[k], y[k], z[k])
         about = scaled(dot(axis, momentum) * (1.0 / inertia[k] - ease), axis)
-        q = _rotated(q, about, duration)
+        q = rotated(q, about, duration)
         turned = plus(turned, duration, about)
-    return _rotated(q, scaled(ease, momentum), 0.5 * h), turned
+    return rotated(q, scaled(ease, momentum), 0.5 * h), turned
 
 
 @subroutine(**INLINE)
@@ -640,20 +650,6 @@ def _stretched(q, factors, v):
     c = (x[2] * v[0] + y[2] * v[1] + z[2] * v[2]) * factors[2]
     return (x[0] * a + x[1] * b + x[2] * c, y[0] * a + y[1] * b + y[2] * c,
             z[0] * a + z[1] * b + z[2] * c)
-
-
-@subroutine(**INLINE)
-def _rotated(q, spin, duration):
-    """Turn an attitude by a spin for a while; the tangent is right to its third power."""
-    x, y, z = 0.5 * duration * spin[0], 0.5 * duration * spin[1], 0.5 * duration * spin[2]
-    wider = 1.0 + (x * x + y * y + z * z) / 3.0
-    x, y, z = wider * x, wider * y, wider * z
-    a = q[0] + x * q[3] + y * q[2] - z * q[1]
-    b = q[1] + y * q[3] + z * q[0] - x * q[2]
-    c = q[2] + z * q[3] + x * q[1] - y * q[0]
-    d = q[3] - x * q[0] - y * q[1] - z * q[2]
-    size = 1.0 / math.sqrt(a * a + b * b + c * c + d * d)
-    return a * size, b * size, c * size, d * size
 
 
 @subroutine(**LEAN)

@@ -14,10 +14,12 @@
 
 """Everything that collides: ground, fragments, bricks, projectiles, and how they come to rest."""
 
+from procphys_ros.physics.rigid.joints import JointKind
 from procphys_ros.physics.world.assembly import expand, rigid_sum, RigidSum
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, ENGINES, installed_engines
+from procphys_ros.physics.world.joint_table import JointOptions
 from procphys_ros.physics.world.kinematic import velocity_between
 from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
 from procphys_ros.physics.world.merging import merge_boxes
@@ -25,5 +27,6 @@ from procphys_ros.physics.world.pieces import Pieces, solid_inertia
 from procphys_ros.physics.world.world import World
 
 __all__ = ['BodyState', 'BodyTable', 'Contacts', 'DEFAULT_ENGINE', 'ENGINES', 'expand',
-           'fragment', 'FRICTION', 'installed_engines', 'LooseBody', 'merge_boxes', 'Pieces',
-           'plain', 'rigid_sum', 'RigidSum', 'solid_inertia', 'velocity_between', 'World']
+           'fragment', 'FRICTION', 'installed_engines', 'JointKind', 'JointOptions', 'LooseBody',
+           'merge_boxes', 'Pieces', 'plain', 'rigid_sum', 'RigidSum', 'solid_inertia',
+           'velocity_between', 'World']

@@ -39,6 +39,7 @@ from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
+from procphys_ros.physics.world.joint_table import JointTable
 from procphys_ros.physics.world.pieces import Pieces
 
 _LOG = logging.getLogger(__name__)
@@ -89,7 +90,7 @@ class BulletEngine:
     :param terrain: the surface of the ground.
     """
 
-    name = 'bullet'
+    name, has_joints = 'bullet', False
 
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
         self._gravity, self._terrain = np.array(gravity, float), terrain
@@ -313,6 +314,9 @@ class BulletEngine:
         """Set linear [m/s] and angular velocities [rad/s], world axes, (K, 6)."""
         for handle, velocity in zip(self._handles[ids].tolist(), velocities.tolist()):
             pybullet.resetBaseVelocity(handle, velocity[:3], velocity[3:], **self._to)
+
+    def set_joints(self, joints: JointTable) -> None:
+        """Leave joints alone: there are none."""
 
     def step(self, time_step: float) -> None:
         """Advance time [s], in substeps of at most `LONGEST`."""

@@ -25,6 +25,7 @@ import numpy as np
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.joint_table import JointTable
 
 _LOG = logging.getLogger(__name__)
 
@@ -60,6 +61,7 @@ class Engine(Protocol):
     """
 
     name: str
+    has_joints: bool
 
     def clear(self) -> None:
         """Remove everything."""
@@ -87,6 +89,9 @@ class Engine(Protocol):
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
+
+    def set_joints(self, joints: JointTable) -> None:
+        """Let bodies hang by joints, if it has any; ways and forces are written there."""
 
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""

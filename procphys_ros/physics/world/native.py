@@ -17,6 +17,7 @@
 
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.linear import norm
 from procphys_ros.physics.rigid.contacts import (
@@ -29,15 +30,18 @@ from procphys_ros.physics.rigid.contacts import (
     split_key,
 )
 from procphys_ros.physics.rigid.islands import islands, upwards
+from procphys_ros.physics.rigid.joints import along_chains, JointRows, no_joints
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, Pieces, place, ROUND
 from procphys_ros.physics.rigid.solver import MovingBodies, solve
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.joint_table import JointTable
 
 _LOOKS = 240.0  # [1/s] at most, for contacts, while anything moves ...
 _WAY = 0.01  # [m] ... farther than this in between
 _NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+_NO_JOINTS = no_joints(0)
 
 
 class NativeEngine:
@@ -50,7 +54,7 @@ class NativeEngine:
     :param terrain: the surface of the ground.
     """
 
-    name = 'native'
+    name, has_joints = 'native', True
 
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
         self._gravity, self._terrain = np.array(gravity, float), terrain
@@ -64,6 +68,7 @@ class NativeEngine:
         self._excluded: set[tuple[int, int]] = set()
         self._contacts = self._resting = no_contacts(0)
         self._still = np.zeros(0, bool)  # bodies that sleep, or never move
+        self._joints = JointTable()
         self._told = np.zeros((0, 13))
 
     def close(self) -> None:
@@ -170,13 +175,18 @@ class NativeEngine:
         found = {tuple(pair) for pair in pairs.tolist()}
         self._excluded = self._excluded | found if excluded else self._excluded - found
 
+    def set_joints(self, joints: JointTable) -> None:
+        """Let bodies hang by joints; ways, forces and moments are written there."""
+        self._joints = joints
+
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""
         looks, told = self._looks(time_step), []
+        self._joints.set_out()
         start = self._table.poses[:, :3].copy()
         for k in range(looks):
             way = self._table.poses[:, :3] - start
-            self._move(time_step / looks)
+            self._move(time_step / looks, 1.0 / looks)
             self._told[:, 2:5] -= self._carried(way)
             pressed = self._told[:, 12] > 0.0
             told.append(self._told[pressed] if k < looks - 1 else self._told)
@@ -209,8 +219,8 @@ class NativeEngine:
         wanted = np.ceil(speed.max(initial=0.0) * time_step / _WAY)
         return int(max(min(wanted, np.ceil(time_step * _LOOKS - 1e-6)), 1.0))
 
-    def _move(self, time_step: float) -> None:
-        """Advance time [s] with contacts that are found once."""
+    def _move(self, time_step: float, share: float) -> None:
+        """Advance time [s], this share of the step, with contacts that are found once."""
         table = self._table
         free = table.awake
         driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
@@ -227,11 +237,46 @@ class NativeEngine:
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
         up = upwards(contacts, self._gravity)
-        members, begins, order, start = islands(first[up], second[up], len(free))
-        self._told = solve(bodies, first, second, contacts, up[order], table.friction,
-                           table.restitution, (members, begins, start), self._gravity, time_step)
+        pulling, joints = self._pulling(place_of, len(free))
+        groups, touching, hold = _islands(first[up], second[up], joints, len(free))
+        joints = joints.of(hold) if len(hold) else joints
+        self._told = solve(bodies, first, second, contacts, up[touching], table.friction,
+                           table.restitution, joints, groups, self._gravity, time_step)
         table.poses[moving], table.velocities[free] = bodies.pose[:-1], bodies.velocity[:len(free)]
         self._contacts = contacts
+        if len(hold):
+            self._keep(pulling[hold], joints, share)
+
+    def _pulling(self, place_of: np.ndarray, free: int) -> tuple[np.ndarray, JointRows]:
+        """
+        Give the joints of what moves freely, between its rows, and their ids.
+
+        :param place_of: row of each body; one for all that is immovable, whose frames are those
+            of the world.
+        """
+        ids = self._joints.holding
+        if not len(ids):
+            return ids, _NO_JOINTS
+        rows = self._joints.rows
+        one, other = place_of[rows.first[ids]], place_of[rows.second[ids]]
+        moves = np.minimum(one, other) < free
+        ids, one, other = ids[moves], one[moves], other[moves]
+        order = along_chains(one, other, free)
+        ids, one, other = ids[order], one[order], other[order]
+        out = rows.of(ids)._replace(first=one, second=other)
+        for row, body, frame in ((one, rows.first[ids], out.frame),
+                                 (other, rows.second[ids], out.other_frame)):
+            still = row == place_of[0]
+            frame[still] = rotation.compose(self._table.poses[body[still]], frame[still])
+        return ids, out
+
+    def _keep(self, ids: np.ndarray, joints: JointRows, share: float) -> None:
+        """Write what joints have done in a share of a step."""
+        rows = self._joints.rows
+        rows.way[ids], rows.strain[ids] = joints.way, joints.strain
+        rows.broken[ids] = joints.broken
+        rows.force[ids] += share * joints.force
+        rows.moment[ids] += share * joints.moment
 
     def _lay_aside(self) -> None:
         """Keep apart the contacts between bodies that sleep: they start from there again."""
@@ -263,6 +308,8 @@ class NativeEngine:
         state = self._table.state
         moves = np.where(state == BodyState.AWAKE, 2, state == BodyState.KINEMATIC)
         excluded = np.array(sorted(self._excluded), np.int64).reshape(-1, 2)
+        if len(self._joints):
+            excluded = np.unique(np.concatenate([excluded, self._joints.apart()]), axis=0)
         found = meeting(one, other, rows, pieces.body, moves, join_key(*excluded.T))
         return np.sort(found, kind='stable')  # nearly sorted already, which slows other ways
 
@@ -280,3 +327,23 @@ class NativeEngine:
     def contacts(self) -> np.ndarray:
         """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""
         return self._told.copy()
+
+
+def _islands(first: np.ndarray, second: np.ndarray, joints: JointRows, free: int
+             ) -> tuple[tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
+    """
+    Sort bodies, contacts and joints by island.
+
+    :param first, second: rows of the bodies of each contact, (C,).
+    :param free: number of bodies that move freely.
+    :returns: groups as `solve` takes them, contacts in turn, (C,), and joints, (J,).
+    """
+    if not len(joints.kind):
+        members, begins, order, start = islands(first, second, free)
+        return (members, begins, start, np.zeros_like(start)), order, order[:0]
+    members, begins, order, start = islands(np.concatenate([first, joints.first]),
+                                            np.concatenate([second, joints.second]), free)
+    touches = order < len(first)  # contacts come first in each island
+    begin = np.concatenate([[0], np.cumsum(touches)])[start]
+    groups = members, begins, begin, start - begin
+    return groups, order[touches], order[~touches] - len(first)

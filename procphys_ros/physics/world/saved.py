@@ -20,6 +20,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.physics.rigid.joints import JointKind, no_joints
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 
 _CONTACT = np.zeros((0, 13))  # row of a contact as engines give it
@@ -45,12 +46,15 @@ def check_saved(arrays: Mapping[str, np.ndarray]) -> None:
     tables = {'bodies': bodies, 'terrain': _TERRAIN}
     layout = _SINGLE | {f'{table}.{name}': column for table, columns in tables.items()
                         for name, column in columns.items()}
+    joints = [name for name in arrays if name.startswith('joints.')]
+    if joints:
+        layout |= {f'joints.{name}': column for name, column in no_joints(0)._asdict().items()}
     for name, pattern in layout.items():
         _check_column(name, arrays.get(name), pattern)
     used = len(arrays['bodies.state'])
     for names in ([f'bodies.{name}' for name in per_body],
                   ['bodies.piece_shape', 'bodies.piece_size', 'bodies.piece_pose'],
-                  ['bodies.hexahedron_piece', 'bodies.hexahedron_corners']):
+                  ['bodies.hexahedron_piece', 'bodies.hexahedron_corners'], joints):
         if len({len(arrays[name]) for name in names}) > 1:
             raise ValueError(f'{names[0]} has not as many rows as what belongs to it')
     _check_ids(arrays, used)
@@ -63,9 +67,10 @@ def _check_column(name: str, column: np.ndarray | None, pattern: np.ndarray) -> 
 
 
 def _check_ids(arrays: Mapping[str, np.ndarray], used: int) -> None:
-    limits = {'excluded': used, 'bodies.free': used, 'bodies.state': max(BodyState) + 1,
+    limits = {'joints.kind': max(JointKind) + 1, 'joints.first': used, 'joints.second': used,
+              'excluded': used, 'bodies.free': used, 'bodies.state': max(BodyState) + 1,
               'bodies.piece_shape': max(Shape) + 1}
-    named = [(name, arrays[name], most) for name, most in limits.items()]
+    named = [(name, arrays[name], most) for name, most in limits.items() if name in arrays]
     named += [(name, arrays[name][:, :2], used) for name in ('contacts', 'asleep')]
     for name, column, most in named:
         if column.size and not 0 <= column.min() <= column.max() < most:

@@ -20,11 +20,14 @@ from typing import Self
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra
+from procphys_ros.errors import SceneError
+from procphys_ros.physics.rigid.joints import JointRows
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world import admission, extents, kinematic, sleeping
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
 from procphys_ros.physics.world.engine import DEFAULT_ENGINE, make_engine
+from procphys_ros.physics.world.joint_table import JointOptions, JointTable
 from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
 from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import Pieces
@@ -56,7 +59,7 @@ class World:
         self._gravity = np.array(gravity, float)
         self._terrain = terrain
         self._engine = make_engine(engine, self._gravity, terrain)
-        self._bodies = BodyTable()
+        self._bodies, self._joints = BodyTable(), JointTable()
         self._queue = admission.Queue(self._engine, self._bodies)
         self._table = self._asleep = np.zeros((0, 13))  # rows of `Engine.contacts`
         self._places, self._excluded = np.zeros((0, 3)), np.zeros((0, 2), np.intp)
@@ -83,6 +86,11 @@ class World:
         return self._engine.name
 
     @property
+    def has_joints(self) -> bool:
+        """Whether the engine has joints."""
+        return self._engine.has_joints
+
+    @property
     def awake(self) -> np.ndarray:
         """Ids of the bodies that move freely, ascending, (K,)."""
         return self._bodies.awake
@@ -91,6 +99,11 @@ class World:
     def bodies(self) -> BodyTable:
         """Columns of all bodies by id: poses, velocities, state; to be read, not written."""
         return self._bodies
+
+    @property
+    def joints(self) -> JointRows:
+        """Columns of all joints by id, with their forces; to be read, not written."""
+        return self._joints.rows
 
     @property
     def asleep(self) -> Contacts:
@@ -182,12 +195,53 @@ class World:
         self._queue.append(ids)
         return ids
 
+    def join(self, kind: np.ndarray | int, first: np.ndarray, second: np.ndarray,
+             frames: np.ndarray, options: JointOptions | None = None,
+             other_frames: np.ndarray | None = None) -> np.ndarray:
+        """
+        Let bodies hang by joints, where they are now; see `JointKind`.
+
+        :param kind: one for all, or (K,).
+        :param first, second: ids of bodies, or of the ground, (K,).
+        :param frames: of the joints, world, whose x axis is that of the joint, (K, 7).
+        :param options: limits, springs, motors and strengths; None = none of them.
+        :param other_frames: on the second bodies, (K, 7); None = the same ones.
+        :returns: ids of the joints, (K,); they die with their bodies.
+        :raises SceneError: when the engine has no joints.
+        :raises ValueError: when there is no such body, or an option is out of its range.
+        """
+        ends = np.column_stack([np.atleast_1d(first), np.atleast_1d(second)])
+        frames = np.atleast_2d(frames)
+        others = frames if other_frames is None else np.atleast_2d(other_frames)
+        self._hand_joints()
+        ids = self._joints.add(self._bodies, np.broadcast_to(kind, len(ends)), ends,
+                               np.stack(np.broadcast_arrays(frames, others), axis=1),
+                               options or JointOptions())
+        self._wake(ends)
+        return ids
+
+    def _hand_joints(self) -> None:
+        if not self.has_joints:
+            raise SceneError(f'engine is "{self.engine}", which has no joints: take "native"')
+        self._engine.set_joints(self._joints)
+
+    def part(self, ids: np.ndarray) -> None:
+        """Remove joints, (K,) ids, which may be given again; what hung by them wakes."""
+        rows = self.joints.of(np.atleast_1d(ids))
+        self._joints.remove(ids)
+        self._wake(np.stack([rows.first, rows.second]))
+
+    def _wake(self, ids: np.ndarray) -> None:
+        ids = np.unique(ids)
+        self.thaw(ids[self._bodies.state[ids] == BodyState.RESTING])
+
     def remove(self, ids: np.ndarray) -> None:
         """Remove bodies; those that rested on them are set free. Ids may be given again."""
         ids = np.atleast_1d(ids)
         if not len(ids):
             return
         carried = sleeping.sleepers_on(self._asleep, ids, self._bodies)
+        self._joints.remove(self._joints.of_bodies(ids))
         if len(self._excluded):
             self.exclude_contacts(self._excluded[~np.isin(self._excluded, ids).any(axis=1)])
         self._bodies.remove(ids)
@@ -318,12 +372,16 @@ class World:
         self._engine.step(time_step)
         self._table = self._engine.contacts()
         kinematic.arrive(self._engine, bodies)
+        if len(self._joints):  # only what contacts press brakes what rolls
+            before[:, :3] += time_step * self._joints.accelerations(bodies)[awake]
         self._write_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
         self._settle(time_step)
 
     def _settle(self, time_step: float) -> None:
         """Let lie what lies still, and wake on what something presses otherwise."""
         bodies, table = self._bodies, self._table
+        if len(self._joints):
+            table = np.concatenate([table, self._joints.pulls(bodies)])
         woken = sleeping.disturbed(bodies, self._asleep, table, self._gravity)
         falls = sleeping.quiet_islands(bodies, self.awake, table, time_step)
         if len(falls):
@@ -340,6 +398,8 @@ class World:
         """
         arrays = {f'bodies.{name}': column for name, column in self._bodies.save().items()}
         used = len(arrays['bodies.state'])
+        if len(self._joints):
+            arrays |= {f'joints.{name}': column for name, column in self._joints.save().items()}
         return arrays | {
             **{f'terrain.{name}': np.array(column)
                for name, column in self._terrain._asdict().items()},
@@ -362,6 +422,8 @@ class World:
         terrain = Terrain(ground['heights'], ground['low'], float(ground['edge']))
         world = cls(arrays['gravity'].tolist(), engine=engine, terrain=terrain)
         world._bodies = BodyTable.restore(_group(arrays, 'bodies.'))
+        if 'joints.kind' in arrays:
+            world._joints = JointTable.restore(_group(arrays, 'joints.'))
         world._table, world._asleep = arrays['contacts'].copy(), arrays['asleep'].copy()
         world._places, world._excluded = arrays['places'].copy(), arrays['excluded'].copy()
         world._time_step = float(arrays['time_step'])
@@ -378,6 +440,8 @@ class World:
         self._queue.append(ids[waits])
         self._queue.admit_among(self._excluded)
         self._engine.set_excluded(self._excluded, True)
+        if len(self._joints):
+            self._hand_joints()
 
 
 def _group(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

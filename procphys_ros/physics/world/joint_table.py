@@ -1,0 +1,203 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Joint table: what bodies of a world hang by, a row per joint."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from procphys_ros import rotation
+from procphys_ros.linear import norm
+from procphys_ros.physics.rigid.joints import JointKind, JointRows, no_joints
+from procphys_ros.physics.world.body_table import BodyState, BodyTable
+
+Numbers = np.ndarray | float
+_MOVABLE = (BodyState.FIXED, BodyState.RESTING, BodyState.AWAKE)
+_MOST = np.inf
+
+
+@dataclass(frozen=True)
+class JointOptions:
+    """
+    What joints do along their axis (of sliders and ropes), or about it (of hinges), and stand.
+
+    Each is one number for all, or (K,).
+
+    :ivar low: least way [m, rad]; ropes have none.
+    :ivar high: greatest way; the length of a rope [m, rad].
+    :ivar stiffness: of a spring [N/m, N·m/rad].
+    :ivar damping: [N·s/m, N·m·s/rad].
+    :ivar rest: way at which the spring is slack [m, rad].
+    :ivar speed: of a motor, of the first body against the second [m/s, rad/s].
+    :ivar drive: greatest force or moment of the motor [N, N·m].
+    :ivar force: beyond which the joint breaks [N].
+    :ivar moment: likewise, about the joint's point [N·m].
+    :ivar collides: whether the two bodies meet.
+    """
+
+    low: Numbers = -_MOST
+    high: Numbers = _MOST
+    stiffness: Numbers = 0.0
+    damping: Numbers = 0.0
+    rest: Numbers = 0.0
+    speed: Numbers = 0.0
+    drive: Numbers = 0.0
+    force: Numbers = _MOST
+    moment: Numbers = _MOST
+    collides: np.ndarray | bool = False
+
+    def check(self) -> None:
+        """
+        Check the numbers.
+
+        :raises ValueError: when one is not a number, or not in its range; names it.
+        """
+        for name, value in vars(self).items():
+            least = 0.0 if name in _NOT_NEGATIVE else -_MOST
+            if not (np.asarray(value) >= least).all():
+                raise ValueError(f'{name} of a joint is {value}, not a number of at least {least}')
+            if name in _FINITE and not np.isfinite(value).all():
+                raise ValueError(f'{name} of a joint is {value}, not a finite number')
+        if not (np.asarray(self.low) <= self.high).all():
+            raise ValueError(f'low of a joint is {self.low}, above its high, {self.high}')
+
+
+_NOT_NEGATIVE = ('stiffness', 'damping', 'drive', 'force', 'moment')
+_FINITE = ('stiffness', 'damping', 'rest', 'speed', 'drive')
+
+
+class JointTable:
+    """
+    Columns of the joints of a world; rows of those that are gone are given to later ones.
+
+    :ivar rows: the columns; an engine that has joints writes ways, forces and moments.
+    """
+
+    def __init__(self) -> None:
+        self.rows = no_joints(0)
+
+    def __len__(self) -> int:
+        return len(self.rows.kind)
+
+    @property
+    def holding(self) -> np.ndarray:
+        """Ids of the joints that are not broken, ascending, (K,)."""
+        return np.flatnonzero((self.rows.kind != JointKind.GONE) & ~self.rows.broken)
+
+    def add(self, bodies: BodyTable, kind: np.ndarray, ends: np.ndarray, frames: np.ndarray,
+            options: JointOptions) -> np.ndarray:
+        """
+        Add joints where bodies are now, and give their ids, (K,).
+
+        :param bodies: table of the two bodies of each, `ends` (K, 2).
+        :param kind: `JointKind`, (K,).
+        :param frames: on the first and on the second body, world, (K, 2, 7).
+        :raises ValueError: when there is no such body or kind, or neither of two can move, or an
+            option is out of its range.
+        """
+        options.check()
+        self._check(bodies, kind, ends)
+        ids = self._new_rows(len(ends))
+        rows = self.rows
+        rows.kind[ids], rows.first[ids], rows.second[ids] = kind, *ends.T
+        for side, column in enumerate((rows.frame, rows.other_frame)):
+            column[ids] = rotation.relative(bodies.poses[ends[:, side]], frames[:, side])
+        for name, value in vars(options).items():
+            if name not in ('force', 'moment'):
+                getattr(rows, name)[ids] = value
+        rows.strength[ids, 0], rows.strength[ids, 1] = options.force, options.moment
+        rows.low[ids[kind == JointKind.ROPE]] = -_MOST
+        return ids
+
+    def _check(self, bodies: BodyTable, kind: np.ndarray, ends: np.ndarray) -> None:
+        unknown = ~np.isin(kind, [one for one in JointKind if one])
+        if unknown.any():
+            names = ', '.join(one.name for one in JointKind if one)
+            raise ValueError(f'there is no kind {kind[unknown][0]} of joints (known: {names})')
+        there = (ends >= 0) & (ends < len(bodies.state))
+        there[there] = bodies.state[ends[there]] != BodyState.GONE
+        if not there.all():
+            raise ValueError(f'there is no body {ends[~there][0]} to be joined')
+        idle = ~np.isin(bodies.state[ends], _MOVABLE).any(axis=1) | (ends[:, 0] == ends[:, 1])
+        if idle.any():
+            raise ValueError('bodies {} and {} cannot move against each other'.format(
+                *ends[idle][0]))
+
+    def _new_rows(self, count: int) -> np.ndarray:
+        free = np.flatnonzero(self.rows.kind == JointKind.GONE)[:count]
+        used = len(self)
+        more = count - len(free)
+        ids = np.concatenate([free, np.arange(used, used + more)])
+        if more:
+            self.rows = JointRows(*(np.concatenate(columns) for columns
+                                    in zip(self.rows, no_joints(more))))
+        for column in self.rows:
+            column[ids] = 0
+        return ids
+
+    def remove(self, ids: np.ndarray) -> None:
+        """Remove joints, (K,) ids."""
+        for column in self.rows:
+            column[ids] = 0
+
+    def of_bodies(self, bodies: np.ndarray) -> np.ndarray:
+        """List the joints of some bodies, broken or not, (K,) ids."""
+        there = self.rows.kind != JointKind.GONE
+        return np.flatnonzero(there & (np.isin(self.rows.first, bodies)
+                                       | np.isin(self.rows.second, bodies)))
+
+    def set_out(self) -> None:
+        """Forget the forces of the last step."""
+        if len(self):
+            self.rows.force[:] = self.rows.moment[:] = 0.0
+
+    def apart(self) -> np.ndarray:
+        """List the pairs of bodies that do not meet, the lower id first, (K, 2)."""
+        rows = self.rows.of(self.holding)
+        return np.sort(np.column_stack([rows.first, rows.second])[~rows.collides], axis=1)
+
+    def pulls(self, bodies: BodyTable) -> np.ndarray:
+        """Give what joints did in the last step as contacts, see `Engine.contacts`, (K, 13)."""
+        rows = self.rows.of(self.holding)
+        size = norm(rows.force, axis=1)
+        out = np.zeros((len(size), 13))
+        out[:, 0], out[:, 1] = rows.first, rows.second
+        out[:, 2:5] = rotation.compose(bodies.poses[rows.first], rows.frame)[:, :3]
+        out[:, 9:12] = rows.force
+        # Also what hangs slack hangs together.
+        out[:, 12] = np.maximum(size, np.finfo(float).tiny)
+        return out
+
+    def accelerations(self, bodies: BodyTable) -> np.ndarray:
+        """Give the accelerations by joints of the last step [m/s²], by body, (B, 3)."""
+        out = np.zeros((len(bodies.state), 3))
+        there = np.flatnonzero(self.rows.kind != JointKind.GONE)
+        for sign, body in ((1.0, self.rows.first[there]), (-1.0, self.rows.second[there])):
+            np.add.at(out, body, sign * self.rows.force[there] / bodies.mass[body, None])
+        return out
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy the columns."""
+        return {name: column.copy() for name, column in self.rows._asdict().items()}
+
+    @classmethod
+    def restore(cls, saved: Mapping[str, np.ndarray]) -> Self:
+        """Build a table from what `save` gave."""
+        table = cls()
+        table.rows = JointRows(**{name: saved[name].copy() for name in JointRows._fields})
+        return table
