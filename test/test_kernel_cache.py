@@ -117,6 +117,8 @@ class SmallPackage:
                               capture_output=True, text=True, check=True)
         result, compiled = done.stdout.split()[-2:]
         return float(result), int(compiled), done.stderr
+
+
 @pytest.fixture
 def small(tmp_path: Path) -> SmallPackage:
     """Install a small package that returns 22."""

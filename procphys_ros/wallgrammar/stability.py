@@ -41,7 +41,7 @@ def check_connected(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray
     ground = len(boxes)
     nodes = np.where(pair == GROUND, ground, pair)
     graph = scipy.sparse.coo_array((np.ones(len(nodes), np.int8), (nodes[:, 0], nodes[:, 1])),
-                                    shape=(ground + 1, ground + 1))
+                                   shape=(ground + 1, ground + 1))
     group = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
     loose = np.flatnonzero(group[:ground] != group[ground])
     if len(loose):
