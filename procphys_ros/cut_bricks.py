@@ -16,8 +16,7 @@
 """Cut bricks: which parts are pieces of one brick, so that they are drawn alike."""
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law
@@ -40,8 +39,9 @@ def first_pieces(blueprint: Blueprint) -> np.ndarray:
     first = np.arange(len(blueprint))
     pair = _touching(blueprint) if len(blueprint.hexahedra) else ()
     if len(pair):
-        graph = coo_array((np.ones(len(pair)), np.transpose(pair)), (len(first), len(first)))
-        _, label = connected_components(graph, directed=False)
+        graph = scipy.sparse.coo_array((np.ones(len(pair)), np.transpose(pair)),
+                                       (len(first), len(first)))
+        _, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
         first = np.unique(label, return_index=True)[1][label]
     return first
 

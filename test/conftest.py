@@ -22,17 +22,19 @@ import pytest
 
 # Files that take longest; begun first, so that no process is left alone with them at the end.
 # About every third one waits for nodes and leaves its core to others.
-LONG = ('test_lint', 'test_node', 'test_scenes', 'test_flaws_walls', 'test_record_node',
-        'test_random_grammars', 'test_kernel_cache', 'test_view_node', 'test_wall_wind',
-        'test_node_exit', 'test_view_browser', 'test_tree_grammars', 'test_same_bits',
-        'test_node_view', 'test_leaning', 'test_command', 'test_batch', 'test_wind',
-        'test_node_hostile', 'test_flaws_trees', 'test_node_faults', 'test_render',
-        'test_threads', 'test_node_strikes', 'test_buildings', 'test_docs_site',
-        'test_node_among_nodes', 'test_contact', 'test_crack_speed', 'test_demolition',
-        'test_random_changes', 'test_docs_blocks', 'test_recording', 'test_blow_pace',
-        'test_export_mjcf', 'test_arching', 'test_films', 'test_warm', 'test_collapse',
-        'test_splintering', 'test_blasts', 'test_struck_walls', 'test_node_in_and_out',
-        'test_node_intruder', 'test_node_fuzz', 'test_detail', 'test_package')
+LONG = ('test_scenes', 'test_lint', 'test_node_exit', 'test_random_grammars', 'test_record_node',
+        'test_node', 'test_command', 'test_flaws_walls', 'test_wall_wind', 'test_view_browser',
+        'test_leaning', 'test_kernel_cache', 'test_node_hostile', 'test_buildings', 'test_batch',
+        'test_view_node', 'test_tree_grammars', 'test_arching', 'test_node_strikes',
+        'test_blasts', 'test_invariance', 'test_node_view', 'test_wind', 'test_rigid',
+        'test_node_in_and_out', 'test_striking', 'test_detail', 'test_wings_and_spires',
+        'test_node_fuzz', 'test_cracked_walls', 'test_render', 'test_node_faults', 'test_threads',
+        'test_looks', 'test_struck_walls', 'test_recording', 'test_docs_site', 'test_flaws_trees',
+        'test_node_shards', 'test_contact', 'test_demolition', 'test_same_bits',
+        'test_node_among_nodes', 'test_arches', 'test_random_changes', 'test_snapshot',
+        'test_splintering', 'test_crack_speed', 'test_export_mjcf', 'test_docs_blocks',
+        'test_node_intruder', 'test_blow_pace', 'test_blast_confined', 'test_films',
+        'test_world_rest', 'test_warm', 'test_meetings', 'test_package')
 
 
 def pytest_collection_modifyitems(items):

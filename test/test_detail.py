@@ -173,7 +173,7 @@ def test_far_debris_is_coarser_and_near_debris_exact():
     """Drop a wall: near the observer as ever, far from it in fewer pieces, and all of it down."""
     def dropped(eye, **culling):
         scene = Scene(Settings(culling=CullingSettings(**culling)))
-        made = tilted(wall(20, 24, ground=False, tension=2e4, cohesion=3e4))
+        made = tilted(wall(12, 12, ground=False, tension=2e4, cohesion=3e4))
         scene.add(made, (0.0, 0.0, 6.0), name='wall')
         simulation = Simulation(scene)
         simulation.set_observer(eye)

@@ -13,8 +13,16 @@
 # limitations under the License.
 
 
-"""The linters that ROS packages are judged by, and the type checker, find nothing."""
+"""
+The linters that ROS packages are judged by, and the type checker, find nothing.
 
+They remember what they have found clean: linters that look at a file at a time by its content, in
+the cache of pytest, and mypy in its own.
+"""
+
+from functools import cache
+import hashlib
+from importlib.metadata import distributions
 from importlib.util import find_spec
 from pathlib import Path
 import subprocess
@@ -23,8 +31,40 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-FOLDERS = [str(ROOT / name) for name in ('procphys_ros', 'test', 'bench', 'setup.py')]
+FOLDERS = [ROOT / name for name in ('procphys_ros', 'test', 'bench', 'setup.py')]
 _PATIENCE = 600.0  # [s]
+
+
+@pytest.fixture
+def lint_files(pytestconfig):
+    """Give a function that lets a linter look at all files that it has not found clean before."""
+    kept = getattr(pytestconfig, 'cache', None)  # without, all files are looked at
+
+    def lint(module: str, *arguments: str) -> None:
+        clean = set(kept.get(f'lint/{module}', [])) if kept else set()
+        found = {_digest(path): str(path) for folder in FOLDERS for path in _sources(folder)}
+        changed = [path for digest, path in found.items() if digest not in clean]
+        if changed:
+            _lint(module, *arguments, *changed)
+        if kept:
+            kept.set(f'lint/{module}', sorted(found))
+    return lint
+
+
+def _sources(folder: Path) -> list[Path]:
+    return sorted(folder.rglob('*.py')) if folder.is_dir() else [folder]
+
+
+@cache
+def _judges() -> bytes:
+    """Tell all that a verdict depends on but the file: settings, and what is installed."""
+    installed = sorted(f'{own.name} {own.version}' for own in distributions())
+    return (ROOT / 'setup.cfg').read_bytes() + repr((sys.version, installed)).encode()
+
+
+def _digest(path: Path) -> str:
+    name = str(path.relative_to(ROOT)).encode()
+    return hashlib.sha256(b'\0'.join([_judges(), name, path.read_bytes()])).hexdigest()
 
 
 def _lint(module: str, *arguments: str) -> None:
@@ -41,19 +81,19 @@ def _lint(module: str, *arguments: str) -> None:
     assert run.returncode == 0, run.stdout
 
 
-def test_flake8_finds_nothing():
+def test_flake8_finds_nothing(lint_files):
     """Keep to ament's style, with this package's own imports in a block of their own."""
-    _lint('ament_flake8.main', '--config', str(ROOT / 'setup.cfg'), *FOLDERS)
+    lint_files('ament_flake8.main', '--config', str(ROOT / 'setup.cfg'))
 
 
-def test_pep257_finds_nothing():
+def test_pep257_finds_nothing(lint_files):
     """Keep to ament's docstring convention."""
-    _lint('ament_pep257.main', *FOLDERS)
+    lint_files('ament_pep257.main')
 
 
-def test_copyright_headers_are_recognised():
+def test_copyright_headers_are_recognised(lint_files):
     """Have ament_copyright find holder and licence in every file."""
-    _lint('ament_copyright.main', *FOLDERS)
+    lint_files('ament_copyright.main')
 
 
 def test_types_fit():

@@ -42,10 +42,16 @@ def started(folder, node='exec sleep 600', page='exec sleep 600'):
     make = subprocess.Popen(['make', '-C', str(ROOT), 'run', f'VENV={folder}'],
                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                             start_new_session=True,
-                            preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
+                            preexec_fn=as_from_a_terminal)
     pids = [folder / name for name in ('view', 'sim')]
     wait_until(lambda: all(path.exists() for path in pids))
     return make, [int(path.read_text('utf-8')) for path in pids]
+
+
+def as_from_a_terminal():
+    """Hear the signals that shells let what they run in the background ignore."""
+    for number in (signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def wait_until(done):

@@ -16,10 +16,10 @@
 """The intruder through the node, over loopback."""
 
 from geometry_msgs.msg import Pose, PoseArray, PoseStamped, WrenchStamped
-from node_process import Client, SAPLING, serve
+from node_process import Client, EVEN, SAPLING, serve
 import pytest
 
-SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': SAPLING},
+SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': SAPLING}, 'wind': EVEN,
          'intruder': {'shape': 'sphere', 'size': [0.3]},
          'intruders': {'names': ['drone', 'arm'], 'shapes': ['sphere 0.3', 'capsule 0.1 0.8']}}
 

@@ -18,13 +18,13 @@
 import json
 
 from geometry_msgs.msg import PointStamped, PoseArray, WrenchStamped
-from node_process import Client, serve
+from node_process import Client, EVEN, serve
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-SCENE = {'scene': {'objects': ['wall']},
+SCENE = {'scene': {'objects': ['wall']}, 'wind': EVEN,
          'wall': {'grammar': 'garden_wall.wall', 'defines': ['length=4.4925', 'height=1.5']},
          'projectile': {'mass': 50.0, 'position': [2.0, -3.0, 0.8], 'velocity': [0.0, 25.0, 0.0]},
          'explosion': {'charge': 5.0, 'position': [2.0, -1.5, 0.8]}}

@@ -18,7 +18,7 @@
 import json
 
 from geometry_msgs.msg import PoseArray
-from node_process import Client, SAPLING, serve
+from node_process import Client, EVEN, SAPLING, serve
 import numpy as np
 import pytest
 from rosgraph_msgs.msg import Clock
@@ -28,7 +28,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from procphys_ros.ros import qos
 
 WALL = {'grammar': 'garden_wall.wall', 'defines': ['length=4.4925', 'height=1.5']}
-SCENE = {'scene': {'objects': ['sapling', 'wall']},
+SCENE = {'scene': {'objects': ['sapling', 'wall']}, 'wind': EVEN,
          'wall': WALL, 'sapling': {'grammar_text': SAPLING, 'origin': [0.0, 8.0, 0.0]},
          'projectile': {'position': [0.0, -30.0, 2.0], 'velocity': [0.0, -10.0, 10.0]},
          'demolition': {'delays': [0.1], 'positions': [2.0, 0.0, 0.5], 'radii': [0.6]}}

@@ -16,11 +16,11 @@
 """
 The shipped scenes do what their names say, each from its file alone.
 
-Where things fall or break, a dozen nudged runs of a smaller form of the scene are held to bounds;
+Where things fall or break, six nudged runs of a smaller form of the scene are held to bounds;
 next to each stands the spread of at least forty runs, from the least to the largest.
 """
 
-from envelopes import down, Envelope, nudge, RUNS, Watch
+from envelopes import down, Envelope, nudge, Watch
 import numpy as np
 import pytest
 
@@ -46,9 +46,9 @@ def smaller(name, cues, **changes):
     return Scene.from_parameters(values, CONFIG)
 
 
-def envelope(scene, seconds, runs=RUNS, **figures):
+def envelope(scene, seconds, **figures):
     """Measure nudged runs of a scene."""
-    return Envelope(lambda rng: nudge(scene, rng), seconds, figures, runs)
+    return Envelope(lambda rng: nudge(scene, rng), seconds, figures)
 
 
 def run(name, seconds):
@@ -119,7 +119,7 @@ def test_a_tree_breaks_the_roof_that_it_falls_on():
         return np.isin(hit, rows(simulation, 'cottage', ROOF)).sum()
     scene = smaller('tree_on_house', ['0.1 gust'], gust={'upwind': 4.0, 'rise': 0.5},
                     cottage={'defines': SMALL['cottage']}, pine={'origin': [2.5, -4.0, 0.0]})
-    found = envelope(scene, 2.0, 6, left=height_left('pine'), roof=roof)
+    found = envelope(scene, 2.0, left=height_left('pine'), roof=roof)
     found.bound('left', high=0.55)  # 0.26 to 0.37 in twenty runs
     found.bound('roof', 5, share=0.8)  # bonds: 19 to 390
 
@@ -196,7 +196,7 @@ def heap(simulation):
 def test_charges_bring_a_small_block_down_on_its_own_plan():
     """Bring all of it down, break it into many pieces, and heap them where it stood."""
     scene = smaller('implosion', ['0.0 demolish'], block={'defines': SMALL['block']})
-    found = envelope(scene, 1.8, 8, charges=broken_by(Cause.DEMOLITION),
+    found = envelope(scene, 1.8, charges=broken_by(Cause.DEMOLITION),
                      pieces=lambda simulation: len(simulation.state.bodies.members),
                      height=lambda simulation: heap(simulation)[0],
                      inside=lambda simulation: heap(simulation)[1])
@@ -235,7 +235,7 @@ def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
         return np.mean(down(simulation)[rows(simulation, 'bridge')][ends])
     cue = read_yaml(CONFIG / 'bridge.yaml')['scene']['cues'][0].replace('1.0 ', '0.0 ')
     scene = smaller('bridge', [cue])
-    found = envelope(scene, 1.0, 8, fallen=lambda simulation: min(falls(simulation)[:2]),
+    found = envelope(scene, 1.0, fallen=lambda simulation: min(falls(simulation)[:2]),
                      third=lambda simulation: falls(simulation)[2], ends=ends)
     found.bound('fallen', 0.5)  # [m] 0.9 to 1.6
     found.bound('third', -0.01, 0.01)  # [m] 0

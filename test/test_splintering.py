@@ -90,14 +90,16 @@ def test_a_blast_breaks_boards_across_the_grain():
 
 
 def test_a_collapse_breaks_boards_across_the_grain():
-    """Blow up the foot of a barn: boards that fall break again where they hit."""
+    """Blow up the foot of a barn: boards that fall break again where they hit, within 3.3 s."""
     simulation, grain = barn()
     simulation.demolish()
-    simulation.step(200)
-    events = broken_grain(simulation, grain)
-    fallen = events[events['cause'] == Cause.IMPACT]
-    assert len(fallen) > 10
-    assert np.any(apart(simulation, fallen) > 0.3)
+    for _ in range(20):
+        simulation.step(10)
+        events = broken_grain(simulation, grain)
+        fallen = events[events['cause'] == Cause.IMPACT]
+        if len(fallen) > 10 and np.any(apart(simulation, fallen) > 0.3):
+            return
+    raise AssertionError(f'{len(fallen)} bonds are broken')
 
 
 @pytest.mark.parametrize(('height', 'log', 'breaks'), [

@@ -18,7 +18,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
+import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
 
@@ -114,8 +114,9 @@ def _outermost(points: np.ndarray) -> np.ndarray:
     if len(points) <= _FEW:
         return points
     try:
-        return points[ConvexHull(points, qhull_options='QJ').vertices]  # they may lie in a plane
-    except QhullError:  # or all at one place
+        hull = scipy.spatial.ConvexHull(points, qhull_options='QJ')  # they may lie in a plane
+        return points[hull.vertices]
+    except scipy.spatial.QhullError:  # or all at one place
         return np.unique(points, axis=0)
 
 

@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull
+import scipy  # its parts are imported by their first use
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
@@ -218,7 +218,7 @@ def _prisms(outline: np.ndarray, low: float, high: float) -> Iterator[np.ndarray
     """Build what has the convex hull of points as its outline, (8, 3) each."""
     if not len(outline) or high <= low:
         return
-    hull = outline[ConvexHull(outline).vertices]
+    hull = outline[scipy.spatial.ConvexHull(outline).vertices]
     for k in range(1, len(hull) - 1, 2):
         corner = np.zeros((8, 3))
         corner[_PRISM, :2] = hull[[0, k, k + 1, min(k + 2, len(hull) - 1)]]

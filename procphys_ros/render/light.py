@@ -18,9 +18,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import map_coordinates
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # its parts are imported by their first use
 
 from procphys_ros.palette import rgba
 from procphys_ros.scene.scenery import SkySettings, SunSettings
@@ -77,7 +75,7 @@ class Shade:
         """
         where = ((points @ self._axes.T - self._low) / self._cell - 0.5).T
         where[2] = np.maximum(where[2], 0.0)
-        index = map_coordinates(self._depth, where, order=1, mode='constant')
+        index = scipy.ndimage.map_coordinates(self._depth, where, order=1, mode='constant')
         return np.exp(-EXTINCTION * index)
 
 
@@ -93,8 +91,9 @@ def crown_middles(positions: np.ndarray, links: np.ndarray, carriers: np.ndarray
     :param carriers: part that carries each leaf, (L,).
     """
     count = len(positions)
-    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
-    plant = connected_components(graph, directed=False)[1]
+    graph = scipy.sparse.coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])),
+                                   shape=(count, count))
+    plant = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
     weight = np.bincount(plant[carriers], minlength=count)
     total = np.stack([np.bincount(plant[carriers], positions[carriers, axis], minlength=count)
                       for axis in range(3)], axis=-1)

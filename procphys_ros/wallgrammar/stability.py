@@ -17,8 +17,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy  # its parts are imported by their first use
 
 from procphys_ros.blueprint import GROUND
 from procphys_ros.rotation import rotate
@@ -41,9 +40,9 @@ def check_connected(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray
     pair = np.concatenate([p.pair for p in patches])
     ground = len(boxes)
     nodes = np.where(pair == GROUND, ground, pair)
-    graph = coo_array((np.ones(len(nodes), np.int8), (nodes[:, 0], nodes[:, 1])),
-                      shape=(ground + 1, ground + 1))
-    group = connected_components(graph, directed=False)[1]
+    graph = scipy.sparse.coo_array((np.ones(len(nodes), np.int8), (nodes[:, 0], nodes[:, 1])),
+                                   shape=(ground + 1, ground + 1))
+    group = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
     loose = np.flatnonzero(group[:ground] != group[ground])
     if len(loose):
         row = loose[0]
