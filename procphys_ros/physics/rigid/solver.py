@@ -16,10 +16,11 @@
 """
 Solver: impulses at contacts, island by island, in substeps.
 
-Each substep applies gravity, starts from the impulses of the one before, solves with soft
-contacts, up and down in turn, which takes overlaps back, moves, and solves again without, upwards,
-so that nothing of that stays as speed (Catto 2024, "Solver2D": soft step with relaxation;
-Macklin et al. 2019, "Small steps in physics simulation"). Friction is a cone.
+Each substep applies gravity, starts from the impulses of the one before, solves with contacts that
+give way a little and take overlaps back, up and down in turn, moves, and solves again without,
+upwards, so that nothing of that stays as speed (Catto 2024, "Solver2D": soft step with relaxation;
+Macklin et al. 2019, "Small steps in physics simulation"). Friction is a cone, and brings what
+sticks back to where it stuck, as contacts of grains have springs (Cundall and Strack 1979).
 """
 
 import math
@@ -60,10 +61,12 @@ from procphys_ros.physics.rigid.vectors import (
 )
 from procphys_ros.rotation_kernels import matrix_rows
 
-_DAMPING = 10.0  # ratio of soft contacts: overdamped, so that nothing is thrown (box2d's value)
 _PUSH = 0.3  # [m/s] at most at which overlaps are taken back: what is wedged in is not thrown out
-_HOLD = 30.0  # [1/s] at which what has crept is brought back: at four times that, heaps of 4,000
-#               bricks tremble at 1 mm/s for ever; at a third, they lie still a second later
+_RECOVERY = 30.0  # [1/s] at which overlaps and what has crept are taken back: large heaps tremble
+#                   for ever at four times that
+_GIVES = 0.006  # of what presses, by which a contact gives way, so that what is wedged lets its
+#                 stresses go (box2d's soft contacts); by a body's fall in a substep at most, or
+#                 light ones would be driven into the ground under heavy ones
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
 _WORK = 24_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
 _LEAST_PASSES = 2  # pairs, without which large heaps tremble, and never sleep
@@ -71,8 +74,6 @@ _COARSE = 480.0  # [1/s] substeps of an island at least; so many leave 0.5 mm of
 _FINER = 4  # times as many at most
 _MOST_PASSES = 16  # pairs: what lands flat on many corners needs them, what rests one pass
 _CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
-_SUDDEN = 2.0  # times what pressed in the substep before: a blow
-_RIGID = (0.0, 1.0, 0.0)  # see `_softness`
 _MOST_TURNS = 64  # in a substep, at most
 _LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
 _NOTICED = 0.01  # [rad] in a substep from which arms and inertia of the step's start will not do
@@ -251,6 +252,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
     contacts, hangs = range(begin, end), len(held) > 0
     substeps, passes, fine = _pace(end - begin + len(held), time_step)
     h = time_step / substeps
+    fall = h * length((gravity[0], gravity[1], gravity[2]))
     bounces = False
     for r in contacts:
         _start(r, order[r], force, h, rows)
@@ -260,25 +262,25 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
             _drive(i, gravity, h, state)
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
-        _begin(contacts, ends, state, rows)
+        _begin(contacts, ends, state, rows, fall)
         if hangs:
             jointed.begin(held, joints, system, h, state)
-        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step, h,
-                _softness(h), False)
+        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step,
+                (h, fall, _RECOVERY), False)
         for i in own:
             _advance(i, bodies, gravity, h, begin == end and not hangs, state)
         _carry(free, (substep + 1) * h, state)
         _aim_anew(own, contacts, fine or hangs, bodies, ends, radius, order, h, state, rows)
         if hangs:
             jointed.aim(held, joints, system, bodies, free, (substep + 1) * h, state)
-        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step, h, _RIGID,
-                True)
+        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step,
+                (h, 0.0, 0.0), True)
         if bounces:
             _bounce(contacts, ends, state, rows, elastic)
         _add_up(contacts, rows, spots)
         if hangs:
             jointed.add_up(held, joints, system, h)
-    _keep_forces(contacts, order, rows, h, force, shift)
+    _keep_forces(contacts, order, rows, h, fall, force, shift)
 
 
 @subroutine(**LEAN)
@@ -297,7 +299,7 @@ def _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows):
 
 @subroutine(**LEAN)
 def _pace(contacts, time_step):
-    """Choose substeps of an island, and passes at most: in pairs, as many soft as rigid ones."""
+    """Choose substeps of an island, and passes at most: as many before as after bodies move."""
     if contacts == 0:
         return 1, 0, False
     coarse = max(int(time_step * _COARSE + 0.5), 1)
@@ -449,23 +451,31 @@ def _note_approach(contacts, ends, state, rows, elastic):
 
 
 @subroutine(**LEAN)
-def _begin(contacts, ends, state, rows):
+def _begin(contacts, ends, state, rows, fall):
     """
-    Start from the impulses before, but for those of blows: from that of the substep before these.
+    Start from the impulses before, of which those of blows are over.
 
-    What presses does not double from one substep to the next. What struck would throw bodies if it
-    began again.
+    What presses grows in a substep by no more than what it presses on weighs; blows do, and would
+    throw bodies if they began again.
+
+    :param fall: speed that gravity gives in a substep [m/s].
     """
     for r in contacts:
-        pushed, last = three(rows, r, _PUSHED), rows[r, _LAST]
-        rows[r, _LAST] = pushed[0]
-        if pushed[0] == 0.0:
+        lasting = _lasting(r, rows, fall)
+        rows[r, _LAST] = rows[r, _PUSHED]
+        if lasting == 0.0:
+            put(rows, r, _PUSHED, (0.0, 0.0, 0.0))
             continue
-        if pushed[0] > _SUDDEN * last:
-            pushed = scaled(last / pushed[0], pushed)
-            put(rows, r, _PUSHED, pushed)
+        pushed = scaled(lasting / rows[r, _PUSHED], three(rows, r, _PUSHED))
+        put(rows, r, _PUSHED, pushed)
         _push(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
               _along(rows, r, pushed))
+
+
+@subroutine(**INLINE)
+def _lasting(r, rows, fall):
+    """Give what a contact pressed with in the last substep, but for a blow."""
+    return min(rows[r, _PUSHED], rows[r, _LAST] + rows[r, _MASS] * fall)
 
 
 @subroutine(**INLINE)
@@ -503,32 +513,29 @@ def _bounce(contacts, ends, state, rows, elastic):
         _push(state, i, j, arm, other, scaled(rows[r, _PUSHED] - before, n))
 
 
-@subroutine(**INLINE)
-def _softness(h):
-    """Give rate of overlaps taken back [1/s], share of mass and of impulse (Catto 2011)."""
-    omega = math.pi * 2.0 * _COARSE
-    a = 2.0 * _DAMPING + h * omega
-    b = h * omega * a
-    return omega / a, b / (1.0 + b), 1.0 / (1.0 + b)
-
-
 @subroutine(**LEAN)
-def _passes(most, contacts, ends, state, rows, held, joints, system, time_step, h, soft, moved):
-    """Solve an island until nothing changes any more, or as often as it may be."""
+def _passes(most, contacts, ends, state, rows, held, joints, system, time_step, pace, moved):
+    """
+    Solve an island until nothing changes any more, or as often as it may be.
+
+    :param pace: length of a substep [s], speed up to which contacts give way [m/s], and rate at
+        which overlaps are taken back; 0 = bodies have moved, and speeds are to fit [1/s].
+    """
+    h, _, rate = pace
     for k in range(most):
         turn = contacts
         if not moved and k % 2 == 1:
             turn = range(contacts.stop - 1, contacts.start - 1, -1)
         pulls = len(held) > 0 and jointed.solve(held, joints, system, state, h, time_step,
-                                                soft[0], k == 0)
-        if not _pass(turn, ends, state, rows, h, soft, moved and k == 0) and not pulls:
+                                                rate, k == 0)
+        if not _pass(turn, ends, state, rows, pace, moved and k == 0) and not pulls:
             break
 
 
 @subroutine(**LEAN)
-def _pass(contacts, ends, state, rows, h, soft, moved):
+def _pass(contacts, ends, state, rows, pace, moved):
     """Solve all contacts of an island once, in turn; return whether any speed has changed."""
-    rate, mass_share, impulse_share = soft
+    h, fall, rate = pace
     often, changed = 1.0 / h, False
     for r in contacts:
         i, j = ends[r, 0], ends[r, 1]
@@ -537,15 +544,12 @@ def _pass(contacts, ends, state, rows, h, soft, moved):
         gap, before = rows[r, _GAP], rows[r, _PUSHED]
         if rate == 0.0 and gap > 0.0 and before == 0.0:
             continue  # what has not struck yet is stopped in the substep in which it does
-        bias, share, kept = 0.0, 1.0, 0.0
-        if gap > 0.0:
-            bias = often * gap
-        elif rate > 0.0:
-            bias, share, kept = max(rate * gap, -_PUSH), mass_share, impulse_share
+        bias = often * gap if gap > 0.0 else max(rate * gap, -_PUSH)
         arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
         slip = _slip(state, i, j, arm, other, SPEED)
         lacks = dot(slip, three(rows, r, _NORMAL)) + bias
-        pressed = max(before - rows[r, _MASS] * share * lacks - kept * before, 0.0)
+        gives = min(_GIVES * before, rows[r, _MASS] * fall)
+        pressed = max(before - rows[r, _MASS] * lacks - gives, 0.0)
         if pressed == 0.0 and before == 0.0:
             _let_go(r, rows)
             continue
@@ -564,11 +568,10 @@ def _rub(rows, r, slip, pressed, change, rate):
     t = three(rows, r, _TANGENT)
     b = cross(three(rows, r, _NORMAL), t)
     one, two = rows[r, _PUSHED + 1], rows[r, _PUSHED + 2]
-    hold = _HOLD if rate > 0.0 else 0.0
     u = one - rows[r, _MASS + 1] * (dot(slip, t) + rows[r, _ASIDE] * change
-                                    + hold * rows[r, _SHIFT])
+                                    + rate * rows[r, _SHIFT])
     v = two - rows[r, _MASS + 2] * (dot(slip, b) + rows[r, _ASIDE + 1] * change
-                                    + hold * rows[r, _SHIFT + 1])
+                                    + rate * rows[r, _SHIFT + 1])
     grip, most = u * u + v * v, rows[r, _GRIP] * pressed
     if grip > most * most:
         share = most / math.sqrt(grip)
@@ -663,12 +666,12 @@ def _add_up(contacts, rows, spots):
 
 
 @subroutine(**LEAN)
-def _keep_forces(contacts, order, rows, h, force, shift):
+def _keep_forces(contacts, order, rows, h, fall, force, shift):
     """Write what the next step starts from."""
     for r in contacts:
         c, pushed = order[r], three(rows, r, _PUSHED)
-        if pushed[0] > _SUDDEN * rows[r, _LAST]:
-            pushed = scaled(rows[r, _LAST] / pushed[0], pushed)
+        if pushed[0] > 0.0:
+            pushed = scaled(_lasting(r, rows, fall) / pushed[0], pushed)
         across = _along(rows, r, (0.0, pushed[1], pushed[2]))
         force[c, 0] = pushed[0] / h
         for w in range(3):
