@@ -344,3 +344,38 @@ def test_thick_and_thin_walls_do_not_merge_and_joints_are_closed():
     assert len(merged) == 2
     tops, bottoms = merged[:, 2] + 0.5 * extents[:, 2], merged[:, 2] - 0.5 * extents[:, 2]
     assert np.sort(tops)[0] == pytest.approx(np.sort(bottoms)[1])
+
+
+def test_a_heap_comes_to_rest():
+    """Drop 1,000 bricks, turned at random: all sleep before 6 s are over, and hardly overlap."""
+    rng = np.random.default_rng(3)
+    row = np.arange(1000)
+    places = np.column_stack([row % 8, row // 8 % 8, row // 64]) * [0.28, 0.28, 0.22] + [0, 0, 0.3]
+    turns = rng.normal(size=(1000, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    with World(engine='native') as world:
+        ids = world.add_bricks(np.column_stack([places, turns]), np.tile(BRICK, (1000, 1)),
+                               np.full(1000, BRICK_MASS))
+        world.thaw(ids)
+        for _ in range(360):
+            world.step(DT)
+            if not len(world.awake):
+                break
+        assert not len(world.awake)
+        assert world.contacts().distance.min(initial=0.0) > -0.005
+
+
+@pytest.mark.parametrize(('slope', 'rolls'), [(0.07, False), (0.09, True)])
+def test_a_rod_stays_on_a_slope_until_it_is_steeper_than_rolling_resists(slope, rolls):
+    """Lay a rod of 0.1 m radius across a slope: the lever arm of 8 mm holds it up to 0.08."""
+    gravity = [G * np.sin(slope), 0.0, -G * np.cos(slope)]
+    across = rotation.from_axis_angle(np.array([1.0, 0.0, 0.0]), np.array(0.5 * np.pi))
+    with World(gravity, engine='native') as world:
+        rod = world.add_body(Shape.CAPSULE, np.array([0.2, 0.2, 2.0]), 40.0,
+                             np.array([0.0, 0.0, 0.1, *across]))
+        for _ in range(60):
+            world.step(DT)
+        drive = np.sin(slope) - np.cos(slope) * 0.08
+        # A rod of radius r has I = m·r²/2, but for its round ends.
+        want = 0.5 * G * drive / 1.5 if rolls else 0.0
+        assert world.poses([rod])[0, 0] == pytest.approx(want, rel=0.03, abs=1e-5)

@@ -67,6 +67,8 @@ _RECOVERY = 30.0  # [1/s] at which overlaps and what has crept are taken back: l
 _GIVES = 0.006  # of what presses, by which a contact gives way, so that what is wedged lets its
 #                 stresses go (box2d's soft contacts); by a body's fall in a substep at most, or
 #                 light ones would be driven into the ground under heavy ones
+ROLLING = 0.008  # [m] lever arm of the contact force of what rolls: hard balls on firm soil ...
+MOST_ROLLING = 0.1  # ... and at most this share of the radius, or pebbles would slide
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
 _WORK = 24_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
 _LEAST_PASSES = 2  # pairs, without which large heaps tremble, and never sleep
@@ -87,8 +89,8 @@ _RATIO = 3.0  # of what lies on a body to its inertia at most: for few passes to
 # normal of the substep before.
 _NORMAL, _TANGENT, _ARM, _OTHER, _MASS, _ASIDE, _PUSHED = 0, 3, 6, 9, 12, 15, 17
 _GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START, _LAST = 20, 21, 22, 25, 28, 31, 32
-_SHIFT, _ANCHOR, _HOLDS = 33, 35, 37
-_CONTACT = 38
+_SHIFT, _ANCHOR, _LEVER, _ROLLED = 33, 35, 37, 38
+_CONTACT = 41
 
 
 class MovingBodies(NamedTuple):
@@ -346,7 +348,9 @@ def _place(r, c, bodies, ends, contacts, rows):
     shift, t = at(contacts.shift, c), three(rows, r, _TANGENT)
     rows[r, _SHIFT] = rows[r, _ANCHOR] = dot(shift, t)
     rows[r, _SHIFT + 1] = rows[r, _ANCHOR + 1] = dot(shift, cross(n, t))
-    rows[r, _HOLDS] = contacts.radius[c, 0] == 0.0 and contacts.radius[c, 1] == 0.0
+    radius = max(contacts.radius[c, 0], contacts.radius[c, 1])
+    rows[r, _LEVER] = min(ROLLING, MOST_ROLLING * radius)
+    put(rows, r, _ROLLED, (0.0, 0.0, 0.0))
     for k in range(3):
         rows[r, _SUM + k] = 0.0
 
@@ -462,12 +466,16 @@ def _begin(contacts, ends, state, rows, fall):
     """
     for r in contacts:
         lasting = _lasting(r, rows, fall)
+        share = lasting / rows[r, _PUSHED] if lasting > 0.0 else 0.0
         rows[r, _LAST] = rows[r, _PUSHED]
-        if lasting == 0.0:
-            put(rows, r, _PUSHED, (0.0, 0.0, 0.0))
-            continue
-        pushed = scaled(lasting / rows[r, _PUSHED], three(rows, r, _PUSHED))
+        pushed = scaled(share, three(rows, r, _PUSHED))
+        rolled = scaled(share, three(rows, r, _ROLLED))
         put(rows, r, _PUSHED, pushed)
+        put(rows, r, _ROLLED, rolled)
+        if share == 0.0:
+            continue
+        if rows[r, _LEVER] > 0.0:
+            _turn_by(ends[r, 0], ends[r, 1], rolled, state)
         _push(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
               _along(rows, r, pushed))
 
@@ -486,7 +494,7 @@ def _follow_point(r, i, j, state, rows):
     two = plus(three(state, j, WAY), 1.0, _bent(two, state, j))
     way, n, t = less(one, two), three(rows, r, _NORMAL), three(rows, r, _TANGENT)
     rows[r, _GAP] = rows[r, _START] + dot(n, way)
-    if rows[r, _HOLDS] > 0.0:
+    if rows[r, _LEVER] == 0.0:
         rows[r, _SHIFT] = rows[r, _ANCHOR] + dot(t, way)
         rows[r, _SHIFT + 1] = rows[r, _ANCHOR + 1] + dot(cross(n, t), way)
 
@@ -559,7 +567,35 @@ def _pass(contacts, ends, state, rows, pace, moved):
         for k in range(3):
             rows[r, _PUSHED + k] += change[k]
             changed = changed or abs(change[k]) > _CALM * rows[r, _MASS + k]
+        if rows[r, _LEVER] > 0.0:
+            _resist_rolling(r, i, j, pressed, state, rows)
     return changed
+
+
+@subroutine(**LEAN)
+def _resist_rolling(r, i, j, pressed, state, rows):
+    """Brake the spin of what rolls: by the moment of what presses, at a lever arm, at most."""
+    n, before = three(rows, r, _NORMAL), three(rows, r, _ROLLED)
+    spin = less(three(state, i, SPIN), three(state, j, SPIN))
+    spin = plus(spin, -dot(spin, n), n)
+    now, size, most = before, length(spin), rows[r, _LEVER] * pressed
+    if size > 0.0:
+        axis = scaled(1.0 / size, spin)
+        ease = dot(axis, plus(eased(state, i, axis), 1.0, eased(state, j, axis)))
+        now = plus(before, -size / ease, axis)
+    far = length(now)
+    if far > most:
+        now = scaled(most / far, now)
+    _turn_by(i, j, less(now, before), state)
+    put(rows, r, _ROLLED, now)
+
+
+@subroutine(**INLINE)
+def _turn_by(i, j, moment, state):
+    """Apply a moment to the first body, and its opposite to the second."""
+    put(state, i, SPIN, plus(three(state, i, SPIN), 1.0, eased(state, i, moment)))
+    if state[j, LIGHT] > 0.0:
+        put(state, j, SPIN, plus(three(state, j, SPIN), -1.0, eased(state, j, moment)))
 
 
 @subroutine(**INLINE)

@@ -41,6 +41,7 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
 from procphys_ros.physics.world.joint_table import JointTable
 from procphys_ros.physics.world.pieces import Pieces
+from procphys_ros.physics.world.rolling import resist_rolling
 
 _LOG = logging.getLogger(__name__)
 MANY = 300  # bodies that move, from which `native` is clearly faster
@@ -360,7 +361,10 @@ class BulletEngine:
         gained = has > had
         table.velocities[flying[gained], 3:] *= np.sqrt(had[gained] / has[gained])[:, None]
         self.set_poses(flying, table.poses[flying])  # which stops them
-        self.set_velocities(flying, table.velocities[flying])
+        rolling, braked = resist_rolling(table, ids, before, self._gravity, time_step)
+        table.velocities[rolling] = braked
+        changed = np.union1d(flying, rolling)
+        self.set_velocities(changed, table.velocities[changed])
 
     def contacts(self) -> np.ndarray:
         """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""

@@ -183,14 +183,6 @@ class JointTable:
         out[:, 12] = np.maximum(size, np.finfo(float).tiny)
         return out
 
-    def accelerations(self, bodies: BodyTable) -> np.ndarray:
-        """Give the accelerations by joints of the last step [m/s²], by body, (B, 3)."""
-        out = np.zeros((len(bodies.state), 3))
-        there = np.flatnonzero(self.rows.kind != JointKind.GONE)
-        for sign, body in ((1.0, self.rows.first[there]), (-1.0, self.rows.second[there])):
-            np.add.at(out, body, sign * self.rows.force[there] / bodies.mass[body, None])
-        return out
-
     def save(self) -> dict[str, np.ndarray]:
         """Copy the columns."""
         return {name: column.copy() for name, column in self.rows._asdict().items()}

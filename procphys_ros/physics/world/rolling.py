@@ -12,19 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rolling resistance of the ground and of bark."""
+"""Rolling resistance of the ground and of bark, for engines that have none of their own."""
 
 import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.rigid.solver import MOST_ROLLING, ROLLING
 from procphys_ros.physics.world.body_table import BodyTable
 from procphys_ros.rotation_kernels import matrix_rows
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 
-ROLLING = 0.008  # [m] lever arm of the contact force of what rolls: hard balls on firm soil ...
-_MOST = 0.1  # ... and at most this share of the radius, or pebbles would slide
 
 
 def resist_rolling(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravity: np.ndarray,
@@ -64,7 +63,7 @@ def _slowed(ids, before, gravity, time_step, velocities, poses, mass, inertia, f
             pressed += (now[c] - before[k, c] - gravity[c] * time_step) ** 2
             axis = (x[c] * now[3] + y[c] * now[4] + z[c] * now[5]) / spin
             about += inertia[body, c] * axis ** 2
-        lever = min(ROLLING, _MOST * 0.5 * sizes[piece, 0])
+        lever = min(ROLLING, MOST_ROLLING * 0.5 * sizes[piece, 0])
         lost = lever * mass[body] * np.sqrt(pressed) / about
         out[k, 3:] *= max(1.0 - lost / spin, 0.0)
         felt[k] = lost > 1e-3 * spin

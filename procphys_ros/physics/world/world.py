@@ -31,7 +31,6 @@ from procphys_ros.physics.world.joint_table import JointOptions, JointTable
 from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
 from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import Pieces
-from procphys_ros.physics.world.rolling import resist_rolling
 from procphys_ros.physics.world.saved import check_saved
 
 GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
@@ -367,14 +366,9 @@ class World:
         if not (bodies.state >= BodyState.AWAKE).any():
             return
         kinematic.set_out(bodies, time_step)
-        awake = self.awake
-        before = bodies.velocities[awake]
         self._engine.step(time_step)
         self._table = self._engine.contacts()
         kinematic.arrive(self._engine, bodies)
-        if len(self._joints):  # only what contacts press brakes what rolls
-            before[:, :3] += time_step * self._joints.accelerations(bodies)[awake]
-        self._write_velocities(*resist_rolling(bodies, awake, before, self._gravity, time_step))
         self._settle(time_step)
 
     def _settle(self, time_step: float) -> None:
