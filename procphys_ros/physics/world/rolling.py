@@ -25,7 +25,6 @@ from procphys_ros.rotation_kernels import matrix_rows
 _BOX = int(Shape.BOX)  # numba reads no enums
 
 
-
 def resist_rolling(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravity: np.ndarray,
                    time_step: float) -> tuple[np.ndarray, np.ndarray]:
     """
