@@ -69,12 +69,13 @@ def two_pieces(kinds, sizes, poses):
     return pieces, table
 
 
-def touching(pieces, table):
-    """Find the contacts of two pieces."""
+def touching(pieces, table, before=None):
+    """Find the contacts of two pieces, those of the step before given."""
     no_points = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64)
     both = join_key(np.array([0]), np.array([1]))
     rows, count = find(np.array([0]), np.ones(1, bool), both, pieces, table,
-                       np.zeros((3, 6)), no_points, FLAT, 0.0, no_contacts(0))
+                       np.zeros((3, 6)), no_points, FLAT, 0.0,
+                       no_contacts(0) if before is None else before)
     return rows.head(count)
 
 
@@ -387,3 +388,30 @@ def test_what_is_driven_fast_pushes_all_along_a_step():
             gap = world.poses(np.array([brick]))[0, 0] - 0.1 - (x + 0.01)
             assert gap > -1e-3
         assert world.velocities(np.array([brick]))[0, 0] == pytest.approx(speed, rel=0.01)
+
+
+@pytest.mark.parametrize('kind', [BOX, HEXAHEDRON])
+def test_points_are_kept_while_a_pair_stays(kind):
+    """Shift and turn touching pairs a little: their old points tell the gap that new ones have."""
+    rng, kept = np.random.default_rng(6), 0
+    for _ in range(400):
+        sizes, poses = rng.uniform(0.1, 0.4, (2, 3)), draw_poses(rng, 0.1)
+        first = touching(*two_pieces([kind, kind], sizes, poses))
+        if not len(first.gap):
+            continue
+        first.force[:, 0] = np.arange(1, len(first.gap) + 1)
+        later, axis = poses.copy(), rng.normal(size=3)
+        later[1, :3] += rng.uniform(-2e-4, 2e-4, 3)
+        later[1, 3:] = rotation.multiply(
+            rotation.from_axis_angle(axis / np.linalg.norm(axis), np.array(4e-4)), later[1, 3:])
+        pair = two_pieces([kind, kind], sizes, later)
+        old, new = touching(*pair, before=first), touching(*pair)
+        np.testing.assert_array_equal(old.found, first.found)
+        np.testing.assert_array_equal(old.force, first.force)
+        if len(new.gap):  # shallow points may come and go
+            assert old.gap.min() == pytest.approx(new.gap.min(), abs=2e-4)
+        later[1, :3] += 0.004 * first.normal[0]  # deeper or apart: looked at anew
+        anew = touching(*two_pieces([kind, kind], sizes, later), before=first)
+        assert not np.isin(anew.found[:, 7], first.found[:, 7]).any()
+        kept += 1
+    assert kept > 100

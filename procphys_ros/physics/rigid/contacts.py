@@ -202,11 +202,7 @@ def _lasts(p, q, way, pieces, poses, before, old, last):
     if pieces.radius[p] > 0.0 or pieces.radius[q] > 0.0:
         return False
     one, two = poses[pieces.body[p]], poses[pieces.body[q]]
-    a = _attitude_in(one, two)
-    w = before.found[old, 3:]
-    x = w[3] * a[0] - w[0] * a[3] - w[1] * a[2] + w[2] * a[1]
-    y = w[3] * a[1] - w[1] * a[3] - w[2] * a[0] + w[0] * a[2]
-    z = w[3] * a[2] - w[2] * a[3] - w[0] * a[1] + w[1] * a[0]
+    x, y, z, _ = _relative(before.found[old, 3:7], _relative(one[3:], two[3:]))
     turn = 2.0 * math.sqrt(x * x + y * y + z * z)
     if turn > _SAME_TURN:
         return False
@@ -218,10 +214,10 @@ def _lasts(p, q, way, pieces, poses, before, old, last):
 
 
 @subroutine(**INLINE)
-def _attitude_in(one, two):
-    """Give the attitude of a second pose in the frame of the first."""
-    a, b, c, d = one[3], one[4], one[5], one[6]
-    e, f, g, h = two[3], two[4], two[5], two[6]
+def _relative(one, two):
+    """Give the second of two attitudes in the frame of the first."""
+    a, b, c, d = one[0], one[1], one[2], one[3]
+    e, f, g, h = two[0], two[1], two[2], two[3]
     return (d * e - a * h - b * g + c * f, d * f - b * h - c * e + a * g,
             d * g - c * h - a * f + b * e, d * h + a * e + b * f + c * g)
 
@@ -322,12 +318,7 @@ def _carried(pose, place):
 @subroutine(**LEAN)
 def _back(pose, place):
     """Express a point of the world in the frame of a pose."""
-    x, y, z, w = -pose[3], -pose[4], -pose[5], pose[6]
-    a = (place[0] - pose[0], place[1] - pose[1], place[2] - pose[2])
-    u = (y * a[2] - z * a[1], z * a[0] - x * a[2], x * a[1] - y * a[0])
-    return (a[0] + 2.0 * (w * u[0] + y * u[2] - z * u[1]),
-            a[1] + 2.0 * (w * u[1] + z * u[0] - x * u[2]),
-            a[2] + 2.0 * (w * u[2] + x * u[1] - y * u[0]))
+    return _unturned(pose, (place[0] - pose[0], place[1] - pose[1], place[2] - pose[2]))
 
 
 @subroutine(**LEAN)
@@ -358,17 +349,15 @@ def _write(out, row, count, key, first, second, points, normals, poses, before, 
         anchor = _back(poses[first], at(points, k))
         other_anchor = _back(poses[second], at(points, k))
         facing = _unturned(poses[first], at(normals, k))
-        attitude = _attitude_in(poses[first], poses[second])
+        attitude = _relative(poses[first, 3:], poses[second, 3:])
         out.found[r, 7] = points[k, 3]
         for i in range(4):
             out.found[r, 3 + i] = attitude[i]
         for i in range(3):
             out.found[r, i], out.other_anchor[r, i] = facing[i], other_anchor[i]
             out.point[r, i], out.normal[r, i] = points[k, i], normals[k, i]
-            out.anchor[r, i] = anchor[i]
+            out.anchor[r, i], out.shift[r, i] = anchor[i], 0.0
         out.gap[r] = points[k, 3]
-        for i in range(3):
-            out.shift[r, i] = 0.0
         for i in range(4):
             out.force[r, i] = 0.0
         nearest, same = _SAME * _SAME, -1
