@@ -379,3 +379,23 @@ def test_a_rod_stays_on_a_slope_until_it_is_steeper_than_rolling_resists(slope, 
         # A rod of radius r has I = m·r²/2, but for its round ends.
         want = 0.5 * G * drive / 1.5 if rolls else 0.0
         assert world.poses([rod])[0, 0] == pytest.approx(want, rel=0.03, abs=1e-5)
+
+
+@pytest.mark.parametrize('lean', [0.0, 0.05, 0.3])
+@pytest.mark.parametrize('into', [0.003, 0.02])
+def test_what_is_wedged_in_is_not_thrown_out(lean, into):
+    """Press a brick between two plates of one body, both of which it overlaps: it creeps out."""
+    axis, size = np.array([1.0, 0.0, 0.0]), np.array([0.5, 0.05, 0.3])
+    aside = 0.5 * (BRICK[1] + size[1]) - into
+    poses = np.array([at(0, s * aside, 0, rotation.from_axis_angle(axis, np.array(-s * lean)))
+                      for s in (1.0, -1.0)])
+    mass, sizes = np.full(2, 100.0), np.tile(size, (2, 1))
+    whole = rigid_sum(mass, box_inertia(mass, sizes), poses)
+    with World((0.0, 0.0, 0.0), engine='native') as world:
+        world.add_fragment(np.full(2, int(Shape.BOX)), sizes, whole.local_poses, whole.mass,
+                           whole.inertia, whole.pose)
+        heading = rotation.from_axis_angle(np.array([0.0, 0.0, 1.0]), np.array(0.03))
+        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0, heading))
+        for _ in range(120):
+            world.step(DT)
+            assert np.linalg.norm(world.velocities([brick])[0, :3]) < 0.3

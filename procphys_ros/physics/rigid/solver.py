@@ -65,8 +65,8 @@ _PUSH = 0.3  # [m/s] at most at which overlaps are taken back: what is wedged in
 _RECOVERY = 30.0  # [1/s] at which overlaps and what has crept are taken back: large heaps tremble
 #                   for ever at four times that
 _GIVES = 0.006  # of what presses, by which a contact gives way, so that what is wedged lets its
-#                 stresses go (box2d's soft contacts); by a body's fall in a substep at most, or
-#                 light ones would be driven into the ground under heavy ones
+#                 stresses go (box2d's soft contacts); at most as fast as its overlap is taken back
+#                 and a body falls in a substep, or light ones would sink in under heavy ones
 ROLLING = 0.008  # [m] lever arm of the contact force of what rolls: hard balls on firm soil ...
 MOST_ROLLING = 0.1  # ... and at most this share of the radius, or pebbles would slide
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
@@ -556,7 +556,7 @@ def _pass(contacts, ends, state, rows, pace, moved):
         arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
         slip = _slip(state, i, j, arm, other, SPEED)
         lacks = dot(slip, three(rows, r, _NORMAL)) + bias
-        gives = min(_GIVES * before, rows[r, _MASS] * fall)
+        gives = min(_GIVES * before, rows[r, _MASS] * (fall - min(bias, 0.0)))
         pressed = max(before - rows[r, _MASS] * lacks - gives, 0.0)
         if pressed == 0.0 and before == 0.0:
             _let_go(r, rows)
