@@ -556,7 +556,7 @@ def _pass(contacts, ends, state, rows, pace, moved):
         arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
         slip = _slip(state, i, j, arm, other, SPEED)
         lacks = dot(slip, three(rows, r, _NORMAL)) + bias
-        gives = min(_GIVES * before, rows[r, _MASS] * (fall - min(bias, 0.0)))
+        gives = min(_GIVES * before, rows[r, _MASS] * max(fall, -bias))
         pressed = max(before - rows[r, _MASS] * lacks - gives, 0.0)
         if pressed == 0.0 and before == 0.0:
             _let_go(r, rows)
