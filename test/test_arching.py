@@ -69,9 +69,9 @@ def test_lime_mortar_falls_over_a_gate():
 def test_lime_mortar_falls_at_an_end():
     """Let fall over an opening at the end what an opening inside the wall would carry."""
     width = 1.2
-    x, z, stands = cut(_LENGTH, 2.0 * width, **_LIME)
+    x, z, stands = cut(_LENGTH, 2.0 * width, 2.0, **_LIME)
     edge = _LENGTH - width
-    assert stands[x < edge - 1.2].mean() > 0.9  # of 23 nudged runs one loses 3 of 324
+    assert stands[x < edge - 1.2].mean() > 0.9  # later on, what has fallen strikes the rest
     assert not stands[(x > edge + 0.3) & (z > _OPENING)].any()
     assert x[~stands].min() < edge - 0.2  # it tears off behind the edge of the opening
     _, _, arch = cut(0.5 * _LENGTH, width, **_LIME)
@@ -113,9 +113,8 @@ def test_collapse_stops_where_floors_do_not_tie():
     """
     Take half of the ground floor: most of what stood on it falls, the rest stays up.
 
-    That is decided after 0.4 s. What has come off then strikes what stands, and of runs that
-    differ by a nudge of 1e-9 m/s some lose the far end and some do not (decision 59).
+    It falls piece by piece within 4 s: cracked joints hold some of it up for a while.
     """
-    x, stands = house_without('timber', lambda p: p[:, 0] > 2.0, 24)
-    assert stands[x > 2.0].mean() < 0.6 and stands[x < 2.0].mean() > 0.8
+    x, stands = house_without('timber', lambda p: p[:, 0] > 2.0, 240)
+    assert stands[x > 2.0].mean() < 0.3 and stands[x < 2.0].mean() > 0.7
     assert stands[x < 0.5].mean() > 0.9

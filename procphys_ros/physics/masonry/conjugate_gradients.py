@@ -81,6 +81,9 @@ class ConjugateGradients:
         """Restart the iterations of islands."""
         self.islands, self._space = islands, self.coarse
         self._columns = None
+        curved = self._graph.cracked[islands.bonds]
+        self._cracked = (islands.bonds[curved],
+                         np.concatenate([[0], np.cumsum(curved)])[islands.bond])
         self._products = np.zeros(len(islands.part) - 1)
 
     def confine(self, sets: Islands) -> None:
@@ -102,6 +105,7 @@ class ConjugateGradients:
         :returns: iterations done on each island, and its largest nodal residual [N], (I,) each.
         """
         parts, bonds, part, bond = self.islands
+        cracked, crack = self._cracked
         graph, coarse = self._graph, self._space
         if coarse is None:
             coarse = self._space = CoarseSpace(graph, parts, bonds, _CONFINED)
@@ -110,6 +114,6 @@ class ConjugateGradients:
         if self._columns is None:
             self._columns = coarse.reached(parts, part)
         return pcg.iterate(
-            (parts, bonds, self._columns[0], part, bond, self._columns[1]),
-            (graph.links, graph.first, graph.second), preconditioner,
+            (parts, bonds, cracked, self._columns[0], part, bond, crack, self._columns[1]),
+            (graph.links, graph.coupling, graph.first, graph.second), preconditioner,
             (displacement, residual, *self._search), graph.reach, self._products, target, limit)

@@ -65,9 +65,9 @@ class Fracture:
     """
     Judge bonds when the stresses have converged, or fail what clearly fails shortly before.
 
-    A bond pulled or sheared beyond its strength cracks where it is still pressed over a part of
-    its patch (`strength.opening`): from then on it presses and rubs, opens and closes (`joints`).
-    One that is pulled apart or crushed is gone. Bonds without any strength always crack, and all
+    A bond that is pulled or sheared beyond its strength, and pressed on the whole, cracks: from
+    then on it presses and rubs, opens and closes (`joints`), wherever what it carries passes. One
+    that is pulled apart or crushed is gone. Bonds without any strength always crack, and all
     at once: they lose nothing by it. Reinforced ones hang on by their steel (`ties`). What no
     equilibrium holds is parted at the joints that open or slide in its motion, and falls if that
     leaves it loose; what drifts elastically comes off as a lump (`mechanisms`).
@@ -301,7 +301,7 @@ class Fracture:
         moving = self._lets_go(adrift, share, balanced)
         cause[moving] = Cause.TENSION  # nothing to redistribute to: they go at once
         bonds = np.flatnonzero(chosen | moving)
-        gone = ~(strength.opening(graph, bonds, wrench[bonds])[0] | self._dry[bonds] | brief)
+        gone = ~((wrench[bonds, 2] < 0.0) | self._dry[bonds] | brief)
         gone |= (cause[bonds] == Cause.COMPRESSION) | graph.narrowed(bonds)
         tied = (graph.mortar.reinforcement[bonds] > 0.0) & (cause[bonds] == Cause.TENSION)
         keeps, torn = ties.give_way(graph, bonds, wrench[bonds])

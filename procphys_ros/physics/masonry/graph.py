@@ -40,6 +40,7 @@ class BondGraph:
         N is the ground, (M,) int32.
     :ivar alive: bonds that still carry something, (M,) bool.
     :ivar cracked: of these the ones that only press and rub, see `joints`, (M,) bool.
+    :ivar coupling: of the cracked ones, see `links`, (M, 6).
     :ivar grip: share of its stiffness that a bond has at the moment, (M,).
     :ivar held: share of its stiffness that a reinforced bond has kept since it cracked; 1 where it
         has not, and in all others, (M,).
@@ -116,6 +117,7 @@ class BondGraph:
     def _set_whole(self) -> None:
         self.alive = np.ones(len(self), bool)
         self.cracked = np.zeros(len(self), bool)
+        self.coupling = np.zeros((len(self), 6))
         self.grip = np.ones(len(self))
         self.held = np.ones(len(self))
         self._rest = (self.centroid.copy(), self.area.copy())

@@ -18,9 +18,12 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.physics.masonry.links import alongside
 
 _TWIST = 0.27   # radius of friction against twist over the diagonal of the patch: that of a square
 #                 which slides as a whole, 0.3826 of its side
+_TURNED = 0.5   # cosine between the ways of friction before and after a step that went too far
+_FIRM, _SOFTER = 1e-4, 0.1  # share of the stiffness kept then, and its change with each step
 
 
 @kernel(inline='always')
@@ -97,20 +100,28 @@ def _deltas(m, first, second, centroid, centre, axes, q, out):
                       + world[5] * axes[m, 2, c])
 
 
+@kernel(inline='always')
+def _radius(extent):
+    """Give the radius of friction against twist [m]."""
+    return _TWIST * np.sqrt(extent[0] ** 2 + extent[1] ** 2)
+
+
 @kernel
 def _friction(m, d, shear, extent, place, bound, slip, out):
     """
     Write the friction where it acts: Tx, Ty, Mz, and what slides of it.
 
+    Twist counts by its radius in strength and stiffness alike, so that friction has an energy.
+
     :param shear: k_s·A [N/m].
     :param out: forces (3,), then how much of the elastic stiffness the friction is, 1 sticks.
     """
     x, y = place[m, 0], place[m, 1]
-    radius = _TWIST * np.sqrt(extent[m, 0] ** 2 + extent[m, 1] ** 2)
+    radius = _radius(extent[m])
     turn = d[5] - slip[m, 2]
     out[0] = shear * (d[0] - d[5] * y - (slip[m, 0] - slip[m, 2] * y))
     out[1] = shear * (d[1] + d[5] * x - (slip[m, 1] + slip[m, 2] * x))
-    out[2] = shear * (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0 * turn
+    out[2] = shear * radius ** 2 * turn
     size = np.sqrt(out[0] ** 2 + out[1] ** 2 + (out[2] / radius) ** 2)
     out[3] = 1.0
     if size > bound[m]:
@@ -143,7 +154,7 @@ def _scatter(m, first, second, arm_first, arm_second, force, sign, out):
 
 
 @kernel
-def _model(m, links, bias, first, second, q, moved, force):
+def _model(m, links, coupling, bias, first, second, q, moved, force):
     """Write the relative motion at the link's point and the force of the tangent, world axes."""
     i, j = first[m], second[m]
     for c in range(3):
@@ -157,8 +168,11 @@ def _model(m, links, bias, first, second, q, moved, force):
         force[s] = links[m, k] * x + links[m, k + 1] * y + links[m, k + 2] * z
         force[s + 1] = links[m, k + 1] * x + links[m, k + 3] * y + links[m, k + 4] * z
         force[s + 2] = links[m, k + 2] * x + links[m, k + 4] * y + links[m, k + 5] * z
-    for c in range(6):
-        force[c] += bias[m, c]
+    turn = alongside(coupling, m, 3, moved, 3)
+    slide = alongside(coupling, m, 0, moved, 0)
+    for c in range(3):
+        force[c] += coupling[m, c] * turn + bias[m, c]
+        force[3 + c] += coupling[m, 3 + c] * slide + bias[m, 3 + c]
 
 
 @kernel
@@ -183,16 +197,29 @@ def _mix(moments, share, extent):
 
 
 @kernel
-def _sliding(shear, share, friction, out):
-    """Write the tangent along the patch, 2 x 2; give its part that sticks [N/m]."""
+def _sliding(shear, share, friction, radius, away, out):
+    """
+    Write the tangent of friction along x and y and about z, 3 x 3, at the link's point.
+
+    Radial return in x, y and radius times twist: what slides is soft in its own direction alone.
+
+    :param away: of the place where friction acts, from the link's point [m].
+    """
     slides = shear * max(friction[3], share)
-    size = np.sqrt(friction[0] ** 2 + friction[1] ** 2)
+    size = np.sqrt(friction[0] ** 2 + friction[1] ** 2 + (friction[2] / radius) ** 2)
+    free = (1.0 - share) / size ** 2 if friction[3] < 1.0 and size > 0.0 else 0.0
+    way = (friction[0], friction[1], friction[2] / radius)
+    scale = (1.0, 1.0, radius)
+    for r in range(3):
+        for c in range(3):
+            out[r, c] = slides * scale[r] * scale[c] * ((1.0 if r == c else 0.0)
+                                                        - free * way[r] * way[c])
+    x, y = -away[1], away[0]  # what a turn about the link's point moves the place by
+    along = out[0, 0] * x + out[0, 1] * y, out[1, 0] * x + out[1, 1] * y
+    out[2, 2] += 2.0 * (x * out[0, 2] + y * out[1, 2]) + x * along[0] + y * along[1]
     for r in range(2):
-        for c in range(2):
-            out[r, c] = slides if r == c else 0.0
-            if friction[3] < 1.0 and size > 0.0:
-                out[r, c] -= (1.0 - share) * slides * friction[r] * friction[c] / size ** 2
-    return slides
+        out[r, 2] += along[r]
+        out[2, r] = out[r, 2]
 
 
 @kernel
@@ -210,23 +237,52 @@ def _pack(axes, block, link):
 
 
 @kernel
-def _tangent(m, axes, extent, normal, shear, share, friction, middle, moments, links, scratch):
+def _tangent(m, axes, extent, normal, shear, share, firm, friction, middle, place, moments, links,
+             coupling, scratch):
     """Write the tangent stiffness of a joint; give how much of the whole one it is at least."""
-    block, turn = scratch
+    block, turn, slides = scratch
     block[:] = 0.0
     turn[:] = 0.0
     x, y = middle[m, 0], middle[m, 1]
-    slides = _sliding(shear, share, friction, block)
+    away = place[m, 0] - x, place[m, 1] - y
+    _sliding(shear, max(share, firm), friction, _radius(extent[m]), away, slides)
+    for r in range(2):
+        for c in range(2):
+            block[r, c] = slides[r, c]
+    for c in range(3):
+        coupling[m, c] = axes[m, c, 0] * slides[0, 2] + axes[m, c, 1] * slides[1, 2]
+        coupling[m, 3 + c] = axes[m, c, 2]
     block[2, 2] = normal * moments[0]
     turn[0, 0] = normal * (moments[4] - moments[0] * y * y)
     turn[1, 1] = normal * (moments[3] - moments[0] * x * x)
     turn[0, 1] = turn[1, 0] = -normal * (moments[5] - moments[0] * x * y)
-    turn[2, 2] = slides * (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0
+    turn[2, 2] = slides[2, 2]
     _pack(axes[m], block, links[m, 6:12])
     _pack(axes[m], turn, links[m, 12:18])
     whole = normal * extent[m, 0] * extent[m, 1] / 12.0
     return min(turn[0, 0] / (whole * extent[m, 1] ** 2), turn[1, 1] / (whole * extent[m, 0] ** 2),
                max(friction[3], share))
+
+
+@kernel
+def _steady(m, friction, radius, way, firm):
+    """
+    Keep more of the stiffness of a joint whose friction has turned about in a step, else less.
+
+    What slides is free to move, and a step that takes it too far drives it back by as much.
+
+    :param way: of friction after the last step, unit vectors, renewed, (M, 3).
+    :param firm: least share of the stiffness, (M,), changed in place.
+    """
+    size = np.sqrt(friction[0] ** 2 + friction[1] ** 2 + (friction[2] / radius) ** 2)
+    if friction[3] == 1.0 or size == 0.0:
+        return
+    u, v, w = friction[0] / size, friction[1] / size, friction[2] / (radius * size)
+    if u * way[m, 0] + v * way[m, 1] + w * way[m, 2] < _TURNED:
+        firm[m] = min(max(firm[m], _FIRM) / _SOFTER, 1.0)
+    else:
+        firm[m] *= _SOFTER
+    way[m, 0], way[m, 1], way[m, 2] = u, v, w
 
 
 @kernel
@@ -240,24 +296,26 @@ def _tie(m, first, second, centroid, centre, axes, middle, links):
 
 @kernel(nogil=True)
 def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear, friction, slip,
-              middle, place, bound, bias, links, grip, q, residual, shares, renew):
+              middle, place, bound, bias, links, coupling, grip, q, residual, shares, way, firm,
+              renew):
     """
     Put the tangents and biases of joints where the displacements are, and their forces.
 
     :param normal, shear: stiffness of the whole patch, k·A [N/m], (M,).
     :param middle: of the pressed part, where the link is, renewed [m], (M, 2).
     :param place, bound: of friction [m], (M, 2), [N], (M,).
-    :param bias, links: renewed.
+    :param bias, links, coupling: renewed.
     :param residual: takes the difference between old model and true force, (N + 1, 6).
     :param shares: of the whole stiffness that tangents keep, (M,).
+    :param way, firm: see `_steady`.
     :param renew: whether places and bounds of friction follow the pressure.
     """
     d, moments = np.empty((2, 6))
     n, t = np.empty(3), np.empty(4)
     local, world, force, moved = np.empty((4, 6))
-    scratch = np.empty((3, 3)), np.empty((3, 3))
+    scratch = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     for m in rows:
-        _model(m, links, bias, first, second, q, moved, force)
+        _model(m, links, coupling, bias, first, second, q, moved, force)
         _scatter(m, first, second, links[m, 0:3], links[m, 3:6], force, -1.0, residual)
         _deltas(m, first, second, centroid, centre, axes, q, d)
         stiffness = normal[m] / (extent[m, 0] * extent[m, 1])
@@ -268,23 +326,24 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
             bound[m] = friction[m] * max(-n[0], 0.0)
             place[m, 0], place[m, 1] = x, y
         _friction(m, d, shear[m], extent, place, bound, slip, t)
+        _steady(m, t, _radius(extent[m]), way, firm)
         local[0], local[1], local[2] = t[0], t[1], n[0]
         local[3], local[4] = n[1] - y * n[0], n[2] + x * n[0]
         local[5] = t[2] + (place[m, 0] - x) * t[1] - (place[m, 1] - y) * t[0]
         _turned(m, axes, local, world)
         _tie(m, first, second, centroid, centre, axes, middle, links)
         _scatter(m, first, second, links[m, 0:3], links[m, 3:6], world, 1.0, residual)
-        grip[m] = _tangent(m, axes, extent, stiffness, shear[m], shares[m], t, middle, moments,
-                           links, scratch)
+        grip[m] = _tangent(m, axes, extent, stiffness, shear[m], shares[m], firm[m], t, middle,
+                           place, moments, links, coupling, scratch)
         bias[m] = 0.0
-        _model(m, links, bias, first, second, q, moved, force)
+        _model(m, links, coupling, bias, first, second, q, moved, force)
         for c in range(6):
             bias[m, c] = world[c] - force[c]
 
 
 @kernel(nogil=True)
 def power(rows, label, first, second, centroid, centre, axes, extent, normal, shear, slip, place,
-          bound, bias, links, base, step, reach, out):
+          bound, bias, links, coupling, base, step, reach, out):
     """
     Give what the true forces do on a step beyond what the model does, island by island.
 
@@ -309,8 +368,8 @@ def power(rows, label, first, second, centroid, centre, axes, extent, normal, sh
         x, y = place[m, 0], place[m, 1]
         out[label[k]] += (t[0] * (e[0] - e[5] * y) + t[1] * (e[1] + e[5] * x) + t[2] * e[5]
                           + n[0] * e[2] + n[1] * e[3] + n[2] * e[4])
-        _model(m, links, bias, first, second, base, moved, start)
-        _model(m, links, bias, first, second, step, rate, force)
+        _model(m, links, coupling, bias, first, second, base, moved, start)
+        _model(m, links, coupling, bias, first, second, step, rate, force)
         for c in range(6):
             out[label[k]] -= (start[c] + part * (force[c] - bias[m, c])) * rate[c]
 
@@ -349,28 +408,27 @@ def settle(rows, first, second, centroid, centre, axes, extent, shear, slip, pla
         _friction(m, d, shear[m], extent, place, bound, slip, t)
         if t[3] < 1.0:
             x, y = place[m, 0], place[m, 1]
-            square = (extent[m, 0] ** 2 + extent[m, 1] ** 2) / 12.0
-            slip[m, 2] = d[5] - t[2] / (shear[m] * square)
+            slip[m, 2] = d[5] - t[2] / (shear[m] * _radius(extent[m]) ** 2)
             slip[m, 0] = d[0] - d[5] * y - t[0] / shear[m] + slip[m, 2] * y
             slip[m, 1] = d[1] + d[5] * x - t[1] / shear[m] - slip[m, 2] * x
 
 
 @kernel
-def add_forces(rows, first, second, bias, links, q, out, sign):
+def add_forces(rows, first, second, bias, links, coupling, q, out, sign):
     """Add sign times what joints pull with, by their tangents and biases, to the parts."""
     moved, force = np.empty((2, 6))
     for m in rows:
-        _model(m, links, bias, first, second, q, moved, force)
+        _model(m, links, coupling, bias, first, second, q, moved, force)
         _scatter(m, first, second, links[m, 0:3], links[m, 3:6], force, sign, out)
 
 
 @kernel
-def wrenches(rows, first, second, axes, middle, bias, links, q, out):
+def wrenches(rows, first, second, axes, middle, bias, links, coupling, q, out):
     """Write force and moment about the centroid with which second pulls first, bond frame."""
     moved, force = np.empty((2, 6))
     for k in range(len(rows)):
         m = rows[k]
-        _model(m, links, bias, first, second, q, moved, force)
+        _model(m, links, coupling, bias, first, second, q, moved, force)
         for c in range(3):
             out[k, c] = out[k, 3 + c] = 0.0
             for r in range(3):

@@ -70,7 +70,7 @@ class CrackedJoints:
     """
     The joints of a graph that have cracked: their friction, tangents and biases.
 
-    :param graph: the bonds; links and grip of the cracked ones are renewed here.
+    :param graph: the bonds; links, coupling and grip of the cracked ones are renewed here.
     """
 
     graph: BondGraph
@@ -84,13 +84,16 @@ class CrackedJoints:
         self._place = np.zeros((count, 2))   # where friction acts: the middle at last pressure [m]
         self._bound = np.zeros(count)        # of friction [N]
         self._share = np.full(count, _SHARE)
+        self._way = np.zeros((count, 3))  # of friction after the last step, unit vectors
+        self._firm = np.zeros(count)      # least share of the stiffness against sliding
         self._sticks = np.zeros(count, bool)  # whatever the pressure, until a balance is found
         self._normal = np.ascontiguousarray(graph.spring[:, 2])
         self._shear = np.ascontiguousarray(graph.spring[:, 0])
 
     def reset(self) -> None:
         """Reset: no bond has cracked."""
-        for array in (self._bias, self._slip, self._middle, self._place, self._bound):
+        for array in (self._bias, self._slip, self._middle, self._place, self._bound, self._way,
+                      self._firm):
             array[:] = 0.0
         self._share[:] = _SHARE
         self._sticks[:] = False
@@ -101,10 +104,12 @@ class CrackedJoints:
 
         :param mine: rows here of all bonds there, (K,).
         """
-        for name in ('_bias', '_slip', '_middle', '_place', '_bound', '_share', '_sticks'):
+        for name in ('_bias', '_slip', '_middle', '_place', '_bound', '_share', '_way', '_firm',
+                     '_sticks'):
             getattr(self, name)[mine] = getattr(other, name)
         cracked = self.graph.cracked[mine]
-        self.graph.links[mine[cracked]] = other.graph.links[cracked]
+        for name in ('links', 'coupling'):
+            getattr(self.graph, name)[mine[cracked]] = getattr(other.graph, name)[cracked]
 
     @property
     def _geometry(self) -> tuple[np.ndarray, ...]:
@@ -132,7 +137,8 @@ class CrackedJoints:
                 joint_kernels.linearise(
                     some, *self._geometry, self._normal, self._shear, graph.mortar.friction,
                     self._slip, self._middle, self._place, self._bound, self._bias, graph.links,
-                    graph.grip, displacement, residual, self._share, follows)
+                    graph.coupling, graph.grip, displacement, residual, self._share, self._way,
+                    self._firm, follows)
 
     def stick(self, rows: np.ndarray) -> None:
         """Prevent sliding in joints until `release`."""
@@ -171,7 +177,8 @@ class CrackedJoints:
         out = np.empty(len(reach))
         joint_kernels.power(
             rows, label, *self._geometry, self._normal, self._shear, self._slip, self._place,
-            self._bound, self._bias, self.graph.links, start, step, reach, out)
+            self._bound, self._bias, self.graph.links, self.graph.coupling, start, step, reach,
+            out)
         return out
 
     def hinges(self, rows: np.ndarray, motion: np.ndarray, least: Reach = PLAY) -> np.ndarray:
@@ -205,7 +212,7 @@ class CrackedJoints:
         """Give force and moment with which the second part pulls the first, bond frame, (K, 6)."""
         graph, out = self.graph, np.empty((len(rows), 6))
         joint_kernels.wrenches(rows, graph.first, graph.second, graph.axes, self._middle,
-                               self._bias, graph.links, displacement, out)
+                               self._bias, graph.links, graph.coupling, displacement, out)
         return out
 
     def add_pulls(self, bonds: np.ndarray, displacement: np.ndarray, out: np.ndarray,
@@ -222,4 +229,4 @@ class CrackedJoints:
         links.add_pulls(bonds[~cracked], graph.links, graph.first, graph.second, displacement,
                         out, sign)
         joint_kernels.add_forces(bonds[cracked], graph.first, graph.second, self._bias,
-                                 graph.links, displacement, out, sign)
+                                 graph.links, graph.coupling, displacement, out, sign)

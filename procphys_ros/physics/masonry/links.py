@@ -20,6 +20,9 @@ A link is a row of 18 numbers: the arm from the first body's reference point to 
 from the second's, and the upper triangles (xx xy xz yy yz zz) of the 3x3 stiffness against
 displacement and against rotation, all in world axes. With q = (u, φ) of a body, its material point
 at the patch moves by u + φ × arm, so every link couples two rows of 6 unknowns.
+
+Where friction slides, what moves along the patch is tied to what turns about its normal: a vector
+p along the patch, force per turn, and the normal n, packed as a row of 6 (`add_couplings`).
 """
 
 import numpy as np
@@ -130,6 +133,39 @@ def add_pulls(bonds, links, first, second, q, out, sign):
         out[j, 3] -= a + links[m, 4] * z - links[m, 5] * y
         out[j, 4] -= b + links[m, 5] * x - links[m, 3] * z
         out[j, 5] -= c + links[m, 3] * y - links[m, 4] * x
+
+
+@kernel(inline='always')
+def alongside(vectors, m, c, other, k):
+    """Give the dot product of three numbers of row m from c on, and of another from k on."""
+    return (vectors[m, c] * other[k] + vectors[m, c + 1] * other[k + 1]
+            + vectors[m, c + 2] * other[k + 2])
+
+
+@kernel
+def add_couplings(bonds, links, coupling, first, second, q, out, sign):
+    """
+    Add sign times what couplings add to the forces of the listed links, see `add_pulls`.
+
+    :param coupling: force along the patch per turn about its normal [N/rad], and this normal,
+        (M, 6).
+    """
+    for m in bonds:
+        i, j = first[m], second[m]
+        turn = (alongside(coupling, m, 3, q[j], 3) - alongside(coupling, m, 3, q[i], 3))
+        slide = 0.0
+        for c in range(3):
+            k, n = (c + 1) % 3, (c + 2) % 3
+            slide += coupling[m, c] * (
+                q[j, c] + q[j, 3 + k] * links[m, 3 + n] - q[j, 3 + n] * links[m, 3 + k]
+                - q[i, c] - q[i, 3 + k] * links[m, n] + q[i, 3 + n] * links[m, k])
+        force = (sign * turn * coupling[m, 0], sign * turn * coupling[m, 1],
+                 sign * turn * coupling[m, 2])
+        for body, arm, s in ((i, links[m, 0:3], 1.0), (j, links[m, 3:6], -1.0)):
+            moment = cross(arm, force)
+            for c in range(3):
+                out[body, c] += s * force[c]
+                out[body, 3 + c] += s * (moment[c] + sign * slide * coupling[m, 3 + c])
 
 
 @kernel

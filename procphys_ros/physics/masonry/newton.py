@@ -131,8 +131,10 @@ class Step:
         _shorten(parts, part, reach, start, before, step, displacement, residual)
         if self.confined:
             push = np.zeros_like(residual)
-            links.add_pulls(bonds, graph.links, graph.first, graph.second, displacement - start,
-                            push, 1.0)
+            moved = displacement - start
+            links.add_pulls(bonds, graph.links, graph.first, graph.second, moved, push, 1.0)
+            links.add_couplings(self.rows, graph.links, graph.coupling, graph.first, graph.second,
+                                moved, push, 1.0)
             push[parts] = push[-1] = 0.0
             residual += push
 

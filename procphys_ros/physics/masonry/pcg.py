@@ -113,9 +113,9 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
     """
     Run conjugate gradients until the largest nodal residual is small, on each island for itself.
 
-    :param islands: parts, bonds, columns of the coarse factor, and where those of each island are:
-        start of its parts, of its bonds and of its columns, (I + 1,) each.
-    :param graph: links, first, second.
+    :param islands: parts, bonds, cracked bonds, columns of the coarse factor, and where those of
+        each island start, (I + 1,) each.
+    :param graph: links, coupling, first, second.
     :param preconditioner: blocks, owner, arm, panels, rigid, work.
     :param state: x, residual, z, p, q, each (N + 1, 6); all but z and q are kept between
         calls.
@@ -124,11 +124,11 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
     :param limit: largest number of iterations, of each island.
     :returns: iterations done on each island, and its largest nodal residual [N], (I,) each.
     """
-    parts, bonds, columns, part, bond, column = islands
+    parts, bonds, cracked, columns, part, bond, crack, column = islands
     done, worst = np.empty(len(old), np.int64), np.empty(len(old))
     for k in range(len(old)):
         island = (parts[part[k]:part[k + 1]], bonds[bond[k]:bond[k + 1]],
-                  columns[column[k]:column[k + 1]])
+                  cracked[crack[k]:crack[k + 1]], columns[column[k]:column[k + 1]])
         done[k], old[k], worst[k] = _iterate(island, graph, preconditioner, state, reach, old[k],
                                              tolerance, limit)
     return done, worst
@@ -137,8 +137,8 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
 @kernel
 def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit):
     """Run conjugate gradients (Saad 2003, algorithm 9.1) on one island, see `iterate`."""
-    parts, bonds, columns = island
-    all_links, first, second = graph
+    parts, bonds, cracked, columns = island
+    all_links, coupling, first, second = graph
     blocks, owner, arm, panels, rigid, work = preconditioner
     x, residual, z, p, q = state
     worst = residual_size(parts, residual, reach)
@@ -150,6 +150,7 @@ def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit)
         old = product
         _turn(parts, z, beta, p, q)
         links.add_pulls(bonds, all_links, first, second, p, q, -1.0)
+        links.add_couplings(cracked, all_links, coupling, first, second, p, q, -1.0)
         bend = _dot(parts, p, q)
         if not bend > 0.0:  # what is left moves parts without straining a bond
             break

@@ -1,0 +1,125 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What stands without mortar stands with any: a joint that has cracked is a dry joint."""
+
+from masonry_walls import bonded
+import numpy as np
+import pytest
+from test_dry_sizes import BRICK, Drawn, stands
+
+G = 9.81  # [m/s²]
+# Tension and cohesion [Pa]: next to nothing, one of both alone, old lime, and more.
+MORTARS = [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1e3, 1e3), (2e4, 2e4), (1e5, 1e5), (0.0, 1e5)]
+
+
+def laid(plan, mortar):
+    """Lay a plan in a mortar."""
+    plan.mortar.tension[:], plan.mortar.cohesion[:] = mortar
+    return plan
+
+
+@pytest.mark.parametrize(('kind', 'seed'), [
+    ('round', 0), ('round', 3), ('round', 5), ('segmental', 0), ('segmental', 2),
+    ('pointed', 2), ('pointed', 5), ('pointed', 7)])
+def test_no_mortar_makes_an_arch_weaker(kind, seed):
+    """Stand 4 % above the least thickness of dry limit analysis, whatever the mortar."""
+    arch = Drawn(kind, seed, BRICK)
+    least = arch.least()
+    for mortar in MORTARS:
+        assert stands(laid(arch.build(1.04 * least), mortar))
+
+
+class FlatArch(Drawn):
+    """
+    A flat arch of nine stones, whose joints meet in a point below.
+
+    :param depth: of that point below the soffit, over half the span of 1.5 m.
+    """
+
+    def __init__(self, depth):
+        self.radius, self.friction, self.density, self.modulus, self.breadth = (
+            1.0, 0.7, 2000.0, BRICK, 0.3)
+        low = np.column_stack([np.linspace(-0.75, 0.75, 10), np.zeros(10)])
+        below = np.array([0.0, -0.75 * depth])
+        high = below + (low - below) * (1.0 + 0.3 / (0.75 * depth))
+        self.ends = np.stack([low, high], axis=1)
+
+    def lines(self, ratio):
+        """Give the ends of the joints."""
+        return self.ends
+
+
+@pytest.mark.parametrize('depth', [1.0, 1.7, 2.8])
+def test_no_mortar_makes_a_flat_arch_fall(depth):
+    """Let flat arches stand that stand dry."""
+    for mortar in [(0.0, 0.0), *MORTARS]:
+        assert stands(laid(FlatArch(depth).build(1.0), mortar))
+
+
+def leaf(draw):
+    """Lay a wall of two to six stones in running bond, one stone thick."""
+    count, courses = int(draw.integers(2, 7)), int(draw.integers(4, 12))
+    x, width, z = [], [], []
+    for course in range(courses):
+        edges = np.arange(count + 1.0) if course % 2 else np.concatenate(
+            [[0.0], np.arange(count) + 0.5, [count]])
+        x.append(0.2 * (edges[1:] + edges[:-1]))
+        width.append(0.4 * np.diff(edges))
+        z.append(np.full(len(edges) - 1, 0.2 * course + 0.1))
+    x, width, z = (np.concatenate(part) for part in (x, width, z))
+    return (np.column_stack([x, np.zeros(len(x)), z]),
+            np.column_stack([width, np.full((len(x), 2), 0.2)]))
+
+
+def portal(draw):
+    """Lay two piers of two to seven stones, a lintel, and up to three stones on its middle."""
+    height, width = int(draw.integers(2, 8)), draw.uniform(0.8, 2.0)
+    piers = [(x, 0.0, 0.2 * k + 0.1) for x in (0.0, width) for k in range(height)]
+    above = [(0.5 * width, 0.0, 0.2 * (height + k) + 0.3) for k in range(int(draw.integers(4)))]
+    centres = np.array([*piers, (0.5 * width, 0.0, 0.2 * height + 0.1), *above])
+    sizes = np.tile([0.4, 0.3, 0.2], (len(centres), 1))
+    sizes[len(piers), 0] += width
+    return centres, sizes
+
+
+def corbel(draw):
+    """Lay three to six stones, each as far out as those above allow, less 5 %."""
+    count = int(draw.integers(3, 7))
+    out = np.cumsum([0.0, *(0.95 * 0.2 / np.arange(count, 0, -1))])
+    centres = np.column_stack([out, np.zeros(count + 1), 0.1 * np.arange(count + 1) + 0.05])
+    return centres, np.tile([0.4, 0.2, 0.1], (count + 1, 1))
+
+
+@pytest.mark.parametrize('seed', range(4))
+@pytest.mark.parametrize(('form', 'side'), [(leaf, 1), (portal, 0), (portal, 1), (corbel, 0),
+                                            (corbel, 1)])
+def test_no_mortar_makes_a_loaded_structure_weaker(form, side, seed):
+    """Push drawn structures sideways by 95 % of what they hold dry: all hold in every mortar."""
+    draw = np.random.default_rng(seed)
+    centres, sizes = form(draw)
+    friction, growing = draw.uniform(0.4, 0.8), draw.integers(2)
+
+    def holds(share, mortar=(0.0, 0.0)):
+        plan = bonded(centres, sizes, 2000.0, 1e-3, friction=friction, compression=1e12)
+        force = np.zeros((len(plan), 3))
+        force[:, side] = share * G * plan.mass * (plan.poses[:, 2] if growing else 1.0)
+        return stands(laid(plan, mortar), force)
+
+    low, high = 0.0, 3.0
+    for _ in range(8):
+        low, high = (0.5 * (low + high), high) if holds(0.5 * (low + high)) else (
+            low, 0.5 * (low + high))
+    assert low > 0.0
+    assert all(holds(0.95 * low, mortar) for mortar in MORTARS)
