@@ -38,7 +38,7 @@ def give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
     too, or it would shoot out: the share of a piece holds for all contacts of the chain of bodies
     that it pressed on.
 
-    Writes velocities of bodies.
+    Writes velocities of bodies, and the impulses that contacts tell.
 
     :param share: of the impulses on each body that its bonds transmitted, by id, (B,), spread
         along chains in place.
@@ -51,11 +51,12 @@ def give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
     kept = _kept(*pairs, impulse, loose, bodies.mass, share)
     total, least, most = _sums(*pairs, np.ascontiguousarray(contacts.point), impulse, kept,
                                before.poses, len(share))
+    state.world.keep_impulses(kept)
     ids = np.flatnonzero((least < 1.0) & loose)
     keeps = np.where(least == most, least, np.nan)
     state.world.set_velocities(ids, _slowed(
-        ids, total, keeps, jump, (1.0 - share) * (model.gravity * dt), bodies.mass,
-        bodies.inertia, bodies.poses, before.velocities, bodies.velocities))
+        ids, total, keeps, jump, (1.0 - share) * (model.gravity * dt), model.gravity * dt,
+        bodies.mass, bodies.inertia, bodies.poses, before.velocities, bodies.velocities))
 
 
 @kernel
@@ -103,11 +104,11 @@ def _sums(first, second, point, impulse, kept, start, count):
 
 
 @kernel
-def _slowed(ids, total, keeps, jump, lift, mass, inertia, poses, before, after):
+def _slowed(ids, total, keeps, jump, lift, fall, mass, inertia, poses, before, after):
     """
     Give the velocities of bodies without what is taken back, (K, 6).
 
-    None has more energy than both before and after its contacts. A share of all impulses lies in
+    None has more energy than both without and with its contacts. A share of all impulses lies in
     between, but shares that differ from contact to contact, as where a brick is squeezed under a
     slab, could leave a spin of hundreds of rounds.
 
@@ -115,6 +116,7 @@ def _slowed(ids, total, keeps, jump, lift, mass, inertia, poses, before, after):
     :param keeps: share of its change of velocity that a body keeps, by id, (B,); NaN = see
         `total`.
     :param lift: velocity that gravity did not give [m/s], by id, (B,).
+    :param fall: velocity that gravity gives what is free [m/s].
     """
     out = np.empty((len(ids), 6))
     for k in range(len(ids)):
@@ -125,9 +127,12 @@ def _slowed(ids, total, keeps, jump, lift, mass, inertia, poses, before, after):
             out[k] = after[i] + (keeps[i] - 1.0) * jump[i]
         out[k, 2] += lift[i]
         energy = kinetic_energy(mass[i], inertia[i], poses[i, 3:], out[k])
-        most = max(kinetic_energy(mass[i], inertia[i], poses[i, 3:], before[i]),
+        free = before[i].copy()
+        free[2] -= fall - lift[i]
+        most = max(kinetic_energy(mass[i], inertia[i], poses[i, 3:], free),
                    kinetic_energy(mass[i], inertia[i], poses[i, 3:], after[i]), 1e-12)
-        out[k] *= np.sqrt(min(most / max(energy, 1e-12), 1.0))
+        if energy > most:
+            out[k] *= np.sqrt(most / energy)
     return out
 
 

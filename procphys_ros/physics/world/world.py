@@ -339,6 +339,14 @@ class World:
         """Give the contacts of the last step; what sleeps has none with what else sleeps."""
         return Contacts.of(self._table, self._time_step)
 
+    def keep_impulses(self, share: np.ndarray) -> None:
+        """
+        Let contacts of the last step tell a share of their impulses: what was not taken back.
+
+        :param share: 0 to 1, in the order of `contacts`, (C,).
+        """
+        self._table[:, 9:] *= share[:, None]
+
     def wrench(self, body: int) -> np.ndarray:
         """
         Give the mean force and moment that contacts had on a body in the last step.
