@@ -38,8 +38,8 @@ NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
 _ROUNDS = 60.0   # [1/s] of failures under lasting loads: the speed of cracks (decision 39)
 _PACE = 1200.0   # [1/s] iterations of the stress solver per simulated second, at least; ...
 _ROUND = 6.0     # ... times as many where there is time: enough for some rounds in 1/60 s; ...
-_WORK = 6e6      # [1/s] ... which parts times iterations bound under blows, and while joints open
-#                 and close: half of real time; what is linear, and solved once, has no bound
+_WORK = 1e7      # [1/s] ... which parts times iterations bound under blows, and while joints open
+#                 and close: real time at 0.1 µs each; what is linear, solved once, has no bound
 _TIPPING = 0.15  # [m/s] of its middle, with which a wall of thickness t and height h tips over:
 #                  √(3·g·t²/(8·h)) is 0.12 for a storey half a brick thick, 0.25 for one brick
 SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
