@@ -376,10 +376,12 @@ def test_the_scene_box_says_what_runs(page, source, client):
     page.update(0.0)
     assert page.controls.scene.value == 'mine'
     client.change('load', True)  # which is none that may be loaded
+    client.change('pause', True)
+    client.wait_until(lambda: source.said)
     source.state = replace(source.state, scene='a')
     page.update(1.0)
     assert page.controls.scene.value == 'a' and page.controls.scene.options == ('a',)
-    assert not source.said
+    assert source.said == [SetPause(True)]
 
 
 def test_a_shipped_scene_has_its_name_also_by_its_path(tmp_path):
