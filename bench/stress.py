@@ -70,11 +70,15 @@ def jacobi(solver, displacement, load, limit=20000):
     parts = np.flatnonzero(solver.supported)
     bonds = np.flatnonzero(graph.alive)
     state = (displacement, load, *np.zeros((3, graph.count + 1, 6)))
-    whole = (parts, bonds, np.zeros(1, np.int64), np.array([0, len(parts)]),
-             np.array([0, len(bonds)]), np.array([0, 1]))
-    return pcg.iterate(whole, (graph.links, graph.first, graph.second),
-                       pcg.blocks_alone(solver._gradients.blocks), state,
-                       graph.reach, np.zeros(1), solver.tolerance, limit)[0][0]
+    ends, none = np.array([0, 1]), np.zeros(0, np.int64)
+    whole = (parts, bonds, none, np.zeros(1, np.int64), ends * len(parts), ends * len(bonds),
+             0 * ends, ends)
+    rigid = (np.zeros(1, np.int64), np.zeros(2, np.int64), none, np.zeros(0, np.float32),
+             np.zeros((1, 6, 6)))  # one aggregate, which does not move
+    alone = (solver._gradients.blocks, np.zeros(graph.count + 1, np.int32),
+             np.zeros((graph.count, 3)), rigid, *np.zeros((2, 1, 6)))
+    return pcg.iterate(whole, (graph.links, graph.coupling, graph.first, graph.second), alone,
+                       state, graph.reach, np.zeros(1), solver.tolerance, limit)[0][0]
 
 
 def assembled(graph, owner, middle):
