@@ -381,6 +381,21 @@ def test_a_rod_stays_on_a_slope_until_it_is_steeper_than_rolling_resists(slope, 
         assert world.poses([rod])[0, 0] == pytest.approx(want, rel=0.03, abs=1e-5)
 
 
+def test_a_ball_that_spins_where_it_lies_stops_by_the_moment_of_its_weight():
+    """Spin a ball about the vertical: its lever arm of 8 mm takes I·ω/(m·g·lever) to stop it."""
+    radius, mass, spin = 0.2, 10.0, 5.0
+    with World(engine='native') as world:
+        ball = world.add_body(Shape.CAPSULE, [2.0 * radius] * 3, mass, at(0, 0, radius))
+        world.set_velocities(np.array([ball]), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, spin]]))
+        duration = 0.4 * radius ** 2 * spin / (G * 0.008)
+        for _ in range(round(0.5 * duration / DT)):
+            world.step(DT)
+        assert world.velocities([ball])[0, 5] == pytest.approx(0.5 * spin, rel=0.05)
+        for _ in range(round(0.6 * duration / DT)):
+            world.step(DT)
+        assert abs(world.velocities([ball])[0, 5]) < 1e-3
+
+
 @pytest.mark.parametrize('lean', [0.0, 0.05, 0.3])
 @pytest.mark.parametrize('into', [0.003, 0.02])
 def test_what_is_wedged_in_is_not_thrown_out(lean, into):

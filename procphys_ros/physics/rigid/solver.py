@@ -66,7 +66,7 @@ _RECOVERY = 30.0  # [1/s] at which overlaps and what has crept are taken back: l
 #                   for ever at four times that
 _GIVES = 0.006  # of what presses, by which a contact gives way, so that what is wedged lets its
 #                 stresses go (box2d's soft contacts); at most as fast as its overlap is taken back
-#                 and a body falls in a substep, or light ones would sink in under heavy ones
+#                 or a body falls in a substep, or light ones would sink in under heavy ones
 ROLLING = 0.008  # [m] lever arm of the contact force of what rolls: hard balls on firm soil ...
 MOST_ROLLING = 0.1  # ... and at most this share of the radius, or pebbles would slide
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
@@ -574,10 +574,9 @@ def _pass(contacts, ends, state, rows, pace, moved):
 
 @subroutine(**LEAN)
 def _resist_rolling(r, i, j, pressed, state, rows):
-    """Brake the spin of what rolls: by the moment of what presses, at a lever arm, at most."""
-    n, before = three(rows, r, _NORMAL), three(rows, r, _ROLLED)
+    """Brake what rolls or spins: by the moment of what presses, at a lever arm, at most."""
+    before = three(rows, r, _ROLLED)
     spin = less(three(state, i, SPIN), three(state, j, SPIN))
-    spin = plus(spin, -dot(spin, n), n)
     now, size, most = before, length(spin), rows[r, _LEVER] * pressed
     if size > 0.0:
         axis = scaled(1.0 / size, spin)
