@@ -23,7 +23,8 @@ from procphys_ros.physics.masonry.links import alongside
 _TWIST = 0.27   # radius of friction against twist over the diagonal of the patch: that of a square
 #                 which slides as a whole, 0.3826 of its side
 _TURNED = 0.5   # cosine between the ways of friction before and after a step that went too far
-_FIRM, _SOFTER = 1e-4, 0.1  # share of the stiffness kept then, and its change with each step
+SHARE = 1e-3    # of the whole stiffness: what tangents of open joints keep at first
+SOFTER = 0.1    # change of a share after a step that was right
 
 
 @kernel(inline='always')
@@ -279,9 +280,9 @@ def _steady(m, friction, radius, way, firm):
         return
     u, v, w = friction[0] / size, friction[1] / size, friction[2] / (radius * size)
     if u * way[m, 0] + v * way[m, 1] + w * way[m, 2] < _TURNED:
-        firm[m] = min(max(firm[m], _FIRM) / _SOFTER, 1.0)
+        firm[m] = min(max(firm[m] / SOFTER, SHARE), 1.0)
     else:
-        firm[m] *= _SOFTER
+        firm[m] *= SOFTER
     way[m, 0], way[m, 1], way[m, 2] = u, v, w
 
 

@@ -34,11 +34,11 @@ import numpy as np
 
 from procphys_ros.physics.masonry import joint_kernels, links
 from procphys_ros.physics.masonry.graph import BondGraph
+from procphys_ros.physics.masonry.joint_kernels import SHARE, SOFTER
 
-_SHARE = 1e-3        # of the whole stiffness: what tangents of open joints keep at first, ...
-_LEAST_SHARE = 1e-7  # ... and at last
+_LEAST_SHARE = 1e-7  # of the whole stiffness: what tangents of open joints keep at last
 _SHORT, _LONG = 0.3, 0.9         # reach of steps that promised too much, and that were right
-_STIFFEST, _SOFTER = 1e4, 0.1    # change of the share after these
+_STIFFEST = 1e4                  # largest change of the share after the former
 _STUCK = 1e12        # [N] friction that nothing overcomes
 _HINGE = 0.5         # of the fastest relative motion: joints that move as fast are hinges
 
@@ -83,7 +83,7 @@ class CrackedJoints:
         self._middle = np.zeros((count, 2))  # of the pressed part, where the link is [m]
         self._place = np.zeros((count, 2))   # where friction acts: the middle at last pressure [m]
         self._bound = np.zeros(count)        # of friction [N]
-        self._share = np.full(count, _SHARE)
+        self._share = np.full(count, SHARE)
         self._way = np.zeros((count, 3))  # of friction after the last step, unit vectors
         self._firm = np.zeros(count)      # least share of the stiffness against sliding
         self._sticks = np.zeros(count, bool)  # whatever the pressure, until a balance is found
@@ -95,7 +95,7 @@ class CrackedJoints:
         for array in (self._bias, self._slip, self._middle, self._place, self._bound, self._way,
                       self._firm):
             array[:] = 0.0
-        self._share[:] = _SHARE
+        self._share[:] = SHARE
         self._sticks[:] = False
 
     def adopt(self, other: 'CrackedJoints', mine: np.ndarray) -> None:
@@ -156,13 +156,13 @@ class CrackedJoints:
 
     def damp(self, rows: np.ndarray, reach: np.ndarray) -> None:
         """Stiffen or soften tangents after steps that went so far of what they promised, (K,)."""
-        factor = np.where(reach < _SHORT, np.clip(_SHORT / reach, 1.0 / _SOFTER, _STIFFEST),
-                          np.where(reach > _LONG, _SOFTER, 1.0))
+        factor = np.where(reach < _SHORT, np.clip(_SHORT / reach, 1.0 / SOFTER, _STIFFEST),
+                          np.where(reach > _LONG, SOFTER, 1.0))
         self._share[rows] = np.clip(factor * self._share[rows], _LEAST_SHARE, 1.0)
 
     def soften(self, rows: np.ndarray) -> None:
         """Give tangents the share of the stiffness that they start with."""
-        self._share[rows] = _SHARE
+        self._share[rows] = SHARE
 
     def power(self, rows: np.ndarray, label: np.ndarray, start: np.ndarray, step: np.ndarray,
               reach: np.ndarray) -> np.ndarray:

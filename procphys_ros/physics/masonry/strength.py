@@ -27,7 +27,7 @@ counts as capacity, so that it stays finite and equals 1 exactly on the limit:
     compression  (p + bending stress) / f_c
 
 With f_t = 0 the first is eccentricity over kern: a dry bed opens once the resultant leaves the
-middle third. What a bond does when its tension limit is passed is said in `opening`, and of
+middle third. What a bond does when a limit is passed is said in `fracture.Fracture`, and of
 reinforced ones in `ties`, whose steel takes the place of the first limit once they have cracked.
 """
 
