@@ -48,7 +48,7 @@ _NUDGE = 1e-3  # [m], [m/s] of what is thrown and of charges; over itself, of gu
 _GRAVITY = 1e-6  # over itself: far less than between two places on earth
 _EDDIES = 2  # fields of them: drawing another takes as long as many a run
 _DOWN = 0.2  # [m] from where a part was built
-_SUNK = -0.04  # [m] lowest centre of a part (PyBullet lets tonnes in by 34 mm); ...
+_SUNK = -0.025  # [m] lowest centre of a part (PyBullet lets tonnes in by 21 mm); ...
 _TWIG = -0.35  # [m] ... of wood, whose tips come down at up to 20 m/s: so far in a step
 _DEEPEST = -0.03  # [m] lowest corner of a body that rests
 _STEP = 1.0 / 60.0  # [s]
@@ -97,10 +97,11 @@ class Watch:
     it, and else of all parts together. What projectiles lose, walls and ground get.
 
     :param simulation: at its start.
+    :param sunk: lowest centre of a part that is not of wood [m].
     """
 
-    def __init__(self, simulation: Simulation):
-        self.simulation = simulation
+    def __init__(self, simulation: Simulation, sunk: float = _SUNK):
+        self.simulation, self._sunk = simulation, sunk
         self.rest = 0.0  # [s] from when on nothing moves that is loose
         wind = simulation.scene.settings.wind.velocity
         bends = len(simulation.state.forest) or any(wind) or any(
@@ -127,7 +128,7 @@ class Watch:
         assert (here | np.isnan(poses).all(axis=1)).all(), self._at('a pose is not finite')
         assert (here == simulation.exists).all(), self._at('what is gone has a pose')
         wood = simulation.blueprint.shape == Shape.CAPSULE
-        over = (poses[:, 2] - np.where(wood, _TWIG, _SUNK))[here].min(initial=np.inf)
+        over = (poses[:, 2] - np.where(wood, _TWIG, self._sunk))[here].min(initial=np.inf)
         assert over > 0.0, self._at(f'a part is {-over:.3f} m deeper in the ground than allowed')
         self._note_missiles()
         if self._ledger is None:
@@ -189,16 +190,18 @@ class Envelope:
     :param figures: more to measure at the end of each run, by name.
     :param runs: how many.
     :param seed: of all nudges.
+    :param sunk: see `Watch`.
     :ivar values: of each run by the names of the figures, and of these: `down` parts that lie
         further than 0.2 m from where they were built or are gone, `broken` bonds, `rest` [s] from
         when on nothing moves, `awake` bodies at the end, parts of the `largest` piece.
     """
 
     def __init__(self, start: Callable[[np.random.Generator], Simulation], seconds: float,
-                 figures: Figures | None = None, runs: int = RUNS, seed: int = 0):
+                 figures: Figures | None = None, runs: int = RUNS, seed: int = 0,
+                 sunk: float = _SUNK):
         self.values: dict[str, list[float]] = {}
         for run in range(runs):
-            watch = Watch(start(np.random.default_rng([seed, run])))
+            watch = Watch(start(np.random.default_rng([seed, run])), sunk)
             simulation = watch.run(seconds)
             watch.check_rest()
             found = {'rest': watch.rest, **{name: figure(simulation) for name, figure in {

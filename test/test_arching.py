@@ -69,7 +69,7 @@ def test_lime_mortar_falls_over_a_gate():
 def test_lime_mortar_falls_at_an_end():
     """Let fall over an opening at the end what an opening inside the wall would carry."""
     width = 1.2
-    x, z, stands = cut(_LENGTH, 2.0 * width, 2.0, **_LIME)
+    x, z, stands = cut(_LENGTH, 2.0 * width, **_LIME)
     edge = _LENGTH - width
     assert stands[x < edge - 1.2].mean() > 0.9  # later on, what has fallen strikes the rest
     assert not stands[(x > edge + 0.3) & (z > _OPENING)].any()
@@ -116,5 +116,5 @@ def test_collapse_stops_where_floors_do_not_tie():
     It falls piece by piece within 2.5 s: cracked joints hold some of it up for a while.
     """
     x, stands = house_without('timber', lambda p: p[:, 0] > 2.0, 150)
-    assert stands[x > 2.0].mean() < 0.3 and stands[x < 2.0].mean() > 0.6
+    assert stands[x > 2.0].mean() < 0.3 and stands[x < 2.0].mean() > 0.7
     assert stands[x < 0.5].mean() > 0.9

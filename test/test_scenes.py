@@ -210,7 +210,7 @@ def test_charges_bring_a_small_block_down_on_its_own_plan():
 @pytest.mark.parametrize('name', ['figure_8', 'implosion'])
 def test_charges_bring_the_whole_block_down(name):
     """Bring it down, as large as it is shipped: coarse bounds for one run, and the laws."""
-    simulation = run(name, 3.4)  # while it falls: heights of 0.42 and 0.55
+    simulation = run(name, 3.0)  # while it falls: heights of 0.50 and 0.31, 0.95 and 0.98 inside
     height, inside = heap(simulation)
     assert height < 0.75 and inside > 0.8 and len(simulation.state.bodies.members) > 200
 
@@ -235,8 +235,10 @@ def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
         return np.mean(down(simulation)[rows(simulation, 'bridge')][ends])
     cue = read_yaml(CONFIG / 'bridge.yaml')['scene']['cues'][0].replace('1.0 ', '0.0 ')
     scene = smaller('bridge', [cue])
-    found = envelope(scene, 1.0, fallen=lambda simulation: min(falls(simulation)[:2]),
-                     third=lambda simulation: falls(simulation)[2], ends=ends)
+    figures = {'fallen': lambda simulation: min(falls(simulation)[:2]), 'ends': ends,
+               'third': lambda simulation: falls(simulation)[2]}
+    # PyBullet lets a plate of 7 kg under a stone in by 34 mm in one of 24 runs.
+    found = Envelope(lambda rng: nudge(scene, rng), 1.0, figures, sunk=-0.04)
     found.bound('fallen', 0.5)  # [m] 0.9 to 1.6
     found.bound('third', -0.01, 0.01)  # [m] 0
     found.bound('ends', high=0.05)  # 0; rubble may push a stone

@@ -178,6 +178,7 @@ def test_dry_wall_cracks_at_the_kern_but_topples_at_its_aspect_ratio():
         _, cause, _, _ = settle(fracture)
         assert bool(len(cause)) == opens
         assert (not fracture.solver.supported.all()) == falls
+        assert (not fracture.solver.graph.alive.all()) == falls
 
 
 def test_mortared_wall_topples_as_soon_as_it_cracks():
