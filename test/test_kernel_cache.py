@@ -83,6 +83,16 @@ print(total(np.array([1.0, 10.0])), Compiled.count)
 CLAIMS = pytest.mark.skipif(os.nice(0) > 0, reason='processes of low priority claim nothing')
 
 
+def run_python(program: str, folder: Path, cache: Path,
+               **environment: str) -> subprocess.CompletedProcess:
+    """Run a program with the modules of a folder, and the caches of another."""
+    known = {**os.environ, 'XDG_CACHE_HOME': str(cache), 'PYTHONDONTWRITEBYTECODE': '1',
+             'PYTHONPATH': os.pathsep.join([str(folder), str(ROOT)])}
+    known.pop('NUMBA_CACHE_DIR', None)
+    return subprocess.run([sys.executable, '-c', program], env={**known, **environment},
+                          capture_output=True, text=True, check=True)
+
+
 class SmallPackage:
     """
     A package of two kernels, one of which calls the other, in processes of its own.
@@ -110,11 +120,7 @@ class SmallPackage:
         :param environment: variables.
         :returns: result, number of overloads compiled, errors and warnings.
         """
-        known = {**os.environ, 'XDG_CACHE_HOME': str(self._cache), 'PYTHONDONTWRITEBYTECODE': '1',
-                 'PYTHONPATH': os.pathsep.join([str(self._folder), str(ROOT)])}
-        known.pop('NUMBA_CACHE_DIR', None)
-        done = subprocess.run([sys.executable, '-c', PROGRAM + then], env={**known, **environment},
-                              capture_output=True, text=True, check=True)
+        done = run_python(PROGRAM + then, self._folder, self._cache, **environment)
         result, compiled = done.stdout.split()[-2:]
         return float(result), int(compiled), done.stderr
 
@@ -194,6 +200,22 @@ def test_subroutines_are_kept_for_other_kernels(small):
             'twice = kernel(lambda x: enlarge(enlarge(x)))\n'
             'print(twice(5.0), Compiled.count)')
     assert small.run(then=more)[:2] == (20.0, 1)
+
+
+def test_what_numba_makes_is_not_taken_for_another(tmp_path):
+    """Link two subroutines of two processes, in which numba gave its closures the same names."""
+    for name, end in (('first', 'start'), ('last', 'stop')):
+        (tmp_path / f'{name}.py').write_text(
+            'from procphys_ros.compilation import kernel, subroutine\n\n'
+            f'@subroutine\ndef {name}(numbers):\n    return numbers.{end}\n\n'
+            f'@kernel\ndef of_nine():\n    return {name}(range(3, 9))\n', 'utf-8')
+    both = ('from first import first\nfrom last import last\n'
+            'from procphys_ros.compilation import kernel\n'
+            'both = kernel(lambda count: (first(range(3, count)), last(range(3, count))))\n'
+            'print(both(9))')
+    found = [run_python(program, tmp_path, tmp_path / 'cache').stdout.strip() for program in (
+        'import first\nprint(first.of_nine())', 'import last\nprint(last.of_nine())', both)]
+    assert found == ['3', '9', '(3, 9)']
 
 
 def test_python_cannot_call_a_subroutine(small):

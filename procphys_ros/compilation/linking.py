@@ -32,6 +32,11 @@ from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
 
 
+# Names of what numba makes by itself: closures and array expressions among it have names that
+# differ within one process only, and code from two processes may be linked into one kernel.
+_MADE_BY_NUMBA = ('_ZN5numba', '_ZN13_3cdynamic_3e')
+
+
 class _Library(JITCodeLibrary):
     """Code that others link as it is read back from a file, so that a file changes nothing."""
 
@@ -44,6 +49,12 @@ class _Library(JITCodeLibrary):
                 self._bitcode = super()._get_module_for_linking().as_bitcode()
             self._shared_module = binding.parse_bitcode(self._bitcode)
         return self._shared_module
+
+    def _keep_apart(self) -> None:
+        """Hide what has no name of its own, so that nothing else is linked in its place."""
+        for function in self._final_module.functions:
+            if not function.is_declaration and function.name.startswith(_MADE_BY_NUMBA):
+                function.linkage = 'internal'
 
 
 class KernelLibrary(_Library):
@@ -71,6 +82,7 @@ class KernelLibrary(_Library):
 
     def _finalize_final_module(self) -> None:
         self._finalized = True  # no link changes it any more: it can be shared from here on
+        self._keep_apart()
         self._get_module_for_linking()
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == binding.Linkage.linkonce_odr:
@@ -91,6 +103,7 @@ class SubroutineLibrary(_Library):
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
         self._finalized = True
+        self._keep_apart()
 
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
         """Give what `restore_subroutine` reads."""
