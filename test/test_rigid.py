@@ -17,19 +17,22 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.physics.kinetic import motion_energy
-from procphys_ros.physics.rigid.contacts import find, join_key, meeting, no_contacts, split_key
+from procphys_ros.physics.rigid.contacts import find, join_key, no_contacts, split_key
 from procphys_ros.physics.rigid.islands import upwards
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, ROUND
+from procphys_ros.physics.rigid.reduction import spanning
 from procphys_ros.physics.terrain import FLAT
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import World
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.loose_bodies import plain
 from procphys_ros.physics.world.native import NativeEngine
+from procphys_ros.physics.world.pairs import meeting
 from procphys_ros.physics.world.pieces import single
 
 G = np.array([0.0, 0.0, -9.81])
@@ -288,6 +291,53 @@ def test_a_heap_falls_lands_and_keeps_its_books():
     assert np.sqrt(np.square(table.velocities[ids, :3]).sum(axis=1).mean()) < 0.02
 
 
+def test_threads_change_no_bit(monkeypatch):
+    """Let heaps beside each other fall, in islands of all sizes, with 1, 2 and 5 threads."""
+    monkeypatch.setattr('procphys_ros.physics.world.native._WORTH', 100.0)
+    monkeypatch.setattr('procphys_ros.compilation.threads._WORTH', 10)
+
+    def fall(threads):
+        rng = np.random.default_rng(8)
+        size = np.repeat([1, 2, 5, 12, 30], [9, 6, 4, 2, 1])
+        heap = np.repeat(np.arange(len(size)), size)
+        places = rng.uniform(-0.2, 0.2, (len(heap), 3)) + np.column_stack(
+            [2.0 * (heap % 5), 2.0 * (heap // 5), np.full(len(heap), 0.5)])
+        places[:, 2] += 0.1 * (np.arange(len(heap)) % 12)
+        table, ids, engine = bodies(places, BRICK, np.full(len(heap), 2.6))
+        engine.threads = threads
+        for _ in range(60):
+            engine.step(DT)
+        return table.poses[ids], engine.contacts()
+    alone = fall(1)
+    for threads in (2, 5):
+        for one, other in zip(alone, fall(threads)):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_only_the_outermost_points_of_a_plane_count():
+    """Touch at random points of a plane: few are left, and these span nearly all of it."""
+    rng = np.random.default_rng(21)
+    for _ in range(20):
+        count = int(rng.integers(5, 120))
+        rows = no_contacts(count)
+        normal = rng.normal(size=3)
+        normal /= np.linalg.norm(normal)
+        across = np.linalg.svd(normal[None])[2][1:]
+        flat = rng.uniform(-1.0, 1.0, (count, 2)) * rng.uniform(0.01, 3.0, 2)
+        rows.point[:], rows.normal[:] = flat @ across, normal
+        rows.gap[:] = 1e-3 + flat @ rng.uniform(-1e-3, 1e-3, 2)
+        same = np.zeros(count, np.int64)
+        kept = spanning(same, same + 1, rows)
+        assert len(kept) <= 8
+        outline = ConvexHull(flat).volume
+        assert ConvexHull(flat[kept]).volume > 0.6 * outline
+        near = int(rng.integers(count))
+        rows.gap[near] -= 2e-3  # a tooth presses before all others
+        assert near in spanning(same, same + 1, rows)
+        np.testing.assert_array_equal(  # pairs of four points each, of which nothing is left out
+            spanning(np.arange(count) // 4, same + 1000, rows), np.arange(count))
+
+
 def test_what_was_removed_leaves_no_rows_and_others_go_on():
     """Remove and add bodies beside a column for a while: it stands to the bit, rows stay few."""
     def column(busy):
@@ -320,10 +370,11 @@ def test_contacts_are_sorted_from_the_ground_up(farthest):
     rows.gap[:], rows.force[:] = 1e-3, 0.0
     rows.force[::3, 0], rows.gap[1::7] = 2.0, -1e-4
     waits = (rows.gap > 0.0) & (rows.force[:, 0] == 0.0)
-    level = np.trunc(rows.point[:, 2] / 1e-6)
-    np.testing.assert_array_equal(upwards(rows, G), np.lexsort((level, waits)))
-    np.testing.assert_array_equal(upwards(rows, np.zeros(3)), np.argsort(waits, kind='stable'))
-    assert not len(upwards(no_contacts(0), G))
+    level, every = np.trunc(rows.point[:, 2] / 1e-6), np.arange(len(rows.gap))
+    np.testing.assert_array_equal(upwards(rows, every, G), np.lexsort((level, waits)))
+    np.testing.assert_array_equal(upwards(rows, every, np.zeros(3)),
+                                  np.argsort(waits, kind='stable'))
+    assert not len(upwards(no_contacts(0), every[:0], G))
 
 
 def test_pairs_meet_once_whatever_moves():
@@ -336,7 +387,7 @@ def test_pairs_meet_once_whatever_moves():
     excluded = np.array([[x, y] for x in range(150) for y in range(x, 150) if (x + y) % 9 == 0])
     rows = np.flatnonzero(moves[body] > 0)
     one, other = overlaps(bounds[rows], bounds)
-    found = meeting(one, other, rows, body, moves, join_key(*excluded.T))
+    found = meeting(one, other, rows, moves[body] > 0, body, moves, join_key(*excluded.T))
     wanted = []
     for p in rows:
         for q in range(count):

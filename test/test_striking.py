@@ -178,9 +178,9 @@ def test_contacts_tell_what_they_gave(mass, speed, size, monkeypatch):
     throw(simulation, mass, speed, size=size, start=-0.3 - size)
     stood, step = [], World.step
 
-    def watched(world, dt):
+    def watched(world, dt, threads):
         stood[:] = [world.bodies.state < BodyState.AWAKE]
-        step(world, dt)
+        step(world, dt, threads)
     monkeypatch.setattr(World, 'step', watched)
     given = 0.0
     for _ in range(30):

@@ -31,7 +31,6 @@ from numba.core.cpu import _dynfunc
 from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
 
-
 # Names of what numba makes by itself: closures and array expressions among it have names that
 # differ within one process only, and code from two processes may be linked into one kernel.
 _MADE_BY_NUMBA = ('_ZN5numba', '_ZN13_3cdynamic_3e')

@@ -51,3 +51,28 @@ def kinetic_energy(mass, inertia, attitude, velocity):
     for c in range(3):
         energy += inertia[c] * (x[c] * u + y[c] * v + z[c] * w) ** 2
     return 0.5 * energy
+
+
+@kernel
+def free_spins(inertia, before, after, spin):
+    """
+    Give the spins that free bodies have in other attitudes: their angular momentum stays.
+
+    :param inertia: principal moments in the body's axes [kg·m²], (K, 3).
+    :param before, after: attitudes, xyzw, (K, 4).
+    :param spin: before, world [rad/s], (K, 3).
+    """
+    out = np.zeros((len(inertia), 3))
+    for k in range(len(inertia)):
+        one, other = matrix_rows(before[k]), matrix_rows(after[k])
+        momentum = np.zeros(3)
+        for c in range(3):
+            own = (one[0][c] * spin[k, 0] + one[1][c] * spin[k, 1] + one[2][c] * spin[k, 2])
+            for w in range(3):
+                momentum[w] += inertia[k, c] * own * one[w][c]
+        for c in range(3):
+            own = (other[0][c] * momentum[0] + other[1][c] * momentum[1]
+                   + other[2][c] * momentum[2]) / inertia[k, c]
+            for w in range(3):
+                out[k, w] += own * other[w][c]
+    return out

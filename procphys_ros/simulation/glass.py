@@ -15,7 +15,7 @@
 
 """Glass: panes break by bending long before their frames let go, and into shards."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +29,7 @@ from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Resistance
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import fragments, spawned_parts
-from procphys_ros.simulation.blows import blows_of
+from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -137,7 +137,7 @@ def shatter_standing(model: Model, state: State,
 
 
 def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
-          broken: Sequence[np.ndarray]) -> None:
+          made: Callable[[], Blows], broken: Sequence[np.ndarray]) -> None:
     """
     Find out which panes in loose pieces the contacts of the last step broke.
 
@@ -147,6 +147,7 @@ def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
 
     :param struck: bodies that contacts stopped or pushed, by id, (B,) bool.
     :param change: of velocity by contacts, by id, (B, 6).
+    :param made: gives the blows of the last step.
     :param broken: bonds that broke in pieces, rows of the blueprint.
     """
     own, glass = state.glass, model.glass
@@ -157,8 +158,7 @@ def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
     if loose.any() and struck.any():
         rows = np.flatnonzero(loose & struck[body])
         np.maximum.at(own.load, rows, _bending(model, state, rows, body[rows], change[body[rows]]))
-        np.maximum.at(own.load, *_point_loads(model, state, np.flatnonzero(loose), struck,
-                                              change))
+        np.maximum.at(own.load, *_point_loads(model, state, np.flatnonzero(loose), struck, made))
     if broken:
         bent = np.searchsorted(glass.parts, in_bent_frames(model, np.concatenate(broken)))
         own.load[bent] = np.maximum(own.load[bent], _JUST_OVER)
@@ -275,12 +275,12 @@ def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
 
 
 def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarray,
-                 change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+                 made: Callable[[], Blows]) -> tuple[np.ndarray, np.ndarray]:
     """
     Give the contact forces on panes over the force in one point that they bear.
 
     :param rows: loose panes, (K,).
-    :param struck, change: see `judge`.
+    :param struck, made: see `judge`.
     :returns: row and load of each such contact.
     """
     contacts, start = state.world.contacts(), state.rubble.poses
@@ -300,7 +300,7 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
     if not on.any():
         return rows[on], np.zeros(0)
     force = norm(contacts.impulse[touch[on]], axis=1)
-    force /= blows_of(model, state, change).duration[touch[on]]
+    force /= made().duration[touch[on]]
     return rows[on], force / _point_force(model, parts[on])
 
 

@@ -16,6 +16,7 @@
 """Impacts: break loose pieces again where contacts overload their bonds."""
 
 from collections.abc import Iterator
+from functools import cache, partial
 from typing import cast
 
 import numpy as np
@@ -23,6 +24,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Law
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.kinetic import free_spins
 from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import (
@@ -82,13 +84,13 @@ def step(model: Model, state: State, dt: float) -> None:
     splits = (len(state.rubble.waiting) > 0 or np.max(state.bodies.size, initial=0)
               >= 2.0 * (grain if room >= 2 else _LUMP * grain))
     broken = []
-    made = blows_of(model, state, change) if touches or splits else None
-    if made is not None:
-        broken = _break(model, state, struck, made, grain, room, share)
-    glass.judge(model, state, struck, change, [result.bonds for _, result in broken])
+    made = cache(partial(blows_of, model, state, change))  # which takes milliseconds
+    if touches or splits:
+        broken = _break(model, state, struck, made(), grain, room, share)
+    glass.judge(model, state, struck, change, made, [result.bonds for _, result in broken])
     found = []
-    if touches and made is not None:
-        found = debris_loads.knockouts(state, made, struck)
+    if touches:
+        found = debris_loads.knockouts(state, made(), struck)
     for knock in found:
         share[state.parts.body[knock.part]] = knock.share
     if broken or found:
@@ -183,12 +185,15 @@ def _grain(state: State) -> float:
 
 def _jump(model: Model, state: State, dt: float) -> np.ndarray:
     """Give the change of velocity by contacts of all awake bodies, (K, 6)."""
-    awake, bodies = state.world.awake, state.world.bodies
-    before = np.zeros((len(awake), 6))
-    known = awake < len(state.rubble.velocities)
-    before[known] = state.rubble.velocities[awake[known]]
-    before[:, 2] -= model.gravity * dt
-    return bodies.velocities[awake] - before
+    awake, bodies, start = state.world.awake, state.world.bodies, state.rubble
+    free = np.zeros((len(awake), 6))
+    known = awake < len(start.velocities)
+    ids = awake[known]
+    free[known] = start.velocities[ids]
+    free[known, 3:] = free_spins(bodies.inertia[ids], start.poses[ids, 3:],
+                                 bodies.poses[ids, 3:], start.velocities[ids, 3:])
+    free[:, 2] -= model.gravity * dt
+    return bodies.velocities[awake] - free
 
 
 def _struck(state: State, jump: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.kinetic import kinetic_energy
+from procphys_ros.physics.rigid.islands import Islands
 from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.rotation_kernels import matrix
 from procphys_ros.simulation.model import Model
@@ -36,7 +37,8 @@ def give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
     are their arms. Bodies that stood on what gives way now did not fall in this step, so gravity
     gives them no speed. What is squeezed between a piece and the ground passes on a weaker push,
     too, or it would shoot out: the share of a piece holds for all contacts of the chain of bodies
-    that it pressed on.
+    that it pressed on. Nothing gets energy from that: where bodies that share contacts would, less
+    is given back by all of these, so that momentum is kept.
 
     Writes velocities of bodies, and the impulses that contacts tell.
 
@@ -51,12 +53,30 @@ def give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
     kept = _kept(*pairs, impulse, loose, bodies.mass, share)
     total, least, most = _sums(*pairs, np.ascontiguousarray(contacts.point), impulse, kept,
                                before.poses, len(share))
-    state.world.keep_impulses(kept)
     ids = np.flatnonzero((least < 1.0) & loose)
     keeps = np.where(least == most, least, np.nan)
-    state.world.set_velocities(ids, _slowed(
-        ids, total, keeps, jump, (1.0 - share) * (model.gravity * dt), model.gravity * dt,
-        bodies.mass, bodies.inertia, bodies.poses, before.velocities, bodies.velocities))
+    lift, fall = (1.0 - share) * (model.gravity * dt), model.gravity * dt
+    given = _given(ids, total, keeps, jump, lift, bodies.mass, bodies.inertia, bodies.poses)
+    group = _groups(*pairs, kept, loose)
+    part = _possible(ids, group, given, lift, fall, bodies.mass, bodies.inertia, before.poses,
+                     before.velocities, bodies.poses, bodies.velocities)
+    one = np.where(loose[pairs[0]], pairs[0], pairs[1])
+    state.world.keep_impulses(1.0 - part[group[one]] * (1.0 - kept))
+    state.world.set_velocities(ids, bodies.velocities[ids] + part[group[ids], None] * given)
+
+
+def _groups(first: np.ndarray, second: np.ndarray, kept: np.ndarray,
+            loose: np.ndarray) -> np.ndarray:
+    """Give each body the number of its group, between which something is given back, (B,)."""
+    count = len(loose)
+    taken = np.flatnonzero((kept < 1.0) & (loose[first] | loose[second]))
+    ends = [np.where(loose[side], side, count)[taken] for side in (first, second)]
+    none = np.zeros(0, np.intp)
+    found = Islands.found((ends[0], ends[1]), (none, none), count)
+    group = np.empty(count, np.intp)
+    group[found.bodies] = np.repeat(np.arange(len(found.body_start) - 1),
+                                    np.diff(found.body_start))
+    return group
 
 
 @kernel
@@ -104,35 +124,57 @@ def _sums(first, second, point, impulse, kept, start, count):
 
 
 @kernel
-def _slowed(ids, total, keeps, jump, lift, fall, mass, inertia, poses, before, after):
+def _given(ids, total, keeps, jump, lift, mass, inertia, poses):
     """
-    Give the velocities of bodies without what is taken back, (K, 6).
-
-    None has more energy than both without and with its contacts. A share of all impulses lies in
-    between, but shares that differ from contact to contact, as where a brick is squeezed under a
-    slab, could leave a spin of hundreds of rounds.
+    Give the changes of velocity that take back what was not transmitted, (K, 6).
 
     :param total: what is taken back, by id, (B, 6).
     :param keeps: share of its change of velocity that a body keeps, by id, (B,); NaN = see
         `total`.
     :param lift: velocity that gravity did not give [m/s], by id, (B,).
-    :param fall: velocity that gravity gives what is free [m/s].
     """
     out = np.empty((len(ids), 6))
     for k in range(len(ids)):
         i = ids[k]
         if np.isnan(keeps[i]):
-            out[k] = after[i] + _change(total[i], mass[i], inertia[i], poses[i])
+            out[k] = _change(total[i], mass[i], inertia[i], poses[i])
         else:
-            out[k] = after[i] + (keeps[i] - 1.0) * jump[i]
+            out[k] = (keeps[i] - 1.0) * jump[i]
         out[k, 2] += lift[i]
-        energy = kinetic_energy(mass[i], inertia[i], poses[i, 3:], out[k])
-        free = before[i].copy()
-        free[2] -= fall - lift[i]
-        most = max(kinetic_energy(mass[i], inertia[i], poses[i, 3:], free),
-                   kinetic_energy(mass[i], inertia[i], poses[i, 3:], after[i]), 1e-12)
-        if energy > most:
-            out[k] *= np.sqrt(most / energy)
+    return out
+
+
+@kernel
+def _possible(ids, group, given, lift, fall, mass, inertia, start, before, poses, after):
+    """
+    Say how much of what is taken back each group can have, by its number, (B,).
+
+    A group has no more energy than both without and with its contacts. A share of all impulses
+    lies in between, but shares that differ from contact to contact may not, as where a ball goes
+    on as before, and what it threw aside as well.
+
+    :param given: see `_given`, (K, 6).
+    :param start, before: poses and velocities at the start of the step; `poses` and `after` now.
+    :param fall: velocity that gravity gives what is free [m/s].
+    """
+    free, now = np.zeros(len(mass)), np.zeros(len(mass))
+    linear, square = np.zeros(len(mass)), np.zeros(len(mass))
+    for k in range(len(ids)):
+        i, g = ids[k], group[ids[k]]
+        falling = before[i].copy()
+        falling[2] -= fall - lift[i]
+        free[g] += kinetic_energy(mass[i], inertia[i], start[i, 3:], falling)
+        own = kinetic_energy(mass[i], inertia[i], poses[i, 3:], after[i])
+        change = kinetic_energy(mass[i], inertia[i], poses[i, 3:], given[k])
+        both = kinetic_energy(mass[i], inertia[i], poses[i, 3:], after[i] + given[k])
+        now[g], square[g] = now[g] + own, square[g] + change
+        linear[g] += both - own - change
+    out = np.ones(len(mass))
+    for g in range(len(mass)):
+        room = max(free[g] - now[g], 0.0)
+        if linear[g] + square[g] > room and square[g] > 0.0:
+            root = np.sqrt(linear[g] ** 2 + 4.0 * square[g] * room)
+            out[g] = max(root - linear[g], 0.0) / (2.0 * square[g])
     return out
 
 

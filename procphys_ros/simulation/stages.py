@@ -80,7 +80,7 @@ def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
             meanwhile.callback(beside(name, partial(work, model, state, dt), model.threads))
         rubble.velocities = bodies.copied('velocities', rubble.velocities)
         rubble.poses = bodies.copied('poses', rubble.poses)
-        state.world.step(dt)
+        state.world.step(dt, model.threads)
 
 
 STAGES = (

@@ -96,37 +96,7 @@ def no_contacts(count):
                        np.empty((count, 4)))
 
 
-@kernel
-def meeting(one, other, rows, body, moves, excluded):
-    """
-    Choose the pairs of pieces that may meet, each once.
-
-    :param one, other: places in `rows` and other pieces, (K,).
-    :param rows: pieces that move, ascending, (M,).
-    :param body: of each piece, (P,).
-    :param moves: of each body: 2 = freely, 1 = as it is driven, 0 = not at all, (B,).
-    :param excluded: pairs of bodies, lower id first, as keys, ascending, (E,).
-    :returns: keys of the pairs, the lower piece first whichever moves, (L,).
-    """
-    out, count = np.empty(len(one), np.int64), 0
-    for k in range(len(one)):
-        p, q = rows[one[k]], other[k]
-        a, b = body[p], body[q]
-        if a == b or moves[a] + moves[b] < 2 or (moves[b] > 0 and p > q):
-            continue
-        if moves[a] == 1 and moves[b] == 1:
-            continue
-        if len(excluded):
-            key = (min(a, b) << 32) | max(a, b)
-            place = np.searchsorted(excluded, key)
-            if place < len(excluded) and excluded[place] == key:
-                continue
-        out[count] = (min(p, q) << 32) | max(p, q)
-        count += 1
-    return out[:count]
-
-
-@kernel
+@kernel(nogil=True)
 def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step, before):
     """
     Find where pieces touch each other and the ground, or will within a step.

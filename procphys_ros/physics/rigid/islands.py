@@ -16,6 +16,7 @@
 """Islands: groups of bodies that touch each other, which nothing else moves in a step."""
 
 import math
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -24,6 +25,59 @@ from procphys_ros.physics.rigid.vectors import LEAN
 
 _LEVEL = 1e-6  # [m] of height from which on points count as one above the other
 _DIGIT = 1 << 11  # two of them cover 4 m
+
+
+class Islands(NamedTuple):
+    """
+    Islands, each with its bodies, contacts and joints.
+
+    :ivar bodies: rows, island by island, (N,).
+    :ivar body_start: where those of each begin, and the end, (I + 1,).
+    :ivar contacts, contact_start: likewise.
+    :ivar joints, joint_start: likewise.
+    """
+
+    bodies: np.ndarray
+    body_start: np.ndarray
+    contacts: np.ndarray
+    contact_start: np.ndarray
+    joints: np.ndarray
+    joint_start: np.ndarray
+
+    @classmethod
+    def found(cls, contacts: tuple[np.ndarray, np.ndarray],
+              joints: tuple[np.ndarray, np.ndarray], count: int) -> Self:
+        """
+        Sort bodies, contacts and joints by island, in the order of the first body of each.
+
+        :param contacts: bodies that they join, (C,) twice; numbers from `count` on do not move
+            and join nothing.
+        :param joints: likewise, (J,) twice.
+        :param count: of bodies that move.
+        """
+        pairs = [np.concatenate(ends) for ends in zip(contacts, joints)]
+        bodies, body_start, rows, start = _components(*pairs, count)
+        touches = rows < len(contacts[0])  # contacts come first in each island
+        begin = np.concatenate([[0], np.cumsum(touches)])[start]
+        return cls(bodies, body_start, rows[touches], begin, rows[~touches] - len(contacts[0]),
+                   start - begin)
+
+    def taken(self, chosen: np.ndarray) -> Self:
+        """Give some islands, in this order."""
+        out = []
+        for column, start in zip(self[::2], self[1::2]):
+            size = np.diff(start)[chosen]
+            begin = np.concatenate([[0], np.cumsum(size)])
+            rows = np.arange(begin[-1]) + np.repeat(start[:-1][chosen] - begin[:-1], size)
+            out += [column[rows], begin]
+        return type(self)(*out)
+
+    def between(self, low: int, high: int) -> Self:
+        """Give islands that follow each other."""
+        out = []
+        for column, start in zip(self[::2], self[1::2]):
+            out += [column[start[low]:start[high]], start[low:high + 1] - start[low]]
+        return type(self)(*out)
 
 
 @subroutine(**LEAN)
@@ -35,15 +89,8 @@ def _root(parent, i):
 
 
 @kernel
-def islands(first, second, count):
-    """
-    Sort bodies and contacts by island, in the order of the first body of each.
-
-    :param first, second: bodies of each contact; numbers from `count` on, and below 0, do not
-        move and join nothing, (C,).
-    :param count: of bodies that move.
-    :returns: bodies by island, where those of each begin, contacts by island, where those begin.
-    """
+def _components(first, second, count):
+    """Give bodies by island, where those of each begin, pairs by island, where those begin."""
     parent = np.arange(count)
     for c in range(len(first)):
         a, b = first[c], second[c]
@@ -66,31 +113,33 @@ def islands(first, second, count):
 
 
 @kernel
-def upwards(contacts, gravity):
+def upwards(contacts, rows, gravity):
     """
     Sort contacts from the ground up: first those that press or overlap, then those that may.
 
     :param contacts: with what they pressed with in the step before.
+    :param rows: of those to sort, (C,).
     :param gravity: [m/s²], (3,).
     :returns: rows, (C,).
     """
-    point, count = contacts.point, len(contacts.gap)
+    point, count = contacts.point, len(rows)
     order, level = np.arange(count), np.zeros(count, np.int64)
     waits = np.zeros(count, np.int64)
     strength = math.sqrt(gravity[0] * gravity[0] + gravity[1] * gravity[1]
                          + gravity[2] * gravity[2])
-    for c in range(count):
-        waits[c] = contacts.gap[c] > 0.0 and contacts.force[c, 0] == 0.0
+    for n in range(count):
+        c = rows[n]
+        waits[n] = contacts.gap[c] > 0.0 and contacts.force[c, 0] == 0.0
         if strength > 0.0:
             along = (point[c, 0] * gravity[0] + point[c, 1] * gravity[1]
                      + point[c, 2] * gravity[2])
-            level[c] = -int(along / strength / _LEVEL)
+            level[n] = -int(along / strength / _LEVEL)
     if count > 0:
         level -= level.min()
     while count > 0 and level.max() > 0:  # digit by digit
         order = order[_sorted(level[order] % _DIGIT, _DIGIT)[0]]
         level //= _DIGIT
-    return order[_sorted(waits[order], 2)[0]]
+    return rows[order[_sorted(waits[order], 2)[0]]]
 
 
 @subroutine

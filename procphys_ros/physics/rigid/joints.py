@@ -120,7 +120,7 @@ class JointRows(NamedTuple):
     moment: np.ndarray
     strain: np.ndarray
 
-    def of(self, rows: np.ndarray) -> 'JointRows':
+    def of(self, rows: np.ndarray | slice) -> 'JointRows':
         """Give some rows."""
         return JointRows(*(column[rows] for column in self))
 

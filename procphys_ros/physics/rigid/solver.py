@@ -70,7 +70,7 @@ _GIVES = 0.006  # of what presses, by which a contact gives way, so that what is
 ROLLING = 0.008  # [m] lever arm of the contact force of what rolls: hard balls on firm soil ...
 MOST_ROLLING = 0.1  # ... and at most this share of the radius, or pebbles would slide
 _BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
-_WORK = 24_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
+_WORK = 12_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
 _LEAST_PASSES = 2  # pairs, without which large heaps tremble, and never sleep
 _COARSE = 480.0  # [1/s] substeps of an island at least; so many leave 0.5 mm of overlap in a heap
 _FINER = 4  # times as many at most
@@ -109,26 +109,27 @@ class MovingBodies(NamedTuple):
     velocity: np.ndarray
 
 
-@kernel
-def solve(bodies, first, second, contacts, order, friction, restitution, joints, groups, gravity,
+@kernel(nogil=True)
+def solve(bodies, free, first, second, contacts, friction, restitution, joints, islands, gravity,
           time_step):
     """
-    Move bodies by a step under gravity and contacts; writes poses, velocities and forces.
+    Move the bodies of islands by a step under gravity and contacts.
+
+    Writes poses, velocities, and the forces of contacts.
 
     :param bodies: the last row stands for all that is immovable.
+    :param free: number of bodies that move freely.
     :param first, second: rows of bodies, (C,).
     :param contacts: their forces of the step before become those at the end of this one.
-    :param order: of contacts: by island, (C,).
     :param friction, restitution: of bodies by id; the geometric mean of two counts, (B,).
-    :param joints: by island, between rows of bodies; ways, forces and moments are written.
-    :param groups: from `islands`: bodies in turn, where those of each island begin, and where
-        contacts do in `order`, and joints.
+    :param joints: of these islands, between rows of bodies; ways, forces and moments are written.
+    :param islands: `Islands`; what is in others does not matter.
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
-    :returns: contacts as `Engine.contacts` gives them, (C, 13).
+    :returns: contacts of the islands as `Engine.contacts` gives them, (C, 13).
     """
-    members, member_start, start, joint_start = groups
-    state, rows = _states(bodies), np.empty((len(order), _CONTACT))
+    own, order, start = islands.bodies, islands.contacts, islands.contact_start
+    state, rows = _states(bodies, own, free), np.empty((len(order), _CONTACT))
     ends, spots = np.empty((len(order), 2), np.int64), np.zeros((len(order), 3))
     elastic, told = np.empty((len(order), 2)), np.empty((len(order), 13))
     for r in range(len(order)):
@@ -138,38 +139,59 @@ def solve(bodies, first, second, contacts, order, friction, restitution, joints,
         rows[r, _GRIP] = math.sqrt(friction[a] * friction[b])
         elastic[r, 0] = math.sqrt(restitution[a] * restitution[b])
         _place(r, c, bodies, ends, contacts, rows)
-        _tell(c, bodies.pose, first[c], contacts, told)
+        _tell(r, c, bodies.pose, first[c], contacts, told)
     gained = time_step * math.sqrt(
         gravity[0] * gravity[0] + gravity[1] * gravity[1] + gravity[2] * gravity[2])
-    _brace(len(members), bodies, gained, ends, state, rows)
-    for i in range(len(state)):
+    _brace(own, free, bodies, gained, ends, state, rows)
+    for i in own:
         state[i, LIGHT + 2] *= state[i, OWN]
         _ease(i, bodies, state)
     for r in range(len(order)):
         _aim(r, ends, contacts.radius, order, state, time_step, rows)
-    system = jointed.lay_out(joints, len(members))
-    jointed.aim(range(len(joints.kind)), joints, system, bodies, len(members), 0.0, state)
+    system = jointed.lay_out(joints, free)
+    jointed.aim(range(len(joints.kind)), joints, system, bodies, free, 0.0, state)
     for g in range(len(start) - 1):
-        own = members[member_start[g]:member_start[g + 1]]
-        held = range(joint_start[g], joint_start[g + 1])
-        _solve_island(own, start[g], start[g + 1], len(members), bodies, ends, elastic,
+        members = own[islands.body_start[g]:islands.body_start[g + 1]]
+        held = range(islands.joint_start[g], islands.joint_start[g + 1])
+        _solve_island(members, start[g], start[g + 1], free, bodies, ends, elastic,
                       contacts.radius, order, contacts.force, contacts.shift, joints, held,
                       system, gravity, time_step, state, rows, spots)
     jointed.tell(joints, system, time_step)
-    for i in range(len(members)):
+    for i in own:
         for w in range(6):
             bodies.velocity[i, w] = state[i, w]
-    for i in range(len(members), len(bodies.mass)):
-        _follow(i, bodies, time_step)
-    _tell_impulses(order, rows, spots, time_step, told)
+    _tell_impulses(rows, spots, time_step, told)
     return told
 
 
+@kernel
+def follow(bodies, free, time_step):
+    """Move kinematic bodies by a step [s]; they are behind those that move freely."""
+    for i in range(free, len(bodies.mass)):
+        _follow(i, bodies, time_step)
+
+
+@kernel
+def efforts(contacts, time_step):
+    """
+    Give how often contacts of islands are solved in a step at most, (I,).
+
+    :param contacts: of each island, (I,).
+    :param time_step: [s].
+    """
+    out = np.empty(len(contacts))
+    for g in range(len(contacts)):
+        substeps, passes, _ = _pace(contacts[g], time_step)
+        out[g] = 2 * contacts[g] * substeps * passes
+    return out
+
+
 @subroutine
-def _states(bodies):
-    """Lay out what moves, a row per body."""
+def _states(bodies, own, free):
+    """Lay out what moves, a row per body; those of other islands stay empty."""
     state = np.zeros((len(bodies.mass), BODY))
-    for i in range(len(state)):
+    for n in range(len(own) + len(state) - free):
+        i = own[n] if n < len(own) else free + n - len(own)
         for w in range(6):
             state[i, w] = bodies.velocity[i, w]
         light = 1.0 / bodies.mass[i]
@@ -179,7 +201,7 @@ def _states(bodies):
 
 
 @subroutine
-def _brace(free, bodies, gained, ends, state, rows):
+def _brace(own, free, bodies, gained, ends, state, rows):
     """
     Give more inertia against the vertical to what lies under far more mass; its weight stays.
 
@@ -191,7 +213,7 @@ def _brace(free, bodies, gained, ends, state, rows):
     :param gained: speed that gravity gives in the step [m/s].
     """
     load = _loads(free, bodies.pose, ends, state, rows)
-    for i in range(free):
+    for i in own:
         mass, spin = bodies.mass[i], three(state, i, SPIN)
         arm = math.sqrt(max(bodies.inertia[i, 0], bodies.inertia[i, 1]) / mass)  # right to 1.4
         speed = abs(state[i, 2]) + arm * length(spin)
@@ -717,21 +739,20 @@ def _keep_forces(contacts, order, rows, h, fall, force, shift):
 
 
 @subroutine(**LEAN)
-def _tell(c, pose, first, contacts, told):
+def _tell(r, c, pose, first, contacts, told):
     """Write what a contact is: bodies, the first one's centre, normal and gap."""
-    told[c, 0], told[c, 1], told[c, 8] = contacts.first[c], contacts.second[c], contacts.gap[c]
-    put(told, c, 2, at(pose, first))
-    put(told, c, 5, at(contacts.normal, c))
+    told[r, 0], told[r, 1], told[r, 8] = contacts.first[c], contacts.second[c], contacts.gap[c]
+    put(told, r, 2, at(pose, first))
+    put(told, r, 5, at(contacts.normal, c))
 
 
 @subroutine(**LEAN)
-def _tell_impulses(order, rows, spots, time_step, told):
+def _tell_impulses(rows, spots, time_step, told):
     """Write where contacts acted in the mean, and their forces, world and along the normal."""
-    for r in range(len(order)):
-        c, pressed = order[r], rows[r, _SUM]
-        spot = three(rows, r, _ARM)
+    for r in range(len(rows)):
+        pressed, spot = rows[r, _SUM], three(rows, r, _ARM)
         if pressed > 0.0:
             spot = scaled(1.0 / pressed, at(spots, r))
-        put(told, c, 2, plus(three(told, c, 2), 1.0, spot))
-        put(told, c, 9, scaled(1.0 / time_step, _along(rows, r, three(rows, r, _SUM))))
-        told[c, 12] = pressed / time_step
+        put(told, r, 2, plus(three(told, r, 2), 1.0, spot))
+        put(told, r, 9, scaled(1.0 / time_step, _along(rows, r, three(rows, r, _SUM))))
+        told[r, 12] = pressed / time_step

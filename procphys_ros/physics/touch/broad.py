@@ -25,7 +25,9 @@ from procphys_ros.rotation_kernels import matrix_rows
 
 _BOX = int(Shape.BOX)  # numba reads no enums
 _FEW = 64  # numbers that are sorted one by one
-_CELLS = 64  # along x and along y at most; a finer grid takes longer to clear
+_CELLS = 32  # along each axis at most; a finer grid takes longer to clear
+_NARROW = 1.0 / 16.0  # [m] widest of the first class, of which each is four times as wide ...
+_CLASSES = 8          # ... as the one before; the last has all that is wider
 
 
 @kernel
@@ -108,38 +110,95 @@ def _in_hull(first, second):
 
 @kernel
 def _search(first, second):
-    """Sort boxes into cells by their lower corners, and test each of the others in its cells."""
-    near = _in_hull(first, second)
+    """
+    Sort boxes into cells by their lower corners, and test each of the others in its cells.
+
+    Boxes of each class of widths have a grid of their own, so that one large box does not make
+    all others look far around.
+    """
+    near, start = _by_width(second, _in_hull(first, second))
     pairs = np.empty((2, 64), np.int64)
-    found = 0
-    if not len(near):
-        return pairs[:, :0].copy()
-    low, high, width = np.full(2, np.inf), np.full(2, -np.inf), np.zeros(2)
-    for b in near:
-        for c in range(2):
-            low[c] = min(low[c], second[b, c])
-            high[c] = max(high[c], second[b, c])
-            width[c] = max(width[c], second[b, 3 + c] - second[b, c])
-    cells = min(int(math.sqrt(len(near))) + 1, _CELLS)
-    edge = np.maximum((high - low) / cells, 1e-9)
-    first_in, member = _sorted_into_cells(second, near, low, edge, cells)
-    held = second[member]  # side by side, as they are gone through
+    grids, found = [], 0
+    for k in range(_CLASSES):
+        if start[k + 1] > start[k]:
+            grids.append(_grid(second, near[start[k]:start[k + 1]]))
     for a in range(len(first)):
-        x0, x1 = _span(first[a, 0] - width[0], first[a, 3], low[0], edge[0], cells)
-        y0, y1 = _span(first[a, 1] - width[1], first[a, 4], low[1], edge[1], cells)
         begin = found
-        for x in range(x0, x1 + 1):
-            start, end = first_in[x * cells + y0], first_in[x * cells + y1 + 1]
-            if found + end - start > pairs.shape[1]:
-                more = np.empty((2, 2 * found + end - start), np.int64)
-                more[:, :found] = pairs[:, :found]
-                pairs = more
-            found = _test(first, a, held, member, start, end, pairs, found)
+        for grid in grids:
+            low, width, edge, cells, first_in, member, held = grid
+            x0, x1 = _span(first[a, 0] - width, first[a, 3], low[0], edge[0], cells[0])
+            y0, y1 = _span(first[a, 1] - width, first[a, 4], low[1], edge[1], cells[1])
+            z0, z1 = _span(first[a, 2] - width, first[a, 5], low[2], edge[2], cells[2])
+            for x in range(x0, x1 + 1):
+                for y in range(y0, y1 + 1):
+                    row = (x * cells[1] + y) * cells[2]
+                    low_k, high_k = first_in[row + z0], first_in[row + max(z1, z0 - 1) + 1]
+                    if found + high_k - low_k > pairs.shape[1]:
+                        more = np.empty((2, 2 * found + high_k - low_k), np.int64)
+                        more[:, :found] = pairs[:, :found]
+                        pairs = more
+                    found = _test(first, a, held, member, low_k, high_k, pairs, found)
         if found - begin > _FEW:
             pairs[1, begin:found].sort()
         else:
             _sort_few(pairs, begin, found)
     return pairs[:, :found].copy()
+
+
+@subroutine
+def _by_width(boxes, rows):
+    """Sort boxes by the class of their largest width, and give where those of each begin."""
+    number, start = np.empty(len(rows), np.int64), np.zeros(_CLASSES + 1, np.int64)
+    for n in range(len(rows)):
+        b, k, limit = rows[n], 0, _NARROW
+        width = max(boxes[b, 3] - boxes[b, 0], boxes[b, 4] - boxes[b, 1],
+                    boxes[b, 5] - boxes[b, 2])
+        while width > limit and k < _CLASSES - 1:
+            limit, k = 4.0 * limit, k + 1
+        number[n] = k
+        start[k + 1] += 1
+    for k in range(_CLASSES):
+        start[k + 1] += start[k]
+    out, fill = np.empty(len(rows), np.int64), start[:-1].copy()
+    for n in range(len(rows)):
+        out[fill[number[n]]] = rows[n]
+        fill[number[n]] += 1
+    return out, start
+
+
+@subroutine
+def _grid(boxes, rows):
+    """
+    Sort boxes into the cells of a grid by their lower corners.
+
+    :returns: lowest corner of all, (3,), largest width, edges of a cell, (3,), cells along each
+        axis, (3,), where the members of each begin, z by z, y by y, these, and their boxes.
+    """
+    low, high, width = np.full(3, np.inf), np.full(3, -np.inf), 0.0
+    for b in rows:
+        for c in range(3):
+            low[c], high[c] = min(low[c], boxes[b, c]), max(high[c], boxes[b, c])
+            width = max(width, boxes[b, 3 + c] - boxes[b, c])
+    edge, cells = np.empty(3), np.empty(3, np.int64)
+    most = min(len(rows), _CELLS)
+    for c in range(3):
+        cells[c] = max(min(int((high[c] - low[c]) / max(width, 1e-9)), most), 1)
+        edge[c] = max((high[c] - low[c]) / cells[c], 1e-9)
+    key, first_in = np.empty(len(rows), np.int64), np.zeros(cells.prod() + 1, np.int64)
+    for n in range(len(rows)):
+        k = 0
+        for c in range(3):
+            place = int((boxes[rows[n], c] - low[c]) / edge[c])
+            k = k * cells[c] + min(place, cells[c] - 1)
+        key[n] = k
+        first_in[k + 1] += 1
+    for k in range(1, len(first_in)):
+        first_in[k] += first_in[k - 1]
+    member, fill = np.empty(len(rows), np.int64), first_in[:-1].copy()
+    for n in range(len(rows)):
+        member[fill[key[n]]] = rows[n]
+        fill[key[n]] += 1
+    return low, width, edge, cells, first_in, member, boxes[member]
 
 
 @subroutine(_nrt=False)  # arrays are not counted, which takes longer than what is done to them
@@ -170,22 +229,3 @@ def _span(lower, upper, low, edge, cells):
     first = min(max(int(math.floor((lower - low) / edge)), 0), cells)
     last = min(max(int(math.floor((upper - low) / edge)), -1), cells - 1)
     return min(first, cells - 1), last
-
-
-@subroutine
-def _sorted_into_cells(second, near, low, edge, cells):
-    """Give where the members of each cell begin, row of cells by row, and the members."""
-    key = np.empty(len(near), np.int64)
-    start = np.zeros(cells * cells + 1, np.int64)
-    for n in range(len(near)):
-        x = min(int((second[near[n], 0] - low[0]) / edge[0]), cells - 1)
-        y = min(int((second[near[n], 1] - low[1]) / edge[1]), cells - 1)
-        key[n] = x * cells + y
-        start[key[n] + 1] += 1
-    for k in range(1, len(start)):
-        start[k] += start[k - 1]
-    member, fill = np.empty(len(near), np.int64), start[:-1].copy()
-    for n in range(len(near)):
-        member[fill[key[n]]] = near[n]
-        fill[key[n]] += 1
-    return start, member

@@ -91,7 +91,7 @@ class BulletEngine:
     :param terrain: the surface of the ground.
     """
 
-    name, has_joints = 'bullet', False
+    name, has_joints, threads = 'bullet', False, 1
 
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
         self._gravity, self._terrain = np.array(gravity, float), terrain

@@ -58,10 +58,13 @@ class Engine(Protocol):
     An engine keeps nothing that cannot be rebuilt from the table but caches, such as contact
     impulses to start the next step from: `clear` and `add` with all ids give an engine that goes
     on from what the table says, and always in the same way.
+
+    :ivar threads: that it may use at most; they change no bit.
     """
 
     name: str
     has_joints: bool
+    threads: int
 
     def clear(self) -> None:
         """Remove everything."""

@@ -19,26 +19,28 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
-from procphys_ros.linear import norm
+from procphys_ros.compilation.threads import even_ranges, run
 from procphys_ros.physics.rigid.contacts import (
     ContactRows,
     find,
     join_key,
-    meeting,
     no_contacts,
     POINT,
     split_key,
 )
-from procphys_ros.physics.rigid.islands import islands, upwards
+from procphys_ros.physics.rigid.islands import Islands, upwards
 from procphys_ros.physics.rigid.joints import along_chains, JointRows, no_joints
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, Pieces, place, ROUND
-from procphys_ros.physics.rigid.solver import MovingBodies, solve
+from procphys_ros.physics.rigid.reduction import spanning
+from procphys_ros.physics.rigid.solver import efforts, follow, MovingBodies, solve
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.joint_table import JointTable
+from procphys_ros.physics.world.pairs import PairList
+from procphys_ros.physics.world.sleeping import rim_speed
 
 _LOOKS = 240.0  # [1/s] at most, for contacts, while anything moves ...
+_WORTH = 20_000.0  # contacts solved, which take some ms, per thread at least
 _WAY = 0.01  # [m] ... farther than this in between
 _NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _NO_JOINTS = no_joints(0)
@@ -54,7 +56,7 @@ class NativeEngine:
     :param terrain: the surface of the ground.
     """
 
-    name, has_joints = 'native', True
+    name, has_joints, threads = 'native', True, 1
 
     def __init__(self, gravity: np.ndarray, terrain: Terrain = FLAT):
         self._gravity, self._terrain = np.array(gravity, float), terrain
@@ -66,6 +68,7 @@ class NativeEngine:
         self._pieces, self._used = no_pieces(0), 0
         self._first, self._count = np.zeros(0, np.int64), np.zeros(0, np.int64)
         self._excluded: set[tuple[int, int]] = set()
+        self._near = PairList()
         self._contacts = self._resting = no_contacts(0)
         self._still = np.zeros(0, bool)  # bodies that sleep, or never move
         self._joints = JointTable()
@@ -77,6 +80,7 @@ class NativeEngine:
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids; see `Engine.add`."""
         self._table = table
+        self._near.forget()
         ids = ids[table.piece_count[ids] > 0]
         count = table.piece_count[ids]
         source = np.repeat(table.first_piece[ids] - np.cumsum(count) + count, count)
@@ -155,6 +159,7 @@ class NativeEngine:
         self._pieces.body[rows] = -1
         self._pieces.bounds[rows] = [np.inf] * 3 + [-np.inf] * 3
         self._count[ids] = 0
+        self._near.forget()
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, (K,) ids."""
@@ -166,6 +171,7 @@ class NativeEngine:
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
         """Take in the poses of the table, (K, 7)."""
         self._place(ids)
+        self._near.forget()
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Take in the velocities of the table, (K, 6): they are read there."""
@@ -181,6 +187,7 @@ class NativeEngine:
 
     def step(self, time_step: float) -> None:
         """Advance time [s]; writes poses and velocities of the table."""
+        self._step = time_step
         looks, told = self._looks(time_step), []
         self._joints.set_out()
         start = self._table.poses[:, :3].copy()
@@ -212,10 +219,7 @@ class NativeEngine:
 
         What turns about the first point that touches may meet others that nobody saw coming.
         """
-        table = self._table
-        ids = np.flatnonzero(table.state >= BodyState.AWAKE)
-        speed = (norm(table.velocities[ids, :3], axis=1)
-                 + norm(table.velocities[ids, 3:], axis=1) * table.radius[ids])
+        speed = rim_speed(self._table, np.flatnonzero(self._table.state >= BodyState.AWAKE))
         wanted = np.ceil(speed.max(initial=0.0) * time_step / _WAY)
         return int(max(min(wanted, np.ceil(time_step * _LOOKS - 1e-6)), 1.0))
 
@@ -236,16 +240,37 @@ class NativeEngine:
         place_of = np.full(len(table.state), len(moving))
         place_of[moving] = np.arange(len(moving))
         first, second = place_of[contacts.first], place_of[contacts.second]
-        up = upwards(contacts, self._gravity)
+        up = upwards(contacts, spanning(first, second, contacts), self._gravity)
         pulling, joints = self._pulling(place_of, len(free))
-        groups, touching, hold = _islands(first[up], second[up], joints, len(free))
-        joints = joints.of(hold) if len(hold) else joints
-        self._told = solve(bodies, first, second, contacts, up[touching], table.friction,
-                           table.restitution, joints, groups, self._gravity, time_step)
+        islands = Islands.found((first[up], second[up]), (joints.first, joints.second), len(free))
+        effort = efforts(np.diff(islands.contact_start), time_step)
+        islands = islands._replace(contacts=up[islands.contacts]).taken(
+            np.argsort(-effort, kind='stable'))
+        joints = joints.of(islands.joints) if len(islands.joints) else joints
+        told = self._solve(bodies, len(free), first, second, contacts, joints, islands, time_step)
         table.poses[moving], table.velocities[free] = bodies.pose[:-1], bodies.velocity[:len(free)]
+        left_out = np.ones(len(first), bool)
+        left_out[islands.contacts] = False
+        contacts.force[left_out] = 0.0
+        self._told = told[np.argsort(islands.contacts, kind='stable')]
         self._contacts = contacts
-        if len(hold):
-            self._keep(pulling[hold], joints, share)
+        if len(islands.joints):
+            self._keep(pulling[islands.joints], joints, share)
+
+    def _solve(self, bodies: MovingBodies, free: int, first: np.ndarray, second: np.ndarray,
+               contacts: ContactRows, joints: JointRows, islands: Islands,
+               time_step: float) -> np.ndarray:
+        """Solve islands on several threads, each a range; give their contacts, (K, 13)."""
+        table, told = self._table, {}
+
+        def some(place: int, low: int, high: int) -> None:
+            held = slice(islands.joint_start[low], islands.joint_start[high])
+            told[place] = solve(bodies, free, first, second, contacts, table.friction,
+                                table.restitution, joints.of(held), islands.between(low, high),
+                                self._gravity, time_step)
+        run(some, _shares(np.diff(islands.contact_start), time_step, self.threads))
+        follow(bodies, free, time_step)
+        return np.concatenate([told[place] for place in sorted(told)])
 
     def _pulling(self, place_of: np.ndarray, free: int) -> tuple[np.ndarray, JointRows]:
         """
@@ -298,20 +323,29 @@ class NativeEngine:
         pairs = self._pairs(rows, live)
         lands = ((table.state[live.body[rows]] == BodyState.AWAKE)
                  & (table.state[0] == BodyState.GROUND))  # which can be removed
-        contacts, count = find(rows, lands, pairs, live, table.poses, table.velocities,
-                               self._extra_points(), self._terrain, time_step, self._contacts)
-        return contacts.head(count)
+        extra, found = self._extra_points(), {}
+        bounds = even_ranges(len(pairs), self.threads)
+
+        def some(place: int, low: int, high: int) -> None:
+            last = place == len(bounds) - 2  # which finds what is on the ground, too
+            contacts, count = find(rows if last else rows[:0], lands, pairs[low:high], live,
+                                   table.poses, table.velocities,
+                                   extra if last else tuple(column[:0] for column in extra),
+                                   self._terrain, time_step, self._contacts)
+            found[place] = contacts.head(count)
+        run(some, bounds)
+        parts = [found[place] for place in sorted(found)]
+        return parts[0] if len(parts) == 1 else ContactRows(*map(np.concatenate, zip(*parts)))
 
     def _pairs(self, rows: np.ndarray, pieces: Pieces) -> np.ndarray:
         """List what may meet: keys of pairs of pieces, ascending, (K,)."""
-        one, other = overlaps(pieces.bounds[rows], pieces.bounds)
-        state = self._table.state
-        moves = np.where(state == BodyState.AWAKE, 2, state == BodyState.KINEMATIC)
+        table = self._table
+        moves = np.where(table.state == BodyState.AWAKE, 2, table.state == BodyState.KINEMATIC)
         excluded = np.array(sorted(self._excluded), np.int64).reshape(-1, 2)
         if len(self._joints):
             excluded = np.unique(np.concatenate([excluded, self._joints.apart()]), axis=0)
-        found = meeting(one, other, rows, pieces.body, moves, join_key(*excluded.T))
-        return np.sort(found, kind='stable')  # nearly sorted already, which slows other ways
+        way = self._step * rim_speed(table, pieces.body[rows])
+        return self._near.near(rows, way, pieces, moves, join_key(*excluded.T))
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Give points that only the ground meets: bodies, places in their frames, and rows."""
@@ -329,21 +363,14 @@ class NativeEngine:
         return self._told.copy()
 
 
-def _islands(first: np.ndarray, second: np.ndarray, joints: JointRows, free: int
-             ) -> tuple[tuple[np.ndarray, ...], np.ndarray, np.ndarray]:
+def _shares(contacts: np.ndarray, time_step: float, threads: int) -> np.ndarray:
     """
-    Sort bodies, contacts and joints by island.
+    Share islands out, of which those that take longest come first.
 
-    :param first, second: rows of the bodies of each contact, (C,).
-    :param free: number of bodies that move freely.
-    :returns: groups as `solve` takes them, contacts in turn, (C,), and joints, (J,).
+    :param contacts: of each island, (I,).
+    :returns: first island of each range, and one past the last, (ranges + 1,).
     """
-    if not len(joints.kind):
-        members, begins, order, start = islands(first, second, free)
-        return (members, begins, start, np.zeros_like(start)), order, order[:0]
-    members, begins, order, start = islands(np.concatenate([first, joints.first]),
-                                            np.concatenate([second, joints.second]), free)
-    touches = order < len(first)  # contacts come first in each island
-    begin = np.concatenate([[0], np.cumsum(touches)])[start]
-    groups = members, begins, begin, start - begin
-    return groups, order[touches], order[~touches] - len(first)
+    done = np.cumsum(efforts(contacts, time_step))
+    count = int(min(threads, max(done[-1] // _WORTH, 1.0))) if len(done) else 1
+    inner = np.searchsorted(done, done[-1] * np.arange(1, count) / count) if count > 1 else []
+    return np.concatenate([[0], inner, [len(contacts)]]).astype(np.intp)

@@ -359,11 +359,12 @@ class World:
             return np.zeros(6)
         return total_impulse(body, self._places[body], self.contacts()) / self._time_step
 
-    def step(self, time_step: float) -> None:
+    def step(self, time_step: float, threads: int = 1) -> None:
         """
         Advance time: wake what is about to be hit, move and collide, put to rest.
 
         :param time_step: [s].
+        :param threads: at most; they change no bit.
         """
         bodies, self._time_step = self._bodies, time_step
         self._table = self._table[:0]
@@ -374,6 +375,7 @@ class World:
         if not (bodies.state >= BodyState.AWAKE).any():
             return
         kinematic.set_out(bodies, time_step)
+        self._engine.threads = threads
         self._engine.step(time_step)
         self._table = self._engine.contacts()
         kinematic.arrive(self._engine, bodies)

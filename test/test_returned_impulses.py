@@ -1,0 +1,97 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What bonds could not transmit is taken back: no momentum is lost, and no energy won."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from procphys_ros import rotation
+from procphys_ros.blueprint import Shape
+from procphys_ros.physics.kinetic import free_spins, motion_energy
+from procphys_ros.physics.world import World
+from procphys_ros.simulation.impacts import _jump
+from procphys_ros.simulation.returned_impulses import give_back
+
+_STEP = 1.0 / 60.0  # [s]
+
+
+def energy(bodies):
+    """Give the energy of motion of all bodies [J]."""
+    return motion_energy(bodies.mass[1:], bodies.inertia[1:], bodies.poses[1:, 3:],
+                         bodies.velocities[1:]).sum()
+
+
+def flung_together(rng):
+    """Let rods and blocks of grams to tonnes fly at each other, some of them spinning fast."""
+    world = World(gravity=(0.0, 0.0, 0.0), engine='native')
+    for _ in range(30):
+        size = np.exp(rng.uniform(np.log(0.03), np.log(0.6), 3))
+        place = rng.uniform(-0.8, 0.8, 3) + [0.0, 0.0, 9.0]
+        turn = rng.normal(size=4)
+        motion = np.concatenate([-4.0 * (place - [0.0, 0.0, 9.0]), rng.normal(size=3) * 20.0])
+        world.add_body(Shape.BOX, size, 2000.0 * size.prod() * np.exp(rng.normal()),
+                       np.concatenate([place, turn / np.linalg.norm(turn)]), motion)
+    return world
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_books_are_kept_whatever_is_taken_back(seed):
+    """Take back any shares of what bodies gave each other: momentum stays, no energy is won."""
+    rng = np.random.default_rng(seed)
+    world, taken = flung_together(rng), 0.0
+    with world:
+        bodies = world.bodies
+        for _ in range(25):
+            start = SimpleNamespace(poses=bodies.poses.copy(), velocities=bodies.velocities.copy())
+            state = SimpleNamespace(world=world, rubble=start)
+            model = SimpleNamespace(gravity=0.0)
+            before = energy(bodies)
+            momentum = bodies.mass[1:] @ bodies.velocities[1:, :3]
+            world.step(_STEP)
+            stopped = energy(bodies)
+            jump = np.zeros((len(bodies.state), 6))
+            jump[world.awake] = _jump(model, state, _STEP)
+            share = np.where(rng.random(len(jump)) < 0.3, rng.random(len(jump)), 1.0)
+            given = bodies.velocities[:, :3] - start.velocities[:, :3]
+            give_back(model, state, world.contacts(), share, jump, _STEP)
+            assert stopped < before * (1.0 + 1e-6)
+            assert energy(bodies) < before * (1.0 + 1e-6)
+            np.testing.assert_allclose(bodies.mass[1:] @ bodies.velocities[1:, :3], momentum,
+                                       atol=1e-9 * bodies.mass[1:].sum())
+            told = world.contacts().both_ways()  # and contacts tell what is left
+            kept = np.zeros((len(jump), 3))
+            np.add.at(kept, told.body_a, told.impulse)
+            np.testing.assert_allclose(
+                bodies.mass[1:, None] * (bodies.velocities - start.velocities)[1:, :3], kept[1:],
+                atol=1e-6 * bodies.mass[1:].max())
+            taken += np.abs(bodies.velocities[:, :3] - start.velocities[:, :3] - given).sum()
+    assert taken > 10.0  # [m/s]
+
+
+def test_what_is_free_spins_on_with_its_angular_momentum():
+    """Turn bodies: the moment that their new spins have is the one of before."""
+    rng = np.random.default_rng(3)
+    inertia, spin = rng.uniform(0.01, 2.0, (9, 3)), rng.normal(size=(9, 3))
+    attitudes = rng.normal(size=(2, 9, 4))
+    attitudes /= np.linalg.norm(attitudes, axis=2)[..., None]
+
+    def momentum(attitude, motion):
+        own = rotation.rotate(rotation.conjugate(attitude), motion)
+        return rotation.rotate(attitude, inertia * own)
+    found = free_spins(inertia, *attitudes, spin)
+    np.testing.assert_allclose(momentum(attitudes[1], found), momentum(attitudes[0], spin),
+                               rtol=1e-12, atol=1e-12)
