@@ -29,8 +29,11 @@ from procphys_ros.physics.rigid.vectors import at, cross, dot, LEAN, less, tange
 _FEW = 4  # points of a plane that are all kept, as those of two pieces are
 _FACING = 0.9998  # least cosine between normals of one plane: 1.1°
 _EVEN = 5e-4  # [m] by which gaps may differ from those of a plane: a tenth of the least gap seen
-_WAYS = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [-0.5, 0.5]])  # and back: points may be
-#                  outermost there, and the outline that is left has 90 % of the area or more
+_WAYS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [-0.5, 0.5]])  # and back: points
+#                  may be deepest, or outermost there: 90 % of the outline's area or more are left
+_DEEP = 10.0  # times as much as a point is deeper, it counts as further out
+_HOLD = 0.01  # [m] by which others must lie further out than a point that presses, to take its
+#               place: the solver starts from what pressed before
 
 
 @kernel
@@ -48,7 +51,7 @@ def spanning(first, second, contacts):
     count = len(first)
     kept = np.ones(count, np.bool_)
     order = np.argsort((first << 32) | second, kind='mergesort')
-    plane, flat = np.zeros(count, np.int64), np.empty((count, 3))
+    plane, flat = np.zeros(count, np.int64), np.empty((count, 4))
     begin = 0
     for k in range(1, count + 1):
         if k < count and (first[order[k]] == first[order[begin]]
@@ -75,6 +78,7 @@ def _reduce(order, begin, end, contacts, plane, flat, kept):
             if not plane[c] and dot(at(contacts.normal, c), n) > _FACING:
                 way = less(at(contacts.point, c), start)
                 flat[c, 0], flat[c, 1], flat[c, 2] = dot(way, t), dot(way, b), contacts.gap[c]
+                flat[c, 3] = (_HOLD if contacts.force[c, 0] > 0.0 else 0.0) - _DEEP * flat[c, 2]
                 plane[c] = seed + 1
                 size += 1
         if size > _FEW:
@@ -98,8 +102,10 @@ def _leave_out(order, begin, end, number, plane, flat, kept):
         farthest, best = -np.inf, -1
         for m in range(begin, end):
             c = order[m]
-            if plane[c] == number and x * flat[c, 0] + y * flat[c, 1] > farthest + 1e-9:
-                farthest, best = x * flat[c, 0] + y * flat[c, 1], c
+            if plane[c] == number:
+                far = x * flat[c, 0] + y * flat[c, 1] + flat[c, 3]
+                if far > farthest:
+                    farthest, best = far, c
         if best >= 0:
             kept[best] = True
 
