@@ -238,7 +238,7 @@ def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
     figures = {'fallen': lambda simulation: min(falls(simulation)[:2]), 'ends': ends,
                'third': lambda simulation: falls(simulation)[2]}
     # PyBullet lets a plate of 7 kg under a stone in by 34 mm in one of 24 runs.
-    found = Envelope(lambda rng: nudge(scene, rng), 1.0, figures, sunk=-0.04)
-    found.bound('fallen', 0.5)  # [m] 0.9 to 1.6
+    found = Envelope(lambda rng: nudge(scene, rng), 1.4, figures, sunk=-0.04)
+    found.bound('fallen', 0.9)  # [m] 1.2 to 1.7
     found.bound('third', -0.01, 0.01)  # [m] 0
     found.bound('ends', high=0.05)  # 0; rubble may push a stone
