@@ -325,7 +325,7 @@ def test_only_the_outermost_points_of_a_plane_count():
         across = np.linalg.svd(normal[None])[2][1:]
         flat = rng.uniform(-1.0, 1.0, (count, 2)) * rng.uniform(0.01, 3.0, 2)
         rows.point[:], rows.normal[:] = flat @ across, normal
-        rows.gap[:] = 1e-3 + flat @ rng.uniform(-1e-3, 1e-3, 2)
+        rows.gap[:], rows.force[:] = 1e-3 + flat @ rng.uniform(-1e-3, 1e-3, 2), 0.0
         same = np.zeros(count, np.int64)
         kept = spanning(same, same + 1, rows)
         assert len(kept) <= 8
@@ -333,6 +333,9 @@ def test_only_the_outermost_points_of_a_plane_count():
         assert ConvexHull(flat[kept]).volume > 0.6 * outline
         near = int(rng.integers(count))
         rows.gap[near] -= 2e-3  # a tooth presses before all others
+        assert near in spanning(same, same + 1, rows)
+        rows.gap[near] += 2e-3
+        rows.force[near] = 1.0  # where the solver starts from
         assert near in spanning(same, same + 1, rows)
         np.testing.assert_array_equal(  # pairs of four points each, of which nothing is left out
             spanning(np.arange(count) // 4, same + 1000, rows), np.arange(count))

@@ -32,8 +32,6 @@ _EVEN = 5e-4  # [m] by which gaps may differ from those of a plane: a tenth of t
 _WAYS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [-0.5, 0.5]])  # and back: points
 #                  may be deepest, or outermost there: 90 % of the outline's area or more are left
 _DEEP = 10.0  # times as much as a point is deeper, it counts as further out
-_HOLD = 0.01  # [m] by which others must lie further out than a point that presses, to take its
-#               place: the solver starts from what pressed before
 
 
 @kernel
@@ -42,7 +40,8 @@ def spanning(first, second, contacts):
     Choose the contact points that say how bodies touch.
 
     A point is left out where its gap is that of a plane through the points around it, or nearly:
-    it cannot press before those do.
+    it cannot press before those do. What pressed in the step before stays, as the solver starts
+    from there.
 
     :param first, second: rows of bodies, (C,).
     :param contacts: `ContactRows`.
@@ -78,7 +77,7 @@ def _reduce(order, begin, end, contacts, plane, flat, kept):
             if not plane[c] and dot(at(contacts.normal, c), n) > _FACING:
                 way = less(at(contacts.point, c), start)
                 flat[c, 0], flat[c, 1], flat[c, 2] = dot(way, t), dot(way, b), contacts.gap[c]
-                flat[c, 3] = (_HOLD if contacts.force[c, 0] > 0.0 else 0.0) - _DEEP * flat[c, 2]
+                flat[c, 3] = contacts.force[c, 0]
                 plane[c] = seed + 1
                 size += 1
         if size > _FEW:
@@ -87,14 +86,14 @@ def _reduce(order, begin, end, contacts, plane, flat, kept):
 
 @subroutine(**LEAN)
 def _leave_out(order, begin, end, number, plane, flat, kept):
-    """Leave out what is neither outermost in a plane nor off it."""
+    """Leave out what is neither outermost in a plane nor off it, and does not press."""
     level, x_rise, y_rise = _fit(order, begin, end, number, plane, flat)
     for m in range(begin, end):
         c = order[m]
         if plane[c] == number:
             gap = level + x_rise * flat[c, 0] + y_rise * flat[c, 1]
-            kept[c] = abs(flat[c, 2] - gap) > _EVEN
-            if kept[c]:
+            kept[c] = abs(flat[c, 2] - gap) > _EVEN or flat[c, 3] > 0.0
+            if abs(flat[c, 2] - gap) > _EVEN:
                 plane[c] = -1
     for way in range(2 * len(_WAYS)):
         sign = 1.0 if way < len(_WAYS) else -1.0
@@ -103,7 +102,7 @@ def _leave_out(order, begin, end, number, plane, flat, kept):
         for m in range(begin, end):
             c = order[m]
             if plane[c] == number:
-                far = x * flat[c, 0] + y * flat[c, 1] + flat[c, 3]
+                far = x * flat[c, 0] + y * flat[c, 1] - _DEEP * flat[c, 2]
                 if far > farthest:
                     farthest, best = far, c
         if best >= 0:
