@@ -32,7 +32,7 @@ from procphys_ros.physics.world import World
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.loose_bodies import plain
 from procphys_ros.physics.world.native import NativeEngine
-from procphys_ros.physics.world.pairs import meeting
+from procphys_ros.physics.world.pairs import meeting, PairList
 from procphys_ros.physics.world.pieces import single
 
 G = np.array([0.0, 0.0, -9.81])
@@ -331,6 +331,7 @@ def test_only_the_outermost_points_of_a_plane_count():
         assert len(kept) <= 8
         outline = ConvexHull(flat).volume
         assert ConvexHull(flat[kept]).volume > 0.6 * outline
+        assert rows.gap[kept].min() == rows.gap.min()
         near = int(rng.integers(count))
         rows.gap[near] -= 2e-3  # a tooth presses before all others
         assert near in spanning(same, same + 1, rows)
@@ -400,6 +401,33 @@ def test_pairs_meet_once_whatever_moves():
             if near and once and a != b and 2 in (moves[a], moves[b]) and (a + b) % 9:
                 wanted.append((min(p, q), max(p, q)))
     np.testing.assert_array_equal(np.array(split_key(np.sort(found))).T, sorted(wanted))
+
+
+def test_pairs_that_are_kept_are_those_that_would_be_found():
+    """Let pieces move, jump, start and stop: pairs depend on where all are now alone."""
+    rng, count, pairs = np.random.default_rng(12), 120, PairList()
+    pieces, moves = no_pieces(count), rng.integers(0, 3, 60)
+    pieces.body[:] = np.arange(count) // 2
+    low, size = rng.uniform(0.0, 2.0, (count, 3)), rng.uniform(0.02, 0.5, (count, 3))
+    excluded, seen = join_key(np.arange(0, 40, 2), np.arange(1, 41, 2)), 0
+    for turn in range(60):
+        rows = np.flatnonzero(moves[pieces.body] > 0)
+        pace = rng.choice([0.0, 0.003, 0.2], (len(rows), 1))
+        low[rows] += pace * rng.normal(size=(len(rows), 3))
+        if turn % 7 == 3:
+            moves = rng.permutation(moves)
+        if turn % 11 == 5:
+            low[::5] = rng.uniform(0.0, 2.0, (len(low[::5]), 3))
+            pairs.forget()
+        pieces.bounds[:] = np.hstack([low, low + size])
+        rows = np.flatnonzero(moves[pieces.body] > 0)
+        way = rng.uniform(0.0, 0.05, len(rows))
+        found = pairs.near(rows, way, pieces, moves, excluded)
+        one, other = overlaps(pieces.bounds[rows], pieces.bounds)
+        np.testing.assert_array_equal(found, np.sort(meeting(
+            one, other, rows, moves[pieces.body] > 0, pieces.body, moves, excluded)))
+        seen += len(found)
+    assert seen > 1000
 
 
 @pytest.mark.parametrize('beside', [False, True])

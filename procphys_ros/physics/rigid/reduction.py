@@ -92,9 +92,9 @@ def _leave_out(order, begin, end, number, plane, flat, kept):
         c = order[m]
         if plane[c] == number:
             gap = level + x_rise * flat[c, 0] + y_rise * flat[c, 1]
-            kept[c] = abs(flat[c, 2] - gap) > _EVEN or flat[c, 3] > 0.0
-            if abs(flat[c, 2] - gap) > _EVEN:
-                plane[c] = -1
+            is_off = abs(flat[c, 2] - gap) > _EVEN
+            kept[c] = is_off or flat[c, 3] > 0.0
+            plane[c] = -1 if is_off else number
     for way in range(2 * len(_WAYS)):
         sign = 1.0 if way < len(_WAYS) else -1.0
         x, y = sign * _WAYS[way % len(_WAYS), 0], sign * _WAYS[way % len(_WAYS), 1]

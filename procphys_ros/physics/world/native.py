@@ -244,10 +244,12 @@ class NativeEngine:
         pulling, joints = self._pulling(place_of, len(free))
         islands = Islands.found((first[up], second[up]), (joints.first, joints.second), len(free))
         effort = efforts(np.diff(islands.contact_start), time_step)
-        islands = islands._replace(contacts=up[islands.contacts]).taken(
-            np.argsort(-effort, kind='stable'))
+        hardest = np.argsort(-effort, kind='stable')
+        islands = islands._replace(contacts=up[islands.contacts]).taken(hardest)
+        ranges = _shares(effort[hardest], self.threads)
         joints = joints.of(islands.joints) if len(islands.joints) else joints
-        told = self._solve(bodies, len(free), first, second, contacts, joints, islands, time_step)
+        told = self._solve(bodies, len(free), first, second, contacts, joints, islands, ranges,
+                           time_step)
         table.poses[moving], table.velocities[free] = bodies.pose[:-1], bodies.velocity[:len(free)]
         left_out = np.ones(len(first), bool)
         left_out[islands.contacts] = False
@@ -258,9 +260,9 @@ class NativeEngine:
             self._keep(pulling[islands.joints], joints, share)
 
     def _solve(self, bodies: MovingBodies, free: int, first: np.ndarray, second: np.ndarray,
-               contacts: ContactRows, joints: JointRows, islands: Islands,
+               contacts: ContactRows, joints: JointRows, islands: Islands, ranges: np.ndarray,
                time_step: float) -> np.ndarray:
-        """Solve islands on several threads, each a range; give their contacts, (K, 13)."""
+        """Solve islands, each range of them on a thread; give their contacts, (K, 13)."""
         table, told = self._table, {}
 
         def some(place: int, low: int, high: int) -> None:
@@ -268,7 +270,7 @@ class NativeEngine:
             told[place] = solve(bodies, free, first, second, contacts, table.friction,
                                 table.restitution, joints.of(held), islands.between(low, high),
                                 self._gravity, time_step)
-        run(some, _shares(np.diff(islands.contact_start), time_step, self.threads))
+        run(some, ranges)
         follow(bodies, free, time_step)
         return np.concatenate([told[place] for place in sorted(told)])
 
@@ -363,14 +365,14 @@ class NativeEngine:
         return self._told.copy()
 
 
-def _shares(contacts: np.ndarray, time_step: float, threads: int) -> np.ndarray:
+def _shares(effort: np.ndarray, threads: int) -> np.ndarray:
     """
     Share islands out, of which those that take longest come first.
 
-    :param contacts: of each island, (I,).
+    :param effort: of each island, see `efforts`, (I,).
     :returns: first island of each range, and one past the last, (ranges + 1,).
     """
-    done = np.cumsum(efforts(contacts, time_step))
+    done = np.cumsum(effort)
     count = int(min(threads, max(done[-1] // _WORTH, 1.0))) if len(done) else 1
     inner = np.searchsorted(done, done[-1] * np.arange(1, count) / count) if count > 1 else []
-    return np.concatenate([[0], inner, [len(contacts)]]).astype(np.intp)
+    return np.concatenate([[0], inner, [len(effort)]]).astype(np.intp)
