@@ -31,9 +31,9 @@ def test_an_engine_is_a_class_in_a_module_and_a_row_of_the_table(monkeypatch):
     class CountingEngine(BulletEngine):
         steps = 0
 
-        def step(self, time_step: float) -> None:
+        def step(self, *arguments) -> None:
             CountingEngine.steps += 1
-            super().step(time_step)
+            super().step(*arguments)
 
     module = ModuleType('procphys_ros.physics.world.counting')
     module.CountingEngine = CountingEngine

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.masonry import BondGraph, resistance, resistances, StressSolver
+from procphys_ros.physics.masonry import BondGraph, resistance, StressSolver
 from procphys_ros.physics.masonry.strength import opening, utilisation, worst_first
 
 AREA = 0.1025 ** 2       # [m²], half-lap bed of two bricks
@@ -213,18 +213,6 @@ def test_brick_in_a_wall_resists_by_all_its_bonds():
     assert blow.force == pytest.approx(0.3e6 * graph.area[blow.bonds].sum())
     pair = resistance(solver, np.array([brick, brick + 1]), across)
     assert len(pair.bonds) < 12
-
-
-def test_parts_struck_one_by_one_resist_as_each_does_alone():
-    """Strike bricks of a pressed wall in several directions, all at once and each by itself."""
-    solver = StressSolver(BondGraph(wall(10, 10)), tolerance=1e-6)
-    solver.iterate(500)
-    parts = np.array([0, 55, 56, 99])
-    along = np.array([[0.0, 1, 0], [0.6, 0.8, 0], [0, 0.6, -0.8], [1, 0, 0]])
-    force, energy = resistances(solver, parts, along)
-    alone = [resistance(solver, parts[[k]], along[k]) for k in range(4)]
-    np.testing.assert_allclose(force, [blow.force for blow in alone], rtol=1e-12)
-    np.testing.assert_allclose(energy, [blow.energy for blow in alone], rtol=1e-12)
 
 
 def test_unequal_strengths_are_read_bond_by_bond():

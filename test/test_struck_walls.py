@@ -21,7 +21,6 @@ import pytest
 
 from procphys_ros.physics.fracture_energy import CRUSHING, SHEARING
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.physics.masonry import plugs
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
@@ -79,18 +78,29 @@ def loose(simulation):
 @pytest.mark.parametrize('leaves', [1, 2, 3])
 @pytest.mark.parametrize('mass', [3.0, 30.0])
 def test_a_pier_holds_what_its_beds_bear_over_its_whole_depth(leaves, mass):
-    """Drive a course out through all leaves once the blow exceeds both beds, not before."""
-    limit = 2.0 * leaves * BRICK[0] * BRICK[1] * COHESION * float(contact_time(mass)) / 1.25 / mass
+    """
+    Drive a course out through all leaves once the blow exceeds both beds, not before.
+
+    It moves the bricks behind the one that is struck as well, half as fast at least; and where it
+    lasts long enough to move all that stands on the course, too, it needs to exceed one bed only.
+    """
     simulation = stand(pier(leaves))
-    course = np.flatnonzero(np.abs(simulation.poses[:, 2] - simulation.poses[4, 2]) < 0.01)
+    own, height = simulation.blueprint.mass, simulation.poses[:, 2]
+    course = np.flatnonzero(np.abs(height - height[4]) < 0.01)
+    above = np.flatnonzero(height > height[4] + 0.01)
+    bed = leaves * BRICK[0] * BRICK[1] * COHESION
+    behind, over = (0.5 * own[parts].sum() / (mass + own[4]) for parts in (course[1:], above))
+    force, out = min((2.0 * bed / max(1.0 - behind, 1e-9), course.tolist()),
+                     (bed / max(1.0 - behind - over, 1e-9), [*course, *above]))
+    limit = force * float(contact_time(mass)) / 1.25 / mass
     for share, comes in ((0.97, False), (1.03, True)):
         simulation.reset()
         strike(simulation, mass, share * limit, (0.0, -0.3, simulation.poses[4, 2]), 0.06)
         impact = simulation.impacts[0]
         assert impact.torn == comes
         if comes:
-            np.testing.assert_array_equal(np.sort(impact.parts), course)
-            moved = mass + simulation.blueprint.mass[course].sum()
+            np.testing.assert_array_equal(np.sort(impact.parts), np.sort(out))
+            moved = mass + own[out].sum()
             left = (mass * share * limit / moved) ** 2 - 2.0 * impact.work / moved
             assert impact.carried[1] == pytest.approx((moved - mass) * np.sqrt(left))
 
@@ -98,7 +108,7 @@ def test_a_pier_holds_what_its_beds_bear_over_its_whole_depth(leaves, mass):
 @pytest.mark.parametrize('leaves', [1, 2, 3])
 @pytest.mark.parametrize('courses', [1, 2])
 def test_an_intruder_feels_what_all_that_it_pushes_withstands(leaves, courses):
-    """Drive a box into a pier: feel two beds, however high it is, and what comes out over dt."""
+    """Drive a box into a pier: feel its lower bed, and the inertia of all above that over dt."""
     height, speed = courses * (BRICK[2] + JOINT) - 2.0 * JOINT, 1.2
     scene = Scene.from_parameters({
         'scene': {'objects': []}, 'gravity': 0.0,
@@ -112,8 +122,8 @@ def test_an_intruder_feels_what_all_that_it_pushes_withstands(leaves, courses):
         simulation.place_intruder([0.0, way, middle, 0.0, 0.0, 0.0, 1.0])
         simulation.step()
     out = simulation.velocities[:, 1] > 0.5 * speed
-    assert out.sum() == courses * leaves
-    beds = 2.0 * leaves * BRICK[0] * BRICK[1] * COHESION
+    assert out.sum() == 5 * leaves
+    beds = leaves * BRICK[0] * BRICK[1] * COHESION
     thrust = built.mass[out].sum() * speed / simulation.time_step
     assert -simulation.intruder_wrench[1] == pytest.approx(beds + thrust, rel=1e-3)
 
@@ -124,11 +134,12 @@ def test_a_plug_widens_as_bricks_overlap_and_ends_behind_the_wall():
     built = simulation.blueprint
     front = np.flatnonzero(built.poses[:, 1] < 0.5 * LEAF)
     brick = front[np.argmin(np.linalg.norm(built.poses[front, :3] - [1.3, 0.05, 0.9], axis=1))]
-    found = list(plugs(simulation.state.solver.graph, np.array([brick]), ALONG))
-    assert [len(parts) for parts in found] == [1, 3, 6]
-    force = [masonry.resist(simulation.state, parts, ALONG).force for parts in found]
-    assert force[0] > 1e7 * 0.9 * BRICK[0] * BRICK[2]  # alone it would have to crush its mortar
-    assert force[2] < 0.7 * force[0]
+    whole, withstood = masonry.weakest_plug(simulation.state, np.array([brick]), ALONG, 10.0)
+    depth = np.bincount(np.round(built.poses[whole, 1] / LEAF).astype(int), minlength=3)
+    assert depth[0] >= 1 and depth[0] <= depth[1] <= depth[2] and depth[2] >= 3
+    alone = masonry.resist(simulation.state, np.array([brick]), ALONG).force
+    assert alone > 1e7 * 0.9 * BRICK[0] * BRICK[2]  # alone it would have to crush its mortar
+    assert withstood.force < 0.7 * alone
 
 
 @pytest.mark.parametrize('cracked', [False, True])
@@ -202,7 +213,8 @@ def test_a_wall_becomes_no_faster_than_what_strikes_it():
                                          weights=mass[gone]))
         fastest.append(max(speeds))
         assert not simulation.state.standing[:len(mass)].all()
-    np.testing.assert_allclose(fastest, [4.0, 4.0], rtol=0.03)
+    assert fastest[0] == fastest[1]
+    assert 4.0 * 1000.0 / 1060.0 < 1.02 * fastest[0] < 4.1
 
 
 def test_twelve_tonnes_go_through_the_pier_of_an_arcade():

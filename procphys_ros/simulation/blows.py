@@ -20,10 +20,15 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.physics.world import BodyState, Contacts
+from procphys_ros.physics.kinetic import free_spins
+from procphys_ros.physics.world import BodyState, Contacts, World
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
+LEAST_JUMP = 0.5  # [m/s] change of speed by contacts that is no blow: thrice what gravity gives in
+#                   a step, so that what rests or is pushed about is never judged
+_SQUARE = np.sqrt(2.0 / np.pi)  # radius of a circle over the distance of the corners of a square
+#                               as large from its middle
 _STILL = 1e-6  # [m/s] change of closing speed below which a contact only bears
 _LONGEST = 1.0 / 60.0  # [s] contact that is a blow: engines end those of tonnes sooner than Hertz
 _TURNS = 40  # in which what presses on bodies is passed on through contacts at most ...
@@ -53,6 +58,33 @@ def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
                    dt)
 
 
+def change_by_contacts(world: World, poses: np.ndarray, velocities: np.ndarray,
+                       fall: float) -> np.ndarray:
+    """
+    Give the change of motion that contacts made, by id, 0 for what does not move, (B, 6).
+
+    :param poses, velocities: of all bodies at the start, (B, 7) and (B, 6).
+    :param fall: speed that gravity gave since [m/s].
+    """
+    bodies, awake = world.bodies, world.awake
+    out = np.zeros((len(bodies.state), 6))
+    free = velocities[awake]
+    free[:, 3:] = free_spins(bodies.inertia[awake], poses[awake, 3:], bodies.poses[awake, 3:],
+                             np.ascontiguousarray(free[:, 3:]))
+    free[:, 2] -= fall
+    out[awake] = bodies.velocities[awake] - free
+    return out
+
+
+def struck_bodies(world: World, change: np.ndarray) -> np.ndarray:
+    """Mark the bodies whose motion contacts changed at once, (B,) bool."""
+    out, own = np.zeros(len(change), bool), change[world.awake]
+    felt = (np.sqrt((own[:, :3] * own[:, :3]).sum(axis=1))
+            + np.sqrt((own[:, 3:] * own[:, 3:]).sum(axis=1)) * world.bodies.radius[world.awake])
+    out[world.awake] = felt > LEAST_JUMP
+    return out
+
+
 def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, loose: np.ndarray,
             fall: float, dt: float) -> Blows:
     """
@@ -78,7 +110,8 @@ def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, loose: np
     energy, lasting, size = _measure(*pairs, np.ascontiguousarray(contacts.point), impulse, change,
                                      start, np.where(loose > 0.0, fall, 0.0))
     mass, share = _closing(energy - lasting, size)
-    rate = 1.0 / np.minimum(contact_time(mass), _LONGEST)
+    patch = _patches(*pairs, np.ascontiguousarray(contacts.point), size, mass)
+    rate = 1.0 / np.minimum(contact_time(mass, patch, size / mass), _LONGEST)
     _pass_on(*pairs, size, share, loose, loose * fall, dt, rate)
     return Blows(contacts, energy, 1.0 / rate)
 
@@ -150,6 +183,41 @@ def _closing(energy, size):
             mass[c] = size[c] / closing
             share[c] = taken / (abs(energy[c, 0]) + abs(energy[c, 1]))
     return mass, share
+
+
+@kernel
+def _patches(first, second, point, size, mass):
+    """
+    Give the radius of the patch on which faces touch, over the share of the mass there, (C,) [m].
+
+    Points of the same bodies that are told one after the other are one patch. Its radius is that
+    of the circle with the area of a square, if the points are its corners; what touches in one
+    point has none. Each point stops a share of the mass, with as large a share of the stiffness.
+
+    :param size: impulses [N·s], (C,).
+    :param mass: that each stops [kg], inf where it does not close, (C,).
+    """
+    out = np.zeros(len(first))
+    low = 0
+    while low < len(first):
+        high, total, stopped = low, 0.0, 0.0
+        x, y, z, square = 0.0, 0.0, 0.0, 0.0
+        while high < len(first) and first[high] == first[low] and second[high] == second[low]:
+            if mass[high] < np.inf:
+                u, v, w = point[high, 0], point[high, 1], point[high, 2]
+                u, v, w = u - point[low, 0], v - point[low, 1], w - point[low, 2]
+                total, stopped = total + size[high], stopped + mass[high]
+                x, y, z = x + size[high] * u, y + size[high] * v, z + size[high] * w
+                square += size[high] * (u * u + v * v + w * w)
+            high += 1
+        if total > 0.0:
+            spread = square / total - (x * x + y * y + z * z) / (total * total)
+            radius = _SQUARE * np.sqrt(max(spread, 0.0))
+            for c in range(low, high):
+                if mass[c] < np.inf:
+                    out[c] = radius * mass[c] / stopped
+        low = high
+    return out
 
 
 @kernel

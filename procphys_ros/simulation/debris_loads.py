@@ -13,20 +13,13 @@
 # limitations under the License.
 
 
-"""Debris loads: loads and blows of rigid bodies on standing masonry."""
-
-from typing import NamedTuple
+"""Debris loads: what rigid bodies press on standing masonry."""
 
 import numpy as np
 
 from procphys_ros.elementary import exp, expm1
-from procphys_ros.linear import norm
-from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.masonry import resistances
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import Contacts
-from procphys_ros.simulation import fragments
-from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
@@ -36,22 +29,8 @@ _SMOOTHING = 0.1  # [s] over which impulses of moving bodies count as a steady l
 _INTERVAL = 0.1   # [s] between looks at what lies on what
 _CHANGE = 0.05    # of the largest load: smaller changes are not worth new stresses, ...
 _LEAST = 100.0    # [N] ... nor are those far below the strength of a brick's joints, some kN
-_MOST = 20        # bricks knocked out in one step at most, the hardest hit first
-_GRAIN = 1e-9     # [N·s] keeps directions finite
 _ROOM = 0.1       # [m] around bodies, more than they move in a contact
 LAYER = 'debris'
-
-
-class Knockout(NamedTuple):
-    """
-    A standing part that a hit drives out.
-
-    :ivar part: index.
-    :ivar share: of the impulse that its bonds passed on before they broke, 0 to 1.
-    """
-
-    part: int
-    share: float
 
 
 def update(model: Model, state: State, dt: float) -> None:
@@ -100,49 +79,7 @@ def _is_near(model: Model, state: State) -> bool:
     return len(overlaps(bounds, model.masonry.bricks.reach)[0]) > 0
 
 
-def knockouts(state: State, blows: Blows, struck: np.ndarray) -> list[Knockout]:
-    """
-    List the standing parts that the hits of the last step drive out.
-
-    :param blows: of the last step.
-    :param struck: bodies that contacts stopped or pushed, by id, (B,) bool.
-    """
-    contacts, standing = blows.contacts, _part_of_body(state)
-    side = standing[contacts.body_a]
-    part = np.maximum(side, standing[contacts.body_b])
-    rows = np.flatnonzero((part >= 0) & (struck[contacts.body_a] | struck[contacts.body_b]))
-    if not len(rows):
-        return []
-    sign = np.where(side[rows] >= 0, 1.0, -1.0)
-    hit, place = np.unique(part[rows], return_inverse=True)
-    impulse = sign[:, None] * contacts.impulse[rows]
-    total, force = np.zeros((2, len(hit), 3))
-    np.add.at(total, place, impulse)
-    np.add.at(force, place, impulse / blows.duration[rows][:, None])
-    size = norm(total, axis=1)
-    hardest = np.argsort(-size, kind='stable')[:_MOST]
-    hardest = hardest[size[hardest] >= _GRAIN]
-    hit, size = hit[hardest], size[hardest]
-    direction = total[hardest] / size[:, None]
-    push, mass = (force[hardest] * direction).sum(axis=1), state.parts.mass[hit]
-    withstood, work = resistances(state.solver, hit, direction)
-    # See masonry.comes_out.
-    out = (push > withstood) & (np.square(size / mass) > 2.0 * work / mass)
-    return [Knockout(int(hit[n]), float(withstood[n] / push[n])) for n in np.flatnonzero(out)]
-
-
-def knock_out(model: Model, state: State, found: list[Knockout]) -> None:
-    """
-    Release parts from rest; the bodies that hit them go on and meet them in the next step.
-
-    :param found: from `knockouts`, after their impulses were taken back.
-    """
-    share = np.array([knock.share for knock in found])
-    fragments.release(model, state, [np.array([knock.part]) for knock in found],
-                      np.zeros((len(found), 6)), Cause.IMPACT, 1.0 / np.maximum(share, 1e-3))
-
-
-def _part_of_body(state: State) -> np.ndarray:
+def part_of_body(state: State) -> np.ndarray:
     """Give the standing part that each body is, -1 for all others, (B,)."""
     standing = np.flatnonzero(state.parts.owner == Owner.STANDING)
     out = np.full(len(state.world.bodies.state), -1, np.intp)
@@ -152,7 +89,7 @@ def _part_of_body(state: State) -> np.ndarray:
 
 def _press(state: State, contacts: Contacts, rate: float, out: np.ndarray) -> None:
     """Add impulses on standing parts, times a rate [1/s], to forces and moments, (N, 6)."""
-    standing = _part_of_body(state)
+    standing = part_of_body(state)
     side = standing[contacts.body_a]
     part = np.maximum(side, standing[contacts.body_b])
     rows = np.flatnonzero(part >= 0)

@@ -24,7 +24,6 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.blueprint import Law
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.kinetic import free_spins
 from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import (
@@ -32,16 +31,21 @@ from procphys_ros.simulation import (
     debris_loads,
     fragments,
     glass,
-    returned_impulses,
     sustained_loads,
 )
-from procphys_ros.simulation.blows import Blows, blows_of, energies
+from procphys_ros.simulation.blows import (
+    Blows,
+    blows_of,
+    change_by_contacts,
+    energies,
+    LEAST_JUMP,
+    struck_bodies,
+)
 from procphys_ros.simulation.contact_forces import Blow, BodyContacts, spread, turned_back
 from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.returned_impulses import Begun, give_back
 from procphys_ros.simulation.state import State
 
-_LEAST_JUMP = 0.5   # [m/s] change of speed by contacts that is no blow: thrice what gravity gives
-#                     in a step, so that what rests or is pushed about is never judged
 _SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot break a piece
 _LEVER = 8.0 / 27.0  # of half of the length of a free bar: largest moment over force, where the
 #                     bar is hit at its end; in the middle it is 1/4
@@ -67,18 +71,17 @@ def step(model: Model, state: State, dt: float) -> None:
     The engine lets pieces collide as rigid bodies. Where a blow is more than their bonds transmit,
     only that share of the impulse was real: the rest is taken back on both sides, the piece is
     split, and the parts collide on their own from the next step on. Momentum is kept: both sides
-    get equal and opposite shares back. Writes bodies and their bonds; releases knocked out bricks.
+    get equal and opposite shares back. Writes bodies and their bonds.
     """
     if not (len(state.world.awake) or state.rubble.waiting or glass.is_waiting(state)):
         return
-    jump = _jump(model, state, dt)
-    struck = _struck(state, jump)
+    begun, fall = Begun(state.rubble.poses, state.rubble.velocities), model.gravity * dt
+    change = change_by_contacts(state.world, *begun, fall)
+    struck = struck_bodies(state.world, change)
     state.rubble.waiting += sustained_loads.overloading(model, state, struck, _grain(state), dt)
     if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):
         return
     share = np.ones(len(struck))
-    change = np.zeros((len(struck), 6))
-    change[state.world.awake] = jump
     touches = debris_loads.may_touch(model, state)
     grain, room = _grain(state), _room(state)
     splits = (len(state.rubble.waiting) > 0 or np.max(state.bodies.size, initial=0)
@@ -88,14 +91,9 @@ def step(model: Model, state: State, dt: float) -> None:
     if touches or splits:
         broken = _break(model, state, struck, made(), grain, room, share)
     glass.judge(model, state, struck, change, made, [result.bonds for _, result in broken])
-    found = []
-    if touches:
-        found = debris_loads.knockouts(state, made(), struck)
-    for knock in found:
-        share[state.parts.body[knock.part]] = knock.share
-    if broken or found:
-        returned_impulses.give_back(model, state, state.world.contacts(), share, change, dt)
-        debris_loads.knock_out(model, state, found)
+    if broken:
+        state.world.keep_impulses(give_back(state.world, state.world.contacts(), begun, fall,
+                                            share, change))
         for blow, result in broken:
             _record(model, state, blow, result)
             contact_exclusions.add_split(state, result.pieces)
@@ -103,7 +101,7 @@ def step(model: Model, state: State, dt: float) -> None:
                                        if len(result.pieces) > 1])
         for _, result in broken:
             fragments.hang(model, state, result.bonds)
-    if glass.shatter_loose(model, state) or broken or found:
+    if glass.shatter_loose(model, state) or broken:
         fragments.write_poses(model, state, dt)
 
 
@@ -183,29 +181,6 @@ def _grain(state: State) -> float:
     return max(float(state.bodies.size[awake].sum()) / _BODIES, 1.0)
 
 
-def _jump(model: Model, state: State, dt: float) -> np.ndarray:
-    """Give the change of velocity by contacts of all awake bodies, (K, 6)."""
-    awake, bodies, start = state.world.awake, state.world.bodies, state.rubble
-    free = np.zeros((len(awake), 6))
-    known = awake < len(start.velocities)
-    ids = awake[known]
-    free[known] = start.velocities[ids]
-    free[known, 3:] = free_spins(bodies.inertia[ids], start.poses[ids, 3:],
-                                 bodies.poses[ids, 3:], start.velocities[ids, 3:])
-    free[:, 2] -= model.gravity * dt
-    return bodies.velocities[awake] - free
-
-
-def _struck(state: State, jump: np.ndarray) -> np.ndarray:
-    """Mark the bodies whose motion contacts changed at once, by id, (B,) bool."""
-    bodies, awake = state.world.bodies, state.world.awake
-    felt = (np.sqrt((jump[:, :3] * jump[:, :3]).sum(axis=1))
-            + np.sqrt((jump[:, 3:] * jump[:, 3:]).sum(axis=1)) * bodies.radius[awake])
-    struck = np.zeros(len(bodies.state), bool)
-    struck[awake] = felt > _LEAST_JUMP
-    return struck
-
-
 def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
            grain: float) -> Iterator[Blow]:
     """
@@ -228,7 +203,7 @@ def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
     force = np.bincount(side[pair], push[pair] / np.tile(duration, 2), count)
     size = np.zeros(count, np.intp)
     size[:len(known.size)] = known.size[:count]
-    chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > _LEAST_JUMP * bodies.mass)
+    chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > LEAST_JUMP * bodies.mass)
                             & (bodies.state == BodyState.AWAKE))
     far = _far(model, state, chosen)
     chosen = chosen[~far | (size[chosen] >= 2.0 * _COARSER * grain)]

@@ -149,11 +149,11 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
             continue
         push = -normal[rows].mean(axis=0)
         push /= norm(push)
-        plug, withstood = masonry.weakest_plug(state, near.part[rows], push)
-        force = withstood.force / len(rows) * np.minimum(depth[rows] / _YIELD, 1.0)
         arm = point[rows] - pose[:3]
+        speed = np.maximum(product(velocity[:3] + np.cross(velocity[3:], arm), push), 0.0)
+        plug, withstood = masonry.weakest_plug(state, near.part[rows], push, float(speed.mean()))
+        force = withstood.force / len(rows) * np.minimum(depth[rows] / _YIELD, 1.0)
         if depth[rows[0]] > _YIELD:
-            speed = np.maximum(product(velocity[:3] + np.cross(velocity[3:], arm), push), 0.0)
             force += _drive_out(model, state, plug, speed, push) / len(rows) / dt
         else:
             parts.append(near.part[rows])

@@ -15,16 +15,24 @@
 
 """Masonry: the response of standing parts to loads and blows, whatever causes them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 import math
+from typing import cast
 
 import numpy as np
 
 from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.physics.masonry import Failures, plugs, Resistance, resistance
+from procphys_ros.physics.masonry import (
+    Failures,
+    Punched,
+    punched,
+    Resistance,
+    resistance,
+    together,
+)
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
 from procphys_ros.simulation import fragments, load_checks
@@ -122,32 +130,43 @@ def drive_out(state: State, struck: np.ndarray, blow: Strike) -> Exit | None:
     """
     Say how struck parts come out, alone or with what they push ahead; None when all hold.
 
-    Of all that can come out that does which takes the least force, after the upper bound theorem
-    of limit analysis: a leaf is not held by the one behind it where both can go (decision 48).
+    A leaf is not held by the one behind it where both can go (decision 48).
 
     :param struck: indices, (K,).
     """
-    found = None
-    for plug in plugs(state.solver.graph, struck, blow.direction):
-        withstood = resist(state, plug, blow.direction)
-        if found is None or withstood.force < found.withstood.force:
-            found = comes_out([plug], float(state.parts.mass[plug].sum()), withstood,
-                              blow) or found
-    return found and replace(found, pieces=pieces_of(state, struck, found.parts))
+    driven = blow.mass + float(state.parts.mass[struck].sum())
+    found = _plug(state, struck, blow.force, blow.direction, blow.force / driven)
+    if found is None:
+        return None
+    parts, withstood = found
+    return comes_out(pieces_of(state, struck, parts), float(state.parts.mass[parts].sum()),
+                     withstood, blow)
 
 
-def weakest_plug(state: State, struck: np.ndarray,
-                 direction: np.ndarray) -> tuple[np.ndarray, Resistance]:
+def _plug(state: State, struck: np.ndarray, force: float, direction: np.ndarray,
+          acceleration: float) -> Punched | None:
+    """Give what one rigid thing drives out, what it strikes first; see `punched`."""
+    alone = np.zeros(len(struck), np.intp)
+    found = punched(state.solver, alone, struck, np.array([force]), direction, acceleration)
+    if not found:
+        return None
+    parts, withstood = together(found)
+    return Punched(np.concatenate([struck, np.setdiff1d(parts, struck)]), withstood)
+
+
+def weakest_plug(state: State, struck: np.ndarray, direction: np.ndarray,
+                 speed: float) -> Punched:
     """
     Give what comes out with the least force where struck parts are pushed and cannot stay.
 
     :param struck: indices, (K,).
     :param direction: unit vector of the push, world, (3,).
-    :returns: the struck parts and what they push ahead, (P,), and what these withstand.
+    :param speed: of what pushes [m/s].
+    :returns: the struck parts, in their order, then what goes with them.
     """
-    found = [(plug, resist(state, plug, direction))
-             for plug in plugs(state.solver.graph, struck, direction)]
-    return min(found, key=lambda one: one[1].force)
+    mass = float(state.parts.mass[struck].sum())
+    return cast(Punched, _plug(state, struck, np.inf, direction,
+                               speed / float(contact_time(mass))))
 
 
 def pieces_of(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.ndarray]:

@@ -15,8 +15,11 @@
 
 """Projectiles: sweep fast bodies against standing parts before each step."""
 
+import math
+
 import numpy as np
 
+from procphys_ros import rotation
 from procphys_ros.errors import CommandError
 from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
@@ -41,6 +44,7 @@ _FRICTION = 0.6      # stone on brick, EN 1996-1-1 3.6.2 gives 0.4 for design, m
 _ROLLING = 2.0 / 7.0  # share of its tangential momentum that a ball loses until it rolls
 _SLOW = 0.3          # [m/s] closing speed below which a touch is left to the world's contacts
 _DENT = 0.015        # [m] parts touched within this depth take one blow together
+_FLAT = 0.9998       # cosine of 1°: least one between normals of faces that meet flat
 _FLUSH = 1e-5        # [m] depth within which touches say together which way a wall faces
 _ALIKE = 0.7         # least cosine between the normals of such touches
 _MOST_HITS = 150     # in one step
@@ -122,7 +126,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
             _hit_tree(state, missile, hits, velocity, dt)
             goes_on = product(before, velocity[:3]) > 0.0
         else:
-            goes_on = _hit_wall(model, state, missile, hits, way, velocity)
+            goes_on = _hit_wall(model, state, missile, hits, way, pose, velocity)
         thrown_back = thrown_back if goes_on else left
         has_struck = True
     if has_struck:
@@ -205,7 +209,7 @@ def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
 
 
 def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.ndarray,
-              velocity: np.ndarray) -> bool:
+              pose: np.ndarray, velocity: np.ndarray) -> bool:
     """Strike standing parts together; say whether they give way."""
     parts, flush = hits.index, _depth(hits, way) < _FLUSH
     point, normal = hits.point[flush].mean(axis=0), hits.normal[flush].mean(axis=0)
@@ -213,8 +217,10 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
     before, closing = velocity[:3].copy(), float(product(-normal, velocity[:3]))
     direction = _line(before, normal, closing)
     momentum = missile.mass * closing / float(product(-normal, direction))
-    blow = masonry.Strike(direction, (1.0 + RESTITUTION) * momentum
-                          / float(contact_time(missile.mass)), missile.mass, momentum)
+    patch = _patch(model, missile, pose, normal, parts[flush])
+    lasts = float(contact_time(missile.mass, patch, closing))
+    blow = masonry.Strike(direction, (1.0 + RESTITUTION) * momentum / lasts, missile.mass,
+                          momentum)
     pane = None
     if model.glass.is_pane[parts[0]]:
         parts = parts[:1]
@@ -241,6 +247,22 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
     _record(state, missile, point, out.parts, True, lost, out.mass * out.speed * direction,
             out.withstood.energy)
     return True
+
+
+def _patch(model: Model, missile: Missile, pose: np.ndarray, normal: np.ndarray,
+           parts: np.ndarray) -> float:
+    """Give the radius of a circle as large as where a flat face meets parts [m]; 0 for a point."""
+    if missile.ball:
+        return 0.0
+    along = np.abs(rotation.rotate(rotation.conjugate(pose[3:]), normal))
+    if along.max() < _FLAT:
+        return 0.0
+    size = missile.size
+    own = float(size.prod() / size[np.argmax(along)])
+    solid = model.blueprint.size[parts]
+    across = np.abs(rotation.rotate(rotation.conjugate(model.blueprint.poses[parts, 3:]), normal))
+    met = solid.prod(axis=1) / (solid * across).sum(axis=1)
+    return math.sqrt(min(own, float(met.sum())) / math.pi)
 
 
 def _bounce(velocity: np.ndarray, normal: np.ndarray, closing: float) -> None:

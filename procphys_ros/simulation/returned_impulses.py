@@ -14,21 +14,33 @@
 
 """Returned impulses: take back, on both sides of a contact, what bonds could not transmit."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.kinetic import kinetic_energy
 from procphys_ros.physics.rigid.islands import Islands
-from procphys_ros.physics.world import BodyState, Contacts
+from procphys_ros.physics.world import BodyState, Contacts, World
 from procphys_ros.rotation_kernels import matrix
-from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.state import State
 
 _CHAIN = 0.3  # [m/s] change of speed down to which taking back follows chains of contacts
 
 
-def give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
-              jump: np.ndarray, dt: float) -> None:
+class Begun(NamedTuple):
+    """
+    How all bodies moved when contacts were found.
+
+    :ivar poses: by id, (B, 7).
+    :ivar velocities: by id, (B, 6).
+    """
+
+    poses: np.ndarray
+    velocities: np.ndarray
+
+
+def give_back(world: World, contacts: Contacts, before: Begun, fall: float, share: np.ndarray,
+              jump: np.ndarray) -> np.ndarray:
     """
     Undo the part of each impulse that the bonds of a side could not transmit.
 
@@ -40,13 +52,15 @@ def give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
     that it pressed on. Nothing gets energy from that: where bodies that share contacts would, less
     is given back by all of these, so that momentum is kept.
 
-    Writes velocities of bodies, and the impulses that contacts tell.
+    Writes velocities of bodies.
 
+    :param fall: speed that gravity has given since what free bodies had `before` [m/s].
     :param share: of the impulses on each body that its bonds transmitted, by id, (B,), spread
         along chains in place.
     :param jump: change of velocity by contacts, by id, (B, 6).
+    :returns: share of each contact's impulse that is left, (C,).
     """
-    bodies, before = state.world.bodies, state.rubble
+    bodies = world.bodies
     impulse = np.ascontiguousarray(contacts.impulse)
     pairs = contacts.body_a, contacts.body_b
     loose = bodies.state == BodyState.AWAKE
@@ -55,22 +69,28 @@ def give_back(model: Model, state: State, contacts: Contacts, share: np.ndarray,
                                before.poses, len(share))
     ids = np.flatnonzero((least < 1.0) & loose)
     keeps = np.where(least == most, least, np.nan)
-    lift, fall = (1.0 - share) * (model.gravity * dt), model.gravity * dt
+    lift = (1.0 - share) * fall
     given = _given(ids, total, keeps, jump, lift, bodies.mass, bodies.inertia, bodies.poses)
-    group = _groups(*pairs, kept, loose)
+    taken = kept < 1.0
+    group = group_bodies(pairs[0][taken], pairs[1][taken], loose)
     part = _possible(ids, group, given, lift, fall, bodies.mass, bodies.inertia, before.poses,
                      before.velocities, bodies.poses, bodies.velocities)
     one = np.where(loose[pairs[0]], pairs[0], pairs[1])
-    state.world.keep_impulses(1.0 - part[group[one]] * (1.0 - kept))
-    state.world.set_velocities(ids, bodies.velocities[ids] + part[group[ids], None] * given)
+    world.set_velocities(ids, bodies.velocities[ids] + part[group[ids], None] * given)
+    return 1.0 - part[group[one]] * (1.0 - kept)
 
 
-def _groups(first: np.ndarray, second: np.ndarray, kept: np.ndarray,
-            loose: np.ndarray) -> np.ndarray:
-    """Give each body the number of its group, between which something is given back, (B,)."""
+def group_bodies(first: np.ndarray, second: np.ndarray, loose: np.ndarray) -> np.ndarray:
+    """
+    Give each body the number of its group: those that contacts join, but for what is immovable.
+
+    :param first, second: bodies of contacts, (C,).
+    :param loose: which bodies move freely, by id, (B,) bool.
+    :returns: (B,).
+    """
     count = len(loose)
-    taken = np.flatnonzero((kept < 1.0) & (loose[first] | loose[second]))
-    ends = [np.where(loose[side], side, count)[taken] for side in (first, second)]
+    moves = np.flatnonzero(loose[first] | loose[second])
+    ends = [np.where(loose[side], side, count)[moves] for side in (first, second)]
     none = np.zeros(0, np.intp)
     found = Islands.found((ends[0], ends[1]), (none, none), count)
     group = np.empty(count, np.intp)

@@ -40,6 +40,7 @@ from procphys_ros.simulation import (
     rubble_wind,
     trees,
     wall_wind,
+    yielding,
 )
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -72,15 +73,18 @@ def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
     """
     Move and collide rigid bodies; beside them solve stresses, and move leaves and dust.
 
-    Writes `state.world`, `state.rubble`, stresses, leaves and dust.
+    Writes `state.world`, `state.rubble`, stresses, leaves and dust, and what `yielding` does.
     """
     bodies, rubble = state.world.bodies, state.rubble
     with ExitStack() as meanwhile:  # waits for both, whatever fails
-        for name, work in (('air', move_in_air), ('stresses', masonry.solve_stresses)):
-            meanwhile.callback(beside(name, partial(work, model, state, dt), model.threads))
+        others = [beside(name, partial(work, model, state, dt), model.threads) for name, work
+                  in (('air', move_in_air), ('stresses', masonry.solve_stresses))]
+        for ended in others:
+            meanwhile.callback(ended)
         rubble.velocities = bodies.copied('velocities', rubble.velocities)
         rubble.poses = bodies.copied('poses', rubble.poses)
-        state.world.step(dt, model.threads)
+        looked = partial(yielding.judge, model, state, others) if state.standing.any() else None
+        state.world.step(dt, model.threads, looked)
 
 
 STAGES = (

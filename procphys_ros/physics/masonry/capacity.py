@@ -15,21 +15,18 @@
 
 """Capacity: the force, momentum and energy that tear parts out of a bond graph."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.linear import product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
 from procphys_ros.physics.masonry.ties import ELONGATION
 
-_AHEAD = 0.7    # least cosine between a blow and the normal of a joint that passes it on
-_DEEPEST = 1.0  # [m] that parts lie behind the struck ones to be driven by them: as thick as walls
-#                 get; further behind, masonry is the ground that the joints are crushed against
+REACH = 1.0  # [m] from the struck parts, within which others are driven by them: as thick as walls
+#              get; further away, masonry is the ground that the joints are crushed against
 
 
 @dataclass(frozen=True)
@@ -120,8 +117,8 @@ def joints_of(graph: BondGraph) -> tuple[tuple, tuple]:
              mortar.reinforcement))
 
 
-def _at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
-                directions: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+def at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
+               directions: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """Give what `fails` says of some bonds, (3, K)."""
     out = np.empty((3, len(bonds)))  # the copy: a view of one row would be read-only, another type
     _fail(np.asarray(bonds, np.int64), inside,
@@ -146,54 +143,6 @@ def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -
     driven = np.zeros(graph.count + 1, bool)
     driven[parts] = True
     inside = driven[graph.first[bonds]]
-    force, work, rubbing = _at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
+    force, work, rubbing = at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
     return Resistance(bonds, float(force.sum()), float(work.sum() + rubbing.sum()),
                       float(rubbing.sum()))
-
-
-def plugs(graph: BondGraph, parts: np.ndarray, direction: np.ndarray) -> Iterator[np.ndarray]:
-    """
-    List what a blow may drive out: the struck parts, then each time one more layer behind them.
-
-    A layer is all that joints across the blow press on, so that a plug widens as bricks overlap.
-
-    :param parts: the struck parts, (K,).
-    :param direction: unit vector of the blow, world, (3,).
-    """
-    inside = np.zeros(graph.count + 1, bool)
-    furthest = float(product(graph.centre[parts], direction).min()) + _DEEPEST
-    fresh = parts = np.asarray(parts)
-    while len(fresh):
-        inside[fresh] = True
-        yield parts
-        bonds = graph.neighbours(fresh)
-        driven = inside[graph.first[bonds]]
-        crossing = graph.alive[bonds] & (driven != inside[graph.second[bonds]])
-        ahead = np.where(driven, 1.0, -1.0) * product(graph.axes[bonds, :, 2], direction)
-        behind = np.where(driven, graph.second[bonds], graph.first[bonds])
-        behind = np.unique(behind[crossing & (ahead > _AHEAD) & (behind < graph.count)])
-        fresh = behind[product(graph.centre[behind], direction) < furthest]
-        parts = np.concatenate([parts, fresh])
-
-
-def resistances(solver: StressSolver, parts: np.ndarray,
-                directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """
-    Give what parts withstand that are struck one by one, as `resistance` does for sets.
-
-    :param solver: knows the bonds and their stresses.
-    :param parts: struck, (K,).
-    :param directions: unit vectors of the blows, world, (K, 3).
-    :returns: force [N] and energy [J] of each, (K,).
-    """
-    graph = solver.graph
-    count = graph.start[parts + 1] - graph.start[parts]
-    blow = np.repeat(np.arange(len(parts)), count)
-    bonds = graph.incident[np.arange(len(blow)) + np.repeat(
-        graph.start[parts] - np.cumsum(count) + count, count)]
-    living = graph.alive[bonds]
-    blow, bonds = blow[living], bonds[living]
-    force, work, rubbing = _at_failure(graph, bonds, graph.first[bonds] == parts[blow],
-                                       directions[blow], solver.wrenches(bonds))
-    return (np.bincount(blow, force, len(parts)),
-            np.bincount(blow, work + rubbing, len(parts)))

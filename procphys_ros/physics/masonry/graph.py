@@ -202,9 +202,12 @@ class BondGraph:
 
     def neighbours(self, parts: np.ndarray) -> np.ndarray:
         """Give the bonds that touch any of the parts, dead ones included, sorted."""
-        return np.unique(np.concatenate(
-            [self.incident[self.start[p]:self.start[p + 1]] for p in np.atleast_1d(parts)]
-            or [np.zeros(0, np.int32)]))
+        parts = np.atleast_1d(parts)
+        first, count = self.start[parts], self.start[parts + 1] - self.start[parts]
+        own = np.arange(count.sum()) + np.repeat(first - np.cumsum(count) + count, count)
+        found = np.zeros(len(self), bool)
+        found[self.incident[own]] = True
+        return np.flatnonzero(found).astype(self.incident.dtype)
 
     def parts_of(self, bonds: np.ndarray) -> np.ndarray:
         """Give the parts that some bonds join, sorted."""

@@ -277,13 +277,18 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
     substeps, passes, fine = _pace(end - begin + len(held), time_step)
     h = time_step / substeps
     fall = h * length((gravity[0], gravity[1], gravity[2]))
-    bounces = False
+    bounces, driven = False, hangs
     for r in contacts:
+        for side in range(2):
+            i = ends[r, side]
+            driven = driven or i >= free and (length(three(state, i, SPEED)) > 0.0
+                                              or length(three(state, i, SPIN)) > 0.0)
         _start(r, order[r], force, h, rows)
         bounces = bounces or elastic[r, 0] > 0.0
     for substep in range(substeps):
         for i in own:
             _drive(i, gravity, h, state)
+        most = math.inf if driven else _energy(own, bodies, state)
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
         _begin(contacts, ends, state, rows, fall)
@@ -304,7 +309,44 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         _add_up(contacts, rows, spots)
         if hangs:
             jointed.add_up(held, joints, system, h)
+        _restrain(own, most, bodies, state)
     _keep_forces(contacts, order, rows, h, fall, force, shift)
+
+
+@subroutine(**LEAN)
+def _motion(i, bodies, state):
+    """Give the energy of a body's motion [J], and this with all that overlaps may push."""
+    speed, spin = three(state, i, SPEED), three(state, i, SPIN)
+    q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
+    turning = 0.5 * dot(spin, _stretched(q, at(bodies.inertia, i), spin))
+    along = math.sqrt(dot(speed, speed))
+    return (0.5 * bodies.mass[i] * along * along + turning,
+            0.5 * bodies.mass[i] * (along + _PUSH) * (along + _PUSH) + turning)
+
+
+@subroutine(**LEAN)
+def _energy(own, bodies, state):
+    """Give the most energy of motion that an island can have after contacts [J]."""
+    total = 0.0
+    for i in own:
+        total += _motion(i, bodies, state)[1]
+    return total
+
+
+@subroutine(**LEAN)
+def _restrain(own, most, bodies, state):
+    """
+    Brake what has more energy than all of its island had.
+
+    A gram between tonnes gets the impulses of both at arms that turn with it: what is left of
+    their difference would spin it for ever faster.
+    """
+    for i in own:
+        has = _motion(i, bodies, state)[0]
+        if has > most:
+            share = math.sqrt(most / has)
+            for w in range(6):
+                state[i, w] *= share
 
 
 @subroutine(**LEAN)

@@ -38,7 +38,7 @@ from procphys_ros.linear import norm
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
-from procphys_ros.physics.world.engine import COLLISION_FILTERS, TERRAIN_MARGIN
+from procphys_ros.physics.world.engine import COLLISION_FILTERS, Looked, TERRAIN_MARGIN
 from procphys_ros.physics.world.joint_table import JointTable
 from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.rolling import resist_rolling
@@ -119,7 +119,7 @@ class BulletEngine:
         self._points: list[tuple] = []  # what touched, substep by substep ...
         self._way = np.zeros((0, 3))  # ... and how far each body has moved in the step [m]
         self._weight = np.zeros(0)  # mass of what moves [kg]
-        self._told: np.ndarray | None = np.zeros((0, 13))
+        self._told = np.zeros((0, 13))
 
     def close(self) -> None:
         """Free the world; a second call does nothing."""
@@ -296,6 +296,7 @@ class BulletEngine:
         for handle in self._handles[ids].tolist():
             pybullet.removeBody(handle, **self._to)
         self._handles[ids] = -1
+        self._told = self._told[~np.isin(self._told[:, :2], ids).any(axis=1)]
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, at no cost per step, (K,) ids."""
@@ -319,15 +320,15 @@ class BulletEngine:
     def set_joints(self, joints: JointTable) -> None:
         """Leave joints alone: there are none."""
 
-    def step(self, time_step: float) -> None:
-        """Advance time [s], in substeps of at most `LONGEST`."""
+    def step(self, time_step: float, looked: Looked | None = None) -> None:
+        """Advance time [s], in substeps of at most `LONGEST`; see `Engine.step`."""
         table, count = self._table, max(int(np.ceil(time_step / LONGEST - 1e-6)), 1)
         substep = time_step / count
         driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
         course = table.velocities[driven]
         course[:, :3] -= self._gravity * substep  # which Bullet adds
         pybullet.setTimeStep(substep, **self._to)
-        self._points, self._told = [], None
+        self._points, begun = [], (table.poses.copy(), table.velocities.copy())
         self._weight = np.where(table.state >= BodyState.AWAKE, table.mass, 1e-9)
         self._way = np.zeros((len(table.state), 3))
         self._way[driven] = table.velocities[driven, :3] * time_step
@@ -336,6 +337,9 @@ class BulletEngine:
             pybullet.stepSimulation(**self._to)
             self._points.append(pybullet.getContactPoints(**self._to))
         self._read_free(time_step, substep)
+        self._told = self._read_contacts()
+        if looked is not None:
+            looked(self._told, *begun, time_step)
 
     def _read_free(self, time_step: float, substep: float) -> None:
         """Write what moves freely into the table; what flies, to Bullet and on its parabola."""
@@ -367,22 +371,22 @@ class BulletEngine:
         self.set_velocities(changed, table.velocities[changed])
 
     def contacts(self) -> np.ndarray:
-        """Read the contact points of the last step, (C, 13); see `Engine.contacts`."""
-        if self._told is None:
-            count = len(self._points)
-            found = [point for points in self._points for point in points]
-            ids = self._ids[_rows(map(_BODIES, found), 2, int)]
-            rows = _rows(map(chain.from_iterable, map(_WAYS, found)), 12)
-            size = _rows(map(_SIZES, found), 4)
-            begun = np.repeat(np.arange(count) / count, [len(points) for points in self._points])
-            mass = self._weight[ids, None]
-            way = (mass * self._way[ids]).sum(axis=1) / mass.sum(axis=1)
-            rows[:, :3] -= begun[:, None] * way  # to where it was when the step began
-            force = (size[:, 1:, None] * rows[:, 3:].reshape(-1, 3, 3)).sum(axis=1)
-            told = np.column_stack([ids, rows[:, :6], size[:, 0], force / count,
-                                    size[:, 1] / count])
-            self._told = told[size[:, 1:].any(axis=1)]
+        """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""
         return self._told.copy()
+
+    def _read_contacts(self) -> np.ndarray:
+        count = len(self._points)
+        found = [point for points in self._points for point in points]
+        ids = self._ids[_rows(map(_BODIES, found), 2, int)]
+        rows = _rows(map(chain.from_iterable, map(_WAYS, found)), 12)
+        size = _rows(map(_SIZES, found), 4)
+        begun = np.repeat(np.arange(count) / count, [len(points) for points in self._points])
+        mass = self._weight[ids, None]
+        way = (mass * self._way[ids]).sum(axis=1) / mass.sum(axis=1)
+        rows[:, :3] -= begun[:, None] * way  # to where it was when the step began
+        force = (size[:, 1:, None] * rows[:, 3:].reshape(-1, 3, 3)).sum(axis=1)
+        told = np.column_stack([ids, rows[:, :6], size[:, 0], force / count, size[:, 1] / count])
+        return told[size[:, 1:].any(axis=1)]
 
 
 def _corners(pieces: Pieces, which: np.ndarray) -> np.ndarray:

@@ -51,6 +51,12 @@ COLLISION_FILTERS = {
 }
 
 
+Looked = Callable[[np.ndarray, np.ndarray, np.ndarray, float], None]
+"""Takes the contacts of a look, as `Engine.contacts` gives them but with the mean forces of this
+look, which it may lower in place, poses (B, 7) and velocities (B, 6) of all bodies when it began,
+and how long it was [s]. It may set velocities, and add, thaw and remove bodies."""
+
+
 class Engine(Protocol):
     """
     Moves bodies of a `BodyTable`, which it names by their ids there.
@@ -96,8 +102,13 @@ class Engine(Protocol):
     def set_joints(self, joints: JointTable) -> None:
         """Let bodies hang by joints, if it has any; ways and forces are written there."""
 
-    def step(self, time_step: float) -> None:
-        """Advance time [s]; writes poses and velocities of the table."""
+    def step(self, time_step: float, looked: Looked | None = None) -> None:
+        """
+        Advance time [s]; writes poses and velocities of the table.
+
+        :param looked: called each time when the engine has found and solved contacts, once in a
+            step or several times.
+        """
 
     def contacts(self) -> np.ndarray:
         """

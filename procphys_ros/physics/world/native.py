@@ -35,6 +35,7 @@ from procphys_ros.physics.rigid.reduction import spanning
 from procphys_ros.physics.rigid.solver import efforts, follow, MovingBodies, solve
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.engine import Looked
 from procphys_ros.physics.world.joint_table import JointTable
 from procphys_ros.physics.world.pairs import PairList
 from procphys_ros.physics.world.sleeping import rim_speed
@@ -71,8 +72,12 @@ class NativeEngine:
         self._near = PairList()
         self._contacts = self._resting = no_contacts(0)
         self._still = np.zeros(0, bool)  # bodies that sleep, or never move
+        self._held = np.zeros(0, bool)  # bodies that never move
+        self._which = np.zeros(0, np.intp)  # contacts that the last look told
         self._joints = JointTable()
-        self._told = np.zeros((0, 13))
+        self._told: list[np.ndarray] = []  # contacts of each look in the step
+        self._set_out = np.zeros((0, 3))  # where bodies began the step, or joined it
+        self._begun = np.zeros((0, 7)), np.zeros((0, 6))
 
     def close(self) -> None:
         """Free the memory."""
@@ -97,6 +102,7 @@ class NativeEngine:
             where = self._first[body] + table.hexahedron_piece[own]
             pieces.kind[where], pieces.cut[where] = HEXAHEDRON, table.hexahedron_corners[own]
         self._place(ids)
+        self._join_step(ids)
 
     def _new_rows(self, ids: np.ndarray, count: np.ndarray) -> np.ndarray:
         """Give rows to the pieces of bodies, one after the other."""
@@ -160,6 +166,7 @@ class NativeEngine:
         self._pieces.bounds[rows] = [np.inf] * 3 + [-np.inf] * 3
         self._count[ids] = 0
         self._near.forget()
+        self._told = [rows[~np.isin(rows[:, :2], ids).any(axis=1)] for rows in self._told]
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, (K,) ids."""
@@ -185,29 +192,54 @@ class NativeEngine:
         """Let bodies hang by joints; ways, forces and moments are written there."""
         self._joints = joints
 
-    def step(self, time_step: float) -> None:
-        """Advance time [s]; writes poses and velocities of the table."""
+    def step(self, time_step: float, looked: Looked | None = None) -> None:
+        """Advance time [s]; see `Engine.step`."""
         self._step = time_step
-        looks, told = self._looks(time_step), []
+        table, looks, self._told = self._table, self._looks(time_step), []
         self._joints.set_out()
-        start = self._table.poses[:, :3].copy()
+        self._set_out = table.copied('poses', self._set_out)
         for k in range(looks):
-            way = self._table.poses[:, :3] - start
-            self._move(time_step / looks, 1.0 / looks)
-            self._told[:, 2:5] -= self._carried(way)
-            pressed = self._told[:, 12] > 0.0
-            told.append(self._told[pressed] if k < looks - 1 else self._told)
-        self._told = np.concatenate(told)
-        self._told[:, 9:] /= looks
+            poses, velocities = self._begun
+            poses, velocities = self._begun = (table.copied('poses', poses),
+                                               table.copied('velocities', velocities))
+            rows = self._move(time_step / looks, 1.0 / looks)
+            self._told.append(rows)
+            if looked is not None:
+                self._let_look(looked, rows, poses, velocities, time_step / looks)
+            rows = self._told[-1]
+            rows[:, 2:5] -= self._carried(rows, poses)
+            if k < looks - 1:
+                self._told[-1] = rows[rows[:, 12] > 0.0]
+        self._told = [np.concatenate(self._told)]
+        self._told[0][:, 9:] /= looks
 
-    def _carried(self, way: np.ndarray) -> np.ndarray:
+    def _let_look(self, looked: Looked, rows: np.ndarray, poses: np.ndarray,
+                  velocities: np.ndarray, duration: float) -> None:
+        """Start from what is left of impulses, if some are taken back."""
+        pressed, which = rows[:, 12].copy(), self._which
+        force = self._contacts.force
+        looked(rows, poses, velocities, duration)
+        less = np.flatnonzero(rows[:, 12] < pressed)
+        force[which[less]] *= (rows[less, 12] / pressed[less])[:, None]
+
+    def _join_step(self, ids: np.ndarray) -> None:
+        """Let bodies that join in the midst of a step begin it where they are."""
+        more = self._table.poses[len(self._set_out):, :3]
+        self._set_out = np.concatenate([self._set_out, more])
+        self._set_out[ids] = self._table.poses[ids, :3]
+
+    def _carried(self, contacts: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """
         Give how far bodies have carried their contacts since the step began [m], (C, 3).
 
         Points are told as seen from where the step began: what flies together keeps its arms. Of
         two that move apart, the heavier one does.
+
+        :param contacts: rows of a look, (C, 13).
+        :param poses: of all bodies when this look began, (B, 7).
         """
-        first, second = self._told[:, :2].astype(np.intp).T
+        way = poses[:, :3] - self._set_out[:len(poses)]
+        first, second = contacts[:, :2].astype(np.intp).T
         second = np.where(second == 0, first, second)  # the ground is everywhere
         one, two = self._table.mass[first], self._table.mass[second]
         share = (one / (one + two))[:, None]
@@ -223,8 +255,8 @@ class NativeEngine:
         wanted = np.ceil(speed.max(initial=0.0) * time_step / _WAY)
         return int(max(min(wanted, np.ceil(time_step * _LOOKS - 1e-6)), 1.0))
 
-    def _move(self, time_step: float, share: float) -> None:
-        """Advance time [s], this share of the step, with contacts that are found once."""
+    def _move(self, time_step: float, share: float) -> np.ndarray:
+        """Advance time [s], this share of the step; give the contacts, found once, (C, 13)."""
         table = self._table
         free = table.awake
         driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
@@ -254,10 +286,12 @@ class NativeEngine:
         left_out = np.ones(len(first), bool)
         left_out[islands.contacts] = False
         contacts.force[left_out] = 0.0
-        self._told = told[np.argsort(islands.contacts, kind='stable')]
         self._contacts = contacts
         if len(islands.joints):
             self._keep(pulling[islands.joints], joints, share)
+        order = np.argsort(islands.contacts, kind='stable')
+        self._which = islands.contacts[order]
+        return told[order]
 
     def _solve(self, bodies: MovingBodies, free: int, first: np.ndarray, second: np.ndarray,
                contacts: ContactRows, joints: JointRows, islands: Islands, ranges: np.ndarray,
@@ -306,9 +340,19 @@ class NativeEngine:
         rows.moment[ids] += share * joints.moment
 
     def _lay_aside(self) -> None:
-        """Keep apart the contacts between bodies that sleep: they start from there again."""
+        """
+        Keep apart the contacts between bodies that sleep: they start from there again.
+
+        What was held until now has borne what it could not bear by itself: that starts anew.
+        """
         state = self._table.state
-        still = (state == BodyState.RESTING) | (state == BodyState.FIXED)
+        held = state == BodyState.FIXED
+        freed = self._held & ~held[:len(self._held)]
+        self._held = held
+        if freed.any():
+            freed = np.append(freed, np.zeros(len(state) - len(freed), bool))
+            self._contacts.force[freed[self._contacts.first] | freed[self._contacts.second]] = 0.0
+        still = (state == BodyState.RESTING) | held
         still[0] = True
         if np.array_equal(still, self._still):
             return
@@ -362,7 +406,7 @@ class NativeEngine:
 
     def contacts(self) -> np.ndarray:
         """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""
-        return self._told.copy()
+        return np.concatenate([np.zeros((0, 13)), *self._told])
 
 
 def _shares(effort: np.ndarray, threads: int) -> np.ndarray:

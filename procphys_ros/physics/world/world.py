@@ -26,7 +26,7 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world import admission, extents, kinematic, sleeping
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
-from procphys_ros.physics.world.engine import DEFAULT_ENGINE, make_engine
+from procphys_ros.physics.world.engine import DEFAULT_ENGINE, Looked, make_engine
 from procphys_ros.physics.world.joint_table import JointOptions, JointTable
 from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
 from procphys_ros.physics.world.merging import LEVEL
@@ -359,12 +359,13 @@ class World:
             return np.zeros(6)
         return total_impulse(body, self._places[body], self.contacts()) / self._time_step
 
-    def step(self, time_step: float, threads: int = 1) -> None:
+    def step(self, time_step: float, threads: int = 1, looked: Looked | None = None) -> None:
         """
         Advance time: wake what is about to be hit, move and collide, put to rest.
 
         :param time_step: [s].
         :param threads: at most; they change no bit.
+        :param looked: see `Engine.step`.
         """
         bodies, self._time_step = self._bodies, time_step
         self._table = self._table[:0]
@@ -376,7 +377,7 @@ class World:
             return
         kinematic.set_out(bodies, time_step)
         self._engine.threads = threads
-        self._engine.step(time_step)
+        self._engine.step(time_step, looked)
         self._table = self._engine.contacts()
         kinematic.arrive(self._engine, bodies)
         self._settle(time_step)

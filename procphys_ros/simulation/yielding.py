@@ -1,0 +1,177 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Yielding: standing parts that give way to what hits them, while the engine moves bodies."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from procphys_ros.linear import norm, product
+from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.masonry import punched
+from procphys_ros.physics.world import BodyState, Contacts
+from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation.blows import Blows, change_by_contacts, measure, struck_bodies
+from procphys_ros.simulation.debris_loads import part_of_body
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.returned_impulses import Begun, give_back, group_bodies
+from procphys_ros.simulation.state import State
+
+_ALIKE = 0.7   # least cosine between blows that act together
+_FAINT = 1e-9  # [N·s] keeps directions finite
+
+
+class Pushes(NamedTuple):
+    """
+    Blows on standing parts that go about the same way at the same time.
+
+    :ivar direction: unit vector, world, (3,).
+    :ivar striker: number of the body in each contact, from 0, (K,).
+    :ivar part: that it strikes there, (K,).
+    :ivar force: mean over its contact time, along the direction [N], (K,).
+    :ivar impulse: along the direction [N·s], (K,).
+    :ivar energy: that all contacts of these bodies, and of those behind them, take from the
+        motion [J].
+    """
+
+    direction: np.ndarray
+    striker: np.ndarray
+    part: np.ndarray
+    force: np.ndarray
+    impulse: np.ndarray
+    energy: float
+
+
+def judge(model: Model, state: State, others: Sequence[Callable[[], object]], rows: np.ndarray,
+          poses: np.ndarray, velocities: np.ndarray, duration: float) -> None:
+    """
+    Release the standing parts that the contacts of one look of the engine drive out.
+
+    The engine takes what stands for immovable. Where it cannot be, bodies get back what it did not
+    take from them, and meet in the next look what has come out, which is at rest until then.
+    Writes `rows`, bodies, parts, bonds and loads.
+
+    :param others: wait for the end of what else goes on meanwhile, and reads what stands.
+    :param rows, poses, velocities, duration: see `Looked`.
+    """
+    pairs = rows[:, :2].astype(np.intp)
+    standing = part_of_body(state)[pairs]
+    hits = np.asarray((standing >= 0).any(axis=1))
+    if not hits.any():
+        return
+    begun, fall = Begun(poses, velocities), model.gravity * duration
+    change = change_by_contacts(state.world, *begun, fall)
+    hits &= struck_bodies(state.world, change)[pairs].any(axis=1)
+    if not hits.any():
+        return
+    for ended in others:
+        ended()
+    bodies = state.world.bodies
+    loose = np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0)
+    moving = np.asarray(loose > 0.0)
+    group = group_bodies(pairs[:, 0], pairs[:, 1], moving)
+    striking = np.zeros(len(group), bool)
+    striking[group[pairs[hits][standing[hits] < 0]]] = True
+    near = np.flatnonzero((striking[group[pairs]] & moving[pairs]).any(axis=1))
+    contacts = Contacts.of(rows[near], duration)
+    made = measure(contacts, change, poses, loose, fall, duration)
+    found, leaves = [], np.zeros(len(state.parts.owner), bool)
+    for pushes in _alike(made, np.flatnonzero(hits[near]), standing[near], group):
+        for out, blow in _exits(state, pushes):
+            if not leaves[out.parts].any():  # else the next look judges what is left
+                found.append((out, blow))
+                leaves[out.parts] = True
+    if not found:
+        return
+    share = np.ones(len(bodies.state))
+    for out, blow in found:
+        share[state.parts.body[out.parts]] = out.passed_on / blow.momentum
+    rows[near, 9:] *= give_back(state.world, contacts, begun, fall, share, change)[:, None]
+    _release(model, state, found)
+
+
+def _alike(made: Blows, hits: np.ndarray, standing: np.ndarray,
+           group: np.ndarray) -> Iterator[Pushes]:
+    """
+    Sort blows by their directions: bodies that push the same way do so together.
+
+    :param hits: contacts with standing parts, (K,).
+    :param standing: part that each body of a contact is, -1 for what does not stand, (C, 2).
+    :param group: number of the group of each body, see `group_bodies`, (B,).
+    """
+    contacts, first = made.contacts, standing[hits, 0] >= 0
+    part = standing[hits].max(axis=1)
+    impulse = np.where(first, 1.0, -1.0)[:, None] * contacts.impulse[hits]
+    striker = np.where(first, contacts.body_b[hits], contacts.body_a[hits])
+    bodies, place = np.unique(striker, return_inverse=True)
+    total = np.zeros((len(bodies), 3))
+    np.add.at(total, place, impulse)
+    size = norm(total, axis=1)
+    left = size > _FAINT
+    while left.any():
+        hardest = int(np.argmax(np.where(left, size, 0.0)))
+        alike = left & (product(total, total[hardest]) >= _ALIKE * size * size[hardest])
+        left &= ~alike
+        direction = total[alike].sum(axis=0)
+        direction /= norm(direction)
+        own = alike[place]
+        along = product(impulse[own], direction)
+        row = hits[own]
+        behind = np.isin(group, group[bodies[alike]])
+        taken = made.energy[behind[contacts.body_a] | behind[contacts.body_b]].sum()
+        yield Pushes(direction, place[own], part[own], along / made.duration[row], along,
+                     float(taken))
+
+
+def _exits(state: State, pushes: Pushes) -> Iterator[tuple[masonry.Exit, masonry.Strike]]:
+    """List what blows drive out: what they push harder, and with more energy, than it bears."""
+    _, striker = np.unique(pushes.striker, return_inverse=True)
+    force = np.maximum(np.bincount(striker, pushes.force), 0.0)
+    momentum = float(pushes.impulse.sum())
+    if not force.any() or min(momentum, pushes.energy) <= 0.0:
+        return
+    stopped = 0.5 * momentum * momentum / pushes.energy  # mass that has this energy, too
+    mass = stopped + state.parts.mass[np.unique(pushes.part)].sum()
+    for own in punched(state.solver, striker, pushes.part, force, pushes.direction,
+                       float(force.sum() / mass)):
+        rows = np.isin(pushes.part, own.parts)
+        push, impulse = float(pushes.force[rows].sum()), float(pushes.impulse[rows].sum())
+        if impulse <= 0.0:
+            continue
+        blow = masonry.Strike(pushes.direction, push, stopped * impulse / momentum, impulse)
+        out = masonry.comes_out([own.parts], float(state.parts.mass[own.parts].sum()),
+                                own.withstood, blow)
+        if out is not None:
+            yield out, blow
+
+
+def _release(model: Model, state: State,
+             found: list[tuple[masonry.Exit, masonry.Strike]]) -> None:
+    """Release parts from rest, and pass on what their bonds have borne."""
+    for out, blow in found:
+        masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
+                                     out.passed_on * blow.direction,
+                                     blow.momentum / blow.mass)
+    pieces = [piece for out, _ in found for piece in out.pieces]
+    fragments.release(model, state, pieces, np.zeros((sum(map(len, pieces)), 6)), Cause.IMPACT,
+                      np.array([out.load for out, _ in found]))
+    rubble, bodies = state.rubble, state.world.bodies
+    fresh = np.unique(state.parts.body[np.concatenate(pieces)])
+    for name in ('poses', 'velocities'):
+        column, kept = getattr(bodies, name), getattr(rubble, name)
+        kept = np.concatenate([kept, column[len(kept):]])
+        kept[fresh] = column[fresh]
+        setattr(rubble, name, kept)
