@@ -35,8 +35,8 @@ ALONG = np.array([0.0, 1.0, 0.0])
 
 
 def stand(built):
-    """Give a simulation without gravity, so that beds are not pressed."""
-    scene = Scene(Settings(gravity=0.0))
+    """Give a simulation without gravity, so that beds are not pressed; no engine moves any yet."""
+    scene = Scene(Settings(gravity=0.0, engine='native'))
     scene.add(built)
     return Simulation(scene)
 
