@@ -70,7 +70,7 @@ def test_scenes_run_alike_on_any_number_of_threads(more):
             np.testing.assert_array_equal(one, same)
 
 
-@pytest.mark.parametrize('count, engine', zip(COUNTS[1:], cycle(installed_engines())))
+@pytest.mark.parametrize('count, engine', list(zip(COUNTS[1:], cycle(installed_engines()))))
 def test_walls_come_down_alike_on_any_number_of_threads(count, engine):
     """Charge a house and strike it: the same poses, breaks, stresses and dust to the bit."""
     looks = []
