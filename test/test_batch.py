@@ -354,14 +354,19 @@ def test_many_runs_that_fail_are_told_in_few_lines(capsys):
     assert len(said) < 30 and said[-1].endswith('480 more')
 
 
-@pytest.mark.parametrize('kills', [1, 2])
-def test_a_killed_process_costs_one_run_at_most(scene, tmp_path, monkeypatch, kills):
-    """Kill the process of a run, once and twice: it is done again, or fails, and no other."""
+@pytest.mark.parametrize(('kills', 'count', 'processes'), [(1, 4, 1), (2, 3, 2)])
+def test_a_killed_process_costs_one_run_at_most(scene, tmp_path, monkeypatch, kills, count,
+                                                processes):
+    """
+    Kill the process of a run, once and twice: it is done again, or fails, and no other.
+
+    Once while others wait, twice while another is under way; to start a process takes longest.
+    """
     monkeypatch.setattr(workers, 'attempt', partial(attempt_or_die, tmp_path, kills))
-    runs = [what for _, what in Sweep.read(scene, [], 4, 0.1).runs()]
-    with workers.processes(2) as work:
+    runs = [what for _, what in Sweep.read(scene, [], count, 0.1).runs()]
+    with workers.processes(processes) as work:
         outcomes = {number: (measures, reason) for number, measures, reason, _ in work(runs)}
-    assert sorted(outcomes) == [0, 1, 2, 3]
+    assert sorted(outcomes) == list(range(count))
     failed = [number for number, (measures, _) in outcomes.items() if measures is None]
     assert failed == ([1] if kills == 2 else [])
     assert all('killed' in outcomes[number][1] for number in failed)

@@ -105,14 +105,14 @@ def test_what_follows_is_alike_in_extent():
     """
     Break as many joints of a cottage by a ball, within a fifth, wherever it stands.
 
-    Contacts in an engine magnify rounding; 131 to 142 joints break in five places.
+    Contacts in an engine magnify rounding; 138 to 153 joints break in three places.
     """
     broken = []
     for place in _PLACES[::2]:
         placed = Placed(*place)
         simulation = placed.build('cottage.wall')
         strike(simulation, placed)
-        simulation.step(90)
+        simulation.step(70)
         broken.append(simulation.bonds_broken)
     assert np.max(np.abs(broken - np.median(broken))) < 0.2 * np.median(broken) > 10
 

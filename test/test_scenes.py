@@ -16,8 +16,9 @@
 """
 The shipped scenes do what their names say, each from its file alone.
 
-Where things fall or break, six nudged runs of a smaller form of the scene are held to bounds;
-next to each stands the spread of at least forty runs, from the least to the largest.
+Where things fall or break, nudged runs of a smaller form of the scene are held to bounds; next to
+each stands the spread of at least forty runs, from the least to the largest. That is so far within
+the bounds that three runs do.
 """
 
 from envelopes import down, Envelope, nudge, Watch
@@ -48,7 +49,7 @@ def smaller(name, cues, **changes):
 
 def envelope(scene, seconds, **figures):
     """Measure nudged runs of a scene."""
-    return Envelope(lambda rng: nudge(scene, rng), seconds, figures)
+    return Envelope(lambda rng: nudge(scene, rng), seconds, figures, runs=3)
 
 
 def run(name, seconds):
@@ -117,9 +118,9 @@ def test_a_tree_breaks_the_roof_that_it_falls_on():
     def roof(simulation):
         hit = simulation.events['part_b']
         return np.isin(hit, rows(simulation, 'cottage', ROOF)).sum()
-    scene = smaller('tree_on_house', ['0.1 gust'], gust={'upwind': 4.0, 'rise': 0.5},
+    scene = smaller('tree_on_house', ['0.0 gust'], gust={'upwind': 4.0, 'rise': 0.5},
                     cottage={'defines': SMALL['cottage']}, pine={'origin': [2.5, -4.0, 0.0]})
-    found = envelope(scene, 2.0, left=height_left('pine'), roof=roof)
+    found = envelope(scene, 1.8, left=height_left('pine'), roof=roof)
     found.bound('left', high=0.55)  # 0.26 to 0.37 in twenty runs
     found.bound('roof', 5, share=0.8)  # bonds: 19 to 390
 
@@ -207,10 +208,10 @@ def test_charges_bring_a_small_block_down_on_its_own_plan():
     found.bound('largest', high=420)  # 55 to 305 of 1,687; 469 before it lands
 
 
-@pytest.mark.parametrize('name', ['figure_8', 'implosion'])
-def test_charges_bring_the_whole_block_down(name):
+@pytest.mark.parametrize('name, seconds', [('figure_8', 2.8), ('implosion', 3.0)])
+def test_charges_bring_the_whole_block_down(name, seconds):
     """Bring it down, as large as it is shipped: coarse bounds for one run, and the laws."""
-    simulation = run(name, 3.0)  # while it falls: heights of 0.50 and 0.31, 0.95 and 0.98 inside
+    simulation = run(name, seconds)  # while it falls: heights of 0.60 and 0.72, 0.96 inside
     height, inside = heap(simulation)
     assert height < 0.75 and inside > 0.8 and len(simulation.state.bodies.members) > 200
 
@@ -238,7 +239,7 @@ def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
     figures = {'fallen': lambda simulation: min(falls(simulation)[:2]), 'ends': ends,
                'third': lambda simulation: falls(simulation)[2]}
     # PyBullet lets a plate of 7 kg under a stone in by 34 mm in one of 24 runs.
-    found = Envelope(lambda rng: nudge(scene, rng), 1.4, figures, sunk=-0.04)
+    found = Envelope(lambda rng: nudge(scene, rng), 1.4, figures, runs=3, sunk=-0.04)
     found.bound('fallen', 0.9)  # [m] 1.2 to 1.7
     found.bound('third', -0.01, 0.01)  # [m] 0
     found.bound('ends', high=0.05)  # 0; rubble may push a stone

@@ -129,15 +129,14 @@ def _assert_coherence(wind, near, axis, distance, tolerance, slant=(0.0, 0.0)):
         assert found[band].mean() == pytest.approx(wanted[band].mean(), abs=tolerance)
 
 
-@pytest.mark.parametrize(('distance', 'tolerance'), [
-    (2.0, 0.16), (4.0, 0.13), (8.0, 0.09), (16.0, 0.07)])
-@pytest.mark.parametrize('axis', [1, 2])
+@pytest.mark.parametrize(('axis', 'distance', 'tolerance'), [
+    (1, 2.0, 0.16), (2, 4.0, 0.13), (1, 8.0, 0.09), (2, 16.0, 0.07)])
 def test_coherence_anywhere_is_near_that_of_the_standard(wind, axis, distance, tolerance):
     """Allow for interpolation, which makes places within a cell somewhat too much alike."""
     _assert_coherence(wind, _scattered(200), axis, distance, tolerance)
 
 
-@pytest.mark.parametrize('distance', [2.0, 4.0, 8.0, 16.0])
+@pytest.mark.parametrize('distance', [2.0, 16.0])
 def test_coherence_at_nodes_is_that_of_the_standard(wind, distance):
     """Compare exp(-12 hypot(f d/U, 0.12 d/L)) for places above each other on the moving grid."""
     nodes = np.round(_scattered(200) / 4.0) * 4.0

@@ -18,6 +18,7 @@
 from building_checks import are_convex, count_loose, deepest_overlap, OVERLAP
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from test_wallgrammar_roofs import open_share
 
 from procphys_ros.errors import GrammarError
@@ -177,9 +178,12 @@ def test_joints_of_cut_stones_are_as_large_as_their_faces_overlap(footprint):
 def inside(points, corners):
     """Count for each point the hexahedra, (N, 8, 3), that it lies inside of."""
     _, normals, middles = faces(corners)
-    count = np.zeros(len(points), int)
-    for normal, middle in zip(normals, middles):
-        count += ((points @ normal.T - (normal * middle).sum(axis=1)) < -1e-9).all(axis=1)
+    count, centres = np.zeros(len(points), int), corners.mean(axis=1)
+    reach = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    near = cKDTree(points).query_ball_point(centres, reach)
+    for normal, middle, some in zip(normals, middles, near):
+        beyond = points[some] @ normal.T - (normal * middle).sum(axis=1)
+        count[some] += (beyond < -1e-9).all(axis=1)
     return count
 
 

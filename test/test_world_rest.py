@@ -253,7 +253,7 @@ def test_nothing_ends_below_the_ground(engine):
                                      at(*rng.uniform(2, 4, 2), 5.0), [0, 0, -60, 0, 0, 0])
                 for _ in range(40)]
         lowest = np.inf
-        for _ in range(360):
+        for _ in range(240):
             world.step(DT)
             lowest = min(lowest, float(world.poses(ids)[:, 2].min()))
         assert lowest > 0.0

@@ -15,6 +15,7 @@
 """Spires: pyramids of masonry over convex plans, course by course, hollow up to their tops."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class Pyramid:
         return np.array([_cross(self.line(i - 1, level, 0.0), self.line(i, level, 0.0))
                          for i in range(len(self.reach))])
 
-    @property
+    @cached_property
     def turns(self) -> np.ndarray:
         """Turn of the plan where each edge begins [rad], (n,)."""
         return acos((self.normals * np.roll(self.normals, 1, axis=0)).sum(axis=1))

@@ -177,12 +177,12 @@ def _factor(start, column, blocks, rank, fill, panels):
         for k in range(start[order[j]], start[order[j] + 1]):
             i = rank[column[k]]
             if i >= j:
-                total[i] = blocks[k].T
+                _turned(total[i], blocks[k])
         for r in range(6):
             at[r] = total[j, r, r]
         for t in range(across[j], across[j + 1]):
             first = place[t]
-            other[:] = scaled[first].T
+            _turned(other, scaled[first])
             _subtract(total[j], lower[first], other)
             for p in range(first + 1, below[owner[t] + 1]):
                 _subtract(total[np.uint64(rows[p])], lower[p], other)
@@ -190,8 +190,10 @@ def _factor(start, column, blocks, rank, fill, panels):
         total[j] = 0.0
         for p in range(below[j], below[j + 1]):
             i = np.uint64(rows[p])
-            scaled[p] = total[i]
-            total[i] = 0.0
+            for r in range(6):
+                for c in range(6):
+                    scaled[p, r, c] = total[i, r, c]
+                    total[i, r, c] = 0.0
             left[:] = 0.0
             _subtract(left, scaled[p], inverse[j])
             for r in range(6):
@@ -212,13 +214,23 @@ def _subtract(total, left, right):
 
 
 @kernel
+def _turned(out, matrix):
+    """Write the transpose of a 6 x 6 matrix; assignments of slices take seconds to compile."""
+    for r in range(6):
+        for c in range(6):
+            out[r, c] = matrix[c, r]
+
+
+@kernel
 def _invert(matrix, scale, out):
     """
     Invert a symmetric matrix by the sweep operator (Goodnight 1979, Am. Stat. 33(3)).
 
     :param scale: what pivots are compared with, (6,); rows of vanishing pivots become zero.
     """
-    out[:] = matrix
+    for r in range(6):
+        for c in range(6):
+            out[r, c] = matrix[r, c]
     free = np.zeros(6, np.bool_)
     for k in range(6):
         pivot = out[k, k]
