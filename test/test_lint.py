@@ -16,66 +16,39 @@
 """
 The linters that ROS packages are judged by, and the type checker, find nothing.
 
-They remember what they have found clean for all checkouts of a user, beside the compiled kernels:
-linters that look at a file at a time by its content, and mypy in its own way, by content, too.
-`--cache-clear` lets linters look at all files again.
+They remember what they have found clean: linters that look at a file at a time by its content, in
+the cache of pytest, and mypy in its own.
 """
 
-from collections.abc import Collection
 from functools import cache
 import hashlib
 from importlib.metadata import distributions
 from importlib.util import find_spec
-import json
 from pathlib import Path
 import subprocess
 import sys
 
 import pytest
 
-from procphys_ros.compilation.folders import cache_folder
-from procphys_ros.whole_files import write_whole
-
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = [ROOT / name for name in ('procphys_ros', 'test', 'bench', 'setup.py')]
-MEMORY = cache_folder().with_name('lint')
 _PATIENCE = 600.0  # [s]
-_KEPT = 20_000  # files found clean: of some thirty states of all files
 
 
 @pytest.fixture
 def lint_files(pytestconfig):
     """Give a function that lets a linter look at all files that it has not found clean before."""
-    kept = pytestconfig.pluginmanager.has_plugin('cacheprovider')
-    fresh = not kept or pytestconfig.getoption('cacheclear')
+    kept = getattr(pytestconfig, 'cache', None)  # without, all files are looked at
 
     def lint(module: str, *arguments: str) -> None:
-        notes = MEMORY / f'{module}.json'
-        clean = [] if fresh else _noted(notes)
+        clean = set(kept.get(f'lint/{module}', [])) if kept else set()
         found = {_digest(path): str(path) for folder in FOLDERS for path in _sources(folder)}
-        changed = [found[digest] for digest in found.keys() - set(clean)]
+        changed = [path for digest, path in found.items() if digest not in clean]
         if changed:
-            _lint(module, *arguments, *sorted(changed))
-            if kept:
-                _note(notes, dict.fromkeys([*found, *clean]))
+            _lint(module, *arguments, *changed)
+        if kept:
+            kept.set(f'lint/{module}', sorted(found))
     return lint
-
-
-def _noted(notes: Path) -> list[str]:
-    """List what was found clean, as far as it can be read."""
-    try:
-        return json.loads(notes.read_text('utf-8'))
-    except (OSError, ValueError):
-        return []
-
-
-def _note(notes: Path, clean: Collection[str]) -> None:
-    """Write down what was found clean, where that is possible."""
-    try:
-        notes.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(notes, json.dumps([*clean][:_KEPT]).encode())
-    except OSError:
-        pass
 
 
 def _sources(folder: Path) -> list[Path]:
@@ -124,6 +97,5 @@ def test_copyright_headers_are_recognised(lint_files):
 
 
 def test_types_fit():
-    """Have mypy accept the package; it knows files of other checkouts by their places in them."""
-    _lint('mypy', '--config-file', 'setup.cfg', '--cache-dir', str(MEMORY / 'mypy'),
-          'procphys_ros')
+    """Have mypy accept the package."""
+    _lint('mypy', '--config-file', str(ROOT / 'setup.cfg'), str(ROOT / 'procphys_ros'))
