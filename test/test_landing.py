@@ -23,7 +23,7 @@ from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import impacts, Simulation
-from procphys_ros.simulation.blows import blows_of
+from procphys_ros.simulation.blows import blows_of, change_by_contacts
 from procphys_ros.simulation.contact_forces import Blow
 
 _UNBREAKABLE = {'tension': 1e12, 'cohesion': 1e12, 'compression': 1e12}  # [Pa]
@@ -176,8 +176,8 @@ def test_contacts_have_the_energy_of_the_change_of_motion_on_edges(engine):
             awake, bodies = state.world.awake, state.world.bodies
             if not len(awake):
                 break
-            change = np.zeros((len(bodies.state), 6))
-            change[awake] = impacts._jump(simulation.model, state, simulation.time_step)
+            change = change_by_contacts(state.world, state.rubble.poses, state.rubble.velocities,
+                                        simulation.model.gravity * simulation.time_step)
             told += blows_of(simulation.model, state, change).energy.sum()
             own += motion_energy(bodies.mass[awake], bodies.inertia[awake],
                                  state.rubble.poses[awake, 3:], change[awake]).sum()

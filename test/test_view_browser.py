@@ -88,7 +88,7 @@ def browser(page, requests):
         tab.set_default_timeout(SLOW)
         tab.on('request', lambda request: requests.append(request.url))
         tab.goto(page.address)
-        tab.get_by_text('running').wait_for()
+        tab.get_by_text(', running, ').wait_for()  # WebGL may say that it is running, too
         yield tab
         chromium.close()
 

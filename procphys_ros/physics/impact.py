@@ -54,5 +54,5 @@ def contact_time(mass: float | np.ndarray, radius: float | np.ndarray = 0.0,
     slow = CONTACT_TIME * cbrt(mass)
     closer = np.maximum(speed, _LIGHT) * slow / 2.94
     flat = np.asarray(radius) * np.maximum(1.0 - _UNEVEN / closer, 0.0)
-    rate = np.sqrt(1.0 / (slow * slow) + 2.0 * flat * MODULUS / (np.pi ** 2 * mass))
+    rate = np.sqrt(1.0 / (slow * slow) + 2.0 * flat * MODULUS / (np.pi * np.pi * mass))
     return np.divide(1.0, rate, out=np.full_like(rate, np.inf), where=rate > 0.0)

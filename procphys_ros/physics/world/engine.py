@@ -114,6 +114,8 @@ class Engine(Protocol):
         """
         Read the contact points of the last step; what is near without force may be left out.
 
+        Those of bodies that were removed since are left out.
+
         :returns: (C, 13): two ids, point on the second, unit normal towards the first, distance,
             mean force of the step on the first in world axes [N], (3,), its normal part [N].
         """
