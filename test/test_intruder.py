@@ -16,7 +16,7 @@
 """The intruder: where it goes, what it pushes, and the wrench on it."""
 
 from grown_trees import BENDING, LENGTH
-from masonry_walls import bonded
+from masonry_walls import bonded, BRICK, wall_boxes
 import numpy as np
 import pytest
 
@@ -131,6 +131,26 @@ def test_a_slow_push_loads_a_wall_and_a_drive_breaks_it():
     out = simulation.poses[:, 0] > 0.3
     assert 3 < out.sum() < len(simulation.blueprint)
     assert simulation.poses[:, 2].min() > 0.0
+
+
+@pytest.mark.parametrize('speed', [0.05, 0.01])
+def test_a_wall_that_is_pushed_slowly_presses_back_with_what_it_bears(speed):
+    """Push a wall over: it presses with what cracks its lowest bed, (f + σ)·L·t²/6 over the arm."""
+    built = bonded(*wall_boxes(12, 20), tension=0.2e6, cohesion=0.4e6)
+    simulation = scene_of(built, shape='box', size=[0.3, 0.3, 0.3])
+    low, height = built.poses[:, 2] < 0.05, 1.2
+    length, depth = built.size[low, 0].sum(), BRICK[1]
+    strength = 0.2e6 + 9.81 * built.mass.sum() / (length * depth)
+    bears = strength * length * depth ** 2 / 6.0 / height
+    start = np.array([built.poses[:, 0].mean(), -0.15 + built.poses[:, 1].min() - 0.5 * depth,
+                      height])
+    largest = 0.0
+    for _ in range(round(0.02 / speed * 60)):
+        simulation.place_intruder([*(start + [0.0, speed * simulation.time, 0.0]), *_TURN])
+        simulation.step()
+        largest = max(largest, -simulation.wrench_on_intruder('intruder')[1])
+    assert 0.6 * bears < largest < 1.7 * bears
+    assert not simulation.state.standing[:len(built)].any()
 
 
 def test_poses_at_a_low_rate_make_an_even_motion():

@@ -34,6 +34,9 @@ from procphys_ros.simulation.state import IntruderState, State
 
 SMOOTHING = 0.1  # [s] time constant of the wrench that is given out; contacts of rigid bodies jump
 _YIELD = 0.003   # [m] that a brick gives before its bonds exert all their strength
+_THROUGH = 0.03  # [m] that it reaches into a wall until all that is in its way comes out, ...
+_FIRST = 100.0   # [N] ... while what it presses with grows from this, ...
+_MORE = 1.5      # ... by this factor each time when the wall has been found to stand it
 _STILL = 1e-3    # [m/s] slower, debris at rest is left so
 _ALIKE = 0.7     # least cosine between pushes on bricks that come out together
 _SPACING = 0.25  # [radii] of the balls that a capsule presses walls as; 1 % of the radius between
@@ -143,6 +146,8 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
                                        state.parts.body)
     depth, normal, point = _deepest(model.intruders[name], pose, near)
     parts, wrenches = [np.zeros(0, np.intp)], [np.zeros((0, 6))]
+    most = max(own.pressed * (_MORE if masonry.is_stable(state) else 1.0), _FIRST)
+    own.pressed = 0.0
     for rows in _together(depth, normal):
         rows = rows[state.standing[near.part[rows]]]  # plugs may have taken some of them along
         if not len(rows):
@@ -153,7 +158,12 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
         speed = np.maximum(product(velocity[:3] + np.cross(velocity[3:], arm), push), 0.0)
         plug, withstood = masonry.weakest_plug(state, near.part[rows], push, float(speed.mean()))
         force = withstood.force / len(rows) * np.minimum(depth[rows] / _YIELD, 1.0)
-        if depth[rows[0]] > _YIELD:
+        waits = (float(speed.mean()) < _YIELD * masonry.WALL_RATE and depth[rows[0]] < _THROUGH
+                 and force.sum() > most)
+        if waits:
+            force *= most / force.sum()
+        own.pressed += float(force.sum())
+        if depth[rows[0]] > _YIELD and not waits:
             force += _drive_out(model, state, plug, speed, push) / len(rows) / dt
         else:
             parts.append(near.part[rows])

@@ -166,6 +166,7 @@ class IntruderState:
     :ivar wrench: force and moment on it in the last step [N], [N·m], world, (6,).
     :ivar smooth_wrench: the same through a low pass.
     :ivar from_wall: what standing walls add to it in this step, (6,).
+    :ivar pressed: with what it presses on them [N].
     """
 
     path: PoseInterpolator = field(default_factory=PoseInterpolator)
@@ -174,6 +175,7 @@ class IntruderState:
     wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
     smooth_wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
     from_wall: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    pressed: float = 0.0
 
 
 @dataclass
