@@ -135,7 +135,7 @@ def test_a_slow_push_loads_a_wall_and_a_drive_breaks_it():
 
 @pytest.mark.parametrize('speed', [0.05, 0.01])
 def test_a_wall_that_is_pushed_slowly_presses_back_with_what_it_bears(speed):
-    """Push a wall over: it presses with what cracks its lowest bed, (f + σ)·L·t²/6 over the arm."""
+    """Push a wall over: it bears what cracks its lowest bed, (f + σ)·L·t²/6 over the arm."""
     built = bonded(*wall_boxes(12, 20), tension=0.2e6, cohesion=0.4e6)
     simulation = scene_of(built, shape='box', size=[0.3, 0.3, 0.3])
     low, height = built.poses[:, 2] < 0.05, 1.2

@@ -38,14 +38,14 @@ def strike_singly(solver, struck, force, direction, acceleration=0.0):
 
 @pytest.mark.parametrize('seed', range(8))
 def test_no_other_set_has_a_larger_excess(seed):
-    """Strike a wall of twelve bricks in any direction, and compare with all its 4,095 sets."""
+    """Strike a wall of nine bricks in any direction, and compare with all its 511 sets."""
     rng = np.random.default_rng(seed)
-    solver = StressSolver(BondGraph(wall(3, 4)), tolerance=1e-6)
+    solver = StressSolver(BondGraph(wall(3, 3)), tolerance=1e-6)
     solver.iterate(500)
     count, direction = solver.graph.count, rng.normal(size=3)
     direction /= np.linalg.norm(direction)
     push = np.where(rng.random(count) < 0.5, rng.uniform(0.0, 60e3, count), 0.0)
-    held, most = np.where(push > 0.0, 0.0, rng.uniform(0.0, 500.0) * solver.graph.mass), 0.0
+    held = np.where(push > 0.0, 0.0, rng.uniform(0.0, 500.0) * solver.graph.mass)
     struck = np.flatnonzero(push)
     acceleration = 2.0 * float(held.max() / solver.graph.mass[held.argmax()])
     found = strike_singly(solver, struck, push[struck], direction, acceleration)
