@@ -27,14 +27,14 @@ MODULUS = 0.5e9
 CONTACT_TIME = 1.4e-3
 
 # [m] up to which faces touch on their highest points: bricks keep to 0.4·√mm of their size
-# (EN 771-1, T1), faces of 60 mm to 3 mm.
-_UNEVEN = 3e-3
+# (EN 771-1, T1), faces of 60 mm to 3 mm; what has broken off has teeth half a brick high.
+FACES, TEETH = 3e-3, 0.03
 
 _LIGHT = 1e-30  # [kg], [m/s] keeps rates finite
 
 
 def contact_time(mass: float | np.ndarray, radius: float | np.ndarray = 0.0,
-                 speed: float | np.ndarray = 0.0) -> np.ndarray:
+                 speed: float | np.ndarray = 0.0, uneven: float = FACES) -> np.ndarray:
     """
     Give how long a blow of hard bodies on masonry lasts [s]; its mean force is momentum over this.
 
@@ -49,10 +49,11 @@ def contact_time(mass: float | np.ndarray, radius: float | np.ndarray = 0.0,
     :param radius: a of the patch on which flat faces touch, that of a circle as large [m]; 0 =
         they touch in a point.
     :param speed: of approach [m/s].
+    :param uneven: how high the highest points of the faces are [m].
     """
     mass = np.maximum(mass, _LIGHT)
     slow = CONTACT_TIME * cbrt(mass)
     closer = np.maximum(speed, _LIGHT) * slow / 2.94
-    flat = np.asarray(radius) * np.maximum(1.0 - _UNEVEN / closer, 0.0)
+    flat = np.asarray(radius) * np.maximum(1.0 - uneven / closer, 0.0)
     rate = np.sqrt(1.0 / (slow * slow) + 2.0 * flat * MODULUS / (np.pi * np.pi * mass))
     return np.divide(1.0, rate, out=np.full_like(rate, np.inf), where=rate > 0.0)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.impact import contact_time
+from procphys_ros.physics.impact import contact_time, FACES, TEETH
 from procphys_ros.physics.kinetic import free_spins
 from procphys_ros.physics.world import BodyState, Contacts, World
 from procphys_ros.simulation.model import Model
@@ -55,7 +55,7 @@ def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
     bodies, dt = state.world.bodies, model.time_step
     loose = np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0)
     return measure(state.world.contacts(), change, state.rubble.poses, loose, model.gravity * dt,
-                   dt)
+                   dt, TEETH)
 
 
 def change_by_contacts(world: World, poses: np.ndarray, velocities: np.ndarray,
@@ -86,7 +86,7 @@ def struck_bodies(world: World, change: np.ndarray) -> np.ndarray:
 
 
 def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, loose: np.ndarray,
-            fall: float, dt: float) -> Blows:
+            fall: float, dt: float, uneven: float = FACES) -> Blows:
     """
     Find energy and duration of contacts.
 
@@ -105,13 +105,15 @@ def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, loose: np
     :param loose: masses of the bodies that move freely, by id, 0 for all others [kg], (B,).
     :param fall: speed that gravity gives these in the step [m/s].
     :param dt: length of the step [s].
+    :param uneven: see `contact_time` [m].
     """
     pairs, impulse = (contacts.body_a, contacts.body_b), np.ascontiguousarray(contacts.impulse)
     energy, lasting, size = _measure(*pairs, np.ascontiguousarray(contacts.point), impulse, change,
                                      start, np.where(loose > 0.0, fall, 0.0))
     mass, share = _closing(energy - lasting, size)
     patch = _patches(*pairs, np.ascontiguousarray(contacts.point), size, mass)
-    rate = 1.0 / np.minimum(contact_time(mass, patch, size / mass), _LONGEST)
+    rate = 1.0 / np.minimum(contact_time(mass, patch, size / mass, uneven),
+                            _LONGEST)
     _pass_on(*pairs, size, share, loose, loose * fall, dt, rate)
     return Blows(contacts, energy, 1.0 / rate)
 
