@@ -208,10 +208,10 @@ def test_charges_bring_a_small_block_down_on_its_own_plan():
     found.bound('largest', high=420)  # 55 to 305 of 1,687; 469 before it lands
 
 
-@pytest.mark.parametrize('name, seconds', [('figure_8', 2.8), ('implosion', 3.0)])
-def test_charges_bring_the_whole_block_down(name, seconds):
+@pytest.mark.parametrize('name', ['figure_8', 'implosion'])
+def test_charges_bring_the_whole_block_down(name):
     """Bring it down, as large as it is shipped: coarse bounds for one run, and the laws."""
-    simulation = run(name, seconds)  # while it falls: heights of 0.60 and 0.72, 0.96 inside
+    simulation = run(name, 3.5)  # heights of 0.40 and 0.49, 0.96 and 0.98 inside
     height, inside = heap(simulation)
     assert height < 0.75 and inside > 0.8 and len(simulation.state.bodies.members) > 200
 
