@@ -508,6 +508,7 @@ def test_points_are_kept_while_a_pair_stays(kind):
         kept += 1
     assert kept > 100
 
+
 def test_what_is_set_free_under_a_blow_does_not_start_from_it():
     """Set a brick free while a tonne strikes it, and take the blow back: it becomes no faster."""
     with World(engine='native') as world:
