@@ -24,7 +24,7 @@ from random_grammars import Event, Sample
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import GrammarError
 from procphys_ros.lsystem import LSystem
-from procphys_ros.scene import Scene
+from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
 from procphys_ros.wallgrammar import WallGrammar
@@ -55,13 +55,15 @@ def build(sample: Sample) -> Blueprint | None:
         raise
 
 
-def faults(samples: Sequence[Sample], wind: float, steps: int = STEPS) -> Iterator[str]:
+def faults(samples: Sequence[Sample], wind: float, steps: int = STEPS,
+           engine: str = 'auto') -> Iterator[str]:
     """
     Simulate grammars side by side; tell what went wrong, object by object.
 
     :param samples: grammars with what hits them.
     :param wind: mean speed at 10 m, across the row [m/s].
     :param steps: of 1/60 s.
+    :param engine: of rigid bodies.
     """
     built = [(build(sample), sample) for sample in samples]
     samples = [sample for blueprint, sample in built if blueprint is not None]
@@ -71,7 +73,7 @@ def faults(samples: Sequence[Sample], wind: float, steps: int = STEPS) -> Iterat
     reach = [float(np.abs(b.poses[:, :3]).max() + b.size.max()) for b in blueprints]
     places = np.cumsum(2.0 * np.array(reach) + _ROOM) - np.array(reach)
     borders = places[:-1] + reach[:-1] + 0.5 * _ROOM
-    scene = Scene()
+    scene = Scene(Settings(engine=engine))
     for i, (blueprint, x) in enumerate(zip(blueprints, places)):
         scene.add(blueprint, (x, 0.0, 0.0), 0.0, f'object_{i}')
     simulation = Simulation(scene, seed=samples[0].seed)

@@ -71,7 +71,7 @@ def test_what_a_ball_brings_down_does_not_depend_on_the_pace(monkeypatch, length
 
 
 @pytest.mark.xfail(reason='blows that engines spread over substeps are judged as if they came at '
-                   'once: all of the wall comes down')
+                   'once: three fifths of the wall come down')
 def test_a_ball_cracks_the_wall_around_its_hole():
     """
     Throw 2 t through a braced wall: bed and head joints crack between bricks that stand.

@@ -113,14 +113,14 @@ def gaps(world):
 @pytest.mark.parametrize('kind, time_step', [
     *((JointKind.HINGE, step) for step in STEPS), (JointKind.BALL, 1.0 / 60.0)])
 def test_a_rod_swings_as_a_compound_pendulum(kind, time_step):
-    """Keep its period, over ten swings, or a thousand steps, its energy, and its point."""
+    """Keep its period, over ten swings its energy, and its point."""
     angle = 0.5
     world, body = pendulum(kind, angle)
     inertia = 2.0 * (1.0 + 0.05 ** 2) / 12.0 + 2.0 * 0.25
     period = 4.0 * np.sqrt(inertia / (2.0 * G * 0.5)) * ellipk(np.sin(0.5 * angle) ** 2)
     depth = 2.0 * G * 0.5 * (1.0 - np.cos(angle))
     first = energy(world, [body])
-    told = run(world, max(min(1000.0 * time_step, 10.2 * period), 3.2 * period), time_step,
+    told = run(world, 10.2 * period, time_step,
                lambda: (world.bodies.poses[body, 0], energy(world, [body]), gaps(world).max()))
     assert periods(told[:, 0], time_step) == pytest.approx(period, rel=1e-3)
     # Within a substep gravity acts before the body moves: 0.1 % to and fro.

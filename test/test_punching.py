@@ -20,7 +20,14 @@ from masonry_walls import bonded, wall
 import numpy as np
 import pytest
 
-from procphys_ros.physics.masonry import BondGraph, punched, resistance, StressSolver, together
+from procphys_ros.physics.masonry import (
+    BondGraph,
+    punched,
+    punching,
+    resistance,
+    StressSolver,
+    together,
+)
 
 _ACROSS = np.array([0.0, 1.0, 0.0])
 
@@ -38,7 +45,7 @@ def strike_singly(solver, struck, force, direction, acceleration=0.0):
 
 @pytest.mark.parametrize('seed', range(8))
 def test_no_other_set_has_a_larger_excess(seed):
-    """Strike a wall of nine bricks in any direction, and compare with all its 511 sets."""
+    """Strike a wall of ten bricks in any direction, and compare with all its 1,023 sets."""
     rng = np.random.default_rng(seed)
     solver = StressSolver(BondGraph(wall(3, 3)), tolerance=1e-6)
     solver.iterate(500)
@@ -83,6 +90,19 @@ def test_what_strikes_drives_out_all_that_it_touches_or_nothing():
     for share, out in ((1.9, []), (2.1, [153, 175])):
         found = punched(solver, np.zeros(2, int), pair, np.array([share * alone]), _ACROSS, 1e4)
         assert [part for one in found for part in one.parts.tolist()] == out
+
+
+def test_forces_of_any_size_are_compared(monkeypatch):
+    """Push with more newtons than an integer holds: what cannot stay goes, by the least cut."""
+    solver, struck = StressSolver(BondGraph(wall(30, 10))), np.array([153])
+    small = together(strike_singly(solver, struck, [np.inf], _ACROSS, 1e4))
+    assert small.parts.tolist() == [153]
+    for largest in (1e8, 1e5):
+        monkeypatch.setattr(punching, '_LARGEST', largest)
+        for force in (1e6, 1e12, np.inf):
+            one, = strike_singly(solver, struck, [force], _ACROSS, 1e4)
+            assert one.parts.tolist() == [153]
+            assert one.withstood.force == small.withstood.force
 
 
 def test_others_come_along_when_there_is_time():

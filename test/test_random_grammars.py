@@ -16,6 +16,7 @@
 """No ordinary grammar fails: a thousand random trees and walls, in wind, struck and shot at."""
 
 from collections.abc import Iterator
+from itertools import cycle
 
 from building_checks import count_loose, deepest_overlap, OVERLAP
 from energy_ledger import EnergyLedger
@@ -35,10 +36,10 @@ from procphys_ros.wallgrammar import WallGrammar
 _TREES, _WALLS = 196, 4  # of one scene
 
 
-@pytest.mark.parametrize('seed', range(1, 6))
-def test_random_grammars_neither_fail_nor_make_energy(seed):
+@pytest.mark.parametrize('seed, engine', list(zip(range(1, 6), cycle(('auto', 'native')))))
+def test_random_grammars_neither_fail_nor_make_energy(seed, engine):
     """Simulate 60 steps of 200 grammars side by side: all finite, no energy from nothing."""
-    found = list(faults(*draw(seed, _TREES, _WALLS)))
+    found = list(faults(*draw(seed, _TREES, _WALLS), engine=engine))
     assert not found, '\n'.join(found)
 
 

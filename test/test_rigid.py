@@ -507,24 +507,3 @@ def test_points_are_kept_while_a_pair_stays(kind):
         assert not np.isin(anew.found[:, 7], first.found[:, 7]).any()
         kept += 1
     assert kept > 100
-
-
-def test_what_is_set_free_under_a_blow_does_not_start_from_it():
-    """Set a brick free while a tonne strikes it, and take the blow back: it becomes no faster."""
-    with World(engine='native') as world:
-        brick, = world.add_bricks(np.array([[0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0]]),
-                                  np.array([[0.2, 0.1, 0.06]]), np.array([3.0]))
-        block = world.add_body(Shape.BOX, np.full(3, 0.8), 1000.0,
-                               np.array([0.0, 0.0, 2.46, 0.0, 0.0, 0.0, 1.0]),
-                               np.array([0.0, 0.0, -10.0, 0.0, 0.0, 0.0]))
-
-        def looked(rows, poses, velocities, duration):
-            if len(rows) and world.bodies.state[brick] == BodyState.FIXED:
-                world.set_velocities(np.array([block]), velocities[[block]])
-                rows[:, 9:] = 0.0
-                world.thaw(np.array([brick]))
-        for _ in range(12):
-            world.step(1.0 / 60.0, 1, looked)
-            assert np.linalg.norm(world.velocities([brick])[0, :3]) < 13.0
-        assert world.bodies.state[brick] == BodyState.AWAKE
-        assert world.poses([brick])[0, 2] < 1.5

@@ -28,7 +28,6 @@ from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import (
     contact_exclusions,
-    debris_loads,
     fragments,
     glass,
     sustained_loads,
@@ -82,13 +81,12 @@ def step(model: Model, state: State, dt: float) -> None:
     if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):
         return
     share = np.ones(len(struck))
-    touches = debris_loads.may_touch(model, state)
     grain, room = _grain(state), _room(state)
     splits = (len(state.rubble.waiting) > 0 or np.max(state.bodies.size, initial=0)
               >= 2.0 * (grain if room >= 2 else _LUMP * grain))
     broken = []
     made = cache(partial(blows_of, model, state, change))  # which takes milliseconds
-    if touches or splits:
+    if splits:
         broken = _break(model, state, struck, made(), grain, room, share)
     glass.judge(model, state, struck, change, made, [result.bonds for _, result in broken])
     if broken:

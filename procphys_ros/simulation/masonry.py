@@ -25,14 +25,7 @@ import numpy as np
 from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.physics.masonry import (
-    Failures,
-    Punched,
-    punched,
-    Resistance,
-    resistance,
-    together,
-)
+from procphys_ros.physics.masonry import Failures, punched, Resistance, resistance, together
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
 from procphys_ros.simulation import fragments, load_checks
@@ -144,29 +137,29 @@ def drive_out(state: State, struck: np.ndarray, blow: Strike) -> Exit | None:
 
 
 def _plug(state: State, struck: np.ndarray, force: float, direction: np.ndarray,
-          acceleration: float) -> Punched | None:
-    """Give what one rigid thing drives out, what it strikes first; see `punched`."""
+          acceleration: float) -> tuple[np.ndarray, Resistance] | None:
+    """Give what one rigid thing drives out, what it strikes first, and what this withstands."""
     alone = np.zeros(len(struck), np.intp)
     found = punched(state.solver, alone, struck, np.array([force]), direction, acceleration)
     if not found:
         return None
     parts, withstood = together(found)
-    return Punched(np.concatenate([struck, np.setdiff1d(parts, struck)]), withstood)
+    return np.concatenate([struck, np.setdiff1d(parts, struck)]), withstood
 
 
 def weakest_plug(state: State, struck: np.ndarray, direction: np.ndarray,
-                 speed: float) -> Punched:
+                 speed: float) -> tuple[np.ndarray, Resistance]:
     """
     Give what comes out with the least force where struck parts are pushed and cannot stay.
 
     :param struck: indices, (K,).
     :param direction: unit vector of the push, world, (3,).
     :param speed: of what pushes [m/s].
-    :returns: the struck parts, in their order, then what goes with them.
+    :returns: the struck parts, in their order, then what goes with them, and what it withstands.
     """
     mass = float(state.parts.mass[struck].sum())
-    return cast(Punched, _plug(state, struck, np.inf, direction,
-                               speed / float(contact_time(mass))))
+    return cast(tuple[np.ndarray, Resistance],  # no force is too small
+                _plug(state, struck, np.inf, direction, speed / float(contact_time(mass))))
 
 
 def pieces_of(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.ndarray]:

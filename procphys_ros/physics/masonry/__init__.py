@@ -19,8 +19,8 @@ from procphys_ros.physics.masonry.capacity import Resistance, resistance
 from procphys_ros.physics.masonry.fracture import Failures, Fracture
 from procphys_ros.physics.masonry.free_body import Breakage, FreeBodies
 from procphys_ros.physics.masonry.graph import BondGraph
-from procphys_ros.physics.masonry.punching import Punched, punched, together
+from procphys_ros.physics.masonry.punching import punched, together
 from procphys_ros.physics.masonry.solver import StressSolver
 
-__all__ = ['BondGraph', 'Breakage', 'Failures', 'Fracture', 'FreeBodies', 'Punched',
-           'punched', 'resistance', 'Resistance', 'StressSolver', 'together']
+__all__ = ['BondGraph', 'Breakage', 'Failures', 'Fracture', 'FreeBodies', 'punched',
+           'resistance', 'Resistance', 'StressSolver', 'together']

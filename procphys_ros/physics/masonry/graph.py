@@ -200,13 +200,17 @@ class BondGraph:
         self.extent = self.whole_extent.copy()
         self._spread(np.flatnonzero(changed))
 
-    def neighbours(self, parts: np.ndarray) -> np.ndarray:
-        """Give the bonds that touch any of the parts, dead ones included, sorted."""
+    def bonds_of(self, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Give the bonds of each part, dead ones included: places of the parts, and rows, (B,)."""
         parts = np.atleast_1d(parts)
         first, count = self.start[parts], self.start[parts + 1] - self.start[parts]
         own = np.arange(count.sum()) + np.repeat(first - np.cumsum(count) + count, count)
+        return np.repeat(np.arange(len(parts)), count), self.incident[own]
+
+    def neighbours(self, parts: np.ndarray) -> np.ndarray:
+        """Give the bonds that touch any of the parts, dead ones included, sorted."""
         found = np.zeros(len(self), bool)
-        found[self.incident[own]] = True
+        found[self.bonds_of(parts)[1]] = True
         return np.flatnonzero(found).astype(self.incident.dtype)
 
     def parts_of(self, bonds: np.ndarray) -> np.ndarray:

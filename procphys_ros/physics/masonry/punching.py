@@ -21,10 +21,10 @@ import scipy  # its parts are imported by their first use
 
 from procphys_ros.physics.masonry.capacity import at_failure, REACH, Resistance
 from procphys_ros.physics.masonry.components import groups, label
+from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
 
-_MOST = 5.0e8  # [N] capacity of an edge: SciPy's flows are 32-bit integers, here of newtons, and
-#                what joins the same two parts, or goes to the sink, adds up
+_LARGEST = 5.0e8  # of SciPy's flows, which are 32-bit integers: of newtons, or as many as need be
 _HOPELESS = 0.05  # of what the struck parts bear one by one: what pushes less is not looked into
 _ALONG = 0.5   # of the acceleration of what is struck, with which others come along: those that
 #                would become faster are nearer to its motion than to rest
@@ -64,13 +64,9 @@ def punched(solver: StressSolver, striker: np.ndarray, struck: np.ndarray, force
     """
     graph = solver.graph
     striker, struck = np.unique([striker, struck], axis=1)
-    parts = np.unique(struck)
     if _is_hopeless(solver, striker, struck, force, direction):
         return []
-    place = np.concatenate([graph.centre[parts], graph.centroid[graph.neighbours(parts)]])
-    centre = graph.centre[:graph.count]
-    near = np.flatnonzero(((centre > place.min(axis=0) - REACH)
-                           & (centre < place.max(axis=0) + REACH)).all(axis=1))
+    near = _around(graph, np.unique(struck))
     bonds = graph.neighbours(near)
     bonds = bonds[graph.alive[bonds]]
     node = np.full(graph.count + 1, -1)  # the sink is last: it is all else
@@ -79,11 +75,10 @@ def punched(solver: StressSolver, striker: np.ndarray, struck: np.ndarray, force
     each = [at_failure(graph, bonds, np.full(len(bonds), first), direction, wrench)
             for first in (True, False)]
     inertia = _ALONG * acceleration * graph.mass[near]
-    inertia[node[parts]] = 0.0
+    inertia[node[struck]] = 0.0
     leaves = np.append(_source_side(ends, each[0][0], each[1][0], inertia,
                                     (striker, node[struck], force)), False)
-    one, other = leaves[ends[0]], leaves[ends[1]]
-    joined = one & other
+    joined = leaves[ends[0]] & leaves[ends[1]]
     labels, _ = label(len(near), ends[0][joined], ends[1][joined], joined[joined])
     found = []
     for rows in groups(labels, leaves[:-1]):
@@ -91,21 +86,25 @@ def punched(solver: StressSolver, striker: np.ndarray, struck: np.ndarray, force
         own[rows] = True
         around = np.flatnonzero(own[ends[0]] != own[ends[1]])
         bears, work, rubbing = np.where(own[ends[0]][around], each[0][:, around],
-                                        each[1][:, around])
-        found.append(Punched(near[rows], Resistance(
-            bonds[around], float(bears.sum()), float(work.sum() + rubbing.sum()),
-            float(rubbing.sum()))))
+                                        each[1][:, around]).sum(axis=1).tolist()
+        found.append(Punched(near[rows], Resistance(bonds[around], bears, work + rubbing,
+                                                    rubbing)))
     return found
+
+
+def _around(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
+    """List the parts within `REACH` of some and of their joints, (N,)."""
+    place = np.concatenate([graph.centre[parts], graph.centroid[graph.neighbours(parts)]])
+    centre = graph.centre[:graph.count]
+    return np.flatnonzero(((centre > place.min(axis=0) - REACH)
+                           & (centre < place.max(axis=0) + REACH)).all(axis=1))
 
 
 def _is_hopeless(solver: StressSolver, striker: np.ndarray, struck: np.ndarray,
                  force: np.ndarray, direction: np.ndarray) -> bool:
     """Say whether all strikers push far less than what they touch bears, part by part."""
     graph = solver.graph
-    count = graph.start[struck + 1] - graph.start[struck]
-    contact = np.repeat(np.arange(len(struck)), count)
-    bonds = graph.incident[np.arange(len(contact)) + np.repeat(
-        graph.start[struck] - np.cumsum(count) + count, count)]
+    contact, bonds = graph.bonds_of(struck)
     living = graph.alive[bonds]
     contact, bonds = contact[living], bonds[living]
     bears = at_failure(graph, bonds, graph.first[bonds] == struck[contact], direction,
@@ -133,20 +132,22 @@ def _source_side(ends: tuple[np.ndarray, np.ndarray], forwards: np.ndarray, back
     :param pushes: striker and node of each contact, (K,) each, and force of each striker, (S,).
     """
     striker, node, force = pushes
-    count = len(inertia)
+    everything = forwards.sum() + backwards.sum() + inertia.sum()  # more tears all out
+    force = np.minimum(force, everything + 1.0)
+    count, total = len(inertia), force.sum() + 1.0  # no cut needs more
     source, sink = count + len(force), count + len(force) + 1
     first, second = (np.where(end < 0, sink, end) for end in ends)
-    pushing, nodes = count + np.arange(len(force)), np.arange(count)
+    pushing, nodes, rigid = count + np.arange(len(force)), np.arange(count), np.ones(len(node))
     rows = [(first, second, forwards), (second, first, backwards),
             (nodes, np.full(count, sink), inertia),
             (np.full(len(force), source), pushing, force),
-            (pushing[striker], node, np.full(len(node), np.inf)),
-            (node, pushing[striker], np.full(len(node), np.inf))]
+            (pushing[striker], node, total * rigid), (node, pushing[striker], total * rigid)]
     low, high, most = (np.concatenate(column) for column in zip(*rows))
-    whole = np.minimum(most, _MOST).astype(np.int32)
-    capacity = scipy.sparse.csr_array((whole, (low, high)), shape=(sink + 1, sink + 1))
+    capacity = scipy.sparse.csr_matrix((most, (low, high)), shape=(sink + 1, sink + 1))
+    unit = max(total / _LARGEST, 1.0)
+    capacity.data = (np.minimum(capacity.data, total) / unit).astype(np.int32)
     flow = scipy.sparse.csgraph.maximum_flow(capacity, source, sink).flow
-    left = scipy.sparse.csr_array(capacity - flow)
+    left = capacity - flow
     left.eliminate_zeros()
     reached = scipy.sparse.csgraph.breadth_first_order(left, source, return_predecessors=False)
     out = np.zeros(sink + 1, bool)

@@ -73,7 +73,7 @@ class NativeEngine:
         self._contacts = self._resting = no_contacts(0)
         self._still = np.zeros(0, bool)  # bodies that sleep, or never move
         self._held = np.zeros(0, bool)  # bodies that never move
-        self._which = np.zeros(0, np.intp)  # contacts that the last look told
+        self._which = np.zeros(0, np.intp)  # contacts that the last look told, -1 if gone
         self._joints = JointTable()
         self._told: list[np.ndarray] = []  # contacts of each look in the step
         self._set_out = np.zeros((0, 3))  # where bodies began the step, or joined it
@@ -132,20 +132,21 @@ class NativeEngine:
         body = self._pieces.body[:len(kept)]
         first = np.flatnonzero(np.diff(body, prepend=-1))
         self._first[body[first]] = first
-        self._contacts = self._renumbered(self._contacts, alive, place)
-        self._resting = self._renumbered(self._resting, alive, place)
+        self._contacts, there = self._renumbered(self._contacts, alive, place)
+        self._which = np.append(np.where(there, np.cumsum(there) - 1, -1), -1)[self._which]
+        self._resting, _ = self._renumbered(self._resting, alive, place)
         self._used = len(kept)
 
     def _renumbered(self, contacts: ContactRows, alive: np.ndarray,
-                    place: np.ndarray) -> ContactRows:
-        """Give the contacts of pieces that are left, with the new rows of these."""
+                    place: np.ndarray) -> tuple[ContactRows, np.ndarray]:
+        """Give the contacts of pieces that are left, with the new rows of these; mark them."""
         ends = np.stack(split_key(contacts.key))
         is_piece = (ends < self._used) & (ends[0] != POINT)
         row = np.where(is_piece, ends, 0)
         there = (alive[row] | ~is_piece).all(axis=0)
         out = contacts.of(there)
         out.key[:] = join_key(*np.where(is_piece, place[row], ends)[:, there])
-        return out
+        return out, there
 
     def _rows(self, ids: np.ndarray) -> np.ndarray:
         """Give the pieces of bodies, ascending."""
@@ -216,11 +217,10 @@ class NativeEngine:
     def _let_look(self, looked: Looked, rows: np.ndarray, poses: np.ndarray,
                   velocities: np.ndarray, duration: float) -> None:
         """Start from what is left of impulses, if some are taken back."""
-        pressed, which = rows[:, 12].copy(), self._which
-        force = self._contacts.force
+        pressed = rows[:, 12].copy()
         looked(rows, poses, velocities, duration)
-        less = np.flatnonzero(rows[:, 12] < pressed)
-        force[which[less]] *= (rows[less, 12] / pressed[less])[:, None]
+        less = np.flatnonzero((rows[:, 12] < pressed) & (self._which >= 0))
+        self._contacts.force[self._which[less]] *= (rows[less, 12] / pressed[less])[:, None]
 
     def _join_step(self, ids: np.ndarray) -> None:
         """Let bodies that join in the midst of a step begin it where they are."""
