@@ -24,6 +24,7 @@ from procphys_ros.wallgrammar import WallGrammar
 
 _LENGTH = 5.4   # [m] of the wall
 _OPENING = 0.6  # [m] height of what is cut out
+_MOVED = 0.1    # [m] from which a brick has left its place
 _LIME = {'tension': 1e4, 'cohesion': 1.25e4}  # [Pa] old lime mortar, of hardly any strength
 
 _HOUSE = """
@@ -89,7 +90,7 @@ def test_cement_mortar_carries_what_lime_does_not():
 
 
 def house_without(floors, gone, steps=400):
-    """Take bricks of the ground floor out of a house; give x of the upper ones, which stand."""
+    """Take bricks of the ground floor out of a house; give x of the upper ones, which stay."""
     blueprint = WallGrammar.parse(_HOUSE.format(floors=floors)).build()
     simulation = standing(blueprint)
     places = blueprint.poses
@@ -97,28 +98,30 @@ def house_without(floors, gone, steps=400):
     take_out(simulation, np.flatnonzero(bricks & (places[:, 2] < 1.0) & gone(places)))
     simulation.step(steps)
     upper = bricks & (places[:, 2] > 1.2)
-    return places[upper, 0], simulation.state.standing[upper]
+    way = np.linalg.norm(simulation.poses[upper, :3] - places[upper, :3], axis=1)
+    return places[upper, 0], way < _MOVED
 
 
 @pytest.mark.parametrize('floors', ['timber', 'slab(0.15)'])
 def test_a_house_bridges_a_hole_in_its_ground_floor(floors):
     """Cut a door of a metre into the front: no brick of the storey above falls."""
-    _, stands = house_without(floors, lambda p: (p[:, 1] < 0.11) & (np.abs(p[:, 0] - 2.0) < 0.5))
-    assert stands.all()
+    _, stays = house_without(floors, lambda p: (p[:, 1] < 0.11) & (np.abs(p[:, 0] - 2.0) < 0.5))
+    assert stays.all()
 
 
 def test_collapse_runs_through_a_house_with_slabs():
     """Take half of the ground floor: the slab tips and brings down what stood on whole walls."""
-    x, stands = house_without('slab(0.15)', lambda p: p[:, 0] > 2.0, 80)
-    assert stands[x > 2.0].mean() < 0.1 and stands[x < 2.0].mean() < 0.5
+    x, stays = house_without('slab(0.15)', lambda p: p[:, 0] > 2.0, 80)
+    assert stays[x > 2.0].mean() < 0.1 and stays[x < 2.0].mean() < 0.5
 
 
 def test_collapse_stops_where_floors_do_not_tie():
     """
-    Take half of the ground floor: most of what stood on it falls, the rest stays up.
+    Take half of the ground floor: what stood on it falls, the rest stays up.
 
-    It falls piece by piece within 3.5 s: cracked joints hold some of it up for a while.
+    It falls piece by piece within 5 s: cracked joints hold some of it up for a while.
     """
-    x, stands = house_without('timber', lambda p: p[:, 0] > 2.0, 215)
-    assert stands[x > 2.0].mean() < 0.3 and stands[x < 2.0].mean() > 0.7
-    assert stands[x < 0.5].mean() > 0.9
+    x, stays = house_without('timber', lambda p: p[:, 0] > 2.0, 300)
+    assert stays[x > 2.0].mean() < 0.1  # 0.00 to 0.03 in eight nudged runs
+    assert stays[x < 2.0].mean() > 0.65  # 0.75 to 0.88
+    assert stays[x < 0.5].mean() > 0.9  # 0.97 to 1.00

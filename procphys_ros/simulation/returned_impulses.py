@@ -67,17 +67,21 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
     kept = _kept(*pairs, impulse, loose, bodies.mass, share)
     total, least, most = _sums(*pairs, np.ascontiguousarray(contacts.point), impulse, kept,
                                before.poses, len(share))
-    ids = np.flatnonzero((least < 1.0) & loose)
+    ids = np.flatnonzero(((most > 0.0) | (least < 1.0)) & loose)
     keeps = np.where(least == most, least, np.nan)
     lift = (1.0 - share) * fall
     given = _given(ids, total, keeps, jump, lift, bodies.mass, bodies.inertia, bodies.poses)
-    taken = kept < 1.0
-    group = group_bodies(pairs[0][taken], pairs[1][taken], loose)
-    part = _possible(ids, group, given, lift, fall, bodies.mass, bodies.inertia, before.poses,
-                     before.velocities, bodies.poses, bodies.velocities)
     one = np.where(loose[pairs[0]], pairs[0], pairs[1])
-    world.set_velocities(ids, bodies.velocities[ids] + part[group[ids], None] * given)
-    return 1.0 - part[group[one]] * (1.0 - kept)
+    returned = 1.0 - kept
+    for some in (returned > 0.0, np.ones(len(kept), bool)):
+        group = group_bodies(pairs[0][some], pairs[1][some], loose)
+        part = _possible(ids, group, given, lift, fall, bodies.mass, bodies.inertia, before.poses,
+                         before.velocities, bodies.poses, bodies.velocities)
+        given *= part[group[ids], None]
+        returned *= part[group[one]]
+    changed = least[ids] < 1.0
+    world.set_velocities(ids[changed], bodies.velocities[ids[changed]] + given[changed])
+    return 1.0 - returned
 
 
 def group_bodies(first: np.ndarray, second: np.ndarray, loose: np.ndarray) -> np.ndarray:
