@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.elementary import expm1
+from procphys_ros.elementary import exp, expm1
 from procphys_ros.linear import norm
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
@@ -28,40 +28,45 @@ from procphys_ros.simulation.state import State
 
 _HEAVY = 200.0    # [N] on one brick; lighter pushes, such as of twigs in the wind, load no wall
 _SMOOTHING = 0.1  # [s] over which pushes count as a steady load, as for debris
-_CHANGE = 0.25    # of the largest load: smaller changes are not worth new stresses
+_INTERVAL = 0.1   # [s] between looks at what lies on what, as for debris, ...
+_CHANGE = 0.02    # ... and of the largest load: smaller changes are not worth new stresses
 _LEAST = 1.0      # [N] below which a push is forgotten
 _LAYER = 'branches'
 
 
 def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> bool:
     """
-    Break bricks out where branches press harder in a step than their bonds withstand.
+    Break bricks out where branches strike harder than their bonds withstand.
 
-    The branch feels the bonds until they have broken, for the contact time of the brick; what
-    holds then is only the brick.
+    The branch feels what the bonds have borne until they broke; what holds then is only the
+    bricks, which it meets at rest.
 
     :param contacts: of all trees in the step.
     :param dt: [s].
     :returns: whether any brick came out.
     """
+    stops = contacts.speed / contacts.change  # the rest bears what presses on
+    mass = norm(contacts.impulse, axis=1) / contacts.change
+    force = contacts.impulse * (stops / contact_time(mass) + (1.0 - stops) / dt)[:, None]
+    parts, (pushes, impulses, masses) = _per_part(
+        contacts.part, force, stops[:, None] * contacts.impulse,
+        np.where(stops > 0.0, mass, 0.0)[:, None])
     broke = False
-    for part, total in zip(*_per_part(contacts.part, contacts.impulse)):
-        size = float(norm(total))
-        if size < _HEAVY * dt:
+    for part, push, impulse, stopped in zip(parts, pushes, impulses, masses):
+        size, momentum = float(norm(push)), float(norm(impulse))
+        if size < _HEAVY or momentum == 0.0 or not state.standing[part]:
             continue
-        chosen, direction = np.array([part]), -total / size
-        resistance = masonry.resist(state, chosen, direction)
-        if size / dt <= resistance.force:
+        blow = masonry.Strike(-impulse / momentum, size, float(stopped[0]), momentum)
+        out = masonry.drive_out(state, np.array([part]), blow)
+        if out is None:
             continue
-        mass = float(state.parts.mass[part])
-        withstood = resistance.force * float(contact_time(mass))
-        touching = contacts.part == part
-        share = contacts.impulse[touching] * (withstood / size)
-        state.forest.push(contacts.row[touching], contacts.point[touching], share)
-        masonry.apply_impulse_around(state, resistance.bonds, chosen, withstood * direction,
-                                     size / mass)
-        fragments.release(model, state, [chosen], np.zeros((1, 6)), Cause.IMPACT,
-                          size / dt / max(resistance.force, masonry.NO_FORCE))
+        own = contacts.part == part
+        share = contacts.impulse[own] * stops[own, None] * (out.passed_on / momentum)
+        state.forest.push(contacts.row[own], contacts.point[own], share)
+        masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
+                                     out.passed_on * blow.direction, momentum / blow.mass)
+        fragments.release(model, state, out.pieces, np.zeros((len(out.parts), 6)), Cause.IMPACT,
+                          out.load)
         broke = True
     return broke
 
@@ -70,30 +75,36 @@ def update(model: Model, state: State, dt: float) -> None:
     """
     Load standing bricks with branches that press on them; writes `state.branch_loads`, loads.
 
-    What a branch presses with over some time is a load that lasts as long as it does; what goes
-    far beyond that in one step is a blow.
+    What a branch presses with over some time is a load that lasts as long as it does. What goes
+    beyond that is a blow: a wall feels what comes within a period as one, in however many steps.
     """
-    own = state.branch_loads
-    if not (len(state.contacts) or len(own.parts)):
+    own, contacts = state.branch_loads, state.contacts
+    if not (len(contacts) or len(own.parts)):
         return
-    chosen, total = _per_part(state.contacts.part, state.contacts.impulse)
+    chosen, (total,) = _per_part(contacts.part, contacts.impulse)
     if not len(chosen) and not len(own.parts):
         return
     before, standing = len(own.parts), state.standing
     both, place = np.unique(np.concatenate([own.parts, chosen]), return_inverse=True)
-    mean, now = np.zeros((2, len(both), 3))
-    mean[place[:before]] = own.mean
+    mean, blow, now = np.zeros((3, len(both), 3))
+    mean[place[:before]], blow[place[:before]] = own.mean, own.blow
     now[place[before:]] = -total / dt
     beyond = now - mean
-    size = norm(beyond, axis=1)
-    struck = ((size > np.maximum(_HEAVY, norm(mean, axis=1)))
-              & now.any(axis=1) & standing[both])
+    blow = exp(-masonry.WALL_RATE * dt) * blow + dt * beyond
+    struck = masonry.WALL_RATE * norm(blow, axis=1) > np.maximum(_HEAVY, norm(mean, axis=1))
+    struck &= now.any(axis=1) & standing[both]
     if struck.any():
-        masonry.apply_impulses(state, both[struck], beyond[struck] * dt, 1.0 / dt)
+        speed = np.zeros(len(state.parts.owner))
+        on_brick = contacts.part >= 0
+        np.maximum.at(speed, contacts.part[on_brick], contacts.speed[on_brick])
+        masonry.apply_impulses(state, both[struck], blow[struck], speed=speed[both[struck]])
     mean -= expm1(-dt / _SMOOTHING) * beyond
-    felt = norm(mean, axis=1) > _LEAST
-    own.parts, own.mean = both[felt], mean[felt]
-    _hand_over(state, standing)
+    felt = (norm(mean, axis=1) > _LEAST) | (masonry.WALL_RATE * norm(blow, axis=1) > _LEAST)
+    own.parts, own.mean, own.blow = both[felt], mean[felt], blow[felt]
+    own.since += dt
+    if own.since > _INTERVAL - 1e-9 or not len(own.parts):
+        own.since = 0.0
+        _hand_over(state, standing)
 
 
 def _hand_over(state: State, standing: np.ndarray) -> None:
@@ -105,17 +116,19 @@ def _hand_over(state: State, standing: np.ndarray) -> None:
     change = max((norm(now.get(part, none) - own.given.get(part, none))
                   for part in now.keys() | own.given.keys()), default=0.0)
     largest = max((norm(force) for force in now.values()), default=0.0)
-    if change > max(_CHANGE * largest, 0.5 * _HEAVY):
+    if change > _CHANGE * largest:
         own.given = now
         wrenches = np.zeros((len(now), 6))
         wrenches[:, :3] = own.mean[heavy]
         state.loads.set_layer(_LAYER, own.parts[heavy], wrenches)
 
 
-def _per_part(parts: np.ndarray, impulses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Sum up impulses on each brick."""
+def _per_part(parts: np.ndarray,
+              *columns: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Sum up columns of contacts, (C, n) each, on each brick."""
     on_brick = parts >= 0
     chosen, place = np.unique(parts[on_brick], return_inverse=True)
-    total = np.zeros((len(chosen), 3))
-    np.add.at(total, place, impulses[on_brick])
-    return chosen, total
+    sums = [np.zeros((len(chosen), column.shape[1])) for column in columns]
+    for total, column in zip(sums, columns):
+        np.add.at(total, place, column[on_brick])
+    return chosen, sums

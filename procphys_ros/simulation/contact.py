@@ -46,6 +46,7 @@ _SURE = 0.01     # [m/s] slower points may show any mass
 _LOOKS = 4       # ahead at most, while limits of bends take hold or let go
 _AGREES = 0.01   # share of the fastest point, by which what was foreseen may differ
 _ROUNDS = 3      # of solving, while what is hit gives way
+_LEAST_CHANGE = 1e-6  # [m/s] of the closing speed of what only bears, as of `blows`
 _SHARES = (0.5, 0.5, 0.5, 0.0)  # of impulses that are left, in turn, while they do too much work
 
 
@@ -147,15 +148,19 @@ def _solve(model: Model, state: State, pairs: Pairs,
                        np.full(len(end), _FRICTION), _tree_mass(state, pairs),
                        partial(_look_ahead, model, state, rows[order], points[order], dt, air,
                                both, order))
+    old = state.world.bodies.velocities[bodies]
     least, out = _least_speed(pairs.gap, pairs.normal, partners, problem.look.before,
-                              problem.look.old_share, state.world.bodies.velocities[bodies], dt)
+                              problem.look.old_share, old, dt)
+    free = problem.look.velocity.copy()
     for _ in range(_LOOKS):
         problem.resolve(least)
         if not problem.look.held.any() or problem.agrees():
             break
     problem.limit_work(least, out, model.gravity * dt)
+    closed = _closing(problem.impulse, partners, problem.look.before, old,
+                      problem.look.velocity - free, partners.motion - problem.free)
     return (TreeContacts(pairs.row, pairs.other, pairs.body, pairs.part, pairs.point,
-                         problem.impulse),
+                         problem.impulse, *closed),
             partners.motion - problem.free, bodies)
 
 
@@ -284,6 +289,34 @@ def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: 
     arm = pairs.point - bodies.poses[np.maximum(pairs.body, 0), :3]
     return Partners(end, other, body, arm, np.where(loose, 1.0 / bodies.mass[ids], 0.0),
                     np.einsum('bij,bj,bkj->bik', axes, spin, axes), motion), ids
+
+
+@kernel
+def _closing(impulse, partners, before, old, change, bodies):
+    """
+    Give by how much contacts change the speeds at which they close, and what these were [m/s].
+
+    :param impulse: of each contact, on the tree [N·s], (C, 3).
+    :param before, old: velocities at the beginning of the step, see `_least_speed`.
+    :param change: of the velocities of points by all contacts, (E, 3), and of `bodies`, (B, 6).
+    :returns: see `TreeContacts`, (C,) each.
+    """
+    changed, stopped = np.full(len(impulse), _LEAST_CHANGE), np.zeros(len(impulse))
+    for c in range(len(impulse)):
+        size = np.sqrt((impulse[c] ** 2).sum())
+        if size == 0.0:
+            continue
+        end, other, b = partners.end[c], partners.other[c], partners.body[c]
+        came, way = before[end].copy(), change[end].copy()
+        if other >= 0:
+            came -= before[other]
+            way -= change[other]
+        if b >= 0:
+            came -= old[b, :3] + np.cross(old[b, 3:], partners.arm[c])
+            way -= bodies[b, :3] + np.cross(bodies[b, 3:], partners.arm[c])
+        changed[c] = max((way * impulse[c]).sum() / size, _LEAST_CHANGE)
+        stopped[c] = min(max(-(came * impulse[c]).sum() / size, 0.0), changed[c])
+    return changed, stopped
 
 
 @kernel

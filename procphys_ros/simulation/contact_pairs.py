@@ -68,6 +68,8 @@ class TreeContacts:
     :ivar part: standing brick that it met, -1 for none, (C,).
     :ivar point: world [m], (C, 3).
     :ivar impulse: on the row; what it met gets the opposite [N·s], (C, 3).
+    :ivar change: of the speed at which it closed [m/s], (C,).
+    :ivar speed: at which it closed before, as far as it was stopped [m/s], (C,).
     """
 
     row: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
@@ -76,6 +78,8 @@ class TreeContacts:
     part: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
     point: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     impulse: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    change: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    speed: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.row)

@@ -207,7 +207,8 @@ def release(model: Model, state: State, out: Exit, blow: Strike) -> None:
 
 
 def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
-                   rate: float | np.ndarray = WALL_RATE, speed: float | None = None,
+                   rate: float | np.ndarray = WALL_RATE,
+                   speed: float | np.ndarray | None = None,
                    carried: bool = True) -> None:
     """
     Apply impulses to standing parts, until they break nothing more.
@@ -216,7 +217,7 @@ def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
     :param impulses: at their centres of mass [N·s], world, (K, 3), or with angular impulses
         [N·m·s], (K, 6).
     :param rate: steady force of the same effect over impulse [1/s], of all or of each, (K, 1).
-    :param speed: of what strikes [m/s]; None = it is as heavy as the part.
+    :param speed: of what strikes all or each [m/s], (K,); None = it is as heavy as the part.
     :param carried: whether parts that leave take the impulses along; those of waves are booked in
         `state.blasts` instead.
     """

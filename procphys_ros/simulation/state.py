@@ -79,12 +79,16 @@ class BranchLoads:
 
     :ivar parts: that are pressed, (K,).
     :ivar mean: smoothed force on each [N], world, (K, 3).
+    :ivar blow: what went beyond it within a period of a wall [N·s], world, (K, 3).
     :ivar given: force per part that the stress solver knows of [N].
+    :ivar since: time since `given` was looked at [s].
     """
 
     parts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
     mean: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    blow: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     given: dict[int, np.ndarray] = field(default_factory=dict)
+    since: float = 0.0
 
 
 @dataclass
