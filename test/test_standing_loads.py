@@ -44,14 +44,14 @@ def test_loads_that_jitter_wait_until_earlier_ones_are_judged():
     loads = StandingLoads(3)
     for i in range(60):
         loads.set_layer('debris', np.array([1]), push(100.0 + i))
-        loads.apply(solver, i * _DT, _DT)
+        loads.apply(solver, i * _DT)
     assert 1 < len(solver.given) <= 7
     loads.end_blows()
-    loads.apply(solver, 1.0, _DT)
+    loads.apply(solver, 1.0)
     assert solver.given[-1][1, 2] == pytest.approx(159.0)
     count = len(solver.given)
     loads.end_blows()
-    loads.apply(solver, 1.0 + _DT, _DT)
+    loads.apply(solver, 1.0 + _DT)
     assert len(solver.given) == count  # and nothing while nothing changes
 
 
@@ -62,32 +62,33 @@ def test_blows_end_when_they_have_been_judged_and_those_in_between_are_kept():
     loads.set_layer('wind', np.array([0, 1]), np.repeat(push(-5.0), 2, axis=0))
     loads.add_blow(np.array([1]), push(1000.0), 10.0)
     loads.add_blow(np.array([1]), push(500.0), 10.0)  # at the same time
-    loads.apply(solver, 0.0, _DT)
+    loads.apply(solver, 0.0)
     assert solver.given[-1][:, 2] == pytest.approx([-5.0, 1495.0, 0.0])
     for i in range(30, 60):
         loads.add_blow(np.array([2]), push(200.0 + i), 10.0)
-        loads.apply(solver, i * _DT, _DT)
+        loads.apply(solver, i * _DT)
     assert len(solver.given) == 1
     loads.end_blows()
-    loads.apply(solver, 1.0, _DT)
-    assert solver.given[-1][:, 2] == pytest.approx([-5.0, -5.0, 259.0], rel=0.04)
+    loads.apply(solver, 1.0)
+    assert solver.given[-1][:, 2] == pytest.approx([-5.0, -5.0, 259.0])
     loads.end_blows()
-    loads.apply(solver, 1.0 + _DT, _DT)
+    loads.apply(solver, 1.0 + _DT)
     assert solver.given[-1][:, 2] == pytest.approx([-5.0, -5.0, 0.0])
 
 
-def test_blows_that_wait_too_long_are_over():
-    """Forget a blow within seconds when nothing can be judged meanwhile."""
+def test_a_blow_is_as_hard_however_long_it_waits():
+    """Judge a blow after seconds as if it had just come: how fast stresses are found is no law."""
     solver = Slow()
     loads = StandingLoads(3)
     loads.add_blow(np.array([0]), push(1000.0), 10.0)
-    loads.apply(solver, 0.0, _DT)
-    loads.add_blow(np.array([1]), push(1000.0), 10.0)
+    loads.apply(solver, 0.0)
+    loads.add_blow(np.array([1]), push(1000.0), 10.0, np.array([[0.0, 0.0, 7.0]]))
     for i in range(30, 210):
-        loads.apply(solver, i * _DT, _DT)
+        loads.apply(solver, i * _DT)
     loads.end_blows()
-    loads.apply(solver, 3.5, _DT)
-    assert abs(solver.given[-1][1, 2]) < 5.0
+    loads.apply(solver, 3.5)
+    assert solver.given[-1][:, 2] == pytest.approx([0.0, 1000.0, 0.0])
+    assert loads.impulse_on(np.array([1]))[2] == pytest.approx(7.0)
 
 
 def test_cracks_run_for_three_rounds_under_a_blow_however_long_these_take():
@@ -95,17 +96,17 @@ def test_cracks_run_for_three_rounds_under_a_blow_however_long_these_take():
     solver = Slow()
     loads = StandingLoads(2)
     loads.add_blow(np.array([0]), push(1000.0), 10.0)
-    loads.apply(solver, 0.0, _DT)
+    loads.apply(solver, 0.0)
     for i in range(1, 6):
         for k in range(30 * i):
-            loads.apply(solver, (30 * i + k) * _DT, _DT)
+            loads.apply(solver, (30 * i + k) * _DT)
         assert loads.struck and loads.cracked == (i > 3), i
         loads.take_more(True)
     loads.add_blow(np.array([1]), push(1000.0), 10.0)
-    loads.apply(solver, 10.0, _DT)
+    loads.apply(solver, 10.0)
     assert loads.struck and not loads.cracked and loads.largest_blow == 1000.0
     loads.end_blows()
-    loads.apply(solver, 11.0, _DT)
+    loads.apply(solver, 11.0)
     assert not loads.struck and not solver.given[-1].any()
 
 
@@ -115,13 +116,13 @@ def test_what_leaves_a_wall_has_passed_its_blow_on():
     loads = StandingLoads(3)
     loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0), 10.0,
                    np.array([0.0, 0.0, 3.0]))
-    loads.apply(solver, 0.0, _DT)
+    loads.apply(solver, 0.0)
     loads.add_blow(np.array([1, 2]), np.repeat(push(50.0), 2, axis=0), 10.0,
                    np.array([0.0, 0.0, 2.0]))
     assert loads.take_blows(np.array([1])) == pytest.approx([0.0, 0.0, 5.0])
     assert loads.take_blows(np.array([1])) == pytest.approx(np.zeros(3))
     loads.end_blows()
-    loads.apply(solver, _DT, _DT)
+    loads.apply(solver, _DT)
     assert solver.given[-1][:, 2] == pytest.approx([0.0, 0.0, 50.0])
 
 
@@ -130,11 +131,11 @@ def test_the_speed_of_what_strikes_is_known_while_its_blow_acts_or_waits():
     solver = Slow()
     loads = StandingLoads(3)
     loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0), np.array([4.0, 7.0]))
-    loads.apply(solver, 0.0, _DT)
+    loads.apply(solver, 0.0)
     loads.add_blow(np.array([1]), push(50.0), 5.0)
     assert [loads.striking_speed(np.array(parts)) for parts in ([0], [0, 1], [2])] == [4, 7, 0]
     loads.end_blows()
-    loads.apply(solver, _DT, _DT)
+    loads.apply(solver, _DT)
     assert loads.striking_speed(np.array([1])) == 7.0
     loads.end_blows()
     loads.resize(5)

@@ -116,6 +116,24 @@ def test_a_slow_ball_bounces_off():
     assert simulation.state.solver.converged  # rocking ends, and what was pulled apart closes
 
 
+@pytest.mark.parametrize('engine', ['native', 'bullet'])
+@pytest.mark.parametrize('time_step', [1.0 / 60.0, 1.0 / 20.0])
+def test_a_bounce_takes_no_time(engine, time_step):
+    """Throw balls at a wall so that they bounce early and late in a step: none flies on for longer."""
+    late = []
+    for share in (0.05, 0.35, 0.65, 0.95):
+        scene = Scene(Settings(engine=engine, time_step=time_step, gravity=0.0))
+        scene.add(wall(12, 24, tension=1e7, cohesion=1e7))
+        simulation = Simulation(scene)
+        gap = 0.4 + share * 6.0 * time_step
+        ball = throw(simulation, 1.0, 6.0, start=-0.15 - gap, height=0.86)
+        simulation.step(round(0.3 / time_step))
+        back = simulation.velocities[ball, 1]
+        assert back < -1.0
+        late.append((simulation.poses[ball, 1] + 0.15) / back - simulation.time + gap / 6.0)
+    assert max(late) - min(late) < 0.1 * time_step
+
+
 def test_a_fast_ball_goes_through_and_comes_out_slower():
     """Leave a hole, and keep a part of the speed."""
     simulation = stand(wall(12, 24))

@@ -48,6 +48,7 @@ from procphys_ros.scene.settings import read_settings
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics
 _LONGEST_TURN = 0.05  # [s] of steps before commands are looked at again
+_LONGEST_REST = 0.25  # [s] likewise of late joiners, while nothing moves
 _LAST_TURN = 0.3  # [s] that each of four threads may take to end; the node ends within 2 s
 _WARNING_PERIOD = 1.0  # [s] least time between warnings about rejected commands
 
@@ -215,7 +216,8 @@ class SimNode(Node):
         self._guard('publishing', self._publish)
         if len(self.commands) or self.pacer.is_behind and not self.session.stands:
             return 0.0
-        return min(self._limiter.wait, _LONGEST_TURN)
+        rests = self.session.stands and monotonic() >= self._lively_until
+        return min(self._limiter.wait, _LONGEST_REST if rests else _LONGEST_TURN)
 
     def _choose_rate(self, has_news: bool) -> None:
         """Publish seldom what has stood still so long that all of it was told."""

@@ -46,7 +46,7 @@ def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list
                             np.zeros((1, 6)))
     leaning.lean(model, state)
     climbers.load_walls(model, state)
-    state.loads.apply(state.solver, 0.0, 0.0)
+    state.loads.apply(state.solver, 0.0)
     lines = masonry.settle(model, state)
     state.dust.seen = state.log.total
     return state, lines

@@ -382,7 +382,7 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
         state.loads.thrown[moved] = velocity
         return False
     state.loads.end_blows()
-    state.loads.apply(state.solver, state.time, 0.0)
+    state.loads.apply(state.solver, state.time)
     return True
 
 

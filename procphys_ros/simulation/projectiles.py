@@ -132,8 +132,26 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
     if has_struck:
         # The engine makes a whole step: move the start back along the path, as far as it is free.
         _move(pose, velocity, left - thrown_back, model.gravity)
+        missile.ahead = dt - thrown_back
         state.world.set_poses(body, pose[None])
         state.world.set_velocities(body, velocity[None])
+
+
+def take_back(model: Model, state: State, dt: float) -> None:
+    """Take projectiles back to where they are in the step that they bounced in, if they are free."""
+    bodies = state.world.bodies
+    for missile in state.missiles:
+        ahead, missile.ahead = missile.ahead, 0.0
+        body = missile.body
+        if not ahead or state.parts.owner[missile.part] != Owner.BODY:
+            continue
+        contacts = state.world.contacts()
+        if body in contacts.body_a or body in contacts.body_b:
+            continue
+        pose, velocity = bodies.poses[body].copy(), bodies.velocities[body].copy()
+        _move(pose, velocity, -ahead, model.gravity)
+        state.world.set_poses(np.array([body]), pose[None])
+        state.world.set_velocities(np.array([body]), velocity[None])
 
 
 def _move(pose: np.ndarray, velocity: np.ndarray, duration: float, gravity: float) -> None:

@@ -60,7 +60,7 @@ class Stage(NamedTuple):
 
 def apply_loads(model: Model, state: State, dt: float) -> None:
     """Tell the stress solver of the loads that have changed; writes stresses."""
-    state.loads.apply(state.solver, state.time, dt)
+    state.loads.apply(state.solver, state.time)
 
 
 def move_in_air(model: Model, state: State, dt: float) -> None:
@@ -107,6 +107,7 @@ STAGES = (
     Stage('drag', fragments.apply_drag),
     Stage('dust sources', dust.watch),
     Stage('engine', step_rigid_bodies),
+    Stage('bounces', projectiles.take_back),
     Stage('intruder wrench', intruder.sum_wrench),
     Stage('body poses', fragments.write_poses),
     Stage('debris', debris_loads.update),

@@ -18,14 +18,11 @@
 
 import numpy as np
 
-from procphys_ros.elementary import exp
 from procphys_ros.linear import norm
 from procphys_ros.physics.masonry import StressSolver
 
 _TOGETHER = 0.1  # [s] loads that change within this act together: about two periods of a
 #                  storey-high wall, which has not answered to the first of them before
-_FADING = 0.5    # [s] time constant of blows that wait: walls have swung out by then, and blows
-#                  of many seconds must not act as one
 _ROUNDS = 3      # that fail something under a blow, some 0.06 s: cracks run through a panel
 #                  while it swings out, but what crumbles on must not feel the blow for ever
 
@@ -40,7 +37,7 @@ class StandingLoads:
 
     Blows act until nothing fails under them any more, or cracks have run as far as they do while
     a panel swings out. Of blows that follow each other on one part
-    only the strongest counts, since a part feels them one after the other. Those that wait fade.
+    only the strongest counts, since a part feels them one after the other.
     Whatever they throw over becomes no faster than what struck it.
 
     :param count: number of parts in all buildings and elsewhere.
@@ -185,16 +182,13 @@ class StandingLoads:
             if self._waiting is None and not self._struck:
                 self._speed[:] = 0.0
 
-    def apply(self, solver: StressSolver, time: float, time_step: float) -> None:
+    def apply(self, solver: StressSolver, time: float) -> None:
         """
         Tell the solver when anything has changed; once per step, before it works.
 
         :param solver: of the stresses in all buildings.
         :param time: [s].
-        :param time_step: [s].
         """
-        if self._waiting is not None:
-            self._waiting = self._waiting * exp(-time_step / _FADING)
         if self._struck:
             self._waiting = _strongest(self._waiting, self._total(self._struck, 9))
             self._struck.clear()

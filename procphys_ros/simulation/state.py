@@ -93,13 +93,20 @@ class BranchLoads:
 
 @dataclass
 class Missile:
-    """A projectile: its part, body, shape, size [m] and mass [kg]."""
+    """
+    A projectile.
+
+    :ivar size: edges [m].
+    :ivar mass: [kg].
+    :ivar ahead: time by which it will have flown on since it bounced in this step [s].
+    """
 
     part: int
     body: int
     ball: bool
     size: np.ndarray
     mass: float
+    ahead: float = 0.0
 
 
 @dataclass
