@@ -51,6 +51,18 @@ def test_falls_are_those_of_the_law(dt):
         assert 50.0 - world.poses([brick])[0, 2] == pytest.approx(0.5 * G, rel=1e-3)
 
 
+@pytest.mark.parametrize('place', [0.0, 6e3, 9e5])
+def test_level_ground_has_no_end(place):
+    """Slide a brick at 3 m/s, near the origin and far from it: it goes as far, v²/2μg."""
+    with World(engine='bullet') as world:
+        body = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(place, 0.0, 0.5 * BRICK[2]),
+                              [3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        for _ in range(60):
+            world.step(DT)
+        way = world.poses([body])[0, 0] - place
+        assert way == pytest.approx(9.0 / (2.0 * FRICTION * G), rel=0.03)
+
+
 @steps
 def test_bricks_slide_above_the_friction_angle_only(dt):
     """Tilt gravity to 3 % below and above the coefficient of friction for a second."""

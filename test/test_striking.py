@@ -119,7 +119,7 @@ def test_a_slow_ball_bounces_off():
 @pytest.mark.parametrize('engine', ['native', 'bullet'])
 @pytest.mark.parametrize('time_step', [1.0 / 60.0, 1.0 / 20.0])
 def test_a_bounce_takes_no_time(engine, time_step):
-    """Throw balls at a wall so that they bounce early and late in a step: none flies on for longer."""
+    """Throw balls at a wall, to bounce early and late in a step: none flies on for longer."""
     late = []
     for share in (0.05, 0.35, 0.65, 0.95):
         scene = Scene(Settings(engine=engine, time_step=time_step, gravity=0.0))

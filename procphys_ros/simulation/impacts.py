@@ -52,8 +52,7 @@ _NODES = 60         # cells that a piece breaks into at most in one step
 _PER_CELL = 5       # what a cell costs to judge, in units of ...
 _WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows, but
 #                    stops in full before it breaks, so lumps do not wait
-_COARSE = 8         # cells that a far piece, or one under lasting forces, breaks into at most in
-#                    one step: once it has come apart, what carries it changes
+_COARSE = 8         # cells that a far piece breaks into at most in one step
 _COARSER = 8        # how many times larger than near ones the smallest far pieces are
 _BODIES = 240       # awake bodies that there should be: the more, the coarser pieces break
 _LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
@@ -285,12 +284,12 @@ def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
     for blow in blows:
         lasts = blow.energy == np.inf
         if lasts and len(blow.parts) < 2.0 * grain:
-            cells.append(min(len(blow.parts), _COARSE))
+            cells.append(min(len(blow.parts), _NODES))
             continue
         fair = int(np.ceil(room * len(blow.parts) / total))
         grains = len(blow.parts) / grain
         fitting = min(max(fair, 2), room, int(grains))
         least = int(grains if grains >= _HUGE else grains / _LUMP)
-        cells.append(min(max(fitting, least), _COARSE if lasts else _NODES))
+        cells.append(min(max(fitting, least), _NODES))
         room = max(room - cells[-1], 0) if cells[-1] > 1 else room
     return cells

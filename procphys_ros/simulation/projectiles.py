@@ -138,7 +138,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
 
 
 def take_back(model: Model, state: State, dt: float) -> None:
-    """Take projectiles back to where they are in the step that they bounced in, if they are free."""
+    """Take what has bounced in this step back to where it is at its end, if nothing is there."""
     bodies = state.world.bodies
     for missile in state.missiles:
         ahead, missile.ahead = missile.ahead, 0.0
