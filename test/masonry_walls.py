@@ -22,6 +22,8 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from procphys_ros.blueprint import Blueprint, box_inertia, GROUND, Law, Mortar, Shape
+from procphys_ros.physics.masonry import Resistance, StressSolver
+from procphys_ros.physics.masonry.capacity import at_failure
 
 BRICK = (0.215, 0.1025, 0.065)  # [m], UK work size
 JOINT = 0.01                    # [m]
@@ -212,3 +214,19 @@ def admissible(plan, friction, standing=None):
                     A_eq=balance.tocsr(), b_eq=load,
                     bounds=[(0, None), (0, None), (None, None)] * len(rows), method='highs')
     return found.status == 0
+
+
+def resistance_of(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -> Resistance:
+    """
+    Give what a set of parts withstands that is driven out as one, whatever might go along.
+
+    :param parts: (K,) indices.
+    :param direction: unit vector, world, (3,).
+    """
+    graph = solver.graph
+    bonds = graph.boundary(parts)
+    driven = np.zeros(graph.count + 1, bool)
+    driven[parts] = True
+    force, work, rubbing = at_failure(graph, bonds, driven[graph.first[bonds]], direction,
+                                      solver.wrenches(bonds))
+    return Resistance(bonds, force.sum(), work.sum() + rubbing.sum(), rubbing.sum())

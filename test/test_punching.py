@@ -16,7 +16,7 @@
 
 from itertools import combinations
 
-from masonry_walls import bonded, wall
+from masonry_walls import bonded, resistance_of, wall
 import numpy as np
 import pytest
 
@@ -24,7 +24,6 @@ from procphys_ros.physics.masonry import (
     BondGraph,
     punched,
     punching,
-    resistance,
     StressSolver,
     together,
 )
@@ -34,7 +33,7 @@ _ACROSS = np.array([0.0, 1.0, 0.0])
 
 def excess(solver, push, parts, direction):
     """Give how much more is pushed on a set of parts than the bonds around it bear [N]."""
-    return push[parts].sum() - resistance(solver, parts, direction).force
+    return push[parts].sum() - resistance_of(solver, parts, direction).force
 
 
 def strike_singly(solver, struck, force, direction, acceleration=0.0):
@@ -65,10 +64,10 @@ def test_no_other_set_has_a_larger_excess(seed):
     whole = together(found)
     assert excess(solver, push - held, whole.parts, direction) == pytest.approx(most, abs=bonds)
     assert whole.withstood.force == pytest.approx(
-        resistance(solver, whole.parts, direction).force)
+        resistance_of(solver, whole.parts, direction).force)
     for one in found:
         assert one.withstood.energy == pytest.approx(
-            resistance(solver, one.parts, direction).energy)
+            resistance_of(solver, one.parts, direction).energy)
         assert np.array_equal(np.sort(one.withstood.bonds), solver.graph.boundary(one.parts))
 
 
@@ -76,7 +75,7 @@ def test_two_blows_far_from_each_other_punch_two_holes():
     """Strike a long wall at both ends, and at one of them too weakly."""
     solver = StressSolver(BondGraph(wall(30, 10)))
     ends = [153, 175]
-    alone = resistance(solver, np.array([ends[0]]), _ACROSS).force
+    alone = resistance_of(solver, np.array([ends[0]]), _ACROSS).force
     for share, out in (([1.1, 1.1], [[153], [175]]), ([1.1, 0.9], [[153]]), ([0.9, 0.9], [])):
         found = strike_singly(solver, ends, np.array(share) * alone, _ACROSS, 1e4)
         assert [one.parts.tolist() for one in found] == out
@@ -86,7 +85,7 @@ def test_what_strikes_drives_out_all_that_it_touches_or_nothing():
     """Strike two bricks: as hard as one of them bears nothing moves, as both bear both do."""
     solver = StressSolver(BondGraph(wall(30, 10)))
     pair = np.array([153, 175])
-    alone = resistance(solver, pair[:1], _ACROSS).force
+    alone = resistance_of(solver, pair[:1], _ACROSS).force
     for share, out in ((1.9, []), (2.1, [153, 175])):
         found = punched(solver, np.zeros(2, int), pair, np.array([share * alone]), _ACROSS, 1e4)
         assert [part for one in found for part in one.parts.tolist()] == out

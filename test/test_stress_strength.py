@@ -15,12 +15,12 @@
 
 """When a bond fails: Mohr-Coulomb with cut-off, cracked sections, the order of breaking."""
 
-from masonry_walls import blueprint, bonded, wall
+from masonry_walls import blueprint, bonded, resistance_of, wall
 import numpy as np
 import pytest
 
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.masonry import BondGraph, resistance, StressSolver
+from procphys_ros.physics.masonry import BondGraph, StressSolver
 from procphys_ros.physics.masonry.strength import opening, utilisation, worst_first
 
 AREA = 0.1025 ** 2       # [m²], half-lap bed of two bricks
@@ -185,13 +185,13 @@ def test_dead_bonds_carry_and_count_nothing():
 def test_tearing_a_brick_off_the_ground_takes_its_tensile_force_and_work():
     """Pull one part up: f_t·A and mode I work; push it sideways: c·A and mode II work."""
     solver = single((0, 0, 0))
-    up = resistance(solver, np.array([0]), np.array([0.0, 0.0, 1.0]))
+    up = resistance_of(solver, np.array([0]), np.array([0.0, 0.0, 1.0]))
     assert up.force == pytest.approx(0.2e6 * AREA)
     assert up.energy == pytest.approx(18.0 * AREA)
-    side = resistance(solver, np.array([0]), np.array([1.0, 0.0, 0.0]))
+    side = resistance_of(solver, np.array([0]), np.array([1.0, 0.0, 0.0]))
     assert side.force == pytest.approx(0.3e6 * AREA)
     assert side.energy == pytest.approx(125.0 * AREA)
-    down = resistance(solver, np.array([0]), np.array([0.0, 0.0, -1.0]))
+    down = resistance_of(solver, np.array([0]), np.array([0.0, 0.0, -1.0]))
     assert down.force == pytest.approx(1e7 * AREA)
 
 
@@ -200,7 +200,7 @@ def test_pressure_raises_the_resistance_to_a_sideways_blow():
     loose = single((0, 0, 0))
     pressed = single((0, 0, -1e5 * AREA))
     along = np.array([0.0, 1.0, 0.0])
-    blow = [resistance(s, np.array([0]), along) for s in (loose, pressed)]
+    blow = [resistance_of(s, np.array([0]), along) for s in (loose, pressed)]
     assert blow[1].force - blow[0].force == pytest.approx(0.7e5 * AREA)
 
 
@@ -208,10 +208,10 @@ def test_brick_in_a_wall_resists_by_all_its_bonds():
     """Strike a brick square to the wall: its six joints slide, nothing else."""
     solver, across = StressSolver(BondGraph(wall(10, 10))), np.array([0.0, 1.0, 0.0])
     graph, brick = solver.graph, 55
-    blow = resistance(solver, np.array([brick]), across)
+    blow = resistance_of(solver, np.array([brick]), across)
     assert len(blow.bonds) == 6
     assert blow.force == pytest.approx(0.3e6 * graph.area[blow.bonds].sum())
-    pair = resistance(solver, np.array([brick, brick + 1]), across)
+    pair = resistance_of(solver, np.array([brick, brick + 1]), across)
     assert len(pair.bonds) < 12
 
 

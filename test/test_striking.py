@@ -16,7 +16,7 @@
 """Striking: projectiles against walls, panes and trees; blows on bricks; wind on walls."""
 
 from grown_trees import effective_mass
-from masonry_walls import blueprint, bonded, BRICK, wall, wall_boxes
+from masonry_walls import blueprint, bonded, BRICK, resistance_of, wall, wall_boxes
 import numpy as np
 import pytest
 
@@ -410,8 +410,8 @@ def test_projectiles_are_limited():
 def test_a_stone_that_is_driven_out_rubs_on_its_neighbours():
     """Spend half of friction · pressure · length on both beds of a middle stone."""
     built = bonded([[0.0, 0.0, 0.05 + 0.1 * i] for i in range(3)], (0.2, 0.3, 0.1), friction=0.7)
-    along = np.array([1.0, 0.0, 0.0])
-    free, pressed = (masonry.resist(stand(built, gravity=g).state, np.array([1]), along).energy
+    brick, along = np.array([1]), np.array([1.0, 0.0, 0.0])
+    free, pressed = (resistance_of(stand(built, gravity=g).state.solver, brick, along).energy
                      for g in (0.0, GRAVITY))
     weight = GRAVITY * built.mass[0]
     assert pressed - free == pytest.approx(0.5 * 0.7 * (weight + 2.0 * weight) * 0.2, rel=1e-3)
@@ -421,7 +421,7 @@ def test_an_impulse_tears_a_brick_out_or_loads_the_wall():
     """Hold below what the bonds withstand, give way above, and say which."""
     simulation = stand(wall(12, 24), gravity=0.0)
     brick = int(np.argmin(np.linalg.norm(simulation.poses[:, :3] - [1.3, 0, 0.9], axis=1)))
-    capacity = masonry.resist(simulation.state, np.array([brick]), np.array([0.0, 1, 0]))
+    capacity = resistance_of(simulation.state.solver, np.array([brick]), np.array([0.0, 1, 0]))
     limit = capacity.force * contact_time(simulation.blueprint.mass[brick])
     assert not simulation.apply_impulse(brick, (0.0, 0.98 * limit, 0.0))
     simulation.step(2)
@@ -440,7 +440,8 @@ def test_of_equal_momentum_the_heavier_blow_lasts_longer_and_is_gentler():
     simulation = stand(wall(12, 24), gravity=0.0)
     brick = int(np.argmin(np.linalg.norm(simulation.poses[:, :3] - [1.3, 0, 0.9], axis=1)))
     place = simulation.poses[brick, :3]
-    withstood = masonry.resist(simulation.state, np.array([brick]), np.array([0.0, 1.0, 0.0]))
+    solver, along = simulation.state.solver, np.array([0.0, 1.0, 0.0])
+    withstood = resistance_of(solver, np.array([brick]), along)
     momentum = 2.0 * withstood.force * contact_time(2.0) / 1.25  # of the ball; it bounces
     for mass, torn in ((20.0, False), (2.0, True)):
         simulation.reset()

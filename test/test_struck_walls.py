@@ -15,7 +15,7 @@
 
 """Walls of several leaves that are struck: all that a blow pushes ahead is judged together."""
 
-from masonry_walls import bonded, BRICK, JOINT, wall_boxes
+from masonry_walls import bonded, BRICK, JOINT, resistance_of, wall_boxes
 import numpy as np
 import pytest
 
@@ -137,7 +137,7 @@ def test_a_plug_widens_as_bricks_overlap_and_ends_behind_the_wall():
     whole, withstood = masonry.weakest_plug(simulation.state, np.array([brick]), ALONG, 10.0)
     depth = np.bincount(np.round(built.poses[whole, 1] / LEAF).astype(int), minlength=3)
     assert depth[0] >= 1 and depth[0] <= depth[1] <= depth[2] and depth[2] >= 3
-    alone = masonry.resist(simulation.state, np.array([brick]), ALONG).force
+    alone = resistance_of(simulation.state.solver, np.array([brick]), ALONG).force
     assert alone > 1e7 * 0.9 * BRICK[0] * BRICK[2]  # alone it would have to crush its mortar
     assert withstood.force < 0.7 * alone
 
@@ -150,10 +150,10 @@ def test_what_is_crushed_takes_the_work_for_that(cracked):
     graph = simulation.state.solver.graph
     graph.cracked[:] = cracked
     area = BRICK[0] * BRICK[2]
-    head_on = masonry.resist(simulation.state, np.array([0]), ALONG)
+    head_on = resistance_of(simulation.state.solver, np.array([0]), ALONG)
     assert head_on.force == pytest.approx(1e7 * area)
     assert head_on.energy == pytest.approx(CRUSHING * area)
-    askew = masonry.resist(simulation.state, np.array([0]), np.array([0.8, 0.6, 0.0]))
+    askew = resistance_of(simulation.state.solver, np.array([0]), np.array([0.8, 0.6, 0.0]))
     assert askew.energy == pytest.approx(0.0 if cracked else SHEARING * area)
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.physics.masonry import Failures, punched, Resistance, resistance, together
+from procphys_ros.physics.masonry import Failures, punched, Resistance, together
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
 from procphys_ros.simulation import fragments, load_checks
@@ -87,16 +87,6 @@ class Exit:
     def parts(self) -> np.ndarray:
         """List all that comes out, in the order of the pieces, (P,)."""
         return np.concatenate(self.pieces)
-
-
-def resist(state: State, parts: np.ndarray, direction: np.ndarray) -> Resistance:
-    """
-    Give what standing parts withstand together before they come out.
-
-    :param parts: (K,) indices.
-    :param direction: unit vector of the blow, world, (3,).
-    """
-    return resistance(state.solver, parts, direction)
 
 
 def comes_out(pieces: list[np.ndarray], mass: float, withstood: Resistance,

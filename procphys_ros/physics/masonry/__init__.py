@@ -15,7 +15,7 @@
 
 """Masonry: rigid parts on mortar bonds, their stresses, and how they come apart."""
 
-from procphys_ros.physics.masonry.capacity import Resistance, resistance
+from procphys_ros.physics.masonry.capacity import Resistance
 from procphys_ros.physics.masonry.fracture import Failures, Fracture
 from procphys_ros.physics.masonry.free_body import Breakage, FreeBodies
 from procphys_ros.physics.masonry.graph import BondGraph
@@ -23,4 +23,4 @@ from procphys_ros.physics.masonry.punching import punched, together
 from procphys_ros.physics.masonry.solver import StressSolver
 
 __all__ = ['BondGraph', 'Breakage', 'Failures', 'Fracture', 'FreeBodies', 'punched',
-           'resistance', 'Resistance', 'StressSolver', 'together']
+           'Resistance', 'StressSolver', 'together']

@@ -22,7 +22,6 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.masonry.graph import BondGraph
-from procphys_ros.physics.masonry.solver import StressSolver
 from procphys_ros.physics.masonry.ties import ELONGATION
 
 REACH = 1.0  # [m] from the struck parts, within which others are driven by them: as thick as walls
@@ -125,24 +124,3 @@ def at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
           np.array(np.broadcast_to(directions, (len(bonds), 3)), float, order='C'), wrench,
           *joints_of(graph), out)
     return out
-
-
-def resistance(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -> Resistance:
-    """
-    Give what a set of parts withstands when it is struck along a direction.
-
-    All bonds around the set fail together at their limits, with the stresses that they carry
-    now: an upper bound, close for brittle joints of like size around a brick or two.
-
-    :param solver: knows the bonds and their stresses.
-    :param parts: the struck parts, they move as one, (K,).
-    :param direction: unit vector of the blow, world, (3,).
-    """
-    graph = solver.graph
-    bonds = graph.boundary(parts)
-    driven = np.zeros(graph.count + 1, bool)
-    driven[parts] = True
-    inside = driven[graph.first[bonds]]
-    force, work, rubbing = at_failure(graph, bonds, inside, direction, solver.wrenches(bonds))
-    return Resistance(bonds, float(force.sum()), float(work.sum() + rubbing.sum()),
-                      float(rubbing.sum()))
