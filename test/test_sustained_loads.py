@@ -97,10 +97,10 @@ def test_stones_that_stick_out_come_off_under_what_lies_on_them(tension, load, b
 
 
 def test_what_is_pressed_breaks_whatever_room_there_is():
-    """Give small pieces under lasting forces eight cells at most, as large ones."""
+    """Give small pieces under lasting forces a cell for each part, and large ones sixty."""
     blows = [Blow(0, np.arange(n), None, np.inf, np.zeros(0, int)) for n in (1000, 15, 5)]
-    assert impacts._cells(blows, 0, 10.0) == [8, 8, 5]
-    assert impacts._cells(blows, 60, 10.0) == [8, 8, 5]
+    assert impacts._cells(blows, 0, 10.0) == [60, 15, 5]
+    assert impacts._cells(blows, 60, 10.0) == [60, 15, 5]
 
 
 def test_lumps_break_whatever_room_there_is():
