@@ -123,5 +123,5 @@ def test_collapse_stops_where_floors_do_not_tie():
     """
     x, stays = house_without('timber', lambda p: p[:, 0] > 2.0, 300)
     assert stays[x > 2.0].mean() < 0.1  # 0.00 to 0.03 in eight nudged runs
-    assert stays[x < 2.0].mean() > 0.65  # 0.75 to 0.88
+    assert stays[x < 2.0].mean() > 0.7  # 0.75 to 0.88
     assert stays[x < 0.5].mean() > 0.9  # 0.97 to 1.00

@@ -116,7 +116,7 @@ def test_a_slow_ball_bounces_off():
     assert simulation.state.solver.converged  # rocking ends, and what was pulled apart closes
 
 
-@pytest.mark.parametrize('engine', ['native', 'bullet'])
+@pytest.mark.parametrize('engine', installed_engines())
 @pytest.mark.parametrize('time_step', [1.0 / 60.0, 1.0 / 20.0])
 def test_a_bounce_takes_no_time(engine, time_step):
     """Throw balls at a wall, to bounce early and late in a step: none flies on for longer."""

@@ -48,7 +48,7 @@ from procphys_ros.scene.settings import read_settings
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics
 _LONGEST_TURN = 0.05  # [s] of steps before commands are looked at again
-_LONGEST_REST = 0.25  # [s] likewise of late joiners, while nothing moves
+_LONGEST_REST = 0.25  # [s] before late joiners are looked for again, while nothing moves
 _LAST_TURN = 0.3  # [s] that each of four threads may take to end; the node ends within 2 s
 _WARNING_PERIOD = 1.0  # [s] least time between warnings about rejected commands
 

@@ -29,7 +29,7 @@ LEAST_JUMP = 0.5  # [m/s] change of speed by contacts that is no blow: thrice wh
 #                   a step, so that what rests or is pushed about is never judged
 _SQUARE = np.sqrt(2.0 / np.pi)  # radius of a circle over the distance of the corners of a square
 #                               as large from its middle
-_STILL = 1e-6  # [m/s] change of closing speed below which a contact only bears
+STILL = 1e-6  # [m/s] change of closing speed below which a contact only bears
 _LONGEST = 1.0 / 60.0  # [s] contact that is a blow: engines end those of tonnes sooner than Hertz
 _TURNS = 40  # in which what presses on bodies is passed on through contacts at most ...
 _SAME = 0.01  # ... until no force changes by more than this share of that of the longest contact
@@ -181,7 +181,7 @@ def _closing(energy, size):
     for c in range(len(size)):
         taken = energy[c, 0] + energy[c, 1]
         closing = 2.0 * taken / max(size[c], 1e-12)
-        if closing > _STILL:
+        if closing > STILL:
             mass[c] = size[c] / closing
             share[c] = taken / (abs(energy[c, 0]) + abs(energy[c, 1]))
     return mass, share

@@ -23,13 +23,12 @@ from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.simulation import fragments, masonry
 from procphys_ros.simulation.contact_pairs import TreeContacts
+from procphys_ros.simulation.debris_loads import INTERVAL, SMOOTHING
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
 _HEAVY = 200.0    # [N] on one brick; lighter pushes, such as of twigs in the wind, load no wall
-_SMOOTHING = 0.1  # [s] over which pushes count as a steady load, as for debris
-_INTERVAL = 0.1   # [s] between looks at what lies on what, as for debris, ...
-_CHANGE = 0.02    # ... and of the largest load: smaller changes are not worth new stresses
+_CHANGE = 0.02    # of the largest load: smaller changes are not worth new stresses
 _LEAST = 1.0      # [N] below which a push is forgotten
 _LAYER = 'branches'
 
@@ -98,11 +97,11 @@ def update(model: Model, state: State, dt: float) -> None:
         on_brick = contacts.part >= 0
         np.maximum.at(speed, contacts.part[on_brick], contacts.speed[on_brick])
         masonry.apply_impulses(state, both[struck], blow[struck], speed=speed[both[struck]])
-    mean -= expm1(-dt / _SMOOTHING) * beyond
+    mean -= expm1(-dt / SMOOTHING) * beyond
     felt = (norm(mean, axis=1) > _LEAST) | (masonry.WALL_RATE * norm(blow, axis=1) > _LEAST)
     own.parts, own.mean, own.blow = both[felt], mean[felt], blow[felt]
     own.since += dt
-    if own.since > _INTERVAL - 1e-9 or not len(own.parts):
+    if own.since > INTERVAL - 1e-9 or not len(own.parts):
         own.since = 0.0
         _hand_over(state, standing)
 

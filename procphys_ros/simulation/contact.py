@@ -32,6 +32,7 @@ from procphys_ros.simulation import (
     contact_work,
     trees,
 )
+from procphys_ros.simulation.blows import STILL
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -46,7 +47,6 @@ _SURE = 0.01     # [m/s] slower points may show any mass
 _LOOKS = 4       # ahead at most, while limits of bends take hold or let go
 _AGREES = 0.01   # share of the fastest point, by which what was foreseen may differ
 _ROUNDS = 3      # of solving, while what is hit gives way
-_LEAST_CHANGE = 1e-6  # [m/s] of the closing speed of what only bears, as of `blows`
 _SHARES = (0.5, 0.5, 0.5, 0.0)  # of impulses that are left, in turn, while they do too much work
 
 
@@ -301,7 +301,7 @@ def _closing(impulse, partners, before, old, change, bodies):
     :param change: of the velocities of points by all contacts, (E, 3), and of `bodies`, (B, 6).
     :returns: see `TreeContacts`, (C,) each.
     """
-    changed, stopped = np.full(len(impulse), _LEAST_CHANGE), np.zeros(len(impulse))
+    changed, stopped = np.full(len(impulse), STILL), np.zeros(len(impulse))
     for c in range(len(impulse)):
         size = np.sqrt((impulse[c] ** 2).sum())
         if size == 0.0:
@@ -314,7 +314,7 @@ def _closing(impulse, partners, before, old, change, bodies):
         if b >= 0:
             came -= old[b, :3] + np.cross(old[b, 3:], partners.arm[c])
             way -= bodies[b, :3] + np.cross(bodies[b, 3:], partners.arm[c])
-        changed[c] = max((way * impulse[c]).sum() / size, _LEAST_CHANGE)
+        changed[c] = max((way * impulse[c]).sum() / size, STILL)
         stopped[c] = min(max(-(came * impulse[c]).sum() / size, 0.0), changed[c])
     return changed, stopped
 

@@ -24,9 +24,9 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-_SMOOTHING = 0.1  # [s] over which impulses of moving bodies count as a steady load: about two
+SMOOTHING = 0.1  # [s] over which impulses of moving bodies count as a steady load: about two
 #                   periods of a storey-high wall, which feels shorter ones as their mean
-_INTERVAL = 0.1   # [s] between looks at what lies on what
+INTERVAL = 0.1   # [s] between looks at what lies on what
 _CHANGE = 0.05    # of the largest load: smaller changes are not worth new stresses, ...
 _LEAST = 100.0    # [N] ... nor are those far below the strength of a brick's joints, some kN
 _ROOM = 0.1       # [m] around bodies, more than they move in a contact
@@ -42,12 +42,12 @@ def update(model: Model, state: State, dt: float) -> None:
     own = state.rubble
     if not ((state.bodies.members or own.given.any()) and state.standing.any()):
         return
-    own.moving *= exp(-dt / _SMOOTHING)
+    own.moving *= exp(-dt / SMOOTHING)
     if may_touch(model, state):
-        share = -expm1(-dt / _SMOOTHING) / dt
+        share = -expm1(-dt / SMOOTHING) / dt
         _press(state, state.world.contacts(), share, own.moving)
     own.since += dt
-    if own.since < _INTERVAL - 1e-9:
+    if own.since < INTERVAL - 1e-9:
         return
     own.since = 0.0
     total = own.moving + _resting(state)

@@ -140,18 +140,19 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
 def take_back(model: Model, state: State, dt: float) -> None:
     """Take what has bounced in this step back to where it is at its end, if nothing is there."""
     bodies = state.world.bodies
-    for missile in state.missiles:
+    bounced = [m for m in state.missiles if m.ahead and state.parts.owner[m.part] == Owner.BODY]
+    if not bounced:
+        return
+    contacts = state.world.contacts()
+    touches = np.concatenate([contacts.body_a, contacts.body_b])
+    for missile in bounced:
         ahead, missile.ahead = missile.ahead, 0.0
-        body = missile.body
-        if not ahead or state.parts.owner[missile.part] != Owner.BODY:
+        if missile.body in touches:
             continue
-        contacts = state.world.contacts()
-        if body in contacts.body_a or body in contacts.body_b:
-            continue
-        pose, velocity = bodies.poses[body].copy(), bodies.velocities[body].copy()
+        pose, velocity = bodies.poses[missile.body].copy(), bodies.velocities[missile.body].copy()
         _move(pose, velocity, -ahead, model.gravity)
-        state.world.set_poses(np.array([body]), pose[None])
-        state.world.set_velocities(np.array([body]), velocity[None])
+        state.world.set_poses(np.array([missile.body]), pose[None])
+        state.world.set_velocities(np.array([missile.body]), velocity[None])
 
 
 def _move(pose: np.ndarray, velocity: np.ndarray, duration: float, gravity: float) -> None:

@@ -36,9 +36,9 @@ class StandingLoads:
     stay the same, such as of moving rubble, would keep it from ever finding a stress.
 
     Blows act until nothing fails under them any more, or cracks have run as far as they do while
-    a panel swings out. Of blows that follow each other on one part
-    only the strongest counts, since a part feels them one after the other.
-    Whatever they throw over becomes no faster than what struck it.
+    a panel swings out. Of blows that follow each other on one part only the strongest counts,
+    since a part feels them one after the other. Whatever they throw over becomes no faster than
+    what struck it.
 
     :param count: number of parts in all buildings and elsewhere.
     :ivar thrown: velocities that parts get when they leave the ground [m/s], (N, 3).
