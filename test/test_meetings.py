@@ -16,7 +16,7 @@
 """What meets trees, one sentence after the other: blows, roofs, heaps of trees, and rest."""
 
 from grown_trees import bush, effective_mass
-from masonry_walls import bonded
+from masonry_walls import bonded, wall
 import numpy as np
 import pytest
 
@@ -25,7 +25,7 @@ from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.physics.world import rigid_sum
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import masonry, Simulation
+from procphys_ros.simulation import Cause, masonry, Simulation
 from procphys_ros.simulation.standing_loads import StandingLoads
 
 _DT = 1.0 / 60.0
@@ -219,6 +219,23 @@ def test_a_stem_that_lands_strikes_as_hard_at_every_time_step(monkeypatch):
         told[1:] = []
         assert simulation.state.standing[:13].all()
     assert min(hardest) > 0.6 and max(hardest) < min(1.1, 1.3 * min(hardest)), hardest
+
+
+@pytest.mark.parametrize('rate', [60.0, 240.0])
+@pytest.mark.parametrize(('speed', 'torn'), [(2.0, False), (15.0, True)])
+def test_a_stem_drives_bricks_out_of_a_wall(rate, speed, torn):
+    """Ram a wall with it, end on: bricks hold it at 2 m/s; at 15 m/s it goes through them."""
+    simulation = scene_of((wall(20, 20), (0.0, 0.0, 0.0)), (log(), (8.0, 0.0, 0.0)),
+                          time_step=1.0 / rate)
+    count = len(wall(20, 20))
+    lay(simulation, 'thing_1', (2.2, -4.2, 0.8), _LYING)
+    simulation.step()  # its other segments follow
+    for part in range(count + 1, count + 10):
+        simulation.apply_impulse(part, (0.0, simulation.blueprint.mass[part] * speed, 0.0))
+    simulation.step(round(1.5 * rate / speed))
+    assert simulation.state.standing[:count].all() != torn
+    assert (Cause.IMPACT in simulation.events['cause']) == torn
+    assert (simulation.velocities[count + 1:, 1].mean() > 0.6 * speed) == torn
 
 
 @pytest.mark.parametrize('higher', [0.0, 1e-9, 1e-6])

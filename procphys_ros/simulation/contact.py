@@ -46,7 +46,6 @@ _SHOWN = 100.0   # masses of a tree at most that it may show at a contact
 _SURE = 0.01     # [m/s] slower points may show any mass
 _LOOKS = 4       # ahead at most, while limits of bends take hold or let go
 _AGREES = 0.01   # share of the fastest point, by which what was foreseen may differ
-_ROUNDS = 3      # of solving, while what is hit gives way
 _SHARES = (0.5, 0.5, 0.5, 0.0)  # of impulses that are left, in turn, while they do too much work
 
 
@@ -68,13 +67,13 @@ def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
     """Solve for the impulses, and apply them."""
     if not state.forest.active.any():
         return TreeContacts()
-    for _ in range(_ROUNDS):
+    gives_way = True
+    while gives_way:  # each time less is left that may
         pairs = _find(model, state, dt)
         if not len(pairs.row):
             return TreeContacts()
         contacts, change, bodies = _solve(model, state, pairs, dt)
-        if not _give_way(model, state, contacts, dt):
-            break
+        gives_way = _give_way(model, state, contacts, dt)
     pushed = contacts.impulse.any(axis=1)
     contacts = TreeContacts(*(column[pushed] for column in vars(contacts).values()))
     _apply(state, contacts, change, bodies)
