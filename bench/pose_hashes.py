@@ -35,10 +35,12 @@ import sys
 
 import numpy as np
 
-from procphys_ros.scene import Scene
-from procphys_ros.simulation import Simulation
+_ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(_ROOT))  # the package beside this file, not one that is installed
+from procphys_ros.scene import Scene  # noqa: E402
+from procphys_ros.simulation import Simulation  # noqa: E402
 
-_FOLDER = Path(__file__).parents[1] / 'config'
+_FOLDER = _ROOT / 'config'
 SCENES = sorted(path.stem for path in _FOLDER.glob('*.yaml'))
 _SHOWN = 12  # hexadecimal digits of a hash that are printed
 _COLUMNS = ('time', 'bond', 'part_a', 'part_b', 'cause', 'load')
