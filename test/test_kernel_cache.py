@@ -134,19 +134,19 @@ def small(tmp_path: Path) -> SmallPackage:
 
 
 @pytest.fixture(scope='module')
-def cache_of_a_run(tmp_path_factory) -> Path:
-    """Give the cache folder that a first run has filled."""
+def first(tmp_path_factory) -> tuple[SmallPackage, Path]:
+    """Give a package that has run once, and the folder of its `site` and `cache`."""
     folder = tmp_path_factory.mktemp('first')
     package = SmallPackage(folder / 'site', folder / 'cache')
     package.install(2.0)
     assert package.run()[:2] == (22.0, 2)
-    return folder / 'cache'
+    return package, folder
 
 
 @pytest.fixture
-def used(small: SmallPackage, tmp_path: Path, cache_of_a_run: Path) -> SmallPackage:
+def used(small: SmallPackage, tmp_path: Path, first: tuple) -> SmallPackage:
     """Install the package with the cache folder of another installation that has run."""
-    shutil.copytree(cache_of_a_run, tmp_path / 'cache')
+    shutil.copytree(first[1] / 'cache', tmp_path / 'cache')
     return small
 
 
@@ -155,12 +155,12 @@ def compiled_files(folder: Path) -> list[Path]:
     return sorted(folder.rglob('*.nbc'))
 
 
-def test_second_process_compiles_nothing(small, tmp_path):
+def test_second_process_compiles_nothing(first):
     """Find kernels again in the user's cache folder, and keep the installation clean."""
-    assert small.run()[:2] == (22.0, 2)
-    assert small.run()[:2] == (22.0, 0)
-    assert len(compiled_files(tmp_path / 'cache' / 'procphys_ros' / 'kernels')) == 2
-    assert compiled_files(tmp_path / 'site') == []
+    package, folder = first
+    assert package.run()[:2] == (22.0, 0)
+    assert len(compiled_files(folder / 'cache' / 'procphys_ros' / 'kernels')) == 2
+    assert compiled_files(folder / 'site') == []
 
 
 def test_without_a_home_no_folder_is_made(tmp_path, monkeypatch):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""No ordinary grammar fails: a thousand random trees and walls, in wind, struck and shot at."""
+"""No ordinary grammar fails: 600 random trees and walls, in wind, struck and shot at."""
 
 from collections.abc import Iterator
 from itertools import cycle
@@ -36,7 +36,7 @@ from procphys_ros.wallgrammar import WallGrammar
 _TREES, _WALLS = 196, 4  # of one scene
 
 
-@pytest.mark.parametrize('seed, engine', list(zip(range(1, 6), cycle(('auto', 'native')))))
+@pytest.mark.parametrize('seed, engine', list(zip(range(1, 4), cycle(('auto', 'native')))))
 def test_random_grammars_neither_fail_nor_make_energy(seed, engine):
     """Simulate 60 steps of 200 grammars side by side: all finite, no energy from nothing."""
     found = list(faults(*draw(seed, _TREES, _WALLS), engine=engine))

@@ -33,6 +33,7 @@ from procphys_ros.simulation.parts import Owner
 
 CONFIG = shared_folder() / 'config'
 NAMES = sorted(path.stem for path in CONFIG.glob('*.yaml'))
+AS_SHIPPED = ('palms_in_a_gust', 'village_street', 'figure_8', 'implosion')  # run below
 ROOF = ('tile', 'batten', 'rafter', 'covering', 'sheet')
 SMALL = {'cottage': ('storeys=1', 'width=5.0525', 'depth=3.2525'),
          'block': ('bays=1', 'deep=1', 'storeys=1', 'module=2.2', 'min_room=9')}
@@ -52,9 +53,30 @@ def envelope(scene, seconds, **figures):
     return Envelope(lambda rng: nudge(scene, rng), seconds, figures, runs=3)
 
 
-def run(name, seconds):
-    """Run a scene as it is shipped, and hold it to the laws."""
-    return Watch(Simulation(Scene.from_yaml(CONFIG / f'{name}.yaml'))).run(seconds)
+@pytest.fixture
+def shipped(caplog):
+    """Give a function that loads a scene as it is shipped, which warns of nothing."""
+    def load(name):
+        scene = Scene.from_yaml(CONFIG / f'{name}.yaml')
+        assert not caplog.messages  # nothing in its file is in vain
+        return Simulation(scene)
+    return load
+
+
+def run(simulation, seconds):
+    """Run a scene as it is shipped, hold it to the laws, and see that it begins quietly."""
+    watch = Watch(simulation)
+    begin_quietly(watch)
+    return watch.run(seconds - simulation.time)
+
+
+def begin_quietly(steps):
+    """Take a first step without anything breaking or flying off."""
+    simulation = getattr(steps, 'simulation', steps)
+    before = simulation.poses[:, :3].copy()
+    steps.step()
+    moved = np.linalg.norm(simulation.poses[:, :3] - before, axis=1)
+    assert moved.max() < 0.05 and simulation.bonds_broken == 0
 
 
 def rows(simulation, name, kinds=None):
@@ -81,19 +103,15 @@ def height_left(*names):
     return figure
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_scene_begins_quietly(name):
-    """Load, and take a first step without anything breaking or flying off."""
-    simulation = Simulation(Scene.from_yaml(CONFIG / f'{name}.yaml'))
-    before = simulation.poses[:, :3].copy()
-    simulation.step()
-    moved = np.linalg.norm(simulation.poses[:, :3] - before, axis=1)
-    assert moved.max() < 0.05 and simulation.bonds_broken == 0
+@pytest.mark.parametrize('name', [name for name in NAMES if name not in AS_SHIPPED])
+def test_scene_begins_quietly(name, shipped):
+    """Load without a warning, and take a first step without anything breaking or flying off."""
+    begin_quietly(shipped(name))
 
 
-def test_palms_bend_in_the_gust_and_stand():
+def test_palms_bend_in_the_gust_and_stand(shipped):
     """Bend crowns downwind by more than a metre; no trunk breaks (the paper's figure 4)."""
-    simulation = run('palms_in_a_gust', 4.5)
+    simulation = run(shipped('palms_in_a_gust'), 4.5)
     for i in range(7):
         stem = rows(simulation, f'palm_{i}')
         shift = (simulation.poses[stem, 0] - simulation.blueprint.poses[stem, 0])
@@ -120,14 +138,14 @@ def test_a_tree_breaks_the_roof_that_it_falls_on():
         return np.isin(hit, rows(simulation, 'cottage', ROOF)).sum()
     scene = smaller('tree_on_house', ['0.0 gust'], gust={'upwind': 4.0, 'rise': 0.5},
                     cottage={'defines': SMALL['cottage']}, pine={'origin': [2.5, -4.0, 0.0]})
-    found = envelope(scene, 1.8, left=height_left('pine'), roof=roof)
-    found.bound('left', high=0.55)  # 0.26 to 0.37 in twenty runs
-    found.bound('roof', 5, share=0.8)  # bonds: 19 to 390
+    found = envelope(scene, 1.6, left=height_left('pine'), roof=roof)
+    found.bound('left', high=0.55)  # 0.34 to 0.37 in eight runs, 0.26 to 0.37 a little later
+    found.bound('roof', 5, share=0.8)  # bonds: 96 to 364
 
 
-def test_the_village_stands_the_storm():
+def test_the_village_stands_the_storm(shipped):
     """Take twigs and leaves, but no brick, from the street in a storm."""
-    simulation = run('village_street', 2.0)
+    simulation = run(shipped('village_street'), 2.0)
     walls = np.concatenate([rows(simulation, n) for n in ('cottage_0', 'cottage_1', 'wall')])
     np.testing.assert_array_equal(simulation.poses[walls], simulation.blueprint.poses[walls])
     leaves = simulation.blueprint.leaves
@@ -209,9 +227,9 @@ def test_charges_bring_a_small_block_down_on_its_own_plan():
 
 
 @pytest.mark.parametrize('name', ['figure_8', 'implosion'])
-def test_charges_bring_the_whole_block_down(name):
+def test_charges_bring_the_whole_block_down(name, shipped):
     """Bring it down, as large as it is shipped: coarse bounds for one run, and the laws."""
-    simulation = run(name, 3.5)  # heights of 0.40 and 0.49, 0.96 and 0.98 inside
+    simulation = run(shipped(name), 3.2)  # heights of 0.36 and 0.54, 0.97 and 0.96 inside
     height, inside = heap(simulation)
     assert height < 0.75 and inside > 0.8 and len(simulation.state.bodies.members) > 200
 

@@ -19,7 +19,6 @@ import pytest
 
 from procphys_ros.batch.sweep import Sweep
 from procphys_ros.errors import GrammarError, SceneError
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.parameter_table import GROUPS
 
@@ -65,14 +64,6 @@ def test_parameters_of_every_node_are_no_mistake(caplog):
     """Pass over what ROS itself declares on each node."""
     Scene.from_parameters({**_POLE, 'use_sim_time': False,
                            'qos_overrides': {'/sim/poses': {'publisher': {'depth': 3}}}})
-    assert not caplog.messages
-
-
-@pytest.mark.parametrize('path', sorted((shared_folder() / 'config').glob('*.yaml')),
-                         ids=lambda path: path.stem)
-def test_shipped_scenes_hold_nothing_in_vain(path, caplog):
-    """Load each scene without a warning."""
-    Scene.from_yaml(path)
     assert not caplog.messages
 
 

@@ -210,7 +210,7 @@ def test_spires_are_sound(footprint, pitch):
     assert holds(spire)
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('seed', range(4))
 def test_any_regular_spire_is_built_or_said_to_be_impossible(seed):
     """Draw plans of 4 to 32 sides, pitches, stones and joints: no stone hangs in the air."""
     rng = np.random.default_rng(seed)
