@@ -347,15 +347,15 @@ def test_thick_and_thin_walls_do_not_merge_and_joints_are_closed():
 
 
 def test_a_heap_comes_to_rest():
-    """Drop 400 bricks, turned at random: all sleep before 6 s are over, and hardly overlap."""
+    """Drop 1,000 bricks, turned at random: all sleep before 6 s are over, and hardly overlap."""
     rng = np.random.default_rng(3)
-    row = np.arange(400)
+    row = np.arange(1000)
     places = np.column_stack([row % 8, row // 8 % 8, row // 64]) * [0.28, 0.28, 0.22] + [0, 0, 0.3]
-    turns = rng.normal(size=(400, 4))
+    turns = rng.normal(size=(1000, 4))
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
     with World(engine='native') as world:
-        ids = world.add_bricks(np.column_stack([places, turns]), np.tile(BRICK, (400, 1)),
-                               np.full(400, BRICK_MASS))
+        ids = world.add_bricks(np.column_stack([places, turns]), np.tile(BRICK, (1000, 1)),
+                               np.full(1000, BRICK_MASS))
         world.thaw(ids)
         for _ in range(360):
             world.step(DT)
