@@ -29,6 +29,7 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 Numbers = np.ndarray | float
 _MOVABLE = (BodyState.FIXED, BodyState.RESTING, BodyState.AWAKE)
 _MOST = np.inf
+_GONE = int(JointKind.GONE)  # to look up a member of an enumeration takes a microsecond
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class JointTable:
     @property
     def holding(self) -> np.ndarray:
         """Ids of the joints that are not broken, ascending, (K,)."""
-        return np.flatnonzero((self.rows.kind != JointKind.GONE) & ~self.rows.broken)
+        return np.flatnonzero((self.rows.kind != _GONE) & ~self.rows.broken)
 
     def add(self, bodies: BodyTable, kind: np.ndarray, ends: np.ndarray, frames: np.ndarray,
             options: JointOptions) -> np.ndarray:
@@ -139,7 +140,7 @@ class JointTable:
                 *ends[idle][0]))
 
     def _new_rows(self, count: int) -> np.ndarray:
-        free = np.flatnonzero(self.rows.kind == JointKind.GONE)[:count]
+        free = np.flatnonzero(self.rows.kind == _GONE)[:count]
         used = len(self)
         more = count - len(free)
         ids = np.concatenate([free, np.arange(used, used + more)])
@@ -157,7 +158,7 @@ class JointTable:
 
     def of_bodies(self, bodies: np.ndarray) -> np.ndarray:
         """List the joints of some bodies, broken or not, (K,) ids."""
-        there = self.rows.kind != JointKind.GONE
+        there = self.rows.kind != _GONE
         return np.flatnonzero(there & (np.isin(self.rows.first, bodies)
                                        | np.isin(self.rows.second, bodies)))
 
@@ -168,17 +169,20 @@ class JointTable:
 
     def apart(self) -> np.ndarray:
         """List the pairs of bodies that do not meet, the lower id first, (K, 2)."""
-        rows = self.rows.of(self.holding)
-        return np.sort(np.column_stack([rows.first, rows.second])[~rows.collides], axis=1)
+        rows = self.rows
+        ids = np.flatnonzero((rows.kind != _GONE) & ~rows.broken & ~rows.collides)
+        return np.sort(np.column_stack([rows.first[ids], rows.second[ids]]), axis=1)
 
     def pulls(self, bodies: BodyTable) -> np.ndarray:
         """Give what joints did in the last step as contacts, see `Engine.contacts`, (K, 13)."""
-        rows = self.rows.of(self.holding)
-        size = norm(rows.force, axis=1)
+        ids = self.holding
+        first, force = self.rows.first[ids], self.rows.force[ids]
+        size = norm(force, axis=1)
         out = np.zeros((len(size), 13))
-        out[:, 0], out[:, 1] = rows.first, rows.second
-        out[:, 2:5] = rotation.compose(bodies.poses[rows.first], rows.frame)[:, :3]
-        out[:, 9:12] = rows.force
+        out[:, 0], out[:, 1] = first, self.rows.second[ids]
+        out[:, 2:5] = bodies.poses[first, :3] + rotation.rotate(
+            bodies.poses[first, 3:], self.rows.frame[ids, :3])
+        out[:, 9:12] = force
         # Also what hangs slack hangs together.
         out[:, 12] = np.maximum(size, np.finfo(float).tiny)
         return out

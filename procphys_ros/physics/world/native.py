@@ -68,7 +68,7 @@ class NativeEngine:
         self._table = BodyTable()
         self._pieces, self._used = no_pieces(0), 0
         self._first, self._count = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        self._excluded: set[tuple[int, int]] = set()
+        self._excluded = np.zeros(0, np.int64)  # keys of pairs of bodies, ascending
         self._near = PairList()
         self._contacts = self._resting = no_contacts(0)
         self._still = np.zeros(0, bool)  # bodies that sleep, or never move
@@ -186,8 +186,9 @@ class NativeEngine:
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
-        found = {tuple(pair) for pair in pairs.tolist()}
-        self._excluded = self._excluded | found if excluded else self._excluded - found
+        keys = join_key(*np.asarray(pairs, np.int64).reshape(-1, 2).T)
+        change = np.union1d if excluded else np.setdiff1d
+        self._excluded = change(self._excluded, keys)
 
     def set_joints(self, joints: JointTable) -> None:
         """Let bodies hang by joints; ways, forces and moments are written there."""
@@ -327,8 +328,9 @@ class NativeEngine:
         out = rows.of(ids)._replace(first=one, second=other)
         for row, body, frame in ((one, rows.first[ids], out.frame),
                                  (other, rows.second[ids], out.other_frame)):
-            still = row == place_of[0]
-            frame[still] = rotation.compose(self._table.poses[body[still]], frame[still])
+            still = np.flatnonzero(row == place_of[0])
+            if len(still):
+                frame[still] = rotation.compose(self._table.poses[body[still]], frame[still])
         return ids, out
 
     def _keep(self, ids: np.ndarray, joints: JointRows, share: float) -> None:
@@ -387,11 +389,11 @@ class NativeEngine:
         """List what may meet: keys of pairs of pieces, ascending, (K,)."""
         table = self._table
         moves = np.where(table.state == BodyState.AWAKE, 2, table.state == BodyState.KINEMATIC)
-        excluded = np.array(sorted(self._excluded), np.int64).reshape(-1, 2)
+        excluded = self._excluded
         if len(self._joints):
-            excluded = np.unique(np.concatenate([excluded, self._joints.apart()]), axis=0)
+            excluded = np.union1d(excluded, join_key(*self._joints.apart().T))
         way = self._step * rim_speed(table, pieces.body[rows])
-        return self._near.near(rows, way, pieces, moves, join_key(*excluded.T))
+        return self._near.near(rows, way, pieces, moves, excluded)
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Give points that only the ground meets: bodies, places in their frames, and rows."""
