@@ -15,8 +15,9 @@
 """
 Interruption: signal handlers that raise an exception where that is safe.
 
-Compiled code calls Python functions while it turns its results into objects. An exception that a
-signal raises within one of them is lost, comes out as another error, or crashes the process.
+Compiled code calls Python functions while it turns its results into objects, and so does Python
+where it frees one. An exception that a signal raises within one of them is lost, comes out as
+another error, or crashes the process.
 """
 
 from collections.abc import Callable
@@ -62,7 +63,7 @@ def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | No
 def _is_unsafe(frame: FrameType | None) -> bool:
     """Return whether compiled code may have called a frame, or one that has called it."""
     while frame is not None:
-        if frame.f_globals.get('__name__') in _UNSAFE:
+        if frame.f_code.co_name == '__del__' or frame.f_globals.get('__name__') in _UNSAFE:
             return True
         frame = frame.f_back
     return False

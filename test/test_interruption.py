@@ -109,6 +109,19 @@ def test_a_signal_is_raised_at_once():
     assert not later
 
 
+def test_a_signal_while_an_object_is_freed_is_raised_behind_that(capsys):
+    """Stop while rclpy drops a future, say: Python prints what is raised in there, and goes on."""
+    class Dropped:
+        def __del__(self):
+            signal.raise_signal(signal.SIGTERM)
+
+    signal.signal(signal.SIGTERM, raising(partial(SystemExit, 3)))
+    with pytest.raises(SystemExit, match='3'):
+        Dropped()
+        time.sleep(60.0)
+    assert 'ignored' not in capsys.readouterr().err
+
+
 def test_two_signals_interrupt_once(monkeypatch):
     """Leave the closing of files alone that a second signal, sent at the same time, interrupts."""
     monkeypatch.setattr(interruption, '_AGAIN', 1.0)
