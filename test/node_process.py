@@ -45,7 +45,7 @@ PATIENCE = 180.0  # [s] far more than is ever needed, also where a second's work
 _COLD_START = 1200.0  # [s] a node that starts for the first time compiles kernels first
 # Lines of the log about nothing bad, the rest of the banner, and the status line; ROS cannot
 # publish what is said while a signal ends it.
-_GOOD_NEWS = re.compile(r'\[(INFO|DEBUG)\]|  |t +\d|building the scene'
+_GOOD_NEWS = re.compile(r'\[(INFO|DEBUG)\]|  |t +\d|starting|building the scene'
                         '|Failed to publish log message to rosout')
 _AGAIN = 10.0  # [s] after which a message or a subscription that had no effect is repeated
 SAPLING = """
