@@ -17,7 +17,7 @@ Ask how much the extent of a collapse depends on what it should not depend on.
 
 An arcade of two spans loses the stones of its middle pier, a few at a time, in several orders, and
 in one order with fewer and more iterations of the stress solver per step. Prints, for mortars of
-several strengths, the share of all stones that came down, and the spread of these shares.
+several strengths, the share of the other stones that came down, and the spread of these.
 
     python bench/order.py
     python bench/order.py --orders 3 --strengths 0.05 0.2
