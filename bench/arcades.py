@@ -27,7 +27,7 @@ import numpy as np
 
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause, fragments, Simulation
+from procphys_ros.simulation import breaking, Cause, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 SPAN, PIER, SPRING = 2.25, 0.45, 0.8  # [m] ten bricks and two with their joints: bays are alike
@@ -50,7 +50,7 @@ def knocked_out(bays, wall_height=2.2):
     left = bays // 2 * (SPAN + PIER)
     pier = np.flatnonzero((x > left) & (x < left + PIER) & (z < HOLE))
     above = np.flatnonzero((x > left) & (x < left + PIER) & (z > HOLE))
-    fragments.destroy(simulation.model, simulation.state, pier, Cause.DEMOLITION, 1.0)
+    breaking.destroy(simulation.model, simulation.state, pier, Cause.DEMOLITION, 1.0)
     return simulation, above
 
 

@@ -31,7 +31,7 @@ from world import jointed
 
 from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Cause, fragments, Simulation
+from procphys_ros.simulation import breaking, Cause, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 OFFICE = Path(__file__).parents[1] / 'grammars' / 'office.wall'
@@ -58,7 +58,7 @@ def blow(simulation):
     standing = simulation.state.standing
     parts = np.flatnonzero(standing[:len(blueprint)] & (blueprint.poses[:, 2] < BLOWN)
                            & (blueprint.mass < HEAVY))
-    fragments.destroy(simulation.model, simulation.state, parts, Cause.DEMOLITION, 1.0)
+    breaking.destroy(simulation.model, simulation.state, parts, Cause.DEMOLITION, 1.0)
 
 
 def timed(simulation, steps):

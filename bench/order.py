@@ -36,7 +36,7 @@ from masonry_walls import bonded, BRICK, JOINT, wall_boxes  # noqa: E402, I100
 from procphys_ros.blueprint import Blueprint  # noqa: E402
 from procphys_ros.physics.causes import Cause  # noqa: E402
 from procphys_ros.scene import Scene  # noqa: E402
-from procphys_ros.simulation import fragments, masonry, Simulation  # noqa: E402
+from procphys_ros.simulation import breaking, masonry, Simulation  # noqa: E402
 from procphys_ros.simulation.parts import Owner  # noqa: E402
 
 _COURSES = 30  # 2.3 m
@@ -104,7 +104,7 @@ def _take_out(simulation: Simulation, stones: np.ndarray) -> None:
     """Set stones free, and lay them aside."""
     state = simulation.state
     stones = stones[state.parts.owner[stones] == Owner.STANDING]
-    fragments.release(simulation.model, state, list(stones[:, None]), cause=Cause.IMPACT)
+    breaking.release(simulation.model, state, list(stones[:, None]), cause=Cause.IMPACT)
     for stone in stones.tolist():
         simulation.set_body_state(stone, _AWAY + [stone, 0, 0, 0, 0, 0, 0], np.zeros(6))
 

@@ -161,7 +161,8 @@ def main(side: int) -> None:
             rng.choice(np.flatnonzero(graph.alive), n, replace=False)))
     centre = graph.centre
     wall = np.flatnonzero((centre[:, 1] < 0.11) & (centre[:, 2] < 2.7) & (graph.mass < 10.0))
-    change(f'{len(wall)} bricks of one wall removed', solver, lambda: solver.remove_parts(wall))
+    change(f'{len(wall)} bricks of one wall removed', solver,
+           lambda: solver.cut(graph.neighbours(wall), 2.0))
     push = np.zeros((graph.count, 3))
     push[graph.count // 2] = 0, 1e4, 0
     change('10 kN on one brick', solver, lambda: solver.set_loads(push))

@@ -22,7 +22,7 @@ from procphys_ros.blueprint import GROUND
 from procphys_ros.hexahedron import box_corners, FACES, faces, volumes
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
-from procphys_ros.simulation import Cause, fragments, Simulation
+from procphys_ros.simulation import breaking, Cause, Simulation
 from procphys_ros.wallgrammar import contacts
 
 OVERLAP = 1e-3   # [m] deepest that two parts may reach into each other
@@ -41,7 +41,7 @@ def standing(blueprint):
 
 def take_out(simulation, parts):
     """Let parts of walls vanish at once."""
-    fragments.destroy(simulation.model, simulation.state, parts, Cause.DEMOLITION, 1.0)
+    breaking.destroy(simulation.model, simulation.state, parts, Cause.DEMOLITION, 1.0)
 
 
 def count_loose(blueprint):

@@ -24,7 +24,7 @@ from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, w
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Cause, fragments, glass, Simulation
+from procphys_ros.simulation import breaking, Cause, glass, Simulation
 from procphys_ros.skeleton import from_nodes
 from procphys_ros.wallgrammar import WallGrammar
 
@@ -204,7 +204,7 @@ def test_a_wave_breaks_panes_that_lie_about():
     """Let a pane out of its frame, and a wave come to it."""
     simulation = stand((WallGrammar.parse(ROOM).build(), (0.0, 0.0, 0.0)), gravity=0.0)
     pane = simulation.model.glass.parts
-    fragments.release(simulation.model, simulation.state, list(pane[:, None]), cause=Cause.IMPACT)
+    breaking.release(simulation.model, simulation.state, list(pane[:, None]), cause=Cause.IMPACT)
     simulation.step()
     assert not np.isnan(simulation.poses[pane]).any()
     simulation.explode((2.3, -10.0, 1.5), 10.0)

@@ -28,7 +28,7 @@ from procphys_ros.physics.masonry import FreeBodies
 from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Cause, fragments, Simulation
+from procphys_ros.simulation import breaking, Cause, fragments, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 BRANCH = """
@@ -114,8 +114,7 @@ def test_a_split_keeps_momentum_and_every_part_its_velocity():
     np.testing.assert_allclose(velocities[:, :3], motion[:3] + np.cross(motion[3:], arm),
                                atol=1e-9)
     before = momentum(piece, start, velocities)
-    bodies = fragments.split(simulation.model, state, [
-        (body, [parts[5:20], parts[20:], parts[:5]])])
+    bodies = breaking.release(simulation.model, state, [parts[5:20], parts[20:], parts[:5]])
     fragments.write_poses(simulation.model, state, simulation.time_step)
     assert len(bodies) == 3 and len(state.bodies.members) == 3
     np.testing.assert_allclose(simulation.poses[:, :3], start[:, :3], atol=1e-9)
@@ -135,8 +134,8 @@ def test_parts_that_leave_at_once_cut_their_bonds_once_each_with_its_own_load():
     graph = state.solver.graph
     first, second = next((a, b) for a, b in zip(graph.first.tolist(), graph.second.tolist())
                          if max(a, b) < graph.count and a > 12)
-    fragments.release(simulation.model, state, [np.array([second]), np.array([first])],
-                      np.zeros((2, 6)), Cause.IMPACT, np.array([2.0, 5.0]))
+    breaking.release(simulation.model, state, [np.array([second]), np.array([first])],
+                     np.zeros((2, 6)), Cause.IMPACT, np.array([2.0, 5.0]))
     events = state.log.take()
     touches = (events['part_a'] == second) | (events['part_b'] == second)
     np.testing.assert_array_equal(events['load'], np.where(touches, 2.0, 5.0))

@@ -21,7 +21,7 @@ import pytest
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
-from procphys_ros.simulation import Cause, fragments, masonry, Simulation
+from procphys_ros.simulation import breaking, Cause, masonry, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 SPAN, PIER, SPRING = 2.25, 0.45, 0.8  # [m] ten bricks and two with their joints: bays are alike
@@ -43,7 +43,7 @@ def fall(blueprint, bays, time_step=FRAME):
     x, z = blueprint.poses[:, 0], blueprint.poses[:, 2]
     over = (x > bays // 2 * (SPAN + PIER)) & (x < bays // 2 * (SPAN + PIER) + PIER)
     pier, above = np.flatnonzero(over & (z < HOLE)), np.flatnonzero(over & (z > HOLE))
-    fragments.destroy(simulation.model, simulation.state, pier, Cause.DEMOLITION, 1.0)
+    breaking.destroy(simulation.model, simulation.state, pier, Cause.DEMOLITION, 1.0)
     loose = np.inf
     while np.median(z[above] - simulation.poses[above, 2]) < 0.1:
         simulation.step()

@@ -128,7 +128,7 @@ def without(plan, order, turns, each):
     fracture.advance(5000)
     solver = fracture.solver
     for group in np.array_split(order, turns):
-        solver.remove_parts(group[solver.supported[group]])
+        solver.cut(solver.graph.neighbours(group[solver.supported[group]]), 2.0)
         while not fracture.stable:
             fracture.advance(each)
     return solver.supported.copy()

@@ -26,7 +26,7 @@ from procphys_ros.physics.masonry import BondGraph, Fracture, FreeBodies, Stress
 from procphys_ros.physics.masonry.ties import CRACKED, LEVER
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import fragments, Simulation
+from procphys_ros.simulation import breaking, fragments, Simulation
 from procphys_ros.wallgrammar import WallGrammar
 from procphys_ros.wallgrammar.materials import DEFAULTS
 
@@ -270,7 +270,7 @@ def test_halves_of_a_lintel_that_breaks_in_flight_hang_by_its_steel(ball, speed,
         'hut': {'grammar_text': _HUT.format(lintel='concrete', floors='none', roof='none')}}))
     model, state = simulation.model, simulation.state
     parts = np.flatnonzero(model.blueprint.kind == model.blueprint.kinds.index('lintel'))
-    fragments.release(model, state, [parts], cause=Cause.IMPACT)
+    breaking.release(model, state, [parts], cause=Cause.IMPACT)
     body = state.parts.body[parts[:1]]
     state.world.set_poses(body, np.array([[8.0, 0.0, 6.0, *state.world.poses(body)[0, 3:]]]))
     fragments.write_poses(model, state, 0.0)

@@ -183,6 +183,29 @@ def test_shared_files_are_found():
     assert list((shared_folder() / 'grammars').glob('*.lsys'))
 
 
+def last_names(node: ast.expr) -> tuple[str, ...]:
+    """List the last two names of a dotted expression: `state.log.record` gives log, record."""
+    inner = node.value if isinstance(node, ast.Attribute) else None
+    return (getattr(inner, 'attr', getattr(inner, 'id', '')), getattr(node, 'attr', ''))
+
+
+def test_one_module_breaks_things():
+    """Let nobody but `breaking` cut bonds, record breaks, end bodies or change owners."""
+    breaks = {('log', 'record'), ('solver', 'cut'), ('graph', 'cut'),
+              ('forest', 'cut_anchors'), ('loose_bonds', 'take_over'), ('world', 'remove')}
+    users: dict[tuple[str, ...], set[str]] = {}
+    for path in (PACKAGE / 'simulation').glob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+            if isinstance(node, ast.Call) and last_names(node.func) in breaks:
+                users.setdefault(last_names(node.func), set()).add(path.stem)
+            for target in node.targets if isinstance(node, ast.Assign) else []:
+                if isinstance(target, ast.Subscript) and last_names(target.value)[1] == 'owner':
+                    users.setdefault(('owner', ''), set()).add(path.stem)
+    owners = users.pop(('owner', ''))
+    assert users == {name: {'breaking'} for name in breaks}
+    assert owners == {'breaking', 'fragments'}  # the second makes bodies for the first
+
+
 def test_engines_are_loaded_when_they_are_chosen(loaded):
     """Keep the libraries of engines in their modules, and load none before it is chosen."""
     users = [path.stem for path in MODULES

@@ -235,7 +235,7 @@ def test_warm_start_after_cuts_equals_cold_solution():
     warm = solved(plan)
     graph = warm.graph
     parts = np.array([40, 41, 57])
-    warm.remove_parts(parts, dynamic_factor=1.0)
+    warm.cut(warm.graph.neighbours(parts), dynamic_factor=1.0)
     chosen = np.random.default_rng(3).choice(np.flatnonzero(graph.alive), 12, replace=False)
     warm.cut(chosen)
     spent = warm.spent
@@ -304,7 +304,7 @@ def test_sudden_removal_doubles_the_change_then_dies_away():
     solver = solved(plan)
     foot = np.flatnonzero(solver.graph.grounded())
     assert solver.wrenches()[foot, 2] == pytest.approx(-30 * G)
-    solver.remove_parts(np.array([2]), dynamic_factor=2.0)
+    solver.cut(solver.graph.neighbours(np.array([2])), dynamic_factor=2.0)
     solver.iterate(1000)
     assert solver.equilibrium.sudden
     assert solver.wrenches()[foot, 2] == pytest.approx(-10 * G, rel=1e-6)
@@ -322,7 +322,7 @@ def test_reset_restores_the_first_solution():
     plan = wall(10, 12)
     solver = solved(plan)
     first = solver.displacement.copy()
-    solver.remove_parts(np.arange(30, 40))
+    solver.cut(solver.graph.neighbours(np.arange(30, 40)), 2.0)
     solver.set_loads(np.ones((len(plan), 3)))
     solver.iterate(500)
     solver.reset()

@@ -80,7 +80,7 @@ def test_cutting_bonds_forgets_what_the_whole_wall_answered():
     solver, patterns = pushed(plan)
     answer(solver, patterns[0])
     answer(solver, np.zeros_like(patterns[0]))
-    solver.remove_parts(np.array([40, 41, 57]), dynamic_factor=1.0)
+    solver.cut(solver.graph.neighbours(np.array([40, 41, 57])), dynamic_factor=1.0)
     solver.iterate(20_000)
     assert answer(solver, patterns[0]) > 50
     cold = StressSolver(BondGraph(plan), tolerance=TIGHT)
@@ -103,7 +103,7 @@ def test_dying_sudden_loads_are_no_part_of_an_answer():
     """Keep guessing right while the dynamic share of a removal dies away between loads."""
     plan = wall(15, 20)
     solver, patterns = pushed(plan)
-    solver.remove_parts(np.array([40, 41, 57]), dynamic_factor=2.0)
+    solver.cut(solver.graph.neighbours(np.array([40, 41, 57])), dynamic_factor=2.0)
     solver.iterate(20_000)
     for force in patterns:
         solver.set_loads(force)

@@ -30,7 +30,7 @@ from procphys_ros.scene import SceneObject
 from procphys_ros.scene.capacity import available_memory, check_addition
 from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.scene.scene import check_place
-from procphys_ros.simulation import fragments, leaning, load_checks, masonry
+from procphys_ros.simulation import breaking, fragments, leaning, load_checks, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.parts import columns_of, Owner, owners
@@ -85,17 +85,8 @@ def remove(model: Model, state: State, name: str) -> None:
     owner = state.parts.owner[parts]
     if (owner == Owner.GONE).all():
         raise CommandError(f'there is no object "{name}"{state.names.nearest(name)}')
-    standing = parts[owner == Owner.STANDING]
-    if len(standing):
-        rows = state.solver.graph.rows[state.solver.remove_parts(standing)]
-        state.loose_bonds.graph.cut(rows)
-        state.world.remove(state.parts.body[standing])
-    rows = state.parts.row[parts[owner == Owner.TREE]]
-    for root in rows[state.forest.parents[rows] < 0].tolist():
-        state.forest.detach(root)
-    for body in np.unique(state.parts.body[parts[owner == Owner.BODY]]).tolist():
-        fragments.take_out(model, state, body, parts)
-    fragments.vanish(state, parts)
+    breaking.fell(state, parts[owner == Owner.TREE])
+    breaking.destroy(model, state, parts[owner != Owner.TREE], None, 0.0)
     state.added.pop(name, None)
     state.removed.append(name)
     state.wind.shelter = _shelter(model, state)

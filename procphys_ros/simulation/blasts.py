@@ -26,7 +26,7 @@ from procphys_ros.physics.loads import air_blast
 from procphys_ros.physics.masonry import cells
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.scene.strikes import Explosion
-from procphys_ros.simulation import blast_loads, glass, masonry
+from procphys_ros.simulation import blast_loads, breaking, glass, masonry
 from procphys_ros.simulation.blast_patches import Patches
 from procphys_ros.simulation.masonry import WALL_RATE
 from procphys_ros.simulation.model import Model
@@ -189,7 +189,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
     :returns: parts that came loose.
     """
     loose: list[np.ndarray] = [np.zeros(0, np.intp)]
-    cut: list[np.ndarray] = [np.zeros(0, np.intp)]
+    cut, loads = [np.zeros(0, np.intp)], [np.zeros(0)]
     if not len(shaken):
         return loose[0]
     places = model.blueprint.poses[shaken, :3]
@@ -215,25 +215,29 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
                 continue  # the same as within the radius before
             tried = len(patch)
             if judge.comes_out(patch):
-                cut.append(_loosen(model, state, shaken[patch], judge.alive))
+                bonds, load = _loosen(model, state, shaken[patch], judge.alive)
+                cut.append(bonds)
+                loads.append(np.full(len(bonds), load))
                 loose.append(shaken[patch])
                 left[patch], speed[patch] = False, 0.0
                 torn, failed = torn + 1, failed - 1
                 break
-    bonds = np.concatenate(cut)
-    state.solver.cut(bonds)
-    bent = glass.in_bent_frames(model, state.solver.graph.rows[bonds])
+    graph, bonds = state.solver.graph, np.concatenate(cut)
+    breaking.break_bonds(model, state, graph.rows[bonds], Cause.BLAST, np.concatenate(loads),
+                         told=~graph.has_cracked(bonds), dynamic_factor=1.0)
+    bent = glass.in_bent_frames(model, graph.rows[bonds])
     bent = bent[state.standing[bent]]
     _shatter(model, state, bent, np.ones(len(bent)))
     return np.concatenate(loose)
 
 
-def _loosen(model: Model, state: State, parts: np.ndarray, alive: np.ndarray) -> np.ndarray:
+def _loosen(model: Model, state: State, parts: np.ndarray,
+            alive: np.ndarray) -> tuple[np.ndarray, float]:
     """
     Cut out a piece of wall, and divide it into single parts and clumps.
 
     :param alive: bonds that nothing has cut yet, (M,) bool; updated.
-    :returns: bonds to cut.
+    :returns: bonds to cut, and the energy over the work that this takes.
     """
     own, graph = state.blasts, state.solver.graph
     touching = graph.neighbours(parts)
@@ -254,12 +258,8 @@ def _loosen(model: Model, state: State, parts: np.ndarray, alive: np.ndarray) ->
     cut = touching[cell[graph.first[touching]] != cell[graph.second[touching]]]
     kept = np.sqrt(np.maximum(1.0 - 1.0 / np.maximum(surplus, 1.0), 0.0))
     _pass_on(state, parts, (1.0 - kept)[:, None] * own.momentum[parts], touching)
-    rows = graph.rows[cut[~graph.has_cracked(cut)]]
     alive[cut] = False
-    state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
-                     model.blueprint.bonds[rows], Cause.BLAST,
-                     np.full(len(rows), float(np.median(surplus))))
-    return cut
+    return cut, float(np.median(surplus))
 
 
 def _pass_on(state: State, parts: np.ndarray, impulses: np.ndarray, bonds: np.ndarray) -> None:

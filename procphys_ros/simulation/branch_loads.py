@@ -21,7 +21,7 @@ from procphys_ros.elementary import exp, expm1
 from procphys_ros.linear import norm
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation import breaking, masonry
 from procphys_ros.simulation.contact_pairs import TreeContacts
 from procphys_ros.simulation.debris_loads import INTERVAL, SMOOTHING
 from procphys_ros.simulation.model import Model
@@ -64,8 +64,8 @@ def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
         state.forest.push(contacts.row[own], contacts.point[own], share)
         masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
                                      out.passed_on * blow.direction, momentum / blow.mass)
-        fragments.release(model, state, out.pieces, np.zeros((len(out.parts), 6)), Cause.IMPACT,
-                          out.load)
+        breaking.release(model, state, out.pieces, np.zeros((len(out.parts), 6)), Cause.IMPACT,
+                         out.load)
         broke = True
     return broke
 

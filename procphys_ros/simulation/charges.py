@@ -29,7 +29,8 @@ from procphys_ros.linear import eigen, norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import exposed_faces
 from procphys_ros.physics.masonry import cells
-from procphys_ros.simulation import fragments, glass, masonry, spawned_parts
+from procphys_ros.simulation import breaking, glass, masonry, spawned_parts
+from procphys_ros.simulation.breaking import Shards
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -112,7 +113,11 @@ def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, pla
     velocities = speed[:, None] * ways
     _release_lumps(model, state, light[whole], lump, velocities[:count], heavy)
     if made:
-        _replace(model, state, light[broken], chain(made), velocities[count:])
+        torn, moving = light[broken], np.zeros((_QUARTERS * len(made), 6))
+        moving[:, :3] = velocities[count:]
+        breaking.shatter(model, state, [Shards(
+            torn, np.full(len(torn), _LOAD), [(f'fragments_{torn[0]}', chain(made))], moving)],
+            Cause.DEMOLITION)
     state.ledger.throw(product(weight, ways), 0.5 * float(product(weight, speed)))
     return product(weight, ways)
 
@@ -123,23 +128,12 @@ def _release_lumps(model: Model, state: State, parts: np.ndarray, lump: np.ndarr
     count = len(velocities)
     parts = np.concatenate([parts, heavy])
     lump = np.concatenate([lump, count + np.arange(len(heavy))])
-    fragments.cut(model, state, parts, Cause.DEMOLITION, _LOAD, lump)
+    breaking.cut_out(model, state, parts, Cause.DEMOLITION, _LOAD, lump)
     order = np.argsort(lump, kind='stable')
     pieces = np.split(parts[order], np.cumsum(np.bincount(lump))[:-1]) if len(parts) else []
     moving = np.zeros((len(parts), 6))
     moving[:, :3] = np.concatenate([velocities, np.zeros((len(heavy), 3))])[lump[order]]
-    fragments.release(model, state, pieces, moving)
-
-
-def _replace(model: Model, state: State, parts: np.ndarray, made: Blueprint,
-             velocities: np.ndarray) -> None:
-    """Let pieces fly with velocities (P, 3) in place of the parts that they are of."""
-    fragments.destroy(model, state, parts, Cause.DEMOLITION, _LOAD)
-    first, = state.append(model, [(made, f'fragments_{parts[0]}')])
-    bodies = state.world.add_bricks(made.poses, made.size, made.mass, hexahedra=made.hexahedra,
-                                    inertia=made.inertia)
-    state.world.thaw(bodies, np.hstack([velocities, np.zeros_like(velocities)]))
-    fragments.adopt(state, np.arange(first, first + len(made)), bodies)
+    breaking.release(model, state, pieces, moving)
 
 
 def _burst_panes(model: Model, state: State, panes: np.ndarray, away: np.ndarray,

@@ -24,13 +24,12 @@ import numpy as np
 
 from procphys_ros import rotation
 from procphys_ros.linear import norm
-from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees import anchors, Forest
+from procphys_ros.simulation import breaking
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-NO_BOND = -1      # stands in events for an anchor, which is no row of `Blueprint.bonds`
 _CHANGE = 0.25    # of the largest load: smaller changes are not worth new stresses
 _LEAST = 50.0     # [N] likewise
 _LAYER = 'climbers'
@@ -79,13 +78,8 @@ def _let_go(model: Model, state: State) -> None:
     if not loose.any():
         return
     lost = held[loose]
-    own.holds[lost], own.fresh = False, True
-    state.forest.cut_anchors(climbers.row[lost], climbers.host_row[lost])
-    told = loose & grows
-    pairs = np.column_stack([climbers.anchors.host, climbers.anchors.part])[held[told]]
-    state.log.record(state.time, state.forest.poses[row[told], :3],
-                     np.full(len(pairs), NO_BOND), pairs, Cause.PULLED_OFF,
-                     np.maximum(load[told], 1.0))
+    own.fresh = True
+    breaking.break_holds(model, state, lost, np.maximum(load[loose], 1.0), grows[loose])
 
 
 def _follow_trees(model: Model, state: State, dt: float) -> None:

@@ -237,8 +237,7 @@ def _set_body_state(model: Model, state: State, command: SetBodyState) -> None:
     state.world.set_poses(body, centre[None])
     state.world.set_velocities(body, twist[None])
     parts = state.bodies.members[int(body[0])]
-    state.parts.poses[parts], state.parts.velocities[parts] = fragments.part_states(
-        state, int(body[0]))
+    state.parts.poses[parts], state.parts.velocities[parts] = fragments.part_states(state, parts)
     state.parts.moved[parts] = True
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.terrain import height_at
 from procphys_ros.physics.trees import anchors, carried_rows, CAUSES, Forest
-from procphys_ros.simulation import contact_exclusions, fragments
+from procphys_ros.simulation import breaking, contact_exclusions
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -57,11 +57,8 @@ def _break_joints(model: Model, state: State) -> None:
     for i in np.argsort(-over, kind='stable'):
         if not any(_share_path(forest.ends, rows[i], rows[j]) for j in chosen):
             chosen.append(int(i))
-    position = np.array([_joint(model, state, rows[i]) for i in chosen])
+    breaking.break_bonds(model, state, bonds[chosen], causes[chosen], over[chosen])
     rigid = [int(rows[i]) for i in chosen if not _stays_flexible(model, state, int(rows[i]))]
-    state.log.record(state.time, position, bonds[chosen], model.blueprint.bonds[bonds[chosen]],
-                     causes[chosen], over[chosen])
-    state.loose_bonds.graph.cut(bonds[chosen])
     _release(model, state, rigid)
 
 
@@ -123,7 +120,7 @@ def _release(model: Model, state: State, rows: list[int]) -> None:
         pieces.append(state.forest.parts[own])
         state.parts.poses[pieces[-1]] = poses  # what was shown may lie between two steps
         velocities.append(moving)
-    fragments.release(model, state, pieces, np.concatenate(velocities))
+    breaking.release(model, state, pieces, np.concatenate(velocities))
 
 
 def _stays_flexible(model: Model, state: State, row: int) -> bool:
@@ -143,10 +140,3 @@ def _clings(forest: Forest, rows: np.ndarray) -> bool:
 
 def _share_path(ends: np.ndarray, row: int, other: int) -> bool:
     return row <= other < ends[row] or other <= row < ends[other]
-
-
-def _joint(model: Model, state: State, row: int) -> np.ndarray:
-    """Give where the joint of a row is, world [m], (3,)."""
-    x, y, z, w = state.forest.poses[row, 3:]
-    axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-    return state.forest.poses[row, :3] - model.trees.joint_arm[row] * axis

@@ -28,6 +28,7 @@ EVENT = np.dtype([
     ('crack', 'u1'),          # 1 = it presses and rubs on, 0 = it is gone
 ])
 
+NO_BOND = -1  # stands in events for a hold of a climbing plant, which is no bond
 _CAPACITY = 200_000  # rows kept when nobody takes them; the oldest are let go and counted
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Fragments: release parts from walls and trees into rigid bodies, and split these."""
+"""Fragments: rigid bodies made of parts."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,6 @@ from procphys_ros.blueprint import GROUND, Shape
 from procphys_ros.elementary import expm1
 from procphys_ros.linear import norm
 from procphys_ros.physics.air import AIR_DENSITY
-from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.world import (
     BodyState,
     expand,
@@ -42,107 +41,7 @@ from procphys_ros.simulation.state import State
 
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
 _NEGLIGIBLE = 0.05  # [m/s²] drag not worth the call that sets a velocity, 0.5 % of gravity
-_SUDDEN = 2.0  # dynamic factor of supports that vanish at once, see `StressSolver.cut`
-_NONE = np.iinfo(np.intp).max  # behind all numbers of pieces
 _IDENTITY = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
-
-
-def release(model: Model, state: State, pieces: Sequence[np.ndarray],
-            velocities: np.ndarray | None = None, cause: Cause | None = None,
-            load: float | np.ndarray = 1.0) -> None:
-    """
-    Release pieces of walls or trees: each becomes one rigid body.
-
-    This is the only way from `Owner.STANDING` and `Owner.TREE` to `Owner.BODY`. Momentum and
-    angular momentum of the parts are kept.
-
-    :param pieces: parts of each piece; the parts of one piece have the same owner.
-    :param velocities: of the parts in the order of the pieces, world axes, (P, 6); None = as
-        the state has them.
-    :param cause: cuts the bonds that still hold the pieces, for this reason; None = they are cut
-        and recorded already.
-    :param load: load over strength of bonds cut here, of all or of each piece.
-    """
-    if not len(pieces):
-        return
-    parts = np.concatenate(pieces)
-    if velocities is None:
-        velocities = state.parts.velocities[parts]
-    start = np.cumsum([0, *(len(piece) for piece in pieces)])
-    stood = state.parts.owner[parts] == Owner.STANDING
-    if cause is not None:
-        own = np.repeat(np.arange(len(pieces)), np.diff(start))
-        cut(model, state, parts[stood], cause, load, own[stood])
-    if stood.any():
-        state.loose_bonds.take_over(state.solver.graph, parts[stood])
-    poses = state.parts.poses[parts]
-    single = (np.diff(start) == 1) & stood[start[:-1]]
-    rows = start[:-1][single]
-    bodies = state.parts.body[parts[rows]]
-    state.world.thaw(bodies, velocities[rows])
-    adopt(state, parts[rows], bodies)
-    several = np.repeat(~single, np.diff(start))
-    state.world.remove(state.parts.body[parts[stood & several]])
-    ranges = [slice(start[i], start[i + 1]) for i in np.flatnonzero(~single).tolist()]
-    make_bodies(model, state, [(parts[piece], poses[piece], velocities[piece])
-                               for piece in ranges])
-
-
-def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float) -> None:
-    """
-    Take standing parts out of the scene for good.
-
-    :param parts: (K,) indices.
-    :param cause: why their bonds break.
-    :param load: load over strength.
-    """
-    cut(model, state, parts, cause, load)
-    state.world.remove(state.parts.body[parts])
-    vanish(state, parts)
-
-
-def vanish(state: State, parts: np.ndarray) -> None:
-    """
-    Mark parts that no body carries any more as gone; they keep their poses.
-
-    Lasting forces on them end.
-    """
-    state.parts.owner[parts] = Owner.GONE
-    state.parts.body[parts] = -1
-    state.parts.velocities[parts] = 0.0
-    for part in state.wrenches.keys() & set(parts.tolist()):
-        del state.wrenches[part]
-
-
-def cut(model: Model, state: State, parts: np.ndarray, cause: Cause, load: float | np.ndarray,
-        piece: np.ndarray | None = None) -> None:
-    """
-    Break and record bonds of standing parts.
-
-    :param parts: (K,) indices.
-    :param cause: why.
-    :param load: load over strength, of all or of each piece; between two it is that of the first.
-    :param piece: number of the piece that each part is of, whose own bonds stay, (K,); None =
-        each part is a piece.
-    """
-    graph = state.solver.graph
-    bonds = graph.neighbours(parts)
-    bonds = bonds[graph.alive[bonds]]
-    loads = np.full(len(bonds), load if np.ndim(load) == 0 else 0.0)
-    if piece is not None:
-        owner = np.full(graph.count + 1, _NONE, np.intp)
-        owner[parts] = piece
-        one, other = owner[graph.first[bonds]], owner[graph.second[bonds]]
-        ends = one != other
-        if np.ndim(load):
-            loads[ends] = np.asarray(load)[np.minimum(one, other)[ends]]
-        bonds, loads = bonds[ends], loads[ends]
-    whole = ~graph.has_cracked(bonds)
-    rows = graph.rows[bonds[whole]]
-    state.solver.cut(bonds, _SUDDEN)
-    state.loose_bonds.graph.cut(graph.rows[bonds])
-    state.log.record(state.time, model.blueprint.bond_frame[rows, :3], rows,
-                     model.blueprint.bonds[rows], cause, loads[whole])
 
 
 def make_body(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
@@ -200,28 +99,6 @@ def adopt(state: State, parts: np.ndarray, bodies: np.ndarray) -> None:
         _enter(state, int(body), np.array([part]), _IDENTITY)
 
 
-def split(model: Model, state: State,
-          broken: Sequence[tuple[int, Sequence[np.ndarray]]]) -> list[int]:
-    """
-    Replace bodies by their pieces, which go on as parts of the rigid body did: v + ω × r, ω.
-
-    :param broken: id of each body, and the parts of its pieces, (P,) each; those that are in no
-        piece have no body then.
-    :returns: ids of the new bodies.
-    """
-    made = []
-    for body, pieces in broken:
-        whole = state.bodies.members[body]
-        poses, velocities = part_states(state, body)
-        state.parts.body[state.bodies.members.pop(body)] = -1
-        state.bodies.size[body] = 0
-        rows = [np.searchsorted(whole, np.sort(parts)) for parts in pieces]
-        made += [(whole[row], poses[row], velocities[row]) for row in rows]
-    state.bodies.carried = None
-    state.world.remove(np.array([body for body, _ in broken], np.intp))
-    return make_bodies(model, state, made)
-
-
 def hang(model: Model, state: State, bonds: np.ndarray) -> None:
     """
     Let pieces that have parted hang by the steel of their bonds, if the engine has joints.
@@ -250,22 +127,11 @@ def hang(model: Model, state: State, bonds: np.ndarray) -> None:
                      JointOptions(force=2.0 * steel, collides=True), frames[1])
 
 
-def take_out(model: Model, state: State, body: int, parts: np.ndarray) -> None:
-    """
-    Take parts out of a body, which have none then; the rest of it goes on as it did.
-
-    :param body: id.
-    :param parts: (K,) indices; those that the body does not carry do not count.
-    """
-    rest = np.setdiff1d(state.bodies.members[body], parts)
-    split(model, state, [(body, state.loose_bonds.pieces(rest) if len(rest) else [])])
-
-
-def part_states(state: State, body: int) -> tuple[np.ndarray, np.ndarray]:
-    """Give present poses (P, 7) and velocities (P, 6) of the parts that a body carries."""
-    bodies, parts = state.world.bodies, state.bodies.members[body]
+def part_states(state: State, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Give poses (P, 7) and velocities (P, 6) of parts as their bodies carry them now."""
+    bodies, columns = state.world.bodies, state.parts
     poses, velocities = np.empty((len(parts), 7)), np.empty((len(parts), 6))
-    expand(bodies.poses, bodies.velocities, np.full(len(parts), body), state.parts.local[parts],
+    expand(bodies.poses, bodies.velocities, columns.body[parts], columns.local[parts],
            np.arange(len(parts)), poses, velocities)
     return poses, velocities
 

@@ -28,8 +28,9 @@ from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Resistance
 from procphys_ros.physics.world import BodyState
-from procphys_ros.simulation import fragments, spawned_parts
+from procphys_ros.simulation import breaking, fragments, spawned_parts
 from procphys_ros.simulation.blows import Blows
+from procphys_ros.simulation.breaking import Shards
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -128,12 +129,13 @@ def shatter_standing(model: Model, state: State,
         over what it bears.
     :param cause: of the breaks.
     """
-    firsts = _append(model, state, [(pane.part, pane.pieces) for pane, _, _ in panes])
-    for first, (pane, velocity, load) in zip(firsts, panes):
-        fragments.destroy(model, state, np.array([pane.part]), cause, load)
-        velocities = np.zeros((len(pane.pieces), 6))
-        velocities[:, :3] = pane.share[:, None] * velocity
-        _scatter(model, state, pane.part, first, pane.pieces, velocities)
+    shards = []
+    for pane, velocity, load in panes:
+        moving = _spring_back(model, pane.part, pane.pieces)
+        moving[:, :3] += pane.share[:, None] * velocity
+        shards.append(Shards(np.array([pane.part]), np.array([load]),
+                             [(_named(pane.part), pane.pieces)], moving))
+    breaking.shatter(model, state, shards, cause)
 
 
 def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
@@ -200,18 +202,15 @@ def shatter_loose(model: Model, state: State) -> bool:
     pieces = min(max(int(np.sqrt(room / len(rows))), FEWEST), _PIECES)
     parts = model.glass.parts[chosen]
     carrier = state.parts.body[parts]
-    made, moving = {}, {}
+    shards = []
     for body in np.unique(carrier).tolist():
-        for part in parts[carrier == body].tolist():
-            made[part], moving[part] = _shards_of(model, state, body, part, pieces)
-    firsts = dict(zip(made, _append(model, state, list(made.items()))))
-    for body in np.unique(carrier).tolist():
-        rows = chosen[carrier == body]
-        _take_out(model, state, body, rows)
-        for part in model.glass.parts[rows].tolist():
-            fragments.vanish(state, np.array([part]))
-            own.shards = np.concatenate([own.shards, _scatter(
-                model, state, part, firsts[part], made[part], moving[part])])
+        there = parts[carrier == body]
+        made, moving = zip(*(_shards_of(model, state, part, pieces) for part in there.tolist()))
+        shards.append(Shards(there, own.load[chosen[carrier == body]],
+                             [(_named(part), shard) for part, shard in zip(there, made)],
+                             np.concatenate(moving)))
+    bodies = breaking.shatter(model, state, shards, Cause.IMPACT)
+    own.shards = np.concatenate([own.shards, *bodies])
     own.load[chosen] = 0.0
     return True
 
@@ -232,19 +231,9 @@ def _cut_up(model: Model, part: int, pose: np.ndarray, pieces: int,
         1 if pieces > FEWEST else 0, rng, local)
 
 
-def _append(model: Model, state: State, panes: Sequence[tuple[int, Blueprint]]) -> list[int]:
-    """Append the shards of all panes that break now; give the first part of each pane's."""
-    return state.append(model, [(pieces, f'pane_{part}') for part, pieces in panes])
-
-
-def _scatter(model: Model, state: State, part: int, first: int, pieces: Blueprint,
-             velocities: np.ndarray) -> np.ndarray:
-    """Release shards, parts from `first` on, with velocities (S, 6); give their bodies."""
-    bodies = state.world.add_bricks(pieces.poses, pieces.size, pieces.mass,
-                                    hexahedra=pieces.hexahedra, inertia=pieces.inertia)
-    state.world.thaw(bodies, velocities + _spring_back(model, part, pieces))
-    fragments.adopt(state, np.arange(first, first + len(pieces)), bodies)
-    return bodies
+def _named(part: int) -> str:
+    """Name the object that the shards of a pane make."""
+    return f'pane_{part}'
 
 
 def _spring_back(model: Model, part: int, pieces: Blueprint) -> np.ndarray:
@@ -304,38 +293,14 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
     return rows[on], force / _point_force(model, parts[on])
 
 
-def _shards_of(model: Model, state: State, body: int, part: int,
+def _shards_of(model: Model, state: State, part: int,
                pieces: int) -> tuple[Blueprint, np.ndarray]:
     """Cut up a pane where its body carries it: shards, and their velocities, (S, 6)."""
-    bodies = state.world.bodies
-    members = state.bodies.parts_of(body)
-    pose = fragments.part_states(state, body)[0][np.searchsorted(members, part)]
+    bodies, body = state.world.bodies, state.parts.body[part]
+    pose = fragments.part_states(state, np.array([part]))[0][0]
     velocity = bodies.velocities[body].copy()
     velocity[:3] += np.cross(velocity[3:], pose[:3] - bodies.poses[body, :3])
     made = _cut_up(model, part, pose, pieces)
     moving = np.tile(velocity, (len(made), 1))
     moving[:, :3] += np.cross(velocity[3:], made.poses[:, :3] - pose[:3])
-    return made, moving
-
-
-def _take_out(model: Model, state: State, body: int, rows: np.ndarray) -> None:
-    """Take some panes out of a body; the rest of it goes on as it did."""
-    parts, members = model.glass.parts[rows], state.bodies.parts_of(body)
-    poses = fragments.part_states(state, body)[0][np.searchsorted(members, parts)]
-    for part, pose, load in zip(parts.tolist(), poses, state.glass.load[rows].tolist()):
-        _break_out_of_frame(model, state, part, pose, members, load)
-    fragments.take_out(model, state, body, parts)
-
-
-def _break_out_of_frame(model: Model, state: State, part: int, pose: np.ndarray,
-                        members: np.ndarray, load: float) -> None:
-    """Break the bonds that still hold a pane in its piece."""
-    source, graph = model.blueprint, state.loose_bonds.graph
-    bonds = graph.boundary(np.array([part]))
-    held = np.isin(graph.first[bonds], members) & np.isin(graph.second[bonds], members)
-    graph.cut(bonds)
-    rows = graph.rows[bonds[held]]
-    turn = rotation.multiply(pose[3:], rotation.conjugate(source.poses[part, 3:]))
-    arm = source.bond_frame[rows, :3] - source.poses[part, :3]
-    state.log.record(state.time, pose[:3] + rotation.rotate(turn, arm), rows,
-                     source.bonds[rows], Cause.IMPACT, np.full(len(rows), load))
+    return made, moving + _spring_back(model, part, made)

@@ -21,12 +21,12 @@ from typing import cast
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Law
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation import (
+    breaking,
     contact_exclusions,
     fragments,
     glass,
@@ -91,11 +91,14 @@ def step(model: Model, state: State, dt: float) -> None:
     if broken:
         state.world.keep_impulses(give_back(state.world, state.world.contacts(), begun, fall,
                                             share, change))
-        for blow, result in broken:
-            _record(model, state, blow, result)
+        bonds, causes, loads = (np.concatenate(column) for column in zip(*(
+            (result.bonds, _causes(model, blow, result.bonds), result.load)
+            for blow, result in broken)))
+        breaking.break_bonds(model, state, bonds, causes, loads)
+        for _, result in broken:
             contact_exclusions.add_split(state, result.pieces)
-        fragments.split(model, state, [(blow.body, result.pieces) for blow, result in broken
-                                       if len(result.pieces) > 1])
+        breaking.release(model, state, [piece for _, result in broken if len(result.pieces) > 1
+                                        for piece in result.pieces])
         for _, result in broken:
             fragments.hang(model, state, result.bonds)
     if glass.shatter_loose(model, state) or broken:
@@ -249,21 +252,10 @@ def _with_contacts(state: State, blows: list[Blow], made: Blows) -> list[Blow]:
     return out
 
 
-def _record(model: Model, state: State, blow: Blow, result: Breakage) -> None:
-    source = model.blueprint
-    pairs = source.bonds[result.bonds]
-    part = pairs.max(axis=1)
-    now = fragments.part_states(state, blow.body)[0][np.searchsorted(blow.parts, part)]
-    turn = rotation.multiply(now[:, 3:], rotation.conjugate(source.poses[part, 3:]))
-    arm = source.bond_frame[result.bonds, :3] - source.poses[part, :3]
-    state.log.record(state.time, now[:, :3] + rotation.rotate(turn, arm), result.bonds, pairs,
-                     _causes(model, blow, result.bonds), result.load)
-
-
-def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray | Cause:
+def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray:
     """Give the causes of broken bonds: tension where what lies bends under its own weight."""
     if np.isfinite(blow.energy):
-        return Cause.IMPACT
+        return np.full(len(bonds), Cause.IMPACT)
     wood = model.blueprint.bond_law[bonds] == Law.HINGE
     return np.where(wood, Cause.BENDING, Cause.TENSION)
 

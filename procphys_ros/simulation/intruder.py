@@ -27,7 +27,7 @@ from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.touch import overlap_ball, overlap_box, overlaps
 from procphys_ros.physics.world import BodyState, Pieces
-from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation import breaking, masonry
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.obstacles import Obstacles
 from procphys_ros.simulation.state import IntruderState, State
@@ -191,12 +191,12 @@ def _drive_out(model: Model, state: State, plug: np.ndarray, speed: np.ndarray,
     :param plug: the bricks, then what they push ahead, (P,).
     :param speed: of each of the bricks [m/s], (K,).
     """
-    pieces = masonry.pieces_of(state, plug[:len(speed)], plug)
+    pieces = breaking.pieces_of(state, plug[:len(speed)], plug)
     parts = np.concatenate(pieces)
     leaving = np.zeros((len(parts), 6))
     leaving[:, :3] = speed.mean() * push
     leaving[:len(speed), :3] = speed[:, None] * push
-    fragments.release(model, state, pieces, leaving, Cause.IMPACT, 1.0)
+    breaking.release(model, state, pieces, leaving, Cause.IMPACT, 1.0)
     return float(product(state.parts.mass[parts], product(leaving[:, :3], push)))
 
 

@@ -28,7 +28,7 @@ from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Failures, punched, Resistance, together
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
-from procphys_ros.simulation import fragments, load_checks
+from procphys_ros.simulation import breaking, load_checks
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -122,8 +122,8 @@ def drive_out(state: State, struck: np.ndarray, blow: Strike) -> Exit | None:
     if found is None:
         return None
     parts, withstood = found
-    return comes_out(pieces_of(state, struck, parts), float(state.parts.mass[parts].sum()),
-                     withstood, blow)
+    return comes_out(breaking.pieces_of(state, struck, parts),
+                     float(state.parts.mass[parts].sum()), withstood, blow)
 
 
 def _plug(state: State, struck: np.ndarray, force: float, direction: np.ndarray,
@@ -150,15 +150,6 @@ def weakest_plug(state: State, struck: np.ndarray, direction: np.ndarray,
     mass = float(state.parts.mass[struck].sum())
     return cast(tuple[np.ndarray, Resistance],  # no force is too small
                 _plug(state, struck, np.inf, direction, speed / float(contact_time(mass))))
-
-
-def pieces_of(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.ndarray]:
-    """Part what comes out: struck parts come singly, and what they push ahead in pieces."""
-    behind = plug[len(struck):]
-    if not len(behind):
-        return [*struck[:, None]]
-    state.loose_bonds.take_over(state.solver.graph, behind)
-    return [*struck[:, None], *state.loose_bonds.pieces(behind)]
 
 
 def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: np.ndarray,
@@ -193,7 +184,7 @@ def release(model: Model, state: State, out: Exit, blow: Strike) -> None:
     """Release parts that a blow drives out."""
     moving = np.zeros((len(out.parts), 6))
     moving[:, :3] = out.speed * blow.direction
-    fragments.release(model, state, out.pieces, moving, Cause.IMPACT, out.load)
+    breaking.release(model, state, out.pieces, moving, Cause.IMPACT, out.load)
 
 
 def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
@@ -331,11 +322,7 @@ def _advance(model: Model, state: State, iterations: int,
     bond, cause, load, broken = (
         np.concatenate([getattr(r, name)[own] for r, own in zip(rounds, told)])
         for name in ('bond', 'cause', 'utilisation', 'broken'))
-    rows = state.solver.graph.rows[bond]
-    if len(rows):
-        source = model.blueprint
-        state.log.record(state.time, source.bond_frame[rows, :3], rows, source.bonds[rows],
-                         cause, load, ~broken)
+    breaking.break_bonds(model, state, state.solver.graph.rows[bond], cause, load, ~broken)
     return pieces, rounds
 
 
@@ -394,4 +381,4 @@ def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:
             state.parts.velocities[parts, :3] += own / state.parts.mass[parts][:, None]
             state.ledger.blown = state.ledger.blown + own.sum(axis=0)
             state.blasts.momentum[parts] = 0.0
-    fragments.release(model, state, pieces)
+    breaking.release(model, state, pieces)

@@ -23,7 +23,7 @@ from procphys_ros.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import punched
 from procphys_ros.physics.world import BodyState, Contacts
-from procphys_ros.simulation import fragments, masonry
+from procphys_ros.simulation import breaking, masonry
 from procphys_ros.simulation.blows import Blows, change_by_contacts, measure, struck_bodies
 from procphys_ros.simulation.debris_loads import part_of_body
 from procphys_ros.simulation.model import Model
@@ -166,8 +166,8 @@ def _release(model: Model, state: State,
                                      out.passed_on * blow.direction,
                                      blow.momentum / blow.mass)
     pieces = [piece for out, _ in found for piece in out.pieces]
-    fragments.release(model, state, pieces, np.zeros((sum(map(len, pieces)), 6)), Cause.IMPACT,
-                      np.array([out.load for out, _ in found]))
+    breaking.release(model, state, pieces, np.zeros((sum(map(len, pieces)), 6)), Cause.IMPACT,
+                     np.array([out.load for out, _ in found]))
     rubble, bodies = state.rubble, state.world.bodies
     fresh = np.unique(state.parts.body[np.concatenate(pieces)])
     for name in ('poses', 'velocities'):

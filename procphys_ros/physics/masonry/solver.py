@@ -209,17 +209,6 @@ class StressSolver:
         if len(bonds):
             self._change(self.equilibrium.crack, bonds)
 
-    def remove_parts(self, parts: np.ndarray, dynamic_factor: float = 2.0) -> np.ndarray:
-        """
-        Take parts out at once; their neighbours feel it with the dynamic factor of `cut`.
-
-        :returns: the bonds that this cut.
-        """
-        bonds = self.graph.neighbours(parts)
-        bonds = bonds[self.graph.alive[bonds]]
-        self.cut(bonds, dynamic_factor)
-        return bonds
-
     def forget_sudden(self, share: float = 1.0) -> None:
         """Fade the dynamic part of released forces by a share, 1 = all of it."""
         if self.equilibrium.sudden:
