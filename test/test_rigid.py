@@ -131,6 +131,32 @@ def test_gaps_are_those_of_the_best_of_many_directions(kinds):
     assert seen > 20
 
 
+@pytest.mark.parametrize('ridge', [1.0, 0.6, 0.0])
+def test_hexahedra_touch_on_the_surface_of_both(ridge):
+    """Lay boxes, voussoirs and prisms against each other: they touch where they are."""
+    rng, crossed = np.random.default_rng(6), 0
+    for _ in range(200):
+        sizes, poses = rng.uniform(0.05, 0.4, (2, 3)), draw_poses(rng, 0.12)
+        for _ in range(4):  # the second comes out of the first until they hardly touch
+            pieces, table = two_pieces((HEXAHEDRON, HEXAHEDRON), sizes, poses)
+            pieces.cut[:, [12, 15, 18, 21]] *= ridge  # both ends of their upper sides
+            place(np.arange(2), pieces, table, np.zeros((3, 6)), 0.0)
+            rows = touching(pieces, table)
+            if not len(rows.gap):
+                break
+            normal = rows.normal[0]
+            low, high = (pieces.corners[0] @ normal).min(), (pieces.corners[1] @ normal).max()
+            poses[1, :3] += (low - high) * normal
+        if not len(rows.gap):
+            continue
+        for point in rows.point:
+            assert abs(point @ normal - 0.5 * (low + high)) < 5e-3
+            for faces, corners in zip(pieces.normals, pieces.corners):
+                assert ((faces @ point) - (corners @ faces.T).max(axis=0)).max() < 5e-3
+        crossed += bool((np.abs(np.concatenate(pieces.normals) @ normal) < 0.99).all())
+    assert crossed > 5
+
+
 def test_round_pieces_keep_the_distance_of_their_axes():
     """Place capsules and balls near boxes: the gap is that of points along the axis."""
     rng, seen = np.random.default_rng(5), 0

@@ -78,19 +78,57 @@ def _edge_axis(corners, others, e, k):
 
     :returns: -inf where the edges are parallel or of no length.
     """
-    u = less(at(corners, EDGES[e, 1]), at(corners, EDGES[e, 0]))
-    v = less(at(others, EDGES[k, 1]), at(others, EDGES[k, 0]))
-    n = cross(u, v)
-    size = length(n)
-    if size <= _PARALLEL * length(u) * length(v):
+    u, v = _edge(corners, e), _edge(others, k)
+    if _are_parallel(u, v):
         return -np.inf, (0.0, 0.0, 0.0)
-    n = scaled(1.0 / size, n)
+    n = cross(u, v)
+    n = scaled(1.0 / length(n), n)
     back = scaled(-1.0, n)
     one = _least_along(corners, n) + _least_along(others, back)
     other = _least_along(others, n) + _least_along(corners, back)
     if one >= other:
         return one, n
     return other, back
+
+
+@subroutine(**INLINE)
+def _edge(corners, e):
+    return less(at(corners, EDGES[e, 1]), at(corners, EDGES[e, 0]))
+
+
+@subroutine(**INLINE)
+def _are_parallel(u, v):
+    """Return whether two edges span no plane, as one without length does with any."""
+    n = cross(u, v)
+    return dot(n, n) <= _PARALLEL * _PARALLEL * dot(u, u) * dot(v, v)
+
+
+@subroutine(**LEAN)
+def _edge_directions(corners):
+    """Return the edges that are the first of their direction, a bit each."""
+    chosen = 0
+    for e in range(12):
+        u, is_new = _edge(corners, e), True
+        for k in range(e):
+            if chosen >> k & 1 and _are_parallel(u, _edge(corners, k)):
+                is_new = False
+                break
+        if is_new and dot(u, u) > 0.0:
+            chosen |= 1 << e
+    return chosen
+
+
+@subroutine(**LEAN)
+def _furthest_edge(corners, e, n):
+    """Return the edge that lies farthest in a direction, of all that are parallel to one."""
+    u, best, furthest = _edge(corners, e), -np.inf, e
+    for k in range(12):
+        v = _edge(corners, k)
+        if dot(v, v) > 0.0 and _are_parallel(u, v):
+            along = dot(at(corners, EDGES[k, 0]), n) + dot(at(corners, EDGES[k, 1]), n)
+            if along > best:
+                best, furthest = along, k
+    return furthest
 
 
 @subroutine(**LEAN)
@@ -105,16 +143,19 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
     other_gap, other_face = _deepest_face(others, other_normals, corners)
     if gap > margin or other_gap > margin:
         return _APART
+    ways, other_ways = _edge_directions(corners), _edge_directions(others)
     best, first, second, normal = -np.inf, 0, 0, (0.0, 0.0, 1.0)
     for e in range(12):
         for k in range(12):
-            found, n = _edge_axis(corners, others, e, k)
-            if found > best:
-                best, first, second, normal = found, e, k, n
+            if ways >> e & 1 and other_ways >> k & 1:
+                found, n = _edge_axis(corners, others, e, k)
+                if found > best:
+                    best, first, second, normal = found, e, k, n
     if best > margin:
         return _APART
     if best > max(gap, other_gap) + CLEARER:
-        return best, normal, EDGE, EDGE, first, second
+        return (best, normal, EDGE, EDGE, _furthest_edge(corners, first, scaled(-1.0, normal)),
+                _furthest_edge(others, second, normal))
     if gap >= other_gap - CLEARER:
         return gap, scaled(-1.0, at(normals, face)), face, EDGE, 0, 0
     return other_gap, at(other_normals, other_face), EDGE, other_face, 0, 0
