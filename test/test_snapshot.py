@@ -59,9 +59,9 @@ def resealed(data, old, new):
     return put_together(text.replace(old, new), rest)
 
 
-def busy(seconds=0.5):
+def busy(seconds=0.5, engine='auto'):
     """Simulate a wall and two trees in a storm while a ball flies and a charge has gone off."""
-    scene = Scene(Settings(seed=3))
+    scene = Scene(Settings(seed=3, engine=engine))
     scene.add(wall(8, 10), (0.0, 0.0, 0.0), 0.0, 'wall')
     for i in range(2):
         scene.add(bush(40, seed=i, damping_ratio=0.1, strength=2e7), (3.0 + 2.0 * i, 1.0, 0.0),
@@ -112,6 +112,17 @@ def test_forks_go_the_same_way_until_they_are_told_otherwise():
         run.step(30)
     assert_same(simulation, same)
     assert not np.array_equal(simulation.poses, struck.poses)
+
+
+def test_saving_and_forking_change_nothing_with_native():
+    """Save and fork while bricks fly and lie: all goes on as in a run without."""
+    saved, never = busy(0.4, 'native'), busy(0.4, 'native')
+    saved.save()
+    fork = saved.fork()
+    for run in (saved, never, fork):
+        run.step(40)
+    assert_same(saved, never)
+    assert_same(fork, never)
 
 
 def test_constants_are_not_saved():

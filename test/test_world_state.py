@@ -111,6 +111,41 @@ def test_saving_changes_nothing(engine):
         assert_same(saved, other)
 
 
+def test_an_engine_that_can_be_saved_goes_on_as_if_it_had_never_been():
+    """Save and restore again and again while things come and go: no bit differs from without."""
+    def change(world, turn):
+        world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1.0))
+        world.remove(world.awake[turn:turn + 2])
+        run(world, 15)
+    with busy_world('native') as never:
+        copy = busy_world('native')
+        for turn in range(4):
+            saved = through_a_file(copy.save_state())
+            copy.close()
+            copy = World.restore(saved, 'native')
+            for world in (never, copy):
+                change(world, turn)
+        assert len(saved['engine.contacts.key']) > 20
+        assert_same(never, copy)
+        copy.close()
+
+
+@pytest.mark.parametrize(('name', 'spoil'), [
+    ('order', lambda rows: rows + 1000), ('order', lambda rows: rows[[0, 0]]),
+    ('order', lambda rows: rows.astype(float)), ('contacts.first', lambda rows: -rows),
+    ('contacts.second', lambda rows: rows[:-1]), ('contacts.key', lambda rows: -rows),
+    ('contacts.key', lambda rows: rows[::-1]), ('contacts.key', lambda rows: rows | 0xffff),
+    ('contacts.key', lambda rows: np.sort(rows + (900 << 32))), ('resting.point', np.ravel),
+    ('held', lambda rows: np.zeros(10_000, bool))])
+def test_what_an_engine_cannot_start_from_is_refused(name, spoil):
+    """Check which bodies and pieces saved contacts name before any kernel follows them."""
+    with busy_world('native') as world:
+        arrays = world.save_state()
+    name = f'engine.{name}'
+    with pytest.raises(ValueError, match='engine'):
+        World.restore(arrays | {name: spoil(arrays[name])}, 'native')
+
+
 @_ENGINES
 def test_restored_world_is_where_it_was(engine):
     """Find poses, velocities, contacts and bounds as they were, and motion as it was to be."""

@@ -112,8 +112,9 @@ class Simulation(Readings):
         """
         Write the whole state down.
 
-        What goes on from here and what goes on from the snapshot stay the same to the bit: the
-        engine is built anew from the state, because its inner caches cannot be saved.
+        What goes on from here and what goes on from the snapshot stay the same to the bit. With
+        `native` so does a run that is not saved; the caches of `bullet` cannot be, so that it is
+        built anew from the state.
         """
         data = snapshot.dump(self._scene_model, self.model, self.state)
         self.state.world.rebuild()

@@ -14,11 +14,11 @@
 
 """Protocol of rigid-body engines, and their selection."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module, util
 import logging
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -119,6 +119,17 @@ class Engine(Protocol):
         :returns: (C, 13): two ids, point on the second, unit normal towards the first, distance,
             mean force of the step on the first in world axes [N], (3,), its normal part [N].
         """
+
+
+@runtime_checkable
+class SavableEngine(Engine, Protocol):
+    """Engine that can be saved: it goes on as if it had never been."""
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy what it keeps from step to step."""
+
+    def restore(self, table: BodyTable, saved: Mapping[str, np.ndarray]) -> None:
+        """Add bodies to an empty engine, with what `save` gave."""
 
 
 def installed_engines() -> list[str]:

@@ -15,6 +15,8 @@
 
 """Native engine: our own contact solver, over the columns of the body table."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from procphys_ros import rotation
@@ -43,6 +45,7 @@ from procphys_ros.physics.world.sleeping import rim_speed
 _LOOKS = 240.0  # [1/s] at most, for contacts, while anything moves ...
 _WORTH = 20_000.0  # contacts solved, which take some ms, per thread at least
 _WAY = 0.01  # [m] ... farther than this in between
+_NUMBERED = 1024  # points of a body with a name of their own; rows change when others go
 _NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _NO_JOINTS = no_joints(0)
 
@@ -81,6 +84,25 @@ class NativeEngine:
 
     def close(self) -> None:
         """Free the memory."""
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy contacts, which steps start from, and bodies in the order of their pieces."""
+        self._drop_removed()
+        body = self._pieces.body[:self._used]
+        saved = {'order': body[np.diff(body, prepend=-1) != 0], 'still': self._still.copy(),
+                 'held': self._held.copy()}
+        for name, rows in (('contacts', self._contacts), ('resting', self._resting)):
+            saved |= {f'{name}.{column}': values.copy()
+                      for column, values in rows._asdict().items()}
+        return saved
+
+    def restore(self, table: BodyTable, saved: Mapping[str, np.ndarray]) -> None:
+        """Add the bodies of `save`, and start from its contacts."""
+        self.add(table, saved['order'])
+        self._still, self._held = saved['still'].copy(), saved['held'].copy()
+        self._contacts, self._resting = (
+            ContactRows(*(saved[f'{name}.{column}'].copy() for column in ContactRows._fields))
+            for name in ('contacts', 'resting'))
 
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids; see `Engine.add`."""
@@ -126,6 +148,8 @@ class NativeEngine:
     def _drop_removed(self) -> None:
         """Close the gaps that removed bodies have left; contacts keep their forces."""
         alive = self._pieces.body[:self._used] >= 0
+        if alive.all():
+            return
         kept, place = np.flatnonzero(alive), np.cumsum(alive) - 1
         for column in self._pieces:
             column[:len(kept)] = column[kept]
@@ -396,15 +420,14 @@ class NativeEngine:
         return self._near.near(rows, way, pieces, moves, excluded)
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Give points that only the ground meets: bodies, places in their frames, and rows."""
+        """Return points that only the ground meets: bodies, places in their frames, and names."""
         table = self._table
         ids = table.awake
         count = table.point_count[ids]
-        source = np.repeat(table.first_point[ids] - np.cumsum(count) + count, count)
-        source += np.arange(count.sum())
-        order = np.argsort(source, kind='stable')
-        source = source[order]
-        return np.repeat(ids, count)[order], table.ground_point[source], source
+        body = np.repeat(ids, count)
+        number = np.arange(len(body)) - np.repeat(np.cumsum(count) - count, count)
+        name = body * _NUMBERED + np.minimum(number, _NUMBERED - 1)
+        return body, table.ground_point[table.first_point[body] + number], name
 
     def contacts(self) -> np.ndarray:
         """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""

@@ -26,7 +26,7 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world import admission, extents, kinematic, sleeping
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.contacts import Contacts, total_impulse
-from procphys_ros.physics.world.engine import DEFAULT_ENGINE, Looked, make_engine
+from procphys_ros.physics.world.engine import DEFAULT_ENGINE, Looked, make_engine, SavableEngine
 from procphys_ros.physics.world.joint_table import JointOptions, JointTable
 from procphys_ros.physics.world.loose_bodies import fragment, FRICTION, LooseBody, plain
 from procphys_ros.physics.world.merging import LEVEL
@@ -398,13 +398,15 @@ class World:
         """
         Copy all that changes, as arrays.
 
-        An engine holds caches that cannot be read, so a world goes on from here like one that was
+        Where the caches of the engine cannot be read, a world goes on from here like one that was
         restored only after `rebuild`.
         """
         arrays = {f'bodies.{name}': column for name, column in self._bodies.save().items()}
         used = len(arrays['bodies.state'])
         if len(self._joints):
             arrays |= {f'joints.{name}': column for name, column in self._joints.save().items()}
+        if isinstance(self._engine, SavableEngine):
+            arrays |= {f'engine.{name}': column for name, column in self._engine.save().items()}
         return arrays | {
             **{f'terrain.{name}': np.array(column)
                for name, column in self._terrain._asdict().items()},
@@ -432,15 +434,24 @@ class World:
         world._table, world._asleep = arrays['contacts'].copy(), arrays['asleep'].copy()
         world._places, world._excluded = arrays['places'].copy(), arrays['excluded'].copy()
         world._time_step = float(arrays['time_step'])
-        world.rebuild()
+        world._build(_group(arrays, 'engine.'))
         return world
 
     def rebuild(self) -> None:
-        """Rebuild the engine from the table: it then goes on as in any world restored from it."""
+        """Build an engine anew that cannot be saved: it goes on as in any world restored."""
+        if not isinstance(self._engine, SavableEngine):
+            self._build({})
+
+    def _build(self, saved: Mapping[str, np.ndarray]) -> None:
+        """Build the engine from the table, and from what was saved of one of its kind."""
         self._engine.clear()
         ids = self._bodies.ids
         waits = (self._bodies.state[ids] == BodyState.FIXED) & (self._bodies.least[ids] > 0.0)
-        self._engine.add(self._bodies, ids[~waits])
+        if saved and isinstance(self._engine, SavableEngine):
+            waits &= ~np.isin(ids, saved['order'])
+            self._engine.restore(self._bodies, saved)
+        else:
+            self._engine.add(self._bodies, ids[~waits])
         self._queue = admission.Queue(self._engine, self._bodies)
         self._queue.append(ids[waits])
         self._queue.admit_among(self._excluded)
