@@ -302,7 +302,9 @@ class NativeEngine:
         islands = Islands.found((first[up], second[up]), (joints.first, joints.second), len(free))
         effort = efforts(np.diff(islands.contact_start), time_step)
         hardest = np.argsort(-effort, kind='stable')
-        islands = islands._replace(contacts=up[islands.contacts]).taken(hardest)
+        islands = islands._replace(contacts=up[islands.contacts])
+        if len(hardest) > 1:
+            islands = islands.taken(hardest)
         ranges = _shares(effort[hardest], self.threads)
         joints = joints.of(islands.joints) if len(islands.joints) else joints
         told = self._solve(bodies, len(free), first, second, contacts, joints, islands, ranges,
@@ -326,8 +328,10 @@ class NativeEngine:
 
         def some(place: int, low: int, high: int) -> None:
             held = slice(islands.joint_start[low], islands.joint_start[high])
+            whole = len(ranges) == 2
             told[place] = solve(bodies, free, first, second, contacts, table.friction,
-                                table.restitution, joints.of(held), islands.between(low, high),
+                                table.restitution, joints if whole else joints.of(held),
+                                islands if whole else islands.between(low, high),
                                 self._gravity, time_step)
         run(some, ranges)
         follow(bodies, free, time_step)
