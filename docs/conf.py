@@ -43,7 +43,7 @@ html_show_sourcelink = False
 _PAGES = {'CONTRIBUTING.md': 'repository/contributing.md',
           'CHANGELOG.rst': 'repository/changes.rst',
           'QUALITY_DECLARATION.md': 'repository/quality.md',
-          'docs/decisions/': 'decisions/0001-parts-and-bonds.md', 'docs/README.md': 'index.md'}
+          'docs/decisions/': 'decisions/README.md', 'docs/README.md': 'index.md'}
 
 
 def setup(app) -> None:
