@@ -41,15 +41,15 @@ from procphys_ros.simulation.state import ClimberState, State
 def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[float], yaw: float,
         name: str) -> tuple[Model, list[str]]:
     """
-    Place an object into a running scene, at rest and with its stresses settled.
+    Place an object into a running scene, at rest and with its static stresses solved.
 
-    :param blueprint: what to place; it is not changed.
-    :param position: where its origin goes [m], (3,), world; z counts from the ground.
+    :param blueprint: of the object; it is not changed.
+    :param position: of its origin [m], (3,), world; z counts from the ground.
     :param yaw: turn about the vertical [rad].
-    :param name: that no object has or had.
-    :returns: the model of the enlarged scene, to which the state has grown, and what to tell the
-        user of an object that cracks or falls under its own weight.
-    :raises CommandError: when the name is taken, the place is not finite, or free memory cannot
+    :param name: must be new, among the objects there are and were.
+    :returns: the model of the enlarged scene, to which the state has grown, and warnings for the
+        user about an object that cracks or collapses under its own weight.
+    :raises CommandError: if the name is taken, the position is not finite, or free memory cannot
         hold the object.
     """
     if any(known.name == name for known in state.objects):
@@ -76,9 +76,9 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
 
 def remove(model: Model, state: State, name: str) -> None:
     """
-    Take an object out of the scene, wherever its parts are by now.
+    Remove an object from the scene, wherever its parts are by now.
 
-    :raises CommandError: when there is no such object, or it has been removed.
+    :raises CommandError: if there is no such object, or it has been removed already.
     """
     found = next((known for known in state.objects if known.name == name), None)
     parts = np.arange(found.first, found.first + found.count) if found else np.zeros(0, np.intp)
@@ -94,9 +94,9 @@ def remove(model: Model, state: State, name: str) -> None:
 
 def with_added(scene: Model, added: Mapping[str, Blueprint]) -> Model:
     """
-    Compile a scene together with what users added to it.
+    Compile a scene together with the objects that users added.
 
-    :param scene: model of the scene as it was loaded.
+    :param scene: model of the scene as loaded.
     :param added: placed blueprints by name.
     """
     if not added:
@@ -110,17 +110,17 @@ def with_added(scene: Model, added: Mapping[str, Blueprint]) -> Model:
 
 
 def free_name(state: State, stem: str) -> str:
-    """Give the first of `<stem>_0`, `<stem>_1`, … that no object has or had."""
+    """Return the first unused object name among `<stem>_0`, `<stem>_1`, …."""
     taken = {known.name for known in state.objects}
     return next(name for name in (f'{stem}_{i}' for i in count()) if name not in taken)
 
 
 def grow(model: Model, state: State, settled: StressSolver) -> None:
     """
-    Let a state take in the last object of an enlarged model.
+    Extend a state by the last object of an enlarged model.
 
-    :param model: of which the state is a part so far.
-    :param settled: stresses in the new object alone, broken as far as its weight breaks it.
+    :param model: the state belongs to it afterwards.
+    :param settled: static stresses of the new object alone, broken where its weight breaks it.
     """
     first, bonds, rows = len(state.parts), len(state.blueprint.bonds), len(state.forest)
     source = model.blueprint
@@ -147,7 +147,7 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
 
 
 def _shelter(model: Model, state: State) -> Shelter:
-    """Find what shelters the wind: all objects but those that were taken out."""
+    """Find the wind shelter by all objects that were not removed."""
     left = [own for own in model.objects if own.name not in state.removed]
     return find_shelter(model.blueprint, left, model.masonry.members, model.settings.terrain)
 
@@ -155,9 +155,9 @@ def _shelter(model: Model, state: State) -> Shelter:
 def _chained(model: Model, whole: Blueprint, placed: Blueprint, graph: BondGraph,
              first: int) -> tuple[BondGraph, BondGraph]:
     """
-    Give the bonds of the enlarged scene, those of masonry and all of them as mortar.
+    Return the bond graphs of the enlarged scene: masonry bonds, and all bonds as mortar.
 
-    :param graph: bonds of masonry of what is placed, its parts from `first` on.
+    :param graph: masonry bonds of the added object, its parts from `first` on.
     """
     every = BondGraph(as_mortar(placed)) if len(placed.hinges) else graph
     return (BondGraph.chained(whole, [(model.masonry.graph, 0), (graph, first)]),
@@ -166,7 +166,7 @@ def _chained(model: Model, whole: Blueprint, placed: Blueprint, graph: BondGraph
 
 def _settled(blueprint: Blueprint, graph: BondGraph, gravity: float,
              name: str) -> tuple[StressSolver, list[str]]:
-    """Find the stresses of an object by itself, as they are when its mortar has set."""
+    """Solve the static stresses of an object by itself, with its mortar set."""
     solver = StressSolver(graph, (0.0, 0.0, -gravity))
     if not len(solver.graph):
         return solver, []
@@ -178,7 +178,7 @@ def _settled(blueprint: Blueprint, graph: BondGraph, gravity: float,
 
 def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,
                   bonds: int) -> None:
-    """Join the stresses of a new object, parts from `first` and bonds from `bonds` on."""
+    """Join the stress solver of a new object, parts from `first` and bonds from `bonds` on."""
     graph = deepcopy(model.masonry.graph)
     known = len(state.solver.graph)
     solver = StressSolver.joined(graph, (0.0, 0.0, -model.gravity), [
@@ -193,7 +193,7 @@ def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,
 
 
 def _grow_columns(model: Model, state: State) -> None:
-    """Make room in everything that has a row per part, segment, pane or leaf."""
+    """Extend all arrays with a row per part, segment, pane or leaf."""
     parts, rows = len(model.blueprint), len(state.forest)
     blasts, rubble, leaves, trees = state.blasts, state.rubble, state.leaves, state.trees
     blasts.momentum, blasts.pulse = _padded(blasts.momentum, parts), _padded(
@@ -216,11 +216,11 @@ def _grow_columns(model: Model, state: State) -> None:
     leaves.weakest = queue.queue_speed[leaves.next]
     leaves.speed = np.zeros(rows)
     state.tree_bounds = TreeBounds()
-    state.wall_wind.parts = state.wall_wind.parts[:0]  # what is exposed is looked for anew
+    state.wall_wind.parts = state.wall_wind.parts[:0]  # find the exposed parts again
     state.skyline.drawn = None
 
 
 def _padded(column: np.ndarray, rows: int, value: float = 0.0) -> np.ndarray:
-    """Give a column with rows behind its own, (count, ...)."""
+    """Return a column padded with rows at its end, (count, ...)."""
     more = np.full((rows - len(column), *column.shape[1:]), value, column.dtype)
     return np.concatenate([column, more])

@@ -33,10 +33,10 @@ import numpy as np
 from procphys_ros.errors import SnapshotError
 
 _MAGIC = b'procphys_ros state 2\n'
-_FORMER = b'procphys_ros snapshot 1\n'  # what versions wrote that used pickles
+_FORMER = b'procphys_ros snapshot 1\n'  # of versions that used pickles
 _DIGEST = hashlib.sha256().digest_size
-_LENGTH = 8  # [bytes] of the number that tells the length of the table
-# [bytes] of a table: one of 10,000 bodies has 1 MB, and as objects it takes 30 times the memory.
+_LENGTH = 8  # [bytes] of the length of the table
+# [bytes] of a table: one of 10,000 bodies has 1 MB, and takes 30 times the memory as objects.
 _LONGEST_TABLE = 16 << 20
 _PLAIN = (np.bool_, np.int8, np.int16, np.int32, np.int64, np.uint8, np.uint16, np.uint32,
           np.uint64, np.float32, np.float64)
@@ -47,7 +47,7 @@ def pack(table: dict[str, Any], arrays: Sequence[np.ndarray], records: Sequence[
     """
     Write a table and arrays.
 
-    :param table: what JSON knows.
+    :param table: of values that JSON can encode.
     :param arrays: of plain numbers, or of a dtype in `records`.
     :param records: dtypes with several columns.
     """
@@ -60,12 +60,12 @@ def pack(table: dict[str, Any], arrays: Sequence[np.ndarray], records: Sequence[
 
 
 def seal(content: bytes) -> bytes:
-    """Put the name of the format and the checksum in front of the content of an archive."""
+    """Prepend the name of the format and the checksum to the content of an archive."""
     return _MAGIC + hashlib.sha256(content).digest() + content
 
 
 def is_archive(data: bytes | bytearray) -> bool:
-    """Return whether data begin as an archive does, of this format or the former one."""
+    """Return whether data begin like an archive of this or the former format."""
     return data.startswith((_MAGIC, _FORMER))
 
 
@@ -76,7 +76,7 @@ def unpack(data: bytes, records: Sequence[np.dtype]) -> tuple[dict[str, Any], li
     :param data: from `pack`.
     :param records: dtypes with several columns.
     :returns: the table, and read-only views of the data.
-    :raises SnapshotError: when the data are no archive, or damaged.
+    :raises SnapshotError: if the data are not an archive, or damaged.
     """
     if not isinstance(data, (bytes, bytearray)) or not is_archive(data):
         raise SnapshotError('this is no snapshot of a simulation')
@@ -100,7 +100,7 @@ def unpack(data: bytes, records: Sequence[np.dtype]) -> tuple[dict[str, Any], li
 
 
 def _views(heads: Any, data: memoryview, dtypes: dict[str, np.dtype]) -> list[np.ndarray]:
-    """Lay arrays over data, when their sizes are those of the data."""
+    """Create array views of the data; their sizes must add up to it."""
     views, start = [], 0
     for name, shape in heads:
         if not all(type(length) is int and length >= 0 for length in shape):
@@ -117,5 +117,5 @@ def _views(heads: Any, data: memoryview, dtypes: dict[str, np.dtype]) -> list[np
 
 
 def _dtypes(records: Sequence[np.dtype]) -> dict[str, np.dtype]:
-    """Give the dtypes that an archive may hold, by name."""
+    """Return the dtypes that an archive may hold, by name."""
     return {str(dtype): dtype for dtype in (*map(np.dtype, _PLAIN), *records)}

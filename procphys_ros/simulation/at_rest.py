@@ -28,8 +28,9 @@ def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list
     """
     Put a scene at rest, its trees in the wind that blows at its start.
 
-    :param wind: settings in the place of the scene's.
-    :returns: the state, without what cannot stand under its weight, and lines that say what.
+    :param wind: replaces the scene's wind settings.
+    :returns: the state, after the collapse of whatever cannot carry its own weight, and lines of
+        text that report it.
     """
     state = State.initial(model)
     if wind is not None and wind != state.wind.settings:

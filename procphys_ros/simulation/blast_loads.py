@@ -38,7 +38,7 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-_FLAT = 0.7  # cosine between a normal and the vertical, from which a face is no wall
+_FLAT = 0.7  # cosine between a normal and the vertical, from which on a face counts as horizontal
 
 
 def on_everything(model: Model, state: State, point: Sequence[float], charge: float,
@@ -49,7 +49,7 @@ def on_everything(model: Model, state: State, point: Sequence[float], charge: fl
     :param point: of the charge, (3,) [m], world.
     :param charge: mass of TNT [kg].
     :param ground: height of the ground below it [m].
-    :returns: parts, (K,), and what they get; each part is in one of the rows.
+    :returns: parts, (K,), and their impulses; each part is in one of the rows.
     """
     parts = state.parts
     there = parts.owner != Owner.GONE
@@ -83,7 +83,7 @@ def _on_boxes(model: Model, state: State, point: Sequence[float], charge: float,
 
 
 def _faces(model: Model, state: State, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give poses and extents of boxes; what stands shares the joints of its wall."""
+    """Return poses and extents of boxes; standing ones share the mortar joints of their wall."""
     poses, sizes = state.parts.poses[boxes].copy(), state.parts.size[boxes].copy()
     stands = state.parts.owner[boxes] == Owner.STANDING
     poses[stands] = model.masonry.face_poses[boxes[stands]]
@@ -93,10 +93,10 @@ def _faces(model: Model, state: State, boxes: np.ndarray) -> tuple[np.ndarray, n
 
 def _fronts(state: State, boxes: np.ndarray, poses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """
-    Measure what the faces of each box belong to, across each of its axes.
+    Measure the surface that the faces of each box belong to, across each of its axes.
 
-    What hangs together is measured along its largest box. From a wall on the ground pressure
-    clears upwards and to both sides, from a ceiling to all.
+    Connected parts are measured along their largest box. Pressure clears from a wall on the ground
+    upwards and to both sides, from a ceiling to all sides.
 
     :returns: height or half the width, the smaller first [m], (N, 3, 2).
     """
@@ -129,7 +129,7 @@ def _fronts(state: State, boxes: np.ndarray, poses: np.ndarray, sizes: np.ndarra
 def _gas(state: State, point: Sequence[float], charge: float, ground: float, boxes: np.ndarray,
          poses: np.ndarray, sizes: np.ndarray, centres: np.ndarray, closed: np.ndarray,
          sight: Sight) -> Impulses | None:
-    """Compute the loads of the confined gas on what encloses the charge; None in the open."""
+    """Compute the loads of confined gas on the room around the charge; None in the open."""
     place = np.asarray(point, float)
     room = find_room(place, poses[closed], sizes[closed], sight, ground)
     if room is None or not room.is_confined():
@@ -151,9 +151,9 @@ def _gas(state: State, point: Sequence[float], charge: float, ground: float, box
 def _through_walls(state: State, parts: np.ndarray, rows: np.ndarray,
                    shock: Impulses) -> Impulses:
     """
-    Share impulses so that the leaves of a wall move together.
+    Distribute impulses so that the leaves of a wall move together.
 
-    :param parts: that stand, (S,), and their rows in the shock, (S,).
+    :param parts: standing parts, (S,), and their rows in the shock, (S,).
     """
     if not len(parts):
         return shock

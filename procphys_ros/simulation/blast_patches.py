@@ -27,16 +27,16 @@ from procphys_ros.simulation.state import State
 _STOREY = 2.7        # [m] height of the wall whose rate is `masonry.WALL_RATE`, ...
 _LEAF = 0.1025       # [m] ... and its thickness
 _BRICK = 0.225       # [m] smallest piece of wall that comes out as one
-_BENDING = 5.0       # strength in bending over that in shear, times span over thickness
+_BENDING = 5.0       # bending strength over shear strength, times span over thickness
 
 
 class Patches:
     """
-    Decides which pieces of wall a wave tears out, by what their bonds carried when it arrived.
+    Select the pieces of wall that a wave tears out, from the bond forces at its arrival.
 
-    :param model, state: stresses must not change meanwhile.
+    :param model, state: the stresses must not change meanwhile.
     :param shaken: parts that pieces consist of, (S,).
-    :ivar alive: bonds that hold, (M,) bool; to be updated as pieces come out.
+    :ivar alive: intact bonds, (M,) bool; to be updated as pieces come out.
     """
 
     def __init__(self, model: Model, state: State, shaken: np.ndarray):
@@ -55,20 +55,20 @@ class Patches:
 
     def comes_out(self, rows: np.ndarray) -> bool:
         """
-        Return whether a piece of wall is torn from what surrounds it.
+        Return whether a piece of wall is torn from its surroundings.
 
-        The steady force of the same effect as a short pulse is the impulse times the angular
-        frequency of what it hits, at most twice the mean force of the pulse (Biggs 1964,
-        Introduction to Structural Dynamics, 2.5); that of a plate goes with its thickness over
-        its span squared.
+        The static force equivalent to a short pulse is the impulse times the angular frequency of
+        the loaded member, at most twice the mean force of the pulse (Biggs 1964, Introduction to
+        Structural Dynamics, 2.5); the frequency of a plate goes with its thickness over its span
+        squared.
 
-        What is short for its thickness is sheared off all around; a plate of span a and thickness
-        t bends, and arches between what surrounds it. A square one bears 8·f·t² by yield lines
-        and 0.72·f_c·t² by arching (EN 1996-1-1, 6.3.2; f_c is some 17 times f), over 4·a·t·f in
-        shear.
+        A piece that is short for its thickness is sheared off all around; a plate of span a and
+        thickness t bends, and arches between its surroundings. A square one carries 8·f·t² by
+        yield lines and 0.72·f_c·t² by arching (EN 1996-1-1, 6.3.2; f_c is about 17 times f), over
+        4·a·t·f in shear.
 
-        What rubs in a wall that is shaken as a whole is not pressed as before: no work is counted
-        for that, with which the damage to houses is as published (decision 33).
+        Friction work is not counted: joints in a wall that is shaken as a whole are not compressed
+        as before. With this the damage to houses is as published (decision 33).
 
         :param rows: of its parts among the shaken ones, (K,).
         """
@@ -102,7 +102,7 @@ def _comes_out(rows, shaken, inside, bodies, topology, wrench, joints, strength)
 
 @subroutine
 def _withstood(parts, inside, way, topology, wrench, joints, strength):
-    """Give force and work of fracture at which all bonds around some parts fail."""
+    """Return force and work of fracture at which all bonds around some parts fail."""
     start, incident, first, second, alive = topology
     for part in parts:
         inside[part] = True
@@ -123,7 +123,7 @@ def _withstood(parts, inside, way, topology, wrench, joints, strength):
 
 @subroutine
 def _middle_extent(places, rows):
-    """Give the second of the three extents of some places [m]."""
+    """Return the median of the three extents of some positions [m]."""
     extent = np.empty(3)
     for c in range(3):
         low = high = places[rows[0], c]
@@ -135,7 +135,7 @@ def _middle_extent(places, rows):
 
 @subroutine
 def _thickness(places, edges, rows, way):
-    """Give the prevailing thickness of a piece of wall along a direction [m]."""
+    """Return the prevailing thickness of a piece of wall along a direction [m]."""
     depth, reach = np.empty(len(rows)), np.zeros(len(rows))
     for k in range(len(rows)):
         row = rows[k]
@@ -149,7 +149,7 @@ def _thickness(places, edges, rows, way):
 
 @subroutine
 def _quantile(ascending, share):
-    """Give a quantile of sorted numbers, between two of them by their distance."""
+    """Return a quantile of sorted numbers, interpolated linearly."""
     place = share * (len(ascending) - 1)
     below = int(place)
     above = min(below + 1, len(ascending) - 1)

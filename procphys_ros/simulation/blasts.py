@@ -33,27 +33,27 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State, Wave
 
-_LEAST = 1e-3        # [m/s] a wave that gives a body less than this has passed it by
-_AFTERMATH = 0.3     # [s] after which what falls out of a wall owes nothing to the blast
+_LEAST = 1e-3        # [m/s] speed of a body below which a wave is neglected
+_AFTERMATH = 0.3     # [s] after which the fall of parts out of a wall is not due to the blast
 _PATCHES = (3.0, 2.4, 1.9, 1.5, 1.2, 0.9, 0.6, 0.3)  # [m] radii of pieces of wall, tried in turn
 _MOST_PATCHES = 60   # in one step, ...
-_MOST_FAILED = 150   # ... and places where none comes out, ...
-_APART = 0.6         # [m] ... that are tried so far apart
-_ALIKE = 0.7         # cosine between impulses on what comes out as one piece
+_MOST_FAILED = 150   # ... and positions where none comes out, ...
+_APART = 0.6         # [m] ... that are tried at this distance
+_ALIKE = 0.7         # cosine between impulses on the parts of one piece
 _DEEPEST = 0.35      # [m] before and behind its middle that a piece reaches
-_SURPLUS = 4.0       # energy over the work of its bonds that makes a brick fly on its own
+_SURPLUS = 4.0       # kinetic energy over the work of its bonds from which on a brick flies singly
 _MOST_SINGLE = 250   # such bricks per explosion, the fastest; more could not be simulated in time
-_CLUMP = 12          # parts to a piece of what comes out but does not fly singly, ...
+_CLUMP = 12          # parts per piece of debris that does not fly singly, ...
 _MOST_CLUMPS = 120   # ... more where there would be more pieces: each takes milliseconds to make
-_MOST_WAVES = 50     # explosions whose waves are under way
+_MOST_WAVES = 50     # explosions with waves under way
 
 
 def explode(model: Model, state: State, explosion: Explosion) -> None:
     """
     Detonate a charge; its wave arrives in this and the next steps. Writes `state.blasts`.
 
-    :param explosion: where and how much.
-    :raises CommandError: when too many waves are under way.
+    :param explosion: position and charge.
+    :raises CommandError: if too many waves are under way.
     """
     if len(state.blasts.waves) >= _MOST_WAVES:
         raise CommandError(f'the waves of {_MOST_WAVES} explosions are under way; wait '
@@ -161,7 +161,7 @@ def _shatter(model: Model, state: State, panes: np.ndarray, load: np.ndarray) ->
 
 def _pane_loads(model: Model, panes: np.ndarray, impulses: np.ndarray,
                 pulse: np.ndarray) -> np.ndarray:
-    """Return the loads of panes under triangular pulses over what they bear, (K,)."""
+    """Return the loads of panes under triangular pulses over their capacity, (K,)."""
     area = np.sort(model.blueprint.size[panes], axis=1)[:, 1:].prod(axis=1)
     pressure = 2.0 * norm(impulses, axis=1) / (pulse * area)
     return pressure / glass.pressure(model, panes) * air_blast.dynamic_load_factor(
@@ -177,16 +177,16 @@ def _bond_work(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
 
 
 def _energy(state: State, parts: np.ndarray) -> np.ndarray:
-    """Give the kinetic energy that parts would get if nothing held them [J], (K,)."""
+    """Return the kinetic energy that parts would have without bonds [J], (K,)."""
     return 0.5 * np.square(state.blasts.momentum[parts]).sum(axis=1) / state.parts.mass[parts]
 
 
 def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
     """
-    Tear round patches out of walls, each as large as the wave is able to.
+    Tear round patches out of walls, each as large as the wave allows.
 
     :param shaken: parts with the energy to break away, (K,).
-    :returns: parts that came loose.
+    :returns: the detached parts.
     """
     loose: list[np.ndarray] = [np.zeros(0, np.intp)]
     cut, loads = [np.zeros(0, np.intp)], [np.zeros(0)]
@@ -204,7 +204,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
         near = np.array(tree.query_ball_point(places[seed], _PATCHES[0]))
         away = places[near] - places[seed]
         distance = norm(away, axis=1)
-        speed[near[distance < _APART]] = 0.0  # they may go along with others
+        speed[near[distance < _APART]] = 0.0  # they may fly along with others
         alike = left[near] & (product(way[near], way[seed]) > _ALIKE)
         alike &= np.abs(product(away, way[seed])) < _DEEPEST
         failed += 1
@@ -236,8 +236,8 @@ def _loosen(model: Model, state: State, parts: np.ndarray,
     """
     Cut out a piece of wall, and divide it into single parts and clumps.
 
-    :param alive: bonds that nothing has cut yet, (M,) bool; updated.
-    :returns: bonds to cut, and the energy over the work that this takes.
+    :param alive: intact bonds, (M,) bool; updated.
+    :returns: bonds to cut, and the ratio of energy to work of fracture.
     """
     own, graph = state.blasts, state.solver.graph
     touching = graph.neighbours(parts)
@@ -264,13 +264,13 @@ def _loosen(model: Model, state: State, parts: np.ndarray,
 
 def _pass_on(state: State, parts: np.ndarray, impulses: np.ndarray, bonds: np.ndarray) -> None:
     """
-    Hand what tearing loose takes from a piece of wall to what it is torn from.
+    Transfer the impulse lost in tearing a piece of wall loose to its surroundings.
 
     By action and reaction the bonds around the piece pull its neighbours along: each gets its
-    share by area, and the ground that of the bonds to it. A piece that nothing holds keeps all.
+    share by area, and the ground that of its bonds. A piece without intact bonds keeps all.
 
     :param impulses: taken from each part [N·s], world, (K, 3).
-    :param bonds: of the parts that hold, (B,).
+    :param bonds: intact bonds of the parts, (B,).
     """
     own, graph = state.blasts, state.solver.graph
     inside = np.zeros(graph.count + 1, bool)

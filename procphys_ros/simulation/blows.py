@@ -25,23 +25,23 @@ from procphys_ros.physics.world import BodyState, Contacts, World
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-LEAST_JUMP = 0.5  # [m/s] change of speed by contacts that is no blow: thrice what gravity gives in
-#                   a step, so that what rests or is pushed about is never judged
-_SQUARE = np.sqrt(2.0 / np.pi)  # radius of a circle over the distance of the corners of a square
-#                               as large from its middle
-STILL = 1e-6  # [m/s] change of closing speed below which a contact only bears
-_LONGEST = 1.0 / 60.0  # [s] contact that is a blow: engines end those of tonnes sooner than Hertz
-_TURNS = 40  # in which what presses on bodies is passed on through contacts at most ...
+LEAST_JUMP = 0.5  # [m/s] change of speed by contacts that is not a blow: three times that of
+#                   gravity in a step, so that resting or pushed bodies are never judged
+_SQUARE = np.sqrt(2.0 / np.pi)  # radius of a circle over half the diagonal of a square of equal
+#                               area
+STILL = 1e-6  # [m/s] change of closing speed below which a contact only transmits force
+_LONGEST = 1.0 / 60.0  # [s] limit of a blow: engines end contacts of tonnes sooner than Hertz
+_TURNS = 40  # iterations at most in which forces are transmitted through contacts ...
 _SAME = 0.01  # ... until no force changes by more than this share of that of the longest contact
 
 
 class Blows(NamedTuple):
     """
-    The contacts of a step, and what they did to the motion of the bodies.
+    The contacts of a step, and the change of motion they caused.
 
     :ivar contacts: of the step.
     :ivar energy: of the change of motion of the first and the second body: half of the impulse on
-        it times the change of its velocity there [J], (C, 2); their sum is taken from the motion.
+        it times its change of velocity there [J], (C, 2); their sum is lost by the motion.
     :ivar duration: how long each lasts [s], (C,).
     """
 
@@ -51,7 +51,7 @@ class Blows(NamedTuple):
 
 
 def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
-    """Gather the contacts of the last step with the change of motion that they made, (B, 6)."""
+    """Return the contacts of the last step with the change of motion by them, (B, 6)."""
     bodies, dt = state.world.bodies, model.time_step
     loose = np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0)
     return measure(state.world.contacts(), change, state.rubble.poses, loose, model.gravity * dt,
@@ -61,10 +61,10 @@ def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
 def change_by_contacts(world: World, poses: np.ndarray, velocities: np.ndarray,
                        fall: float) -> np.ndarray:
     """
-    Give the change of motion that contacts made, by id, 0 for what does not move, (B, 6).
+    Compute the change of velocity by contacts, by id, 0 for immovable bodies, (B, 6).
 
     :param poses, velocities: of all bodies at the start, (B, 7) and (B, 6).
-    :param fall: speed that gravity gave since [m/s].
+    :param fall: speed gained by gravity since [m/s].
     """
     bodies, awake = world.bodies, world.awake
     out = np.zeros((len(bodies.state), 6))
@@ -77,7 +77,7 @@ def change_by_contacts(world: World, poses: np.ndarray, velocities: np.ndarray,
 
 
 def struck_bodies(world: World, change: np.ndarray) -> np.ndarray:
-    """Mark the bodies whose motion contacts changed at once, (B,) bool."""
+    """Mark the bodies whose motion contacts changed abruptly, (B,) bool."""
     out, own = np.zeros(len(change), bool), change[world.awake]
     felt = (np.sqrt((own[:, :3] * own[:, :3]).sum(axis=1))
             + np.sqrt((own[:, 3:] * own[:, 3:]).sum(axis=1)) * world.bodies.radius[world.awake])
@@ -88,22 +88,22 @@ def struck_bodies(world: World, change: np.ndarray) -> np.ndarray:
 def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, loose: np.ndarray,
             fall: float, dt: float, uneven: float = FACES) -> Blows:
     """
-    Find energy and duration of contacts.
+    Compute energy and duration of contacts.
 
-    The mass that a contact stops is its impulse over the change of the closing speed that all
-    contacts together made where it is: the reduced mass of two free bodies, a share of a body
-    that lands on several others, and all of what presses on a body that is squeezed and cannot
-    yield. None lasts longer than `_LONGEST`, however long the step is.
+    The mass stopped by a contact is its impulse over the change of closing speed at its point by
+    all contacts together: the reduced mass of two free bodies, a share of a body that lands on
+    several others, and the whole load on a body that is squeezed and cannot yield. No contact
+    lasts longer than `_LONGEST`, whatever the step.
 
-    What does not close only passes on what presses on its bodies elsewhere, and takes as long:
-    under a body that is squeezed, and between bodies that land together. What bears their weights
-    lasts.
+    A contact that does not close only transmits the forces on its bodies, and takes as long as
+    they do: under a body that is squeezed, and between bodies that land together. Contacts that
+    carry weights last.
 
     :param contacts: of the step.
     :param change: of velocity and spin by contacts, world axes, by id [m/s], [rad/s], (B, 6).
     :param start: poses of the bodies at the start of the step, by id, (B, 7).
-    :param loose: masses of the bodies that move freely, by id, 0 for all others [kg], (B,).
-    :param fall: speed that gravity gives these in the step [m/s].
+    :param loose: masses of the freely moving bodies, by id, 0 for all others [kg], (B,).
+    :param fall: speed that gravity gives them in the step [m/s].
     :param dt: length of the step [s].
     :param uneven: see `contact_time` [m].
     """
@@ -121,16 +121,15 @@ def measure(contacts: Contacts, change: np.ndarray, start: np.ndarray, loose: np
 @kernel
 def energies(energy, other, ends):
     """
-    Give the energy of the motion that the contacts of bodies stop [J], (K,).
+    Return the energy of the motion that is stopped by the contacts of bodies [J], (K,).
 
-    It is that of the change of the body's own motion: a piece that lands together with what lies
-    below it is stopped by it, however little they move against each other. Bodies that it strikes,
-    and that give way to it, add their shares, so that two free ones both get the energy of their
-    reduced mass.
+    It is that of the change of the body's own motion: a piece that lands together with the one
+    below is stopped by it, however little they move relative to each other. Struck bodies that
+    yield add their shares, so that two free ones both get the energy of their reduced mass.
 
     :param energy: of these bodies and of the others in each contact [J], (R, 2).
-    :param other: what touches, ids, (R,).
-    :param ends: where the contacts of each body start, and the end, (K + 1,).
+    :param other: ids of the other bodies, (R,).
+    :param ends: start of the contacts of each body, and their end, (K + 1,).
     """
     out, given = np.zeros(len(ends) - 1), np.zeros(other.max() + 1)
     for k in range(len(out)):
@@ -147,9 +146,9 @@ def energies(energy, other, ends):
 @kernel
 def _measure(first, second, point, impulse, change, start, fall):
     """
-    Give the energy of both bodies in each contact, and of what held them, (C, 2); sizes, (C,).
+    Compute energies of both bodies in each contact, shares of support in them, and impulses.
 
-    :param fall: speed downwards from which contacts held each body, by id [m/s], (B,).
+    :param fall: downward speed that contacts prevented, by body id [m/s], (B,).
     """
     energy, held = np.zeros((len(first), 2)), np.zeros((len(first), 2))
     size = np.zeros(len(first))
@@ -170,12 +169,12 @@ def _measure(first, second, point, impulse, change, start, fall):
 @kernel
 def _closing(energy, size):
     """
-    Say how far contacts close.
+    Compute how much the closing speed of contacts changes.
 
     :param energy: of both bodies in each contact [J], (C, 2).
     :param size: impulses [N·s], (C,).
-    :returns: the mass that each stops [kg], and which share of its energy it takes itself, the
-        rest it passes on, (C,) each.
+    :returns: the mass that each stops [kg], and the share of its energy that it absorbs itself;
+        it transmits the rest; (C,) each.
     """
     mass, share = np.full(len(size), np.inf), np.zeros(len(size))
     for c in range(len(size)):
@@ -190,11 +189,11 @@ def _closing(energy, size):
 @kernel
 def _patches(first, second, point, size, mass):
     """
-    Give the radius of the patch on which faces touch, over the share of the mass there, (C,) [m].
+    Return the radii of patches of face contact over their share of the mass, (C,) [m].
 
-    Points of the same bodies that are told one after the other are one patch. Its radius is that
-    of the circle with the area of a square, if the points are its corners; what touches in one
-    point has none. Each point stops a share of the mass, with as large a share of the stiffness.
+    Consecutive points of the same bodies are one patch. Its radius is that of the circle with the
+    area of a square whose corners are the points; a single point has none. Each point stops a
+    share of the mass, with an equal share of the stiffness.
 
     :param size: impulses [N·s], (C,).
     :param mass: that each stops [kg], inf where it does not close, (C,).
@@ -225,11 +224,11 @@ def _patches(first, second, point, size, mass):
 @kernel
 def _pass_on(first, second, size, share, loose, weight, dt, rate):
     """
-    Give contacts that do not close the rate of those that press on their bodies, in place.
+    Assign contacts that do not close the rate of the loads on their bodies, in place.
 
     :param size: impulses [N·s], (C,).
-    :param share: of each that is its own, see `_closing`, (C,).
-    :param loose, weight: masses, 0 if immovable, and what gravity gave in the step, by id, (B,).
+    :param share: of the energy that each absorbs itself, see `_closing`, (C,).
+    :param loose, weight: masses, 0 if immovable, and impulses of gravity in the step, by id, (B,).
     :param rate: force over impulse of each contact by itself [1/s], (C,).
     """
     pressed = weight.copy()

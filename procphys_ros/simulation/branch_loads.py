@@ -27,9 +27,9 @@ from procphys_ros.simulation.debris_loads import INTERVAL, SMOOTHING
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_HEAVY = 200.0    # [N] on one brick; lighter pushes, such as of twigs in the wind, load no wall
-_CHANGE = 0.02    # of the largest load: smaller changes are not worth new stresses
-_LEAST = 1.0      # [N] below which a push is forgotten
+_HEAVY = 200.0    # [N] on one brick; smaller forces, such as of twigs in the wind, load no wall
+_CHANGE = 0.02    # of the largest load: smaller changes need no new stresses
+_LEAST = 1.0      # [N] below which a force is dropped
 _LAYER = 'branches'
 
 
@@ -37,14 +37,14 @@ def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
     """
     Break bricks out where branches strike harder than their bonds withstand.
 
-    The branch feels what the bonds have borne until they broke; what holds then is only the
-    bricks, which it meets at rest.
+    The branch receives the impulse that the bonds carried until they broke; after that only the
+    bricks resist, which it meets at rest.
 
     :param contacts: of all trees in the step.
     :param dt: [s].
     :returns: whether any brick came out.
     """
-    stops = contacts.speed / contacts.change  # the rest bears what presses on
+    stops = contacts.speed / contacts.change  # the rest carries the pressing force
     mass = norm(contacts.impulse, axis=1) / contacts.change
     force = contacts.impulse * (stops / contact_time(mass) + (1.0 - stops) / dt)[:, None]
     parts, (pushes, impulses, masses) = _per_part(
@@ -72,10 +72,10 @@ def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
 
 def update(model: Model, state: State, dt: float) -> None:
     """
-    Load standing bricks with branches that press on them; writes `state.branch_loads`, loads.
+    Apply the loads of branches to standing bricks; writes `state.branch_loads`, loads.
 
-    What a branch presses with over some time is a load that lasts as long as it does. What goes
-    beyond that is a blow: a wall feels what comes within a period as one, in however many steps.
+    A lasting force of a branch is a load that lasts as long. Its excess is a blow: a wall responds
+    to the impulses within one period as to one, over any number of steps.
     """
     own, contacts = state.branch_loads, state.contacts
     if not (len(contacts) or len(own.parts)):
@@ -124,7 +124,7 @@ def _hand_over(state: State, standing: np.ndarray) -> None:
 
 def _per_part(parts: np.ndarray,
               *columns: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Sum up columns of contacts, (C, n) each, on each brick."""
+    """Sum up columns of contacts, (C, n) each, per brick."""
     on_brick = parts >= 0
     chosen, place = np.unique(parts[on_brick], return_inverse=True)
     sums = [np.zeros((len(chosen), column.shape[1])) for column in columns]

@@ -34,16 +34,16 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-_SUDDEN = 2.0  # dynamic factor of supports that vanish at once, see `StressSolver.cut`
-_NONE = np.iinfo(np.intp).max  # behind all numbers of pieces
+_SUDDEN = 2.0  # dynamic factor of supports that vanish suddenly, see `StressSolver.cut`
+_NONE = np.iinfo(np.intp).max  # above all numbers of pieces
 
 
 class Shards(NamedTuple):
     """
-    New parts in the place of broken ones.
+    New parts that replace broken ones.
 
-    :ivar parts: the broken ones, which stand or are of one body, (P,).
-    :ivar load: load over strength of each of these, (P,).
+    :ivar parts: the broken ones, all standing or all of one body, (P,).
+    :ivar load: load over strength of each, (P,).
     :ivar made: names and parts of new objects.
     :ivar velocities: of all new parts, world axes, (S, 6).
     """
@@ -58,14 +58,14 @@ def break_bonds(model: Model, state: State, rows: np.ndarray, cause: np.ndarray 
                 load: np.ndarray, crack: np.ndarray | bool = False,
                 told: np.ndarray | bool = True, dynamic_factor: float = _SUDDEN) -> None:
     """
-    Break bonds, and record it.
+    Break bonds and record their breakage.
 
     :param rows: of the blueprint, (K,).
-    :param cause: of all, or of each, (K,); None = nobody is told.
+    :param cause: of all, or of each, (K,); None = no record.
     :param load: load over strength, (K,).
-    :param crack: which of them crack only, and press and rub on, (K,) bool.
-    :param told: which are recorded, (K,) bool: those that have cracked before were then.
-    :param dynamic_factor: of what they carried, where they stand; see `StressSolver.cut`.
+    :param crack: bonds that crack only, and still transmit pressure and friction, (K,) bool.
+    :param told: bonds to be recorded, (K,) bool: cracked ones were recorded before.
+    :param dynamic_factor: of the bond forces of standing parts; see `StressSolver.cut`.
     """
     gone = rows[~np.broadcast_to(crack, len(rows))]
     part = model.blueprint.bonds[gone].max(axis=1)
@@ -84,7 +84,7 @@ def break_bonds(model: Model, state: State, rows: np.ndarray, cause: np.ndarray 
 
 
 def _places(model: Model, state: State, rows: np.ndarray) -> np.ndarray:
-    """Give where bonds are, world [m], (K, 3)."""
+    """Return the positions of bonds, world [m], (K, 3)."""
     source, pairs = model.blueprint, model.blueprint.bonds[rows]
     part, out = pairs.max(axis=1), source.bond_frame[rows, :3].copy()
     owner = state.parts.owner[part]
@@ -95,7 +95,7 @@ def _places(model: Model, state: State, rows: np.ndarray) -> np.ndarray:
         turn = rotation.multiply(pose[:, 3:], rotation.conjugate(source.poses[part, 3:]))
         arm = source.bond_frame[rows[carried], :3] - source.poses[part, :3]
         out[carried] = pose[:, :3] + rotation.rotate(turn, arm)
-    if len(grown):  # the joint is at the foot of the segment that is further out
+    if len(grown):  # the joint is at the foot of the outer segment
         pairs = pairs[grown]
         row = np.where(pairs == GROUND, -1, state.parts.row[pairs]).max(axis=1)
         x, y, z, w = state.forest.poses[row, 3:].T
@@ -108,11 +108,11 @@ def _places(model: Model, state: State, rows: np.ndarray) -> np.ndarray:
 def break_holds(model: Model, state: State, holds: np.ndarray, load: np.ndarray,
                 told: np.ndarray) -> None:
     """
-    Let climbing plants go where they hold on.
+    Release climbing plants from some of their anchors.
 
     :param holds: rows of `TreeModel.climbers`, (K,).
     :param load: load over strength, (K,).
-    :param told: which are recorded, (K,) bool.
+    :param told: anchors to be recorded, (K,) bool.
     """
     climbers = model.trees.climbers
     state.climbers.holds[holds] = False
@@ -126,13 +126,13 @@ def break_holds(model: Model, state: State, holds: np.ndarray, load: np.ndarray,
 def cut_out(model: Model, state: State, parts: np.ndarray, cause: Cause | None,
             load: float | np.ndarray, piece: np.ndarray | None = None) -> None:
     """
-    Break the bonds of standing parts, which stay where they are for now.
+    Break the bonds of standing parts; the parts are not released yet.
 
     :param parts: (K,) indices.
     :param cause: see `break_bonds`.
-    :param load: load over strength, of all or of each piece; between two it is that of the first.
-    :param piece: number of the piece that each part is of, whose own bonds stay, (K,); None =
-        each part is a piece.
+    :param load: load over strength, of all or of each piece; between two, that of the first.
+    :param piece: number of the piece of each part; bonds within a piece stay, (K,); None = each
+        part is a piece.
     """
     graph = state.solver.graph
     bonds = graph.neighbours(parts)
@@ -153,15 +153,16 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
             velocities: np.ndarray | None = None, cause: Cause | None = None,
             load: float | np.ndarray = 1.0) -> list[int]:
     """
-    Let pieces of walls, trees and bodies go: each becomes one rigid body.
+    Release pieces of walls, trees and bodies: each becomes one rigid body.
 
-    Momentum and angular momentum of the parts are kept. Bodies that pieces are of end.
+    Momentum and angular momentum of the parts are kept. The former bodies of the pieces are
+    removed.
 
     :param pieces: parts of each piece; the parts of one piece have the same owner.
-    :param velocities: of the parts in the order of the pieces, world axes, (P, 6); None = those
-        that they have.
-    :param cause: cuts the bonds that still hold standing pieces, for this reason; None = they are
-        cut and recorded already.
+    :param velocities: of the parts in the order of the pieces, world axes, (P, 6); None = their
+        present ones.
+    :param cause: of cutting the bonds that still hold standing pieces; None = they are cut and
+        recorded already.
     :param load: load over strength of bonds cut here, of all or of each piece.
     :returns: the body of each piece.
     """
@@ -196,7 +197,7 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
 
 
 def _end_bodies(state: State, bodies: np.ndarray) -> None:
-    """Take bodies out of the world, in the order in which they are listed first."""
+    """Remove bodies from the world, in the order in which they are listed first."""
     ended = list(dict.fromkeys(bodies.tolist()))
     for body in ended:
         state.parts.body[state.bodies.members.pop(body)] = -1
@@ -207,10 +208,10 @@ def _end_bodies(state: State, bodies: np.ndarray) -> None:
 
 def pieces_of(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.ndarray]:
     """
-    Part what is to come out: struck parts come singly, and what they push ahead in pieces.
+    Divide parts to be knocked out: struck parts singly, parts pushed ahead of them in pieces.
 
     :param struck: (K,) indices.
-    :param plug: the struck parts, then what they push ahead, (P,).
+    :param plug: the struck parts, then those pushed ahead, (P,).
     """
     behind = plug[len(struck):]
     if not len(behind):
@@ -222,12 +223,12 @@ def pieces_of(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.nda
 def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause | None,
             load: float | np.ndarray) -> None:
     """
-    Take parts that stand or are carried by bodies out of the scene for good.
+    Remove standing parts, or parts carried by bodies, from the scene for good.
 
-    What is left of bodies goes on as they did.
+    Remains of bodies keep their motion.
 
     :param parts: (K,) indices.
-    :param cause: why their bonds break; None = nobody is told.
+    :param cause: of breaking their bonds; None = no record.
     :param load: load over strength, of all or of each.
     """
     owner, load = state.parts.owner[parts], np.broadcast_to(load, len(parts))
@@ -250,7 +251,7 @@ def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause | None,
 
 def _break_out(model: Model, state: State, part: int, members: np.ndarray, cause: Cause | None,
                load: float) -> None:
-    """Break the bonds that still hold a part in its body, of all these parts."""
+    """Break the bonds that still hold a part to the others of its body, `members`."""
     graph = state.loose_bonds.graph
     bonds = graph.boundary(np.array([part]))
     held = np.isin(graph.first[bonds], members) & np.isin(graph.second[bonds], members)
@@ -260,7 +261,7 @@ def _break_out(model: Model, state: State, part: int, members: np.ndarray, cause
 
 def _vanish(state: State, parts: np.ndarray) -> None:
     """
-    Mark parts that no body carries any more as gone; they keep their poses.
+    Mark parts without a body as gone; they keep their poses.
 
     Lasting forces on them end.
     """
@@ -272,7 +273,7 @@ def _vanish(state: State, parts: np.ndarray) -> None:
 
 
 def fell(state: State, parts: np.ndarray) -> None:
-    """Take trees, all of whose segments these are, out of the scene for good, (K,) indices."""
+    """Remove whole trees from the scene for good, given all their segments, (K,) indices."""
     rows = state.parts.row[parts]
     for root in rows[state.forest.parents[rows] < 0].tolist():
         state.forest.detach(root)
@@ -298,7 +299,7 @@ def shatter(model: Model, state: State, broken: Sequence[Shards],
 
 
 def _fly(state: State, first: int, made: Blueprint, velocities: np.ndarray) -> np.ndarray:
-    """Let parts, from `first` on, fly singly; give their bodies."""
+    """Make parts, from `first` on, single flying bodies; return their ids."""
     bodies = state.world.add_bricks(made.poses, made.size, made.mass, hexahedra=made.hexahedra,
                                     inertia=made.inertia)
     state.world.thaw(bodies, velocities)

@@ -34,19 +34,19 @@ from procphys_ros.simulation.breaking import Shards
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-HEAVY = 200.0       # [kg] parts above it, such as slabs, are cut loose, but not thrown
-_SPECIFIC = 0.5     # [kg/m³] of explosive for masonry that is to come down (estimate)
+HEAVY = 200.0       # [kg] heavier parts, such as slabs, are cut loose, but not thrown
+_SPECIFIC = 0.5     # [kg/m³] of explosive per volume of masonry to be demolished (estimate)
 _ENERGY = 4.2e6     # [J/kg] of TNT
-_SHARE = 0.03       # of that which moves what it breaks: 3 to 21 % in rock (Sanchidrián, Segarra
+_SHARE = 0.03       # converted into kinetic energy: 3 to 21 % in rock (Sanchidrián, Segarra
 #                     and López 2007, Int. J. Rock Mech. Min. Sci. 44, 130), least in thin walls
-_RIM = 0.5          # of the speed at the charge, which what breaks farthest from it gets
-_ASIDE = 0.35       # speed straight away from the charge over that out of the wall
+_RIM = 0.5          # of the speed at the charge, at the farthest broken parts
+_ASIDE = 0.35       # radial speed away from the charge over that out of the wall
 _FREE = 0.25        # [m] before a face that is open to the gas
-_NEAR = 0.5         # [m] around what breaks, in which other parts may stand before its faces
-_MIDDLE = 0.03      # [m] from the charge along the way out, up to which either way is as good
-_BODIES = 200       # awake bodies that there should be: the more, the coarser the pieces
-_FEWEST = 3         # pieces of a charge where there is no room
-_SOON = 1.0         # [s] within which other charges share the room
+_NEAR = 0.5         # [m] around the broken parts, in which other parts may cover their faces
+_MIDDLE = 0.03      # [m] from the charge along the way out, up to which both directions are equal
+_BODIES = 200       # awake bodies aimed at: the more there are, the coarser the pieces
+_FEWEST = 3         # pieces of a charge beyond that budget
+_SOON = 1.0         # [s] within which other charges share the budget
 _QUARTERS = 4       # pieces of a broken brick
 _LONGEST = 0.5      # [m] longer parts do not break into quarters
 _LOAD = 1.0         # over strength, of the bonds that charges break
@@ -54,12 +54,12 @@ _LOAD = 1.0         # over strength, of the bonds that charges break
 
 def fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
     """
-    Break and throw what stands within reach of a charge; nothing of it is lost.
+    Break and throw the masonry within reach of a charge; all parts are kept.
 
-    Writes bonds, parts and bodies, loads of what stands around, and the ledger.
+    Writes bonds, parts and bodies, loads of the surrounding masonry, and the ledger.
 
     :param place: of the charge, world [m], (3,).
-    :param radius: in which it breaks masonry [m].
+    :param radius: of broken masonry [m].
     """
     source, standing = model.blueprint, state.standing[:len(model.blueprint)]
     away = source.poses[:, :3] - place
@@ -78,7 +78,7 @@ def fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
 
 
 def speed_of(source: Blueprint, parts: np.ndarray) -> float:
-    """Give the largest speed at which a charge throws parts, (K,) [m/s]; 0 for none."""
+    """Return the largest speed at which a charge throws parts, (K,) [m/s]; 0 for none."""
     mass = float(source.mass[parts].sum())
     volume = float((source.mass[parts] / source.density[parts]).sum())
     return float(np.sqrt(2.0 * _SHARE * _ENERGY * _SPECIFIC * volume / mass)) if mass else 0.0
@@ -87,10 +87,10 @@ def speed_of(source: Blueprint, parts: np.ndarray) -> float:
 def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, place: np.ndarray,
            radius: float) -> np.ndarray:
     """
-    Break parts out of what stands, and let them fly.
+    Break parts out of standing masonry, and throw them.
 
-    :param light: that are thrown, the nearest first, (L,); heavy: that are cut loose, (H,).
-    :returns: the momentum of what is thrown [N·s], (3,).
+    :param light: parts to throw, the nearest first, (L,); heavy: parts to cut loose, (H,).
+    :returns: the momentum of the thrown parts [N·s], (3,).
     """
     source, free, room = model.blueprint, _free_faces(model, state, light), _room(state)
     broken = np.zeros(len(light), bool)
@@ -124,7 +124,7 @@ def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, pla
 
 def _release_lumps(model: Model, state: State, parts: np.ndarray, lump: np.ndarray,
                    velocities: np.ndarray, heavy: np.ndarray) -> None:
-    """Let lumps fly with velocities (C, 3), and what is heavy fall."""
+    """Throw lumps with velocities (C, 3), and drop the heavy parts."""
     count = len(velocities)
     parts = np.concatenate([parts, heavy])
     lump = np.concatenate([lump, count + np.arange(len(heavy))])
@@ -138,7 +138,7 @@ def _release_lumps(model: Model, state: State, parts: np.ndarray, lump: np.ndarr
 
 def _burst_panes(model: Model, state: State, panes: np.ndarray, away: np.ndarray,
                  speed: float) -> None:
-    """Let the shards of panes within reach fly away from the charge."""
+    """Throw the shards of panes within reach away from the charge."""
     way = away[panes] / np.maximum(norm(away[panes], axis=1, keepdims=True), 1e-9)
     glass.shatter_standing(model, state, [
         (glass.crack(model, pane, count=len(panes)), speed * out, _LOAD)
@@ -146,13 +146,13 @@ def _burst_panes(model: Model, state: State, panes: np.ndarray, away: np.ndarray
 
 
 def _room(state: State) -> int:
-    """Estimate how many pieces a charge may break the masonry in its reach into."""
+    """Estimate the number of pieces into which a charge may break the masonry in its reach."""
     soon = sum(moment < state.time + _SOON for moment, _, _ in state.charges)
     return max((_BODIES - len(state.world.awake)) // (soon + 1), _FEWEST)
 
 
 def _breakable(source: Blueprint, parts: np.ndarray) -> np.ndarray:
-    """Return which parts break into quarters, (K,) bool."""
+    """Mark the parts that break into quarters, (K,) bool."""
     return (source.size[parts].max(axis=1, initial=0.0) < _LONGEST) & ~np.isin(
         parts, source.hexahedra.part)
 
@@ -166,7 +166,7 @@ def _quarter(model: Model, part: int) -> Blueprint:
 
 
 def _lumps(state: State, parts: np.ndarray, wanted: int) -> tuple[np.ndarray, int]:
-    """Divide parts into about so many connected lumps: the lump of each, and their number."""
+    """Divide parts into about `wanted` connected lumps: the lump of each, and their number."""
     if wanted >= len(parts):
         return np.arange(len(parts)), len(parts)
     graph = state.solver.graph
@@ -177,7 +177,7 @@ def _lumps(state: State, parts: np.ndarray, wanted: int) -> tuple[np.ndarray, in
 
 
 def _free_faces(model: Model, state: State, parts: np.ndarray) -> np.ndarray:
-    """Sum up area times n·nᵀ of the faces of parts before which nothing stands, (K, 3, 3) [m²]."""
+    """Sum up area times n·nᵀ of the unobstructed faces of parts, (K, 3, 3) [m²]."""
     shell, source = model.masonry, model.blueprint
     middle = source.poses[parts, :3]
     low, high = middle.min(axis=0, initial=np.inf), middle.max(axis=0, initial=-np.inf)
@@ -198,7 +198,7 @@ def _ways(away: np.ndarray, faces: np.ndarray, weight: np.ndarray) -> np.ndarray
     """
     Choose the directions of flight: out of the wall, and a little away from the charge.
 
-    What is in the middle of a wall goes to the side that has got less momentum so far.
+    Parts in the middle of a wall go to the side with less momentum so far.
 
     :param away: from the charge to each [m], (P, 3).
     :param faces: see `_free_faces`, (P, 3, 3).

@@ -30,14 +30,14 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-_CHANGE = 0.25    # of the largest load: smaller changes are not worth new stresses
+_CHANGE = 0.25    # of the largest load: smaller changes need no new stresses
 _LEAST = 50.0     # [N] likewise
 _LAYER = 'climbers'
 
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Let go what is pulled off or has lost what it grew on; load what holds the others.
+    Release overloaded anchors and those without a host; apply the pull of the others.
 
     Writes anchors and impulses of the forest, `state.climbers`, break events and loads on walls.
     """
@@ -92,14 +92,14 @@ def _follow_trees(model: Model, state: State, dt: float) -> None:
     speed = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
     pull = forest.rest_anchors[row, anchors.FORCE:] - _pulls(forest, row)
     felt = np.ones(len(row), bool)
-    if state.trees.lod is not None:  # a tree that stands still takes nothing up
+    if state.trees.lod is not None:  # a tree that stands still absorbs no impulse
         felt = ~state.trees.lod.stand_still(forest, host)
     forest.push(host[felt], place[felt], dt * pull[felt])
     forest.anchors[row, anchors.TARGET:anchors.FORCE] = place + 0.5 * dt * speed
 
 
 def lean(model: Model, state: State) -> None:
-    """Move anchors with trees that a steady wind bends, and load these trees with the pull."""
+    """Move anchors with trees bent by a steady wind, and load these trees with the pull."""
     forest = state.forest
     row, host, arm = _on_trees(model, state)
     forest.anchors[row, anchors.TARGET:anchors.FORCE] = forest.poses[host, :3] + arm
@@ -115,7 +115,7 @@ def end_lean(model: Model, state: State) -> None:
 
 
 def _on_trees(model: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give rows that hold on to trees, their hosts, and the way there from these [m], (K, 3)."""
+    """Return rows held by trees, their hosts, and the arms from the hosts [m], (K, 3)."""
     climbers, forest = model.trees.climbers, state.forest
     chosen = np.flatnonzero(state.climbers.holds & (climbers.host_row >= 0))
     host = climbers.host_row[chosen]
@@ -124,5 +124,5 @@ def _on_trees(model: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _pulls(forest: Forest, rows: np.ndarray) -> np.ndarray:
-    """Give the forces of anchors on segments [N], (K, 3)."""
+    """Return the forces of anchors on segments [N], (K, 3)."""
     return anchors.forces(forest.anchors[rows], forest.poses[rows, :3])

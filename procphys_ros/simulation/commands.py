@@ -57,8 +57,8 @@ class SetWind:
     """
     Change the mean wind.
 
-    :ivar velocity: at the reference height, the way it blows to [m/s], (3,).
-    :ivar ramp: how long the change takes [s]; 0 = at once.
+    :ivar velocity: downwind, at the reference height [m/s], (3,).
+    :ivar ramp: duration of the change [s]; 0 = at once.
     """
 
     velocity: Sequence[float]
@@ -67,7 +67,7 @@ class SetWind:
 
 @dataclass(frozen=True)
 class EnableWind:
-    """Let the wind blow, or still the air."""
+    """Enable or disable the wind."""
 
     enabled: bool
 
@@ -75,12 +75,12 @@ class EnableWind:
 @dataclass(frozen=True)
 class Impulse:
     """
-    Strike a part once.
+    Apply an impulse to a part once.
 
     :ivar part: its name or index.
     :ivar linear: impulse [N·s], (3,), world axes.
     :ivar angular: angular impulse [N·m·s], (3,), world axes.
-    :ivar point: where the linear impulse acts [m], (3,), world; None = centre of mass.
+    :ivar point: of application of the linear impulse [m], (3,), world; None = centre of mass.
     """
 
     part: int | str
@@ -92,7 +92,7 @@ class Impulse:
 @dataclass(frozen=True)
 class Wrench:
     """
-    Push a part until `ClearWrenches`; a later wrench on the same part replaces this one.
+    Apply a force to a part until `ClearWrenches`; a later wrench on the same part replaces it.
 
     :ivar part: its name or index.
     :ivar force: at its centre of mass [N], (3,), world axes.
@@ -112,12 +112,12 @@ class ClearWrenches:
 @dataclass(frozen=True)
 class SetBodyState:
     """
-    Move a loose part, and the piece that it belongs to, somewhere else at once.
+    Move a loose part, and the piece that it belongs to, instantly.
 
     :ivar part: its name or index.
-    :ivar pose: x y z qx qy qz qw of the part [m], (7,), world; None = where it is.
-    :ivar twist: velocity of the part's centre and spin [m/s], [rad/s], world axes, (6,); None = as
-        it has.
+    :ivar pose: x y z qx qy qz qw of the part [m], (7,), world; None = unchanged.
+    :ivar twist: velocity of the part's centre and spin [m/s], [rad/s], world axes, (6,); None =
+        unchanged.
     """
 
     part: int | str
@@ -128,10 +128,10 @@ class SetBodyState:
 @dataclass(frozen=True)
 class PlaceIntruder:
     """
-    Put an intruder into the scene, or move it on.
+    Put an intruder into the scene, or set its next pose.
 
     :ivar pose: x y z qx qy qz qw [m], (7,), world.
-    :ivar time: when it is there [s]; None = now.
+    :ivar time: of the pose [s]; None = now.
     :ivar name: of the intruder.
     """
 
@@ -160,9 +160,9 @@ def apply(model: Model, state: State, command: Any) -> Any:
     :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`
         or `Demolition`.
     :returns: an `Impulse`: whether the part moves (one that stands in a wall may hold); a
-        `Projectile`: its part; a `Demolition`: the number of charges; `ClearWrenches`: how many
-        there were; all others: None.
-    :raises CommandError: when it cannot be carried out; the state is as it was before.
+        `Projectile`: its part; a `Demolition`: the number of charges; `ClearWrenches`: the number
+        of wrenches; all others: None.
+    :raises CommandError: if it cannot be carried out; the state is unchanged then.
     """
     if type(command) not in _ACTIONS:
         raise CommandError(f'{command!r} is no command')

@@ -38,25 +38,25 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
 _FRICTION = 0.6  # bark on soil, brick or bark
-_SLOP = 0.002    # [m] overlap that is left alone, so that what rests keeps touching
+_SLOP = 0.002    # [m] overlap that is left alone, so that resting contacts persist
 _RECOVERY = 0.2  # share of a deeper overlap that is undone per step
-_PUSH_OUT = 0.5  # [m/s] speed at most that this gives
-_WAKE = 0.3      # [m/s] change of speed that sets a resting body free
-_SHOWN = 100.0   # masses of a tree at most that it may show at a contact
-_SURE = 0.01     # [m/s] slower points may show any mass
-_LOOKS = 4       # ahead at most, while limits of bends take hold or let go
-_AGREES = 0.01   # share of the fastest point, by which what was foreseen may differ
-_SHARES = (0.5, 0.5, 0.5, 0.0)  # of impulses that are left, in turn, while they do too much work
+_PUSH_OUT = 0.5  # [m/s] speed of this recovery at most
+_WAKE = 0.3      # [m/s] change of speed that wakes a resting body
+_SHOWN = 100.0   # effective mass at a contact over the mass of the tree, at most
+_SURE = 0.01     # [m/s] slower points may have any effective mass
+_LOOKS = 4       # predictions at most, while joint limits engage or release
+_AGREES = 0.01   # error of a prediction, as a share of the fastest point
+_SHARES = (0.5, 0.5, 0.5, 0.0)  # shares of impulses kept, in turn, while they do too much work
 
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Find and apply the impulses that keep trees, and what they meet in the next step, apart.
+    Find and apply the contact impulses of trees in the next step.
 
-    Contacts are solved before the step of the trees, with the masses that these really show
-    there. Trees and bodies get equal and opposite impulses, so momentum is kept exactly. Branches
-    of one tree pass through each other, also when they have come off, until they are apart
-    (`contact_exclusions`), and so do those of different standing trees unless the scene asks for
+    Contacts are solved before the step of the trees, with their effective masses there. Trees and
+    bodies get equal and opposite impulses, so momentum is kept exactly. Branches of one tree pass
+    through each other, also when they have come off, until they are apart
+    (`contact_exclusions`), and so do those of different standing trees unless the scene enables
     their contact. Writes `state.contacts`, the momentum of trees and bodies, and loads on walls.
     """
     state.contacts = _solve_all(model, state, dt)
@@ -64,11 +64,11 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
-    """Solve for the impulses, and apply them."""
+    """Solve for the contact impulses, and apply them."""
     if not state.forest.active.any():
         return TreeContacts()
     gives_way = True
-    while gives_way:  # each time less is left that may
+    while gives_way:  # each pass leaves fewer candidates
         pairs = _find(model, state, dt)
         if not len(pairs.row):
             return TreeContacts()
@@ -92,9 +92,9 @@ def _find(model: Model, state: State, dt: float) -> Pairs:
 
 def find_inside(model: Model, state: State, depth: float) -> np.ndarray:
     """
-    Find the rows of the forest that are inside of walls or bodies, more than they were drawn.
+    Find the rows of the forest that are inside walls or bodies, beyond the overlap as drawn.
 
-    :param depth: overlap from which on they count [m].
+    :param depth: smallest overlap that counts [m].
     """
     state.tree_bounds = contact_pairs.TreeBounds()
     pairs = _find(model, state, 0.0)
@@ -113,7 +113,7 @@ def _apply(state: State, contacts: TreeContacts, change: np.ndarray, bodies: np.
 
 
 def _give_way(model: Model, state: State, contacts: TreeContacts, dt: float) -> bool:
-    """Release what the contacts would push away; tell whether anything was released."""
+    """Release bodies and bricks that the contacts would move; return whether any was."""
     bodies = state.world.bodies
     hit = contacts.body >= 0
     ids, place = np.unique(contacts.body[hit], return_inverse=True)
@@ -129,7 +129,7 @@ def _give_way(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
 def _solve(model: Model, state: State, pairs: Pairs,
            dt: float) -> tuple[TreeContacts, np.ndarray, np.ndarray]:
     """
-    Find the impulses of all contacts.
+    Solve for the impulses of all contacts.
 
     :returns: contacts, changes of the velocities of bodies (B, 6), and their ids.
     """
@@ -167,9 +167,9 @@ def _look_ahead(model: Model, state: State, rows: np.ndarray, points: np.ndarray
                 air: np.ndarray | None, both: np.ndarray, order: np.ndarray,
                 impulse: np.ndarray, ends: np.ndarray | slice) -> ContactResponse:
     """
-    Foresee the step with impulses of the contacts, (C, 3); one of two trees acts on both.
+    Predict the step with impulses of the contacts, (C, 3); one of two trees acts on both.
 
-    :param ends: of contacts, in order; all those on the trees that are looked at.
+    :param ends: of contacts, in order; all those on the predicted trees.
     """
     signed = np.concatenate([impulse, -impulse[both]])[order][ends] if impulse.any() else None
     return state.forest.predict_response(rows[ends], points[ends], dt, air, signed, model.threads)
@@ -177,14 +177,14 @@ def _look_ahead(model: Model, state: State, rows: np.ndarray, points: np.ndarray
 
 class _Problem:
     """
-    Contacts of one step, and their impulses as they are found.
+    Contacts of one step, and their impulses during the solution.
 
     :param free: velocities of the bodies without contact, (B, 6).
     :param impulse: on the trees [N·s], (C, 3).
     :param friction: coefficients, (C,).
     :param mass: of the heavier tree of each contact [kg], (C,).
-    :param look_ahead: foresees the motion of the trees with impulses.
-    :ivar look: what it has foreseen; its velocities are those with the impulses.
+    :param look_ahead: predicts the motion of the trees with impulses.
+    :ivar look: its last prediction; the velocities are those with the impulses.
     """
 
     def __init__(self, pairs: Pairs, partners: Partners, free: np.ndarray, impulse: np.ndarray,
@@ -196,7 +196,7 @@ class _Problem:
         self.look = look_ahead(impulse, slice(None))
 
     def resolve(self, least: np.ndarray) -> None:
-        """Change the impulses so that contacts have at least their normal velocities, (C,)."""
+        """Change the impulses so that contacts reach at least their normal velocities, (C,)."""
         mass = _most_mass(self._mass, self._pairs.normal, self.look.velocity, self.look.energy,
                           self._partners.end, self._partners.other)
         resolve(self._pairs.normal, least, mass, self._friction, self._partners,
@@ -204,20 +204,20 @@ class _Problem:
                 self.look.response, self.impulse)
 
     def agrees(self) -> bool:
-        """Foresee the motion with the impulses anew; say whether it is as they were solved for."""
+        """Predict the motion again; return whether it agrees with the one solved for."""
         foreseen = self.look.velocity
         self._look_again(self.look.held)
         return bool(np.abs(self.look.velocity - foreseen).max()
                     < _AGREES * np.abs(foreseen).max())
 
     def _look_again(self, ends: np.ndarray) -> None:
-        """Foresee the motion of some trees, (E,) bool; the others answer as was solved for."""
+        """Predict the motion of some trees again, (E,) bool; the others keep their response."""
         if ends.any():
             self.look = self.look.renewed(ends, self._look_ahead(self.impulse, ends))
 
     def limit_work(self, least: np.ndarray, out: np.ndarray, gain: float) -> None:
         """
-        Take friction, then impulses, from contacts that would give energy from nothing.
+        Remove friction, then impulses, from contacts that would create energy.
 
         :param out: speed at which overlaps are undone [m/s], (C,).
         :param gain: speed that weight gives in the step [m/s].
@@ -247,11 +247,11 @@ class _Problem:
 @kernel
 def _most_mass(tree_mass, normal, velocity, energy, end, other):
     """
-    Give the mass that a contact may show at most [kg], (C,).
+    Return the largest effective mass of each contact [kg], (C,).
 
-    A point that moves at v shows no more than 2·E / v², or its tree would have to have more energy
-    E than it has. Linearised in the middle of a step, a pole that tumbles onto its tip may show
-    any mass.
+    The effective mass of a point that moves at v is at most 2·E / v², or its tree would need more
+    energy E than it has. Linearised in the middle of a step, a pole that tumbles onto its tip may
+    show any effective mass.
     """
     limit = _SHOWN * tree_mass
     for c in range(len(limit)):
@@ -266,7 +266,7 @@ def _most_mass(tree_mass, normal, velocity, energy, end, other):
 
 
 def _tree_mass(state: State, pairs: Pairs) -> np.ndarray:
-    """Give the mass of the heavier tree of each contact [kg], (C,)."""
+    """Return the mass of the heavier tree of each contact [kg], (C,)."""
     mass = state.forest.masses(pairs.row)
     both = np.flatnonzero(pairs.other >= 0)
     mass[both] = np.maximum(mass[both], state.forest.masses(pairs.other[both]))
@@ -293,7 +293,7 @@ def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: 
 @kernel
 def _closing(impulse, partners, before, old, change, bodies):
     """
-    Give by how much contacts change the speeds at which they close, and what these were [m/s].
+    Return the changes of closing speed by contacts, and the speeds stopped by them [m/s].
 
     :param impulse: of each contact, on the tree [N·s], (C, 3).
     :param before, old: velocities at the beginning of the step, see `_least_speed`.
@@ -321,18 +321,17 @@ def _closing(impulse, partners, before, old, change, bodies):
 @kernel
 def _least_speed(gap, normal, partners, before, old_share, old, dt):
     """
-    Give the normal velocity that each contact must have at the end of the step [m/s], (C,).
+    Return the normal velocity that each contact needs at the end of the step [m/s], (C,).
 
-    A gap may close, but not more. What trees move by their old velocity takes part of it: in this
-    step, and half a step of the new one in the next, which may go by the mean of both whatever
-    this one does. Deep overlaps open. An impulse J does the work J·(v₀ + v₁)/2, v being the
-    velocity of opening: so a stiff twig that swings away from what it touches first, v₀ > 0, may
-    come back as fast. Were it stopped, v₁ = 0, it would throw a body off, or get energy from the
-    ground.
+    A gap may close, but not more. The old velocity of trees uses up part of it: in this step, and
+    half a step of the new one in the next, which may go by the mean of both whatever this one
+    does. Deep overlaps open. An impulse J does the work J·(v₀ + v₁)/2, v being the velocity of
+    opening: so a stiff twig that swings away from its contact first, v₀ > 0, may come back as
+    fast. Stopped, v₁ = 0, it would throw a body off, or gain energy from the ground.
 
     :param before, old_share: as in the `ContactResponse` of the trees, (E, 3) and (E,).
     :param old: velocities of the bodies at the beginning of the step, (B, 6).
-    :returns: this velocity, and its part that undoes an overlap, not below 0.
+    :returns: this velocity, and the part of it that undoes an overlap, not below 0.
     """
     least, out = np.empty(len(gap)), np.empty(len(gap))
     for c in range(len(gap)):

@@ -34,12 +34,12 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-_TREE, _FREE = int(Owner.TREE), int(Joint.FREE)  # numba reads no enums
-_HALF = 32  # bits of one of the two numbers that a key is made of
+_TREE, _FREE = int(Owner.TREE), int(Joint.FREE)  # numba does not read enums
+_HALF = 32  # bits of one of the two numbers of a key
 
 
 def update(model: Model, state: State) -> None:
-    """Let pieces that are apart by now meet; writes `state.excluded` and tells the engine."""
+    """End the exclusion of pieces that are apart; writes `state.excluded`, updates the engine."""
     if not len(state.excluded):
         state.world.exclude_contacts(state.excluded)
         return
@@ -60,7 +60,7 @@ def update(model: Model, state: State) -> None:
 
 
 def _distinct(pairs: np.ndarray) -> np.ndarray:
-    """Give each pair once, in lexicographic order, (K, 2)."""
+    """Return the distinct pairs, in lexicographic order, (K, 2)."""
     keys = np.unique((pairs[:, 0] << _HALF) + (pairs[:, 1] + (1 << _HALF - 1)))
     return np.column_stack([keys >> _HALF, (keys & (1 << _HALF) - 1) - (1 << _HALF - 1)])
 
@@ -68,10 +68,10 @@ def _distinct(pairs: np.ndarray) -> np.ndarray:
 @kernel
 def _between(pairs, start):
     """
-    List all pairs of a member of one collider and one of another.
+    List all pairs of a member of one collider and a member of another.
 
     :param pairs: of colliders, (K, 2).
-    :param start: where the members of each begin, and the end of the last.
+    :param start: first place of the members of each, and the end of the last.
     :returns: places of the members, (P,) each.
     """
     total = 0
@@ -89,7 +89,7 @@ def _between(pairs, start):
 
 def add_branch(state: State, row: int, sizes: np.ndarray) -> None:
     """
-    Exclude what a branch is inside of; call this before it comes off.
+    Exclude the overlaps of a branch from contact; call this before it comes off.
 
     :param row: of the forest, the first one of the branch.
     :param sizes: of the segments [m], (S, 3).
@@ -108,11 +108,11 @@ def _passed_near(branch, parents, active, joint, poses, velocities, sizes):
     """
     List the segments near a branch that it has passed through up to now.
 
-    These are the others of its tree and, if that stands, those of all trees that stand.
+    These are the others of its tree and, if it stands, those of all standing trees.
 
     :param branch: rows that come off, the first one first, (K,).
-    :param parents: row that each row hangs on, -1 for roots; parents stand first, (S,).
-    :param active: rows that are moved, (S,) bool.
+    :param parents: parent of each row, -1 for roots; parents come first, (S,).
+    :param active: simulated rows, (S,) bool.
     :param joint: `Joint` of each row, (S,).
     :param poses: (S, 7); `velocities` (S, 6) and `sizes` (S, 3) likewise.
     :returns: their rows, (P,), and the bounds of the branch, (K, 6), and of these, (P, 6).
@@ -137,7 +137,7 @@ def _passed_near(branch, parents, active, joint, poses, velocities, sizes):
 
 @kernel
 def _root(row, parents):
-    """Give the first row of the tree that a row belongs to."""
+    """Return the first row of the tree of a row."""
     while parents[row] >= 0:
         row = parents[row]
     return row
@@ -145,7 +145,7 @@ def _root(row, parents):
 
 def add_split(state: State, pieces: list[np.ndarray]) -> None:
     """
-    Exclude the pieces of a rigid branch that are inside of each other; bricks are not.
+    Exclude overlapping pieces of a rigid branch from contact; bricks are not excluded.
 
     :param pieces: parts of each, (P,).
     """
@@ -159,12 +159,12 @@ def add_split(state: State, pieces: list[np.ndarray]) -> None:
 
 
 def colliders(state: State, parts: np.ndarray) -> np.ndarray:
-    """Name what parts of any shape collide as: themselves, or ~id of the body they belong to."""
+    """Return the colliders of parts of any shape: themselves, or ~id of their body."""
     return np.where(state.parts.owner[parts] == Owner.BODY, ~state.parts.body[parts], parts)
 
 
 def _overlapping(state: State, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Choose the pairs of parts that overlap, (K, 2)."""
+    """Select the pairs of parts that overlap, (K, 2)."""
     place = np.arange(2 * len(first))
     inside = _which_overlap(state, np.concatenate([first, second], dtype=np.intp),
                             place[:len(first)], place[len(first):])
@@ -173,7 +173,7 @@ def _overlapping(state: State, first: np.ndarray, second: np.ndarray) -> np.ndar
 
 def _which_overlap(state: State, chosen: np.ndarray, one: np.ndarray,
                    other: np.ndarray) -> np.ndarray:
-    """Give the places of the pairs of chosen parts that overlap, ascending, (K,)."""
+    """Return the places of the overlapping pairs of chosen parts, ascending, (K,)."""
     parts = state.parts
     poses, sizes, shapes, near = _near(
         chosen, one, other, parts.owner, parts.row, parts.poses, state.forest.poses,
@@ -188,12 +188,12 @@ def _which_overlap(state: State, chosen: np.ndarray, one: np.ndarray,
 @kernel
 def _near(chosen, one, other, owner, row, poses, forest_poses, sizes, shapes):
     """
-    Look where some parts are now, and which pairs of their bounds overlap.
+    Return the present poses of some parts, and the pairs of overlapping bounds.
 
     :param chosen: parts, (K,); one, other: pairs of these, (P,) each.
     :param owner: `Owner` of all parts, (N,); `row` (N,), `poses` (N, 7), `sizes` (N, 3) and
         `shapes` (N,) likewise.
-    :param forest_poses: of the rows of the forest, (S, 7); those shown may lie behind.
+    :param forest_poses: of the rows of the forest, (S, 7); `poses` may be older.
     :returns: poses (K, 7), sizes (K, 3) and shapes (K,) of the chosen, and places of the pairs.
     """
     place = poses[chosen]

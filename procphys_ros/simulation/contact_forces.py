@@ -23,9 +23,9 @@ from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.linear_kernels import solve, transformed, transformed_back
 from procphys_ros.rotation_kernels import matrix
 
-_FLAT = 0.03    # [m] off the plane of contact: what is nearer takes part of the pressure
+_FLAT = 0.03    # [m] off the plane of contact: nearer parts share the pressure
 _AROUND = 0.06  # [m] outside of the points of contact: likewise
-_SAME = 0.9     # least cosine between the normals of contacts that press together
+_SAME = 0.9     # least cosine between the normals of contacts that count as one
 
 
 class BodyContacts(NamedTuple):
@@ -35,7 +35,7 @@ class BodyContacts(NamedTuple):
     :ivar points: [m], (C, 3).
     :ivar normals: towards the body, (C, 3).
     :ivar forces: on the body [N], (C, 3).
-    :ivar other: id of what touches, (C,).
+    :ivar other: ids of the other bodies, (C,).
     """
 
     points: np.ndarray
@@ -46,13 +46,13 @@ class BodyContacts(NamedTuple):
 
 class Blow(NamedTuple):
     """
-    A blow on a piece.
+    A blow to a piece.
 
     :ivar body: id.
-    :ivar parts: what it carries, (P,).
+    :ivar parts: of the body, (P,).
     :ivar contacts: of the body; None = not selected yet.
-    :ivar energy: of the motion that these stop [J], see `blows.energies`; inf = they last.
-    :ivar rows: of all contacts, of which they are to be selected.
+    :ivar energy: of the motion that they stop [J], see `blows.energies`; inf = they last.
+    :ivar rows: of all contacts, from which to select them.
     """
 
     body: int
@@ -65,7 +65,7 @@ class Blow(NamedTuple):
 @kernel
 def turned_back(poses, points, normals, forces):
     """
-    Turn vectors into the axes of bodies.
+    Rotate vectors into the axes of bodies.
 
     :param poses: of the bodies, a row for each vector, (C, 7).
     :param points, normals, forces: world axes, (C, 3).
@@ -86,11 +86,11 @@ def turned_back(poses, points, normals, forces):
 def spread(contacts: BodyContacts, poses: np.ndarray, sizes: np.ndarray,
            rest: np.ndarray) -> np.ndarray:
     """
-    Put contact forces on parts, in the frame of the blueprint.
+    Distribute contact forces over parts, in the frame of the blueprint.
 
     The outlines of bodies are merged boxes that touch at a few corners. Parts near the plane of
-    such a contact share its force as a stiff footing does: evenly, and linearly so that the moment
-    is right. Where no part is near, the nearest takes all.
+    such a contact share its force as the supports of a stiff footing: evenly, plus linearly for
+    the moment. Where no part is near, the nearest takes all.
 
     :param contacts: of the body.
     :param poses: of the parts in the frame of the body, (P, 7).
@@ -141,7 +141,7 @@ def _spread(points, normals, forces, other, poses, sizes, rest):
 
 @kernel
 def _near(low, high, poses, radius):
-    """List the parts whose bounding sphere comes near the points of contact."""
+    """List the parts with a bounding sphere near the points of contact."""
     found = np.empty(len(poses), np.int64)
     count = 0
     for p in range(len(poses)):
@@ -168,9 +168,9 @@ def _nearest(point, poses, radius):
 @subroutine
 def _against_plane(near, middle, normal, poses, sizes):
     """
-    Measure parts against a plane of contact.
+    Measure the position of parts relative to a plane of contact.
 
-    :returns: axes of each part as columns (K, 3, 3), its centre on the plane (K, 3), how far it is
+    :returns: axes of each part as columns (K, 3, 3), its centre on the plane (K, 3), its height
         above the plane (K,), and its squared distance from the middle of the contact (K,).
     """
     count = len(near)
@@ -197,7 +197,7 @@ def _against_plane(near, middle, normal, poses, sizes):
 
 @kernel
 def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
-    """Spread one force over the parts near a plane."""
+    """Distribute one force over the parts near a plane."""
     count = len(near)
     axes, spot, gap, aside = _against_plane(near, middle, normal, poses, sizes)
     nearest = np.argmin(aside)
@@ -226,7 +226,7 @@ def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
 
 @kernel
 def _footing(middle, normal, spot, chosen):
-    """Give the shares of a force that a stiff footing puts on its supports, adding up to one."""
+    """Return the shares of a force on the supports of a stiff footing; their sum is one."""
     count = chosen.sum()
     mean = np.zeros(3)
     for p in range(len(spot)):

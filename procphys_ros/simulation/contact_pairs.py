@@ -34,15 +34,15 @@ from procphys_ros.simulation.obstacles import (
     of_branches,
 )
 
-_FREE = int(Joint.FREE)  # numba reads no enums
-_AHEAD = 1.5  # steps that bounds are swept over, as far as the narrow phase looks
+_FREE = int(Joint.FREE)  # numba does not read enums
+_AHEAD = 1.5  # steps that bounds are swept over, as in the narrow phase
 _ROOM = 0.004  # [m] around bounds, likewise
 _MOST = 96  # contacts per tree, the nearest; with 48 crowns sink in where they hit hard
 
 
 @dataclass(frozen=True)
 class Pairs:
-    """What may touch in the next step, one row per contact; see `TreeContacts`."""
+    """Possible contacts in the next step, one row each; see `TreeContacts`."""
 
     row: np.ndarray
     other: np.ndarray
@@ -63,13 +63,13 @@ class TreeContacts:
     Every contact of trees in one step.
 
     :ivar row: of the forest, (C,).
-    :ivar other: row of the forest that it met, -1 for none, (C,).
-    :ivar body: id of the body that it met, -1 for none, (C,).
-    :ivar part: standing brick that it met, -1 for none, (C,).
+    :ivar other: row of the forest that it touched, -1 for none, (C,).
+    :ivar body: id of the body that it touched, -1 for none, (C,).
+    :ivar part: standing brick that it touched, -1 for none, (C,).
     :ivar point: world [m], (C, 3).
-    :ivar impulse: on the row; what it met gets the opposite [N·s], (C, 3).
-    :ivar change: of the speed at which it closed [m/s], (C,).
-    :ivar speed: at which it closed before, as far as it was stopped [m/s], (C,).
+    :ivar impulse: on the row; the other side gets the opposite [N·s], (C, 3).
+    :ivar change: of the closing speed [m/s], (C,).
+    :ivar speed: stopped part of the closing speed before [m/s], (C,).
     """
 
     row: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
@@ -88,9 +88,9 @@ class TreeContacts:
 @dataclass
 class TreeBounds:
     """
-    Bounds of segments and trees, which those that stand still keep from step to step.
+    Bounds of segments and trees; those of trees at rest are kept from step to step.
 
-    :ivar plan: of the forest that they hold for.
+    :ivar plan: of the forest that they are valid for.
     :ivar segments: three minima, three maxima [m], by entry of the plan, (A, 6).
     :ivar trees: the same of whole trees, (T, 6).
     """
@@ -102,10 +102,10 @@ class TreeBounds:
     def update(self, forest: Forest, sizes: np.ndarray, movers: np.ndarray,
                entries: np.ndarray | slice, reach: float) -> None:
         """
-        Bound the trees that move anew.
+        Update the bounds of moving trees.
 
         :param sizes: of the segments [m], (S, 3).
-        :param movers: trees that do not stand still, places in the plan.
+        :param movers: trees that are not at rest, places in the plan.
         :param entries: of these.
         :param reach: time that bounds are swept over [s].
         """
@@ -123,14 +123,14 @@ class TreeBounds:
 @dataclass(frozen=True)
 class Surroundings:
     """
-    What trees may meet.
+    Possible contacts of trees.
 
     :ivar world: rigid bodies.
-    :ivar bricks: masonry where it was built.
-    :ivar standing: which parts still stand there, (N,) bool.
+    :ivar bricks: masonry as built.
+    :ivar standing: parts that still stand there, (N,) bool.
     :ivar body: id of each part's body, (N,).
     :ivar beside, slack, crowns: see `TreeModel`.
-    :ivar excluded: what does not meet, `pair_keys` of `contact_exclusions`, (K,).
+    :ivar excluded: pairs without contact, `pair_keys` of `contact_exclusions`, (K,).
     :ivar terrain: the surface of the ground.
     """
 
@@ -147,7 +147,7 @@ class Surroundings:
 
 @kernel
 def pair_keys(pairs):
-    """Give a number to each pair of colliders (parts, or ~ids of bodies) in either order, (K,)."""
+    """Return a key for each pair of colliders (parts, or ~ids of bodies) in either order, (K,)."""
     keys = np.empty(len(pairs), np.int64)
     for n in range(len(pairs)):
         keys[n] = _pair_key(pairs[n, 0], pairs[n, 1])
@@ -157,13 +157,13 @@ def pair_keys(pairs):
 def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBounds,
          movers: np.ndarray, time_step: float) -> Pairs:
     """
-    List what may touch in the next step, the nearest few contacts of each tree.
+    List the possible contacts of the next step, the nearest few of each tree.
 
     :param forest: all trees.
     :param sizes: of the segments [m], (S, 3).
-    :param around: what they may meet.
+    :param around: obstacles.
     :param bounds: kept from step to step.
-    :param movers: trees that do not stand still, places in the plan.
+    :param movers: trees that are not at rest, places in the plan.
     :param time_step: [s].
     """
     reach, plan = _AHEAD * time_step, forest.plan
@@ -194,7 +194,7 @@ def find(forest: Forest, sizes: np.ndarray, around: Surroundings, bounds: TreeBo
 def survey(forest: Forest, sizes: np.ndarray, bricks: Bricks,
            terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
     """
-    Find the trees that can reach a wall, and how deep branches were authored into things.
+    Find the trees that can reach a wall, and the overlaps of branches as authored.
 
     :param forest: at rest.
     :param sizes: of the segments [m], (S, 3).
@@ -229,7 +229,7 @@ def survey(forest: Forest, sizes: np.ndarray, bricks: Bricks,
 
 def survey_crowns(forest: Forest, sizes: np.ndarray) -> np.ndarray:
     """
-    Find how deep the branches of each tree were authored into those of others.
+    Find the depth of authored overlaps between the branches of different trees.
 
     :param forest: at rest.
     :param sizes: of the segments [m], (S, 3).
@@ -251,7 +251,7 @@ def survey_crowns(forest: Forest, sizes: np.ndarray) -> np.ndarray:
 
 def _loose_near(forest: Forest, world: World, bounds: TreeBounds, ids: np.ndarray,
                 reach: float) -> tuple[np.ndarray, Obstacles]:
-    """Choose the entries of trees that bodies come near, and those bodies."""
+    """Select the entries of trees with bodies nearby, and those bodies."""
     bodies = world.bodies
     way = bodies.velocities[ids, :3] * reach
     room = bodies.radius[ids, None] + _ROOM
@@ -264,7 +264,7 @@ def _loose_near(forest: Forest, world: World, bounds: TreeBounds, ids: np.ndarra
 
 def _branches_near(forest: Forest, sizes: np.ndarray, trees: np.ndarray,
                    free: np.ndarray) -> tuple[np.ndarray, Obstacles]:
-    """Choose the entries of falling trees that others are near, and those others."""
+    """Select the entries of falling trees near others, and the entries of those others."""
     falling = np.flatnonzero(free)
     a, b = overlaps(trees[falling], trees)
     a, b = falling[a][falling[a] != b], b[falling[a] != b]
@@ -277,7 +277,7 @@ def _branches_near(forest: Forest, sizes: np.ndarray, trees: np.ndarray,
 def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacles,
           bounds: np.ndarray, slack: np.ndarray, time_step: float,
           excluded: np.ndarray, crowns: np.ndarray | None = None) -> Pairs:
-    """Look where segments, entries of the plan, may touch what is near them."""
+    """Find possible contacts of segments, entries of the plan, with obstacles near them."""
     plan = forest.plan
     a, piece = overlaps(bounds[entries], table.bounds(_AHEAD * time_step, _ROOM))
     row = plan.row[entries[a]]
@@ -300,15 +300,15 @@ def _meet(forest: Forest, sizes: np.ndarray, entries: np.ndarray, table: Obstacl
 @kernel
 def _which_meet(row, piece, other_row, other_body, root, joint, parts, excluded, crowns):
     """
-    List the pairs of a segment and a piece that may meet.
+    List the pairs of a segment and a piece that may touch.
 
-    Two trees that look for others meet once, and none meets itself.
+    Two trees that both search for others give one contact, and none touches itself.
 
     :param row: of the forest, and piece of each pair, (P,) each.
     :param other_row, other_body: columns of the pieces.
     :param root, joint, parts: of the rows of the forest.
     :param excluded: see `Surroundings`.
-    :param crowns: whether trees that stand look for others.
+    :param crowns: whether standing trees search for others.
     """
     kept = np.empty(len(row), np.int64)
     count = 0
@@ -336,7 +336,7 @@ def _pair_key(first, second):
 
 @kernel
 def _hulls(bounds, count):
-    """Give the bounds of groups of so many boxes, one after the other, (G, 6)."""
+    """Return the bounds of consecutive groups of `count` boxes, (G, 6)."""
     out = np.empty((len(count), 6))
     first = 0
     for g in range(len(count)):
@@ -381,7 +381,7 @@ def _entries(start: np.ndarray, trees: np.ndarray) -> np.ndarray:
 
 
 def _distinct(rows: np.ndarray) -> np.ndarray:
-    """Give each row once, ascending."""
+    """Return the distinct rows, ascending."""
     found = np.zeros(np.max(rows, initial=-1) + 1, bool)
     found[rows] = True
     return np.flatnonzero(found)

@@ -26,14 +26,14 @@ import numpy as np
 from procphys_ros.physics.touch import islands, Partners, slips
 from procphys_ros.physics.trees import ContactResponse
 
-_ROUNDING = 1e-5  # [J/kg] that a step may give
-_SOLVED = 0.02    # share of all that is exchanged to which contacts are solved
+_ROUNDING = 1e-5  # [J/kg] gain allowed per step
+_SOLVED = 0.02    # relative accuracy of the solution of contacts
 
 
 def too_much(partners: Partners, look: ContactResponse, free: np.ndarray, impulse: np.ndarray,
              normal: np.ndarray, out: np.ndarray, mass: np.ndarray, gain: float) -> np.ndarray:
     """
-    Find the contacts of islands that get energy from nothing.
+    Find the contacts of islands that gain energy.
 
     :param impulse: on the trees [N·s], (C, 3).
     :param normal: (C, 3).

@@ -28,9 +28,9 @@ _EARLY = 1e-9  # [s] rounding of times that are sums of steps
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Carry out the cues that are due; writes what their commands write.
+    Execute the cues that are due; writes what their commands write.
 
-    A cue that is refused is reported in the log, and the scene goes on.
+    A refused cue is reported in the log, and the scene goes on.
     """
     cues = model.settings.cues
     while state.cue < len(cues) and cues[state.cue].time <= state.time + _EARLY:

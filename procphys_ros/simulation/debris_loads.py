@@ -25,17 +25,17 @@ from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
 SMOOTHING = 0.1  # [s] over which impulses of moving bodies count as a steady load: about two
-#                   periods of a storey-high wall, which feels shorter ones as their mean
-INTERVAL = 0.1   # [s] between looks at what lies on what
-_CHANGE = 0.05    # of the largest load: smaller changes are not worth new stresses, ...
-_LEAST = 100.0    # [N] ... nor are those far below the strength of a brick's joints, some kN
+#                   periods of a storey-high wall, which averages shorter ones
+INTERVAL = 0.1   # [s] between updates of resting loads
+_CHANGE = 0.05    # of the largest load: smaller changes need no new stresses, ...
+_LEAST = 100.0    # [N] ... nor do those far below the strength of a brick's joints, some kN
 _ROOM = 0.1       # [m] around bodies, more than they move in a contact
 LAYER = 'debris'
 
 
 def update(model: Model, state: State, dt: float) -> None:
     """
-    Record what moving debris presses on, and renew its loads at intervals.
+    Record the impulses of moving debris, and update its loads at intervals.
 
     Writes `state.rubble` and loads.
     """
@@ -62,9 +62,9 @@ def update(model: Model, state: State, dt: float) -> None:
 
 def may_touch(model: Model, state: State) -> bool:
     """
-    Return whether anything that moves may touch masonry; reading contacts is expensive.
+    Return whether any moving body may touch masonry; reading contacts is expensive.
 
-    It is worked out once per step, after bodies have moved.
+    Computed once per step, after bodies have moved.
     """
     own = state.rubble
     if own.touches[0] != state.steps:
@@ -80,7 +80,7 @@ def _is_near(model: Model, state: State) -> bool:
 
 
 def part_of_body(state: State) -> np.ndarray:
-    """Give the standing part that each body is, -1 for all others, (B,)."""
+    """Return the standing part of each body, -1 for all others, (B,)."""
     standing = np.flatnonzero(state.parts.owner == Owner.STANDING)
     out = np.full(len(state.world.bodies.state), -1, np.intp)
     out[state.parts.body[standing]] = standing
@@ -100,7 +100,7 @@ def _press(state: State, contacts: Contacts, rate: float, out: np.ndarray) -> No
 
 
 def _resting(state: State) -> np.ndarray:
-    """Give what lies on standing parts, (N, 6)."""
+    """Return the loads of resting bodies on standing parts, (N, 6)."""
     out = np.zeros_like(state.rubble.given)
     _press(state, state.world.asleep, 1.0, out)
     return out

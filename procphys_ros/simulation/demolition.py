@@ -29,18 +29,18 @@ from procphys_ros.simulation.state import State
 
 _BAND = (0.3, 2.0)  # [m] above the foot of a building, where charges are drilled
 _SPACING = 1.1     # [m] between charges of the default plan, at least
-_MARGIN = 1.1      # reach of a charge over the way to its last brick, ...
+_MARGIN = 1.1      # reach of a charge over the distance to its last brick, ...
 _BEYOND = 0.02     # [m] ... and more
 _SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at the corners
 
 
 def arm(model: Model, state: State, plan: Demolition) -> int:
     """
-    Set the times at which the charges of a plan fire.
+    Schedule the charges of a plan.
 
-    :param plan: without charges, they are laid along the ground-floor walls.
+    :param plan: if it is empty, charges are laid along the ground-floor walls.
     :returns: number of charges.
-    :raises CommandError: when there is nothing to demolish.
+    :raises CommandError: if no building stands.
     """
     if not state.standing.any():
         raise CommandError('there is no building left to demolish')
@@ -52,7 +52,7 @@ def arm(model: Model, state: State, plan: Demolition) -> int:
 
 
 def step(model: Model, state: State, dt: float) -> None:
-    """Fire the charges whose moment lies within the step; breaks and releases, see `charges`."""
+    """Fire the charges due within the step; breaks and releases, see `charges`."""
     while state.charges and state.charges[0][0] < state.time + dt:
         _, place, radius = state.charges.pop(0)
         charges.fire(model, state, place, radius)
@@ -62,7 +62,7 @@ def implosion(model: Model, state: State) -> Demolition:
     """
     Lay charges along the walls of all ground floors, to be fired from the middle out.
 
-    :raises CommandError: when no wall stands at the height of the charges.
+    :raises CommandError: if no wall stands at the height of the charges.
     """
     source, standing = model.blueprint, state.standing[:len(model.blueprint)]
     low = source.poses[:, 2] - 0.5 * source.size[:, 2]
@@ -85,7 +85,7 @@ def implosion(model: Model, state: State) -> Demolition:
     middles = np.column_stack([np.bincount(place, column) / count for column in points.T])
     away = norm(middles[:, :2] - middles[:, :2].mean(axis=0), axis=1)
     delays = _SPREAD * away / max(float(np.max(away)), 1e-9)
-    reach = np.zeros(len(middles))  # so far that no pier is left between two charges
+    reach = np.zeros(len(middles))  # such that no pier is left between two charges
     np.maximum.at(reach, place,
                   norm(points - middles[place], axis=1))
     return Demolition(delays.tolist(), middles.ravel().tolist(),
@@ -93,7 +93,7 @@ def implosion(model: Model, state: State) -> Demolition:
 
 
 def _feet(model: Model, low: np.ndarray) -> np.ndarray:
-    """Give the foot of the building that each part belongs to, above its footings [m], (N,)."""
+    """Return the foot of the building that each part belongs to, above its footings [m], (N,)."""
     source = model.blueprint
     footing = np.array([kind == FOOTING for kind in source.kinds])[source.kind]
     height = np.where(footing, np.inf, low)

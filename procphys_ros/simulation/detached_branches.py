@@ -27,10 +27,10 @@ from procphys_ros.simulation.state import State
 SMALLEST = 8     # segments; smaller pieces bend too little to be seen
 MOST = 16        # at a time; each costs about as much as a standing tree while it touches nothing,
 #                  and up to a millisecond per step while it lies on many contacts
-_SLOW = 0.25     # [m/s] no segment faster
-_CALM = 0.5      # [s] so long, before a branch counts as lying
+_SLOW = 0.25     # [m/s] largest speed of a segment at rest
+_CALM = 0.5      # [s] at rest, after which a branch counts as lying
 _LOW = 0.3       # [m] height of the lowest segment of a branch that has come down
-_DOWN = 1.0      # [s] so long, before what has come down becomes rigid: it has hit and sprung back
+_DOWN = 1.0      # [s] until a fallen branch becomes rigid: after impact and springback
 _LONGEST = 8.0   # [s] from coming off, after which a branch becomes rigid anyway
 
 
@@ -38,9 +38,9 @@ def step(model: Model, state: State, dt: float) -> None:
     """
     Make lying branches rigid, and break the joints that the last step of the trees overloaded.
 
-    Of each root-to-tip path the worst joint breaks first; what lies above and below it is judged
-    again in the next step, when the load that broke it is gone. Writes the forest and
-    `state.excluded`, and releases what is small. Poses, momentum and angular momentum are kept.
+    On each root-to-tip path the most overloaded joint breaks first; the joints above and below it
+    are judged again in the next step, without the load that broke it. Writes the forest and
+    `state.excluded`, and releases small pieces. Poses, momentum and angular momentum are kept.
     """
     make_rigid(model, state, dt)
     _break_joints(model, state)
@@ -66,7 +66,7 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     """
     Turn branches that are small, lie still or came down a while ago into rigid fragments.
 
-    What climbers hold on to stays flexible.
+    Branches that hold climbers stay flexible.
 
     Writes the clocks in `state.trees`, and releases.
     """
@@ -112,7 +112,7 @@ def _survey(roots, ends, active, parents, poses, velocities, anchored, terrain):
 
 
 def _release(model: Model, state: State, rows: list[int]) -> None:
-    """Make rigid bodies of the branches from some rows of the forest on, one of each."""
+    """Make one rigid body of each branch, given their first rows in the forest."""
     pieces, velocities = [], [np.zeros((0, 6))]
     for row in rows:
         contact_exclusions.add_branch(state, row, model.trees.sizes)
